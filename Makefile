@@ -1,0 +1,49 @@
+# Two commands, each with all its own set-up:  make demo   make test
+UV_VERSION := 0.13.8
+PYTHON_RANGE := >=3.11,<3.13
+UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
+export UV_PYTHON_DOWNLOADS := never
+export UV_PROJECT_ENVIRONMENT := .venv
+BIN := .venv/bin
+
+.PHONY: demo test check bench setup gl lock clean
+
+demo: setup gl
+	$(BIN)/robotball demo
+
+test: setup gl check
+	$(BIN)/pytest
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: setup
+	$(BIN)/python -m validation.bench
+
+setup: .venv/.stamp
+
+# The exact versions and hashes of requirements.lock, then this checkout itself.
+.venv/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
+	$(UV) venv --quiet --allow-existing --python '$(PYTHON_RANGE)' .venv
+	$(UV) pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
+	$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+	touch $@
+
+# A machine without uv gets a pinned one in a tool environment of its own.
+.tools/bin/uv:
+	python3 -m venv .tools || { rm -rf .tools; .ci/apt python3-venv && python3 -m venv .tools; }
+	.tools/bin/python -m pip install --quiet uv==$(UV_VERSION)
+
+# Video needs an off-screen GL; everything else runs without one.
+gl: setup
+	@$(BIN)/python -m robotball.gl --quiet || .ci/apt libosmesa6 || true
+	@$(BIN)/python -m robotball.gl
+
+lock: | $(UV)
+	$(UV) pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \
+	  --no-header --no-annotate --upgrade --output-file requirements.lock pyproject.toml
+
+clean:
+	rm -rf .venv .tools out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,192 @@
+"""The paper's equations of motion, once, in plain arithmetic on 3-tuples.
+
+Nothing here but ``+ - * /`` on scalars: the same functions run on floats, NumPy columns,
+sympy and mpmath numbers, heyoka expressions and inside numba. Equation numbers are those of
+"Different Models of Rolling for a Robot Ball on a Plane as a Generalization of the Chaplygin
+Ball Problem", with its misprints corrected.
+
+Axes and symbols: vectors are 3-tuples along the principal axes of the ball's inertia, which
+turn with the frame. ``A`` and ``I`` are 3-tuples, the diagonals of A = (I + d E)^-1 [1/(kg m^2)]
+and of the inertia [kg m^2]; ``d`` = m a^2 [kg m^2]; ``Omega`` is the frame's angular velocity
+relative to the shell [rad/s]; ``K`` = k - d Omega [kg m^2/s]; ``gamma`` is the unit vertical.
+"""
+
+from typing import Any
+
+Scalar = Any
+Vector = tuple[Scalar, Scalar, Scalar]
+Quaternion = tuple[Scalar, Scalar, Scalar, Scalar]
+
+
+def dot(u: Vector, v: Vector) -> Scalar:
+    """(u, v)."""
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def cross(u: Vector, v: Vector) -> Vector:
+    """U × v."""
+    return (
+        u[1] * v[2] - u[2] * v[1],
+        u[2] * v[0] - u[0] * v[2],
+        u[0] * v[1] - u[1] * v[0],
+    )
+
+
+def add(u: Vector, v: Vector) -> Vector:
+    """U + v."""
+    return (u[0] + v[0], u[1] + v[1], u[2] + v[2])
+
+
+def subtract(u: Vector, v: Vector) -> Vector:
+    """U - v."""
+    return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
+
+
+def scale(s: Scalar, v: Vector) -> Vector:
+    """S v."""
+    return (s * v[0], s * v[1], s * v[2])
+
+
+def diagonal(D: Vector, v: Vector) -> Vector:
+    """diag(D) v."""
+    return (D[0] * v[0], D[1] * v[1], D[2] * v[2])
+
+
+# The reduced equations ---------------------------------------------------------------------
+
+
+def rubber_angular_velocity(
+    M: Vector, gamma: Vector, Omega: Vector, K: Vector, A: Vector
+) -> Vector:
+    """ω(M, γ) of rolling without slipping and spinning, (3.2) [rad/s].
+
+    ω = A( M×Aγ/(Aγ,γ) - K + Zγ ),  Z = (Ω + AK, γ)/(Aγ,γ);  needs (M, γ) = 0.
+    """
+    A_gamma = diagonal(A, gamma)
+    per_A_gamma_gamma = 1 / dot(A_gamma, gamma)
+    Z = (dot(Omega, gamma) + dot(K, A_gamma)) * per_A_gamma_gamma
+    turning = scale(per_A_gamma_gamma, cross(M, A_gamma))
+    return diagonal(A, add(subtract(turning, K), scale(Z, gamma)))
+
+
+def classical_angular_velocity(
+    M: Vector, gamma: Vector, Omega: Vector, K: Vector, A: Vector, I: Vector, d: Scalar
+) -> Vector:
+    """ω(M, γ) of rolling without slipping, (3.3) [rad/s].
+
+    ω = A( M - K + Zγ ),  Z = (A(M - K) - Ω, γ) / (1/d - (Aγ,γ)).
+    """
+    M_K = subtract(M, K)
+    A_gamma = diagonal(A, gamma)
+    # 1/d - (Aγ,γ) = Σ I_i a_i γ_i² / d for a unit γ; the left side cancels when I << d.
+    I_A_gamma_gamma = dot(diagonal(I, A_gamma), gamma)
+    Z = d * (dot(M_K, A_gamma) - dot(Omega, gamma)) / I_A_gamma_gamma
+    return diagonal(A, add(M_K, scale(Z, gamma)))
+
+
+# Kinematics --------------------------------------------------------------------------------
+
+
+def attitude_rate(q: Quaternion, omega: Vector) -> Quaternion:
+    """dq/dt = q∘(0, ω)/2 of the quaternion (w, x, y, z), frame to world; ω in frame axes."""
+    w, x, y, z = q
+    p, r, s = omega
+    return (
+        (-x * p - y * r - z * s) / 2,
+        (w * p + y * s - z * r) / 2,
+        (w * r + z * p - x * s) / 2,
+        (w * s + x * r - y * p) / 2,
+    )
+
+
+def space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
+    """α, β, γ: the space axes X, Y, Z seen from the frame, for a quaternion of any length."""
+    w, x, y, z = q
+    s = 2 / (w * w + x * x + y * y + z * z)
+    return (
+        (1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
+        (s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)),
+        (s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)),
+    )
+
+
+def contact_velocity(
+    alpha: Vector, beta: Vector, omega: Vector, Omega: Vector, a: Scalar
+) -> tuple[Scalar, Scalar]:
+    """(dX/dt, dY/dt) = (a(β, ω-Ω), -a(α, ω-Ω)) of the contact point on the plane [m/s]."""
+    shell = subtract(omega, Omega)
+    return a * dot(beta, shell), -a * dot(alpha, shell)
+
+
+# Momentum and energy -----------------------------------------------------------------------
+
+
+def contact_angular_momentum(
+    omega: Vector, gamma: Vector, Omega: Vector, K: Vector, I: Vector, d: Scalar
+) -> Vector:
+    """L = Ĩω + K + d(Ω,γ)γ, Ĩ = I + d(E - γ⊗γ): about the contact point [kg m²/s]."""
+    horizontal = subtract(omega, scale(dot(omega, gamma), gamma))
+    I_tilde_omega = add(diagonal(I, omega), scale(d, horizontal))
+    return add(add(I_tilde_omega, K), scale(d * dot(Omega, gamma), gamma))
+
+
+def energy(
+    omega: Vector,
+    gamma: Vector,
+    Omega: Vector,
+    A: Vector,
+    d: Scalar,
+    spinning: bool,
+) -> Scalar:
+    """E = (ω,A⁻¹ω)/2 - (Ω,A⁻¹ω), less d(γ,ω-Ω)²/2 where the ball may spin (classical) [J]."""
+    momentum = (omega[0] / A[0], omega[1] / A[1], omega[2] / A[2])
+    spin = dot(gamma, subtract(omega, Omega)) if spinning else 0
+    return dot(omega, momentum) / 2 - dot(Omega, momentum) - d * spin * spin / 2
+
+
+def energy_rate(omega: Vector, Omega: Vector, K: Vector, A: Vector) -> Scalar:
+    """dE/dt = -(Ω, (A⁻¹ω + K)×ω) for constant Ω and K [W]."""
+    momentum = (omega[0] / A[0], omega[1] / A[1], omega[2] / A[2])
+    return -dot(Omega, cross(add(momentum, K), omega))
+
+
+# The full equations, an independent second form ----------------------------------------------
+
+
+def full_angular_acceleration(
+    omega: Vector,
+    gamma: Vector,
+    Omega: Vector,
+    Omega_rate: Vector,
+    k: Vector,
+    k_rate: Vector,
+    I: Vector,
+    d: Scalar,
+    spin_free: bool,
+) -> tuple[Vector, Scalar]:
+    """dω/dt [rad/s²] and the spin torque λ₀ [N m] of the unreduced system (2.4)-(2.5).
+
+    Ĩ dω/dt = (Iω + k)×ω - dk/dt + d(E - γ⊗γ)(dΩ/dt + ω×Ω) + λ₀γ, where `spin_free` says that
+    the constraint (ω - Ω, γ) = 0 of the rubber model holds and gives λ₀; otherwise λ₀ = 0.
+    `k` is (A.3), without the -dΩ that K has.
+    """
+    A = (1 / (I[0] + d), 1 / (I[1] + d), 1 / (I[2] + d))
+    A_gamma = diagonal(A, gamma)
+    I_A_gamma_gamma = dot(diagonal(I, A_gamma), gamma)
+
+    def inverse_I_tilde(v: Vector) -> Vector:
+        # Sherman-Morrison on A⁻¹ - dγ⊗γ, with 1 - d(Aγ,γ) = (IAγ,γ).
+        A_v = diagonal(A, v)
+        return add(A_v, scale(d * dot(A_v, gamma) / I_A_gamma_gamma, A_gamma))
+
+    carried = add(Omega_rate, cross(omega, Omega))
+    horizontal = subtract(carried, scale(dot(carried, gamma), gamma))
+    gyroscopic = cross(add(diagonal(I, omega), k), omega)
+    torque = add(subtract(gyroscopic, k_rate), scale(d, horizontal))
+    free = inverse_I_tilde(torque)
+    if not spin_free:
+        return free, 0
+    # d/dt (ω - Ω, γ) = 0 reads (dω/dt, γ) = (dΩ/dt + ω×Ω, γ).
+    per_spin_torque = inverse_I_tilde(gamma)
+    lambda_0 = (dot(carried, gamma) - dot(free, gamma)) / dot(per_spin_torque, gamma)
+    return add(free, scale(lambda_0, per_spin_torque)), lambda_0

@@ -1,0 +1,79 @@
+"""Motion: what both engines return, and all that anything downstream sees."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball.rotations import Array, rotation_matrix
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that makes a run no result: what, and from when [s]; a fatal one ended the run."""
+
+    time: float
+    cause: str
+    fatal: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.cause} at t = {self.time:.6g} s"
+
+
+@dataclass(frozen=True)
+class Diagnostics:
+    """What a contact engine did besides moving the ball; arrays (n,) are at the motion's times.
+
+    slip             m/s      sliding velocity of the shell at the contact
+    spin             rad/s    angular velocity of the shell about the vertical
+    depth            m        of the plane in the shell, by which the lever arm is short
+    contact_force    N, (n, 3) world: normal force last, friction first
+    spin_torque      N m      λ₀, of the plane on the shell about the vertical
+    friction_used    fraction of the friction cone that the contact force needs; 1 is saturated
+    hinge_rate_error largest error of a hinge's rate, relative to the rate
+    faults           what went wrong, the earliest first; empty for a sound run
+    steps            taken
+    seconds          of wall time that they took, set-up excluded
+    """
+
+    slip: Array
+    spin: Array
+    depth: Array
+    contact_force: Array
+    spin_torque: Array
+    friction_used: Array
+    hinge_rate_error: Array
+    faults: tuple[Fault, ...]
+    steps: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A sampled motion of the ball, with n times, h hinges (the frame's, then the rotors').
+
+    times             (n,)    s; fewer than asked for where an engine's run broke off
+    contact_point     (n, 2)  m, world: where the ball touches the plane
+    attitude          (n, 4)  quaternion (w, x, y, z) of the frame, frame to world
+    momentum          (n, 3)  kg m²/s, world: the paper's M, which is constant in space
+    angular_velocity  (n, 3)  rad/s, of the frame, frame axes
+    hinge_angles      (n, h)  rad, from zero at the start
+    diagnostics       from MuJoCo; None from the equations
+    """
+
+    times: Array
+    contact_point: Array
+    attitude: Array
+    momentum: Array
+    angular_velocity: Array
+    hinge_angles: Array
+    diagnostics: Diagnostics | None = None
+
+    @property
+    def gamma(self) -> Array:
+        """γ (n, 3): the upward vertical, frame axes."""
+        return rotation_matrix(self.attitude)[:, 2, :]
+
+    @property
+    def path_length(self) -> float:
+        """The length of the sampled contact-point path [m]."""
+        return float(np.linalg.norm(np.diff(self.contact_point, axis=0), axis=1).sum())

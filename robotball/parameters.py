@@ -1,0 +1,74 @@
+"""The numbers that the reduced equations know of a ball: all that is left of its bodies."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from robotball import equations as eq
+from robotball.bodies import Ball
+from robotball.equations import Vector
+from robotball.rotations import Array
+
+Rolling = Literal["rubber", "classical"]
+ROLLING_MODELS: tuple[str, ...] = get_args(Rolling)
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """I, d, Ω, K and a of (3.2)/(3.3), in the principal axes of the ball's inertia; SI units.
+
+    rolling: "rubber" (no slip, no spin) or "classical" (no slip). I (3) kg m², d kg m²,
+    Omega (3) rad/s, K (3) kg m²/s, a m; as plain tuples of floats.
+    """
+
+    rolling: Rolling
+    I: Vector
+    d: float
+    a: float
+    Omega: Vector
+    K: Vector
+
+    @property
+    def A(self) -> Vector:
+        """1/(I + d), 1/(kg m²)."""
+        return (1 / (self.I[0] + self.d), 1 / (self.I[1] + self.d), 1 / (self.I[2] + self.d))
+
+    @property
+    def k(self) -> Vector:
+        """The gyrostatic momentum K + dΩ of (A.3), kg m²/s."""
+        return eq.add(self.K, eq.scale(self.d, self.Omega))
+
+    def angular_velocity(self, M: Vector, gamma: Vector) -> Vector:
+        """ω(M, γ) of (3.2) or (3.3), rad/s; M and γ as tuples of floats or of columns."""
+        if self.rolling == "rubber":
+            return eq.rubber_angular_velocity(M, gamma, self.Omega, self.K, self.A)
+        return eq.classical_angular_velocity(M, gamma, self.Omega, self.K, self.A, self.I, self.d)
+
+    def momentum(self, omega: Vector, gamma: Vector) -> Vector:
+        """M(ω, γ): γ×L of (3.1) in the rubber model, L of section 3.2 in the classical one."""
+        L = eq.contact_angular_momentum(omega, gamma, self.Omega, self.K, self.I, self.d)
+        return eq.cross(gamma, L) if self.rolling == "rubber" else L
+
+
+def parameters_of(
+    ball: Ball, rolling: Rolling, frame_rate: float, rotor_rates: tuple[float, ...]
+) -> Parameters:
+    """The numbers of a ball whose frame and rotors turn at constant rates [rad/s]."""
+    moments, axes = ball.principal
+    Omega = frame_rate * ball.shell.axis
+    k = ball.gyrostatic_momentum(frame_rate, rotor_rates)
+    return Parameters(
+        rolling=rolling,
+        I=as_vector(moments),
+        d=ball.d,
+        a=ball.radius,
+        Omega=as_vector(axes.T @ Omega),
+        K=as_vector(axes.T @ (k - ball.d * Omega)),
+    )
+
+
+def as_vector(v: Array) -> Vector:
+    """An array (3,) as the plain tuple that equations.py computes with."""
+    x, y, z = np.asarray(v, dtype=float).tolist()
+    return (x, y, z)

@@ -1,0 +1,39 @@
+"""Quaternions (w, x, y, z), as in MuJoCo, by scipy's rotations."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def multiply(p: Array, q: Array) -> Array:
+    """The unit quaternion p∘q (..., 4): first the rotation q, then p."""
+    return (_rotation(p) * _rotation(q)).as_quat(scalar_first=True)
+
+
+def conjugate(q: Array) -> Array:
+    """The inverse rotations of unit quaternions (..., 4)."""
+    return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def rotation_matrix(q: Array) -> Array:
+    """Matrices (..., 3, 3) of quaternions (..., 4); the rows of one are α, β, γ."""
+    return _rotation(q).as_matrix()
+
+
+def from_matrix(R: Array) -> Array:
+    """The unit quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3)."""
+    return Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True)
+
+
+def perpendicular(axis: Array) -> Array:
+    """Some unit vector (3,) orthogonal to `axis` (3,)."""
+    helper = np.eye(3)[np.argmin(np.abs(axis))]
+    side = np.cross(axis, helper)
+    return side / np.linalg.norm(side)
+
+
+def _rotation(q: Array) -> Rotation:
+    return Rotation.from_quat(q, scalar_first=True)

@@ -1,0 +1,99 @@
+"""Scene: a ball, its drives, a rolling model and a start; all that either engine needs."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robotball.bodies import Ball
+from robotball.errors import InputError
+from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
+from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.start import Start
+
+GRAVITY = 9.81  # m/s², MuJoCo's own default
+SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One experiment, the same for both engines. SI units.
+
+    frame_rate is the frame's turning rate about the shell's axis, relative to the shell;
+    rotor_rates (one a rotor) are relative to the frame; rad/s, constant in time.
+    """
+
+    name: str
+    title: str
+    source: str
+    ball: Ball
+    rolling: Rolling
+    frame_rate: float
+    rotor_rates: tuple[float, ...]
+    start: Start
+    duration: float
+    gravity: float = GRAVITY
+
+    def __post_init__(self) -> None:
+        if self.rolling not in ROLLING_MODELS:
+            raise InputError(f"rolling must be one of {ROLLING_MODELS}, not {self.rolling!r}")
+        for name, value in (("duration", self.duration), ("gravity", self.gravity)):
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"{name} must be positive and finite, not {value:g}")
+        if len(self.rotor_rates) != len(self.ball.rotors):
+            raise InputError(
+                f"{len(self.ball.rotors)} rotors need as many rates, not {len(self.rotor_rates)}"
+            )
+        numbers = (self.frame_rate, *self.rotor_rates, *self.start.attitude, *self.start.momentum)
+        if not np.all(np.isfinite(numbers)):
+            raise InputError("a rate, the start's attitude or its momentum is not finite")
+
+    @cached_property
+    def times(self) -> Array:
+        """The scene's own sample times (n,), from 0 to its duration [s]."""
+        return sample_times(self.duration)
+
+    @cached_property
+    def principal_axes(self) -> Array:
+        """The rotation (3, 3) from principal to frame axes: v_frame = principal_axes @ v."""
+        return self.ball.principal[1]
+
+    @cached_property
+    def principal_quaternion(self) -> Array:
+        """`principal_axes` as a quaternion (4,)."""
+        return from_matrix(self.principal_axes)
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """The numbers of the equations, in principal axes."""
+        return parameters_of(self.ball, self.rolling, self.frame_rate, self.rotor_rates)
+
+    @cached_property
+    def start_angular_velocity(self) -> Array:
+        """The frame's angular velocity ω (3,) at the start, in frame axes [rad/s]."""
+        to_principal = self.principal_axes.T @ rotation_matrix(self.start.attitude).T
+        M, gamma = to_principal @ self.start.momentum, to_principal[:, 2]
+        omega = self.parameters.angular_velocity(as_vector(M), as_vector(gamma))
+        return self.principal_axes @ np.array(omega)
+
+
+def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
+    """Equal times (n,) from 0 to `duration`, at most `interval` apart [s]."""
+    intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
+    return np.linspace(0.0, duration, intervals + 1)
+
+
+def check_times(times: Array) -> Array:
+    """`times` (n,) as floats; raises InputError unless finite, increasing and starting at 0."""
+    times = np.asarray(times, dtype=float)
+    if times.ndim != 1 or len(times) < 2:
+        raise InputError(f"times must be a list of at least two, not of shape {times.shape}")
+    if not np.all(np.isfinite(times)):
+        raise InputError("times must be finite")
+    if times[0] != 0:
+        raise InputError(f"times must start at 0, not at {times[0]:g}")
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        i = int(late[0])
+        raise InputError(f"times must increase: {times[i + 1]:g} follows {times[i]:g}")
+    return times

@@ -104,8 +104,7 @@ class Ball:
     @cached_property
     def inertia(self) -> Array:
         """The whole ball's inertia (3, 3) about its centre, frame axes [kg m²]."""
-        tensors = [body.inertia for _, body in self.named_bodies]
-        return np.sum(tensors, axis=0, dtype=np.float64)
+        return np.array([body.inertia for _, body in self.named_bodies]).sum(axis=0)
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:
@@ -113,13 +112,14 @@ class Ball:
 
         Axes that are principal already are kept as they are, in their own order.
         """
-        off_diagonal = self.inertia - np.diag(np.diag(self.inertia))
-        if np.abs(off_diagonal).max() <= 1e-14 * np.trace(self.inertia):
-            return np.diag(self.inertia).copy(), np.eye(3)
-        moments, axes = np.linalg.eigh(self.inertia)
-        if np.linalg.det(axes) < 0:
-            axes = -axes
-        return moments, axes
+        diagonal = np.diag(self.inertia)
+        off_diagonal = self.inertia - np.diag(diagonal)
+        if np.abs(off_diagonal).max() <= 1e-14 * diagonal.sum():
+            return diagonal.copy(), np.eye(3)
+        decomposed = np.linalg.eigh(self.inertia)
+        moments: Array = decomposed.eigenvalues
+        axes: Array = decomposed.eigenvectors
+        return moments, axes * np.sign(np.linalg.det(axes))
 
     @cached_property
     def A(self) -> Array:
@@ -127,7 +127,7 @@ class Ball:
         return np.linalg.inv(self.inertia + self.d * np.eye(3))
 
     def gyrostatic_momentum(self, frame_rate: float, rotor_rates: tuple[float, ...]) -> Array:
-        """K (3,) of (A.3): Σ j φ̇ n - J_s Ω, in frame axes [kg m²/s].
+        """k (3,) of (A.3): Σ j φ̇ n - J_s Ω, in frame axes [kg m²/s].
 
         frame_rate: the frame's rate about the shell's axis [rad/s]; rotor_rates (n,) [rad/s].
         """

@@ -24,7 +24,7 @@ def dot(u: Vector, v: Vector) -> Scalar:
 
 
 def cross(u: Vector, v: Vector) -> Vector:
-    """U × v."""
+    """u × v."""
     return (
         u[1] * v[2] - u[2] * v[1],
         u[2] * v[0] - u[0] * v[2],
@@ -33,17 +33,17 @@ def cross(u: Vector, v: Vector) -> Vector:
 
 
 def add(u: Vector, v: Vector) -> Vector:
-    """U + v."""
+    """u + v."""
     return (u[0] + v[0], u[1] + v[1], u[2] + v[2])
 
 
 def subtract(u: Vector, v: Vector) -> Vector:
-    """U - v."""
+    """u - v."""
     return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
 
 
 def scale(s: Scalar, v: Vector) -> Vector:
-    """S v."""
+    """s v."""
     return (s * v[0], s * v[1], s * v[2])
 
 

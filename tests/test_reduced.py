@@ -14,6 +14,7 @@ import robotball as rb
 from robotball import equations as eq
 from robotball.bodies import Ball, Frame
 from robotball.equations import Vector
+from robotball.parameters import as_vector
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.start import Start, along_momentum, section_state
 
@@ -61,7 +62,7 @@ def test_six_numbers_keep_their_three_invariants(scene: rb.Scene) -> None:
     axes = rotation_matrix(scene.start.attitude) @ scene.principal_axes
 
     def rate(_: float, state: Array) -> Array:
-        M, gamma = (tuple(v) for v in state.reshape(2, 3).tolist())
+        M, gamma = (as_vector(v) for v in state.reshape(2, 3))
         omega = p.angular_velocity(M, gamma)
         return np.array([*eq.cross(M, omega), *eq.cross(gamma, omega)])
 

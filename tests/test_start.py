@@ -99,7 +99,7 @@ def test_world_axes_lie_along_the_momentum(
     assert gap(alpha, -(momentum - c * vertical) / level) < ROUNDING
     assert gap(beta, np.cross(momentum, vertical) / level) < ROUNDING
     assert gap(up, vertical) < ROUNDING
-    assert gap(start.momentum, [-level, 0.0, c]) < ROUNDING
+    assert gap(start.momentum, [-float(level), 0.0, float(c)]) < ROUNDING
     assert gap(rotation_matrix(start.attitude).T @ start.momentum, momentum) < ROUNDING
 
 

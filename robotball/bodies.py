@@ -112,14 +112,11 @@ class Ball:
 
         Axes that are principal already are kept as they are, in their own order.
         """
-        diagonal = np.diag(self.inertia)
-        off_diagonal = self.inertia - np.diag(diagonal)
-        if np.abs(off_diagonal).max() <= 1e-14 * diagonal.sum():
-            return diagonal.copy(), np.eye(3)
-        decomposed = np.linalg.eigh(self.inertia)
-        moments: Array = decomposed.eigenvalues
-        axes: Array = decomposed.eigenvectors
-        return moments, axes * np.sign(np.linalg.det(axes))
+        moments: Array = np.diag(self.inertia).copy()
+        axes: Array = np.eye(3)
+        if np.abs(self.inertia - np.diag(moments)).max() > 1e-14 * moments.sum():
+            moments, axes = np.linalg.eigh(self.inertia)
+        return moments, -axes if np.linalg.det(axes) < 0 else axes
 
     @cached_property
     def A(self) -> Array:

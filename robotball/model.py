@@ -13,7 +13,7 @@ from scipy.optimize import root_scalar
 from robotball.bodies import Rotor
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 from robotball.scene import Scene
-from robotball.settings import Settings
+from robotball.settings import Prescribed, Servo, Settings
 
 with warnings.catch_warnings():
     # Without a screen, dm_control's search for a window system warns; nothing here needs one.
@@ -164,11 +164,11 @@ def _hinge(
         return ()
     name = "frame" if index == 0 else f"rotor{index}"
     joint = body.add("joint", type="hinge", axis=axis)
-    if settings.drive == "prescribed":
-        # A huge reflected inertia keeps the rate, and adds no angular momentum of its own.
-        joint.armature = settings.armature
+    if isinstance(settings.drive, Prescribed):
+        # It acts on the hinge alone and adds no angular momentum of its own.
+        joint.armature = settings.drive.armature
     else:
-        root.actuator.add("velocity", name=name, joint=joint, kv=settings.servo_gain)
+        root.actuator.add("velocity", name=name, joint=joint, kv=settings.drive.gain)
     return (Hinge(index, name, joint.full_identifier, rate),)
 
 
@@ -204,7 +204,7 @@ def _start_state(scene: Scene, hinges: tuple[Hinge, ...], settings: Settings) ->
         "qpos": np.concatenate([[0.0, 0.0, ball.radius], attitude, np.zeros(len(hinges))]),
         "qvel": np.concatenate([velocity, shell_turning, rates]),
     }
-    return state if settings.drive == "prescribed" else {**state, "ctrl": rates}
+    return {**state, "ctrl": rates} if isinstance(settings.drive, Servo) else state
 
 
 def _equilibrium_depth(xml: str) -> float:

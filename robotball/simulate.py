@@ -36,6 +36,7 @@ def simulate(
     times = scene.times if times is None else check_times(times)
     settings = preset(settings) if isinstance(settings, str) else settings
     model = build(scene, settings)
+    timestep = float(model.compiled.opt.timestep)
     rows, faults, steps, seconds = _run(model, times, progress)
     readings = Readings(model, rows)
     return Motion(
@@ -54,6 +55,7 @@ def simulate(
             friction_used=readings.friction_used,
             hinge_rate_error=readings.hinge_rate_error,
             faults=tuple(sorted(faults, key=lambda fault: fault.time)),
+            timestep=float(_steps_between(times, timestep)[0].max()),
             steps=steps,
             seconds=seconds,
         ),
@@ -91,17 +93,19 @@ def _run(
     return rows[Readings(model, rows).time < ended], list(first_of.values()), steps, seconds
 
 
-def _stretches(times: Array, timestep: float) -> Iterator[tuple[Array, Array]]:
-    """Runs of intervals between times, each as (step lengths, step counts), of about STRETCH steps.
-
-    Every interval is divided into the fewest equal steps not longer than `timestep`.
-    """
+def _steps_between(times: Array, timestep: float) -> tuple[Array, Array]:
+    """Each interval's fewest equal steps not longer than `timestep`: lengths (n-1,) and counts."""
     intervals = np.diff(times)
-    counts = np.ceil(intervals / timestep * (1 - 1e-9)).astype(int)
-    ends = np.cumsum(counts)
-    stretch = (ends - 1) // STRETCH
+    counts = np.ceil(intervals / timestep * (1 - 1e-9))
+    return intervals / counts, counts
+
+
+def _stretches(times: Array, timestep: float) -> Iterator[tuple[Array, Array]]:
+    """Consecutive intervals of about STRETCH steps, as step lengths and counts."""
+    lengths, counts = _steps_between(times, timestep)
+    stretch = (np.cumsum(counts) - 1) // STRETCH
     for which in np.split(np.arange(len(counts)), np.flatnonzero(np.diff(stretch)) + 1):
-        yield intervals[which] / counts[which], counts[which]
+        yield lengths[which], counts[which].astype(int)
 
 
 def _step(model: mujoco.MjModel, data: mujoco.MjData, lengths: Array, counts: Array) -> Array:

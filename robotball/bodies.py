@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robotball.errors import InputError
+from robotball.errors import InputError, check_positive
 from robotball.rotations import Array
 
 # How far, relative to its largest part, an inertia may miss a condition by rounding alone.
@@ -74,9 +74,9 @@ class Ball:
     rotors: tuple[Rotor, ...]
 
     def __post_init__(self) -> None:
-        _check_positive("the shell's radius", self.shell.radius, "m")
+        check_positive("the shell's radius", self.shell.radius, "m")
         for name, body in self.named_bodies:
-            _check_positive(f"{name}'s mass", body.mass, "kg")
+            check_positive(f"{name}'s mass", body.mass, "kg")
             check_inertia(name, body.inertia)
         for name, body in self.named_bodies:
             if not isinstance(body, Frame):
@@ -116,7 +116,8 @@ class Ball:
         axes: Array = np.eye(3)
         if np.abs(self.inertia - np.diag(moments)).max() > 1e-14 * moments.sum():
             moments, axes = np.linalg.eigh(self.inertia)
-        return moments, -axes if np.linalg.det(axes) < 0 else axes
+        right_handed = axes if np.linalg.det(axes) > 0 else -axes
+        return moments.astype(np.float64), right_handed.astype(np.float64)
 
     @cached_property
     def A(self) -> Array:
@@ -150,11 +151,6 @@ def check_inertia(name: str, inertia: Array) -> None:
             f"{name}'s inertia breaks the triangle inequality: {large:.6g} > {small:.6g} + "
             f"{middle:.6g} by {large - small - middle:.6g} kg m²; no body of positive mass has it"
         )
-
-
-def _check_positive(what: str, value: float, unit: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise InputError(f"{what} must be positive and finite, not {value:g} {unit}")
 
 
 def _check_unit(what: str, axis: Array) -> None:

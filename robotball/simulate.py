@@ -97,7 +97,7 @@ def _steps_between(times: Array, timestep: float) -> tuple[Array, Array]:
     """Each interval's fewest equal steps not longer than `timestep`: lengths (n-1,) and counts."""
     intervals = np.diff(times)
     counts = np.ceil(intervals / timestep * (1 - 1e-9))
-    return intervals / counts, counts
+    return np.minimum(intervals / counts, timestep), counts
 
 
 def _stretches(times: Array, timestep: float) -> Iterator[tuple[Array, Array]]:

@@ -16,7 +16,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 from rich.table import Table
-from tyro.conf import Positional, arg
+from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError, catalog, load_scene, preset, sample_times
 from robotball.model import build
@@ -28,7 +28,8 @@ AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
 OUT = Path("out")
 
 SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
-Duration = Annotated[float | None, arg(metavar="SECONDS")]
+Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS")]]
+File = DisallowNone[Annotated[Path | None, arg(metavar="FILE")]]
 
 
 @dataclass(frozen=True)
@@ -58,9 +59,9 @@ class Compare:
     """Folder for the plots."""
     plots: bool = True
     """Draw each scene's paths and momentum into the output folder."""
-    json: Annotated[Path | None, arg(metavar="FILE")] = None
+    json: File = None
     """Also write the results as a list of objects, one a scene and preset."""
-    csv: Annotated[Path | None, arg(metavar="FILE")] = None
+    csv: File = None
     """Also write the table as CSV."""
 
     def run(self) -> int:
@@ -118,7 +119,7 @@ class Model:
     """A name from the catalog, or a path to a TOML file."""
     preset: str = "balanced"
     """MuJoCo settings to write into it."""
-    out: Annotated[Path | None, arg(metavar="FILE")] = None
+    out: File = None
     """Write it to this file instead."""
 
     def run(self) -> int:

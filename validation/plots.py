@@ -92,8 +92,14 @@ def _log_line(axes: Axes, agreement: Agreement, values: Array, style: str) -> No
 
 def _beside(axes: Axes, text: str, height: float) -> None:
     """A label at the right of the axes, at the height of what it names."""
-    where = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-    axes.annotate(text, (1.0, height), xytext=(4, 0), va="center", **where)
+    axes.annotate(
+        text,
+        (1.0, height),
+        xycoords=("axes fraction", "data"),
+        xytext=(4, 0),
+        textcoords="offset points",
+        va="center",
+    )
 
 
 def _by_value(momentum: Array) -> dict[float, str]:

@@ -11,10 +11,11 @@ from validation.agreement import Agreement
 
 def show(agreements: Sequence[Agreement], console: Console) -> None:
     """Print one row an agreement, and below the table what went wrong where it did."""
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    # Eighty columns hold it.
+    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
     for heading in ("scene", "rolling", "preset"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("step", "path\nerror", "γ error\n[rad]", "M drift", "× real\ntime"):
+    for heading in ("step\n[ms]", "path\nerror", "γ error\n[rad]", "M drift", "× real\ntime"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for each in agreements:
@@ -22,12 +23,12 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
             each.scene.name,
             each.scene.rolling,
             each.settings.name,
-            f"{each.diagnostics.timestep * 1e3:.3g} ms",
+            f"{each.diagnostics.timestep * 1e3:.3g}",
             _scientific(each.path_error),
             _scientific(each.gamma_error),
             _scientific(each.momentum_drift),
             f"{each.realtime_factor:.0f}",
-            "agrees" if each.agrees else "no result" if each.faults else "differs",
+            "agrees" if each.agrees else "faulty" if each.faults else "differs",
             style="" if each.agrees else "yellow",
         )
     console.print(table)

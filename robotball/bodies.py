@@ -112,12 +112,11 @@ class Ball:
 
         Axes that are principal already are kept as they are, in their own order.
         """
-        moments: Array = np.diag(self.inertia).copy()
-        axes: Array = np.eye(3)
-        if np.abs(self.inertia - np.diag(moments)).max() > 1e-14 * moments.sum():
-            moments, axes = np.linalg.eigh(self.inertia)
-        right_handed = axes if np.linalg.det(axes) > 0 else -axes
-        return moments.astype(np.float64), right_handed.astype(np.float64)
+        moments = np.diag(self.inertia)
+        if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
+            return moments.copy(), np.eye(3)
+        moments, axes = np.linalg.eigh(self.inertia)
+        return moments, axes if np.linalg.det(axes) > 0 else -axes
 
     @cached_property
     def A(self) -> Array:

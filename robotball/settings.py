@@ -71,7 +71,8 @@ def _recipe(name: str, timestep: float, promise: float) -> Settings:
         noslip_tolerance=0.0,
         cone="elliptic",
         warmstart="disable",
-        solref=(0.02, 1.0),
+        # At least twice every timestep, or MuJoCo would raise it in silence.
+        solref=(0.04, 1.0),
         solimp=(0.9999, 0.9999, 0.001, 0.5, 1.0),
         # Slip decays at a fixed rate 1/s; tied to 1/timestep it would cost an order.
         solreffriction=(-1.0, -0.5),

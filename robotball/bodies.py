@@ -121,7 +121,7 @@ class Ball:
     @cached_property
     def A(self) -> Array:
         """(I + d E)⁻¹ (3, 3) in frame axes [1/(kg m²)]."""
-        return np.linalg.inv(self.inertia + self.d * np.eye(3))
+        return np.linalg.inv(self.inertia + self.d * np.eye(3)).astype(np.float64)
 
     def gyrostatic_momentum(self, frame_rate: float, rotor_rates: tuple[float, ...]) -> Array:
         """k (3,) of (A.3): Σ j φ̇ n - J_s Ω, in frame axes [kg m²/s].

@@ -124,7 +124,7 @@ def _stretches(times: Array, timestep: float) -> Iterator[tuple[Array, Array, Ar
 
 def _step(model: mujoco.MjModel, data: mujoco.MjData, lengths: Array, counts: Array) -> Array:
     """Rows (sum(counts), …) for Readings, each of the state before its step."""
-    option, sensors = model.opt, data.sensordata
+    option, timestep, sensors = model.opt, model.opt.timestep, data.sensordata
     warnings = data.warning.number
     rows = np.empty((int(counts.sum()), len(sensors) + len(warnings)))
     sensor_columns, warning_columns = rows[:, : len(sensors)], rows[:, len(sensors) :]
@@ -136,4 +136,5 @@ def _step(model: mujoco.MjModel, data: mujoco.MjData, lengths: Array, counts: Ar
             sensor_columns[row] = sensors
             warning_columns[row] = warnings
             row += 1
+    option.timestep = timestep
     return rows

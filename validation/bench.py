@@ -23,9 +23,9 @@ def main() -> None:
     """Time every preset's run and the equations against a bare loop on the same model."""
     console = Console()
     console.print(
-        f"Medians (ranges) over {ROUNDS} interleaved rounds of a scene's 10 s, as ratios to a bare\n"
-        "loop of mj_step on the same model; set-up is outside the clock. steps: a run's stepping,\n"
-        "every step read and watched; run: that and the Motion."
+        f"Medians (ranges) over {ROUNDS} interleaved rounds of a scene's 10 s, as ratios to a bare "
+        "loop of mj_step\non the same model; set-up is outside the clock. steps: a run's stepping, "
+        "all of it read and watched;\nrun: that and the Motion."
     )
     for name in SCENES:
         console.print(_table(load_scene(name)))

@@ -108,7 +108,7 @@ def _compose(scene: Scene, settings: Settings) -> tuple[Any, Any, tuple[Hinge, .
         rotor_part = _bare("rotor")
         rotor_part.model = f"rotor{i}"
         rotor_body = frame_part.attach(rotor_part)
-        rotor_body.quat = _z_along(rotor.axis)
+        rotor_body.quat = z_along(rotor.axis)
         _rotor_inertial(rotor_body, rotor)
         hinges += _hinge(root, i, rotor_body, np.array([0.0, 0.0, 1.0]), rate, settings)
 
@@ -161,7 +161,7 @@ def _rotor_inertial(body: Any, rotor: Rotor) -> None:
     body.add("inertial", pos=[0, 0, 0], mass=rotor.mass, diaginertia=[across, across, along])
 
 
-def _z_along(axis: Array) -> Array:
+def z_along(axis: Array) -> Array:
     """A quaternion that turns z onto `axis`."""
     side = perpendicular(axis)
     return from_matrix(np.stack([side, np.cross(axis, side), axis], axis=1))

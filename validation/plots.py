@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball.palette import EQUATIONS, MUJOCO
+from robotball.palette import ENGINE, THEORY
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.results import replacing
@@ -33,9 +33,9 @@ def path_picture(agreements: Sequence[Agreement]) -> Figure:
     """The contact points' paths of both engines, and their distance over time below."""
     figure, paths, errors = _two_panels(agreements)
     theory = agreements[0].theory
-    paths.plot(*theory.contact_point.T, color=EQUATIONS, linewidth=5, alpha=0.6, label="equations")
+    paths.plot(*theory.contact_point.T, color=THEORY, linewidth=5, alpha=0.6, label="equations")
     for agreement, style in _styled(agreements):
-        paths.plot(*agreement.engine.contact_point.T, style, color=MUJOCO, label=_label(agreement))
+        paths.plot(*agreement.engine.contact_point.T, style, color=ENGINE, label=_label(agreement))
         _log_line(errors, agreement, agreement.path_errors, style)
     paths.set(xlabel="X [m]", ylabel="Y [m]", title="contact point on the plane")
     errors.set(xlabel="time [s]", ylabel="distance of the\ncontact points [m]")
@@ -47,13 +47,13 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
     """M's components, which the equations keep constant in space, and its drift below."""
     figure, components, drifts = _two_panels(agreements)
     theory = agreements[0].theory
-    components.axhline(np.nan, color=EQUATIONS, linewidth=5, alpha=0.6, label="equations")
+    components.axhline(np.nan, color=THEORY, linewidth=5, alpha=0.6, label="equations")
     for value, names in _by_value(theory.momentum[0]).items():
-        components.axhline(value, color=EQUATIONS, linewidth=5, alpha=0.6)
+        components.axhline(value, color=THEORY, linewidth=5, alpha=0.6)
         _beside(components, names, value)
     for agreement, style in _styled(agreements):
         lines = components.plot(
-            agreement.engine.times, agreement.engine.momentum, style, color=MUJOCO
+            agreement.engine.times, agreement.engine.momentum, style, color=ENGINE
         )
         lines[0].set_label(_label(agreement))
         _log_line(drifts, agreement, agreement.momentum_drifts, style)
@@ -85,7 +85,7 @@ def _label(agreement: Agreement) -> str:
 
 def _log_line(axes: Axes, agreement: Agreement, values: Array, style: str) -> None:
     """A line on a log axis, without the exact zero that it starts from, named at its end."""
-    axes.plot(agreement.engine.times[1:], values[1:], style, color=MUJOCO)
+    axes.plot(agreement.engine.times[1:], values[1:], style, color=ENGINE)
     if agreement.finished:
         _beside(axes, agreement.settings.name, values[-1])
 

@@ -82,7 +82,9 @@ def write_video(
     unfinished = path.with_name(f".{path.stem}.unfinished.mp4")
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
     try:
-        with mediapy.VideoWriter(unfinished, size, fps=fps, crf=20) as video:
+        with mediapy.VideoWriter(
+            unfinished, size, fps=fps, crf=20, ffmpeg_args="-preset veryfast"
+        ) as video:
             for i, picture in enumerate(pictures, start=1):
                 video.add_image(picture)
                 if progress is not None:

@@ -3,14 +3,8 @@
 import difflib
 from dataclasses import dataclass
 
+from robotball.drives import Servo
 from robotball.errors import InputError
-
-
-@dataclass(frozen=True)
-class Servo:
-    """Velocity actuators on the hinges, with one gain [N m s/rad]."""
-
-    gain: float
 
 
 @dataclass(frozen=True)

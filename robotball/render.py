@@ -82,7 +82,9 @@ def write_video(
     unfinished = path.with_name(f".{path.stem}.unfinished.mp4")
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
     try:
-        with mediapy.VideoWriter(unfinished, size, fps=fps, crf=20) as video:
+        with mediapy.VideoWriter(
+            unfinished, size, fps=fps, crf=20, ffmpeg_args="-preset veryfast"
+        ) as video:
             for i, picture in enumerate(pictures, start=1):
                 video.add_image(picture)
                 if progress is not None:
@@ -156,7 +158,7 @@ def _draw(scene: Scene, story: _Story, size: tuple[int, int]) -> Iterator[Pixels
 
 
 def _add_shadow(canvas: Canvas, centre: Array) -> None:
-    # A real one would cost half the speed.
+    # A real one would draw everything once more.
     disc, size = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array([SHADOW, 1e-3, 0.0])
     canvas.add(disc, size, centre * [1, 1, 0] + [0, 0, 3e-3], np.eye(3), "#000000", 0.2)
 
@@ -165,8 +167,8 @@ def _add_path(canvas: Canvas, path: Strip, i: int, story: _Story, colour: str) -
     """The path up to frame i, as far as it is in sight."""
     away = np.linalg.norm(path.pos[:i, :2] - story.look_at[i, :2], axis=1)
     for j in np.flatnonzero(away < SIGHT * story.zoom[i]):
-        box = mujoco.mjtGeom.mjGEOM_BOX
-        canvas.add(box, path.size[j], path.pos[j], path.turn[j], colour)
+        box, size = mujoco.mjtGeom.mjGEOM_BOX, path.size[j] * [1, story.zoom[i], 1]
+        canvas.add(box, size, path.pos[j], path.turn[j], colour)
 
 
 def _write(canvas: Canvas, title: str, story: _Story, i: int) -> Pixels:

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from robotball import PRESETS, InputError, load_scene
 from validation.plots import draw
-from validation.results import write_csv, write_json
+from validation.results import write_csv, write_json, write_markdown
 from validation.runs import compare_all, film
 from validation.table import show
 
@@ -15,13 +15,14 @@ FILMED = ("fig12", "balanced")
 
 
 def demo(out: Path) -> None:
-    """Compare SCENES at all presets; the table, its JSON and CSV, plots and a film go to `out`."""
+    """Compare SCENES at all presets; the table in three forms, plots and a film go to `out`."""
     console = Console()
     agreements = compare_all([load_scene(name) for name in SCENES], list(PRESETS.values()))
     show(agreements, console)
-    write_json(out / "demo.json", agreements)
-    write_csv(out / "demo.csv", agreements)
-    written = [out / "demo.json", out / "demo.csv"]
+    written = []
+    for suffix, write in (("json", write_json), ("csv", write_csv), ("md", write_markdown)):
+        written.append(out / f"demo.{suffix}")
+        write(written[-1], agreements)
     for name in SCENES:
         written += draw([each for each in agreements if each.scene.name == name], out)
     for agreement in agreements:

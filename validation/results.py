@@ -86,6 +86,22 @@ def write_csv(path: Path, agreements: Sequence[Agreement]) -> None:
         temporary.write_text(text.getvalue())
 
 
+def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
+    """The table of the agreements as the README shows it."""
+    lines = [
+        "| scene | preset | step | path error | γ error | drift of M | × real time | verdict |",
+        "|---|---|---:|---:|---:|---:|---:|---|",
+    ]
+    for each in map(record, agreements):
+        errors = (each[name] for name in ("path_error", "gamma_error", "momentum_drift"))
+        cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:g} ms"]
+        cells += ["-" if error is None else f"{error:.1e}" for error in errors]
+        cells += [f"{each['realtime_factor']:.0f}"]
+        lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n")
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that takes its place when the block ends well."""

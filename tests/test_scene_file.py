@@ -45,6 +45,11 @@ def with_start(start: str, text: str = FIG12) -> str:
     return edited(SECTION, start, text)
 
 
+# Fig. 12's ball with its rotor laid elsewhere, so that the frame's axes are not principal ones.
+ASKEW = re.sub(r"(?m)^axis = .*", "axis = [1.0, -2.0, 2.0]", FIG12)
+ASKEW_CLASSICAL = edited('rolling = "rubber"', 'rolling = "classical"', ASKEW)
+
+
 def refusal(path: Path | str) -> str:
     """The message of the InputError that loading gives: one line, which names the file."""
     with pytest.raises(rb.InputError) as caught:
@@ -92,7 +97,11 @@ def vector(v: Any) -> str:
     return str([float(x) for x in v])
 
 
-@pytest.mark.parametrize("text", [FIG12, CLASSICAL], ids=["rubber", "classical"])
+@pytest.mark.parametrize(
+    "text",
+    [FIG12, CLASSICAL, ASKEW, ASKEW_CLASSICAL],
+    ids=["rubber", "classical", "askew rubber", "askew classical"],
+)
 def test_every_form_of_a_start_gives_the_same_start(write: Write, text: str) -> None:
     """The section's state, given as γ and M, as attitudes and as ω, is the same state."""
     scene = rb.load_scene(write(text))
@@ -110,9 +119,20 @@ def test_every_form_of_a_start_gives_the_same_start(write: Write, text: str) -> 
     forms.append(f"gamma = {gamma}\nmomentum = {momentum}")
     for form in forms:
         other = rb.load_scene(write(with_start(form, text)))
-        # Rounding: measured ... .
+        # Rounding: measured 4.4e-16 and 3.6e-15.
         assert np.abs(rotation_matrix(other.start.attitude) - R).max() < 3e-15, form
         assert np.abs(other.start.momentum - scene.start.momentum).max() < 2e-14, form
+
+
+def test_section_is_one_of_the_principal_axes(write: Write) -> None:
+    """For a ball whose frame axes are askew, L and g = 0 of (5.5) hold in the principal axes."""
+    scene = rb.load_scene(write(ASKEW))
+    assert np.abs(scene.principal_axes - np.eye(3)).max() > 0.1
+    R = rotation_matrix(scene.start.attitude) @ scene.principal_axes
+    M, gamma = R.T @ scene.start.momentum, R[2]
+    # Rounding of numbers up to 5; measured 4.4e-16.
+    assert abs(M[2] - 3.6) < 1e-14
+    assert abs(np.cross(M, gamma)[2]) < 1e-14
 
 
 def test_section_with_c_gives_a_momentum_with_a_vertical_part(write: Write) -> None:

@@ -22,6 +22,22 @@ def thin_shell_inertia(radius: float, mass: float) -> float:
     return 2 / 3 * mass * radius**2
 
 
+def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
+    """2/5 m (a⁵ - b⁵)/(a³ - b³) of a homogeneous shell between b = a - thickness and a [kg m²].
+
+    Raises InputError unless 0 < thickness <= radius.
+    """
+    if not 0 < thickness <= radius:
+        raise InputError(
+            f"a shell's thickness must be positive and at most its radius {radius:g}, not "
+            f"{thickness:g} m"
+        )
+    b = 1 - thickness / radius
+    # (1 - b⁵)/(1 - b³) without the 1 - b that both have.
+    ratio = (1 + b + b**2 + b**3 + b**4) / (1 + b + b**2)
+    return 2 / 5 * mass * radius**2 * ratio
+
+
 @dataclass(frozen=True)
 class Shell:
     """The sphere that rolls: symmetric about `axis` (3,), about which the frame turns in it.
@@ -158,8 +174,8 @@ def check_balanced(ball: Ball) -> None:
     offset = float(np.linalg.norm(ball.centre_of_mass))
     if not offset <= ROUNDING * ball.radius:
         raise InputError(
-            f"the ball is not balanced: its centre of mass is {offset:.6g} m from the centre of the "
-            "sphere, where the equations need it; MuJoCo alone can roll it (robotball.simulate)"
+            f"the ball is not balanced: its centre of mass is {offset:.6g} m from the centre of "
+            "the sphere, where the equations need it; MuJoCo alone can roll it (robotball.simulate)"
         )
 
 

@@ -1,6 +1,6 @@
 """What actuators are told: at every evaluation of the forces, so that RK4 keeps its order."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ class Control:
     """
 
     model: Model
-    span: tuple[float, float] = (0.0, 0.0)
+    span: Sequence[float] = (0.0, 0.0)
 
     def __call__(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
         begin, end = self.span

@@ -6,6 +6,7 @@ Times are scalars or columns, in s from the start of the motion; SI units.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal, Protocol
 
 import msgspec
@@ -198,12 +199,8 @@ class Custom:
 
     def _angle(self, t: float) -> float:
         edges = [0.0, *(b for b in self.breakpoints if 0 < b < t), t]
-        parts = np.concatenate(
-            [
-                np.linspace(a, b, 2 + int((b - a) / PANEL))
-                for a, b in zip(edges, edges[1:], strict=False)
-            ]
-        )
+        panels = [np.linspace(a, b, 2 + int((b - a) / PANEL)) for a, b in pairwise(edges)]
+        parts = np.concatenate(panels)
         x, weights = np.polynomial.legendre.leggauss(8)
         middle, half = (parts[1:] + parts[:-1]) / 2, (parts[1:] - parts[:-1]) / 2
         values = [[self._rate(m + h * s) for s in x] for m, h in zip(middle, half, strict=True)]

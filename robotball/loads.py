@@ -22,7 +22,7 @@ def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
     gyrostatic_inertia = to_principal @ ball.gyrostatic_inertia
     Omega, Omega_rate = np.outer(hinges[:, 0], rates[0]), np.outer(hinges[:, 0], accelerations[0])
     gamma = axes[:, 2, :].T
-    omega_rate, spin_torque = eq.full_angular_acceleration(
+    rate, spin_torque = eq.full_angular_acceleration(
         tuple(omega.T),
         tuple(gamma),
         tuple(Omega),
@@ -33,8 +33,8 @@ def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
         ball.d,
         spin_free=scene.rolling == "rubber",
     )
-    spin_torque = np.broadcast_to(spin_torque, times.shape)
-    omega_rate, w = np.array(omega_rate), omega.T
+    spin_torque = np.broadcast_to(np.float64(spin_torque), times.shape)
+    omega_rate, w = np.array(rate), omega.T
 
     # The shell's angular acceleration, seen from the frame; its inertia is constant there.
     turning, turning_rate = w - Omega, omega_rate - Omega_rate

@@ -103,7 +103,7 @@ def _solve_piece(
     done = 0
     while solver.status == "running":
         message = solver.step()
-        if solver.status == "failed":
+        if message is not None:
             raise InputError(
                 f"the equations could not be integrated past t = {solver.t:g} s: {message}"
             )

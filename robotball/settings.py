@@ -44,10 +44,10 @@ class Settings:
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
     # False starts just touching.
     start_in_equilibrium: bool = False
-    drive: Servo | Prescribed = Servo(gain=10.0)
+    drive: Servo | Prescribed
 
 
-NAIVE = Settings(name="naive", promise=1e-2)
+NAIVE = Settings(name="naive", promise=1e-2, drive=Servo(gain=10.0))
 
 
 def _recipe(name: str, timestep: float, promise: float) -> Settings:

@@ -25,10 +25,9 @@ class Stretch:
     counts: Array
     samples: Array
 
-    def __iter__(self) -> Iterator[tuple[tuple[float, float], float, int]]:
+    def __iter__(self) -> Iterator[tuple[list[float], float, int]]:
         spans = zip(self.edges.tolist(), self.lengths.tolist(), self.counts.tolist(), strict=True)
-        for (begin, end), length, count in spans:
-            yield (begin, end), length, count
+        yield from spans
 
 
 def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:

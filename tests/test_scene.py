@@ -44,15 +44,15 @@ def test_sample_times_need_a_duration(duration: float) -> None:
         ({"duration": 0.0}, "duration must be positive and finite, not 0 s"),
         ({"gravity": -9.81}, r"gravity must be positive and finite, not -9\.81 m/s²"),
         ({"rotor_rates": ()}, "1 rotors need as many rates, not 0"),
-        ({"frame_rate": NAN}, "a rate, the start's attitude or its momentum is not finite"),
-        ({"rotor_rates": (NAN,)}, "a rate, the start's attitude or its momentum is not finite"),
+        ({"frame_rate": NAN}, "a drive's rate must be finite, not nan at t = 0 s"),
+        ({"rotor_rates": (NAN,)}, "a drive's rate must be finite, not nan at t = 0 s"),
         (
             {"start": Start(np.array([1.0, 0.0, 0.0, NAN]), np.zeros(3))},
-            "a rate, the start's attitude or its momentum is not finite",
+            "the start's attitude or its momentum is not finite",
         ),
         (
             {"start": Start(np.array([1.0, 0.0, 0.0, 0.0]), np.array([NAN, 0.0, 0.0]))},
-            "a rate, the start's attitude or its momentum is not finite",
+            "the start's attitude or its momentum is not finite",
         ),
     ],
 )

@@ -81,9 +81,9 @@ PRESETS: dict[str, Settings] = {
     settings.name: settings
     for settings in (
         NAIVE,
-        _recipe("fast", timestep=20e-3, promise=5e-6),
-        _recipe("balanced", timestep=5e-3, promise=3e-8),
-        _recipe("accurate", timestep=1e-3, promise=1e-10),
+        _recipe("fast", timestep=20e-3, promise=5e-4),
+        _recipe("balanced", timestep=5e-3, promise=5e-6),
+        _recipe("accurate", timestep=1e-3, promise=1e-8),
     )
 }
 

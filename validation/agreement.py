@@ -32,8 +32,8 @@ class Agreement:
     def momentum_drifts(self) -> Array:
         """(n,): |M(t) - M(0)| of the engine's motion over |M(0)|; in kg m²/s where M(0) = 0."""
         momentum = self.engine.momentum
-        size = float(np.linalg.norm(momentum[0]))
-        return np.linalg.norm(momentum - momentum[0], axis=1) / (size or 1.0)
+        size = float(np.linalg.norm(self.scene.start.momentum))
+        return np.linalg.norm(momentum - momentum[:1], axis=1) / (size or 1.0)
 
     @property
     def finished(self) -> bool:

@@ -1,0 +1,232 @@
+"""The steps that are compiled: DOP853 over the equations, one step of LANES orbits at a time.
+
+A step is a plain function of the state and its length, here run on symbols (flatten.py) and
+compiled once a rolling model; a ball is data. All steps use the axes of section 3.3, in which
+M = -mα + cγ, and unit quaternions; nothing but a rotation and a unit vector is judged for its
+error, so no tolerance has a unit.
+"""
+
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from scipy.integrate import DOP853
+
+from robotball import equations as eq
+from robotball.duals import along, slopes
+from robotball.equations import Quaternion, Scalar, Vector
+from robotball.flatten import Symbol, Tape, at, lane_function
+from robotball.parameters import Parameters, Rolling
+
+STAGES = 12
+# Rows of a workspace: the step's length and tolerance, the ball, the level set, the section.
+LENGTH, TOLERANCE, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 13, 15, 19
+State = Sequence[Scalar]
+
+
+@dataclass(frozen=True)
+class Level:
+    """What stays constant, in the axes of section 3.3: M = -mα + cγ, kg m²/s."""
+
+    m: Scalar
+    c: Scalar
+
+    def momentum(self, alpha: Vector, gamma: Vector) -> Vector:
+        """M in frame axes."""
+        return eq.subtract(eq.scale(self.c, gamma), eq.scale(self.m, alpha))
+
+
+@dataclass(frozen=True)
+class System:
+    """Equations to step: their right-hand side and what of the state is of length one.
+
+    rate: (state, parameters, level) -> d(state)/dt. units: the dimensions of the unit vectors
+    that the state starts with; they are what the error is judged on, and they are brought back
+    to length one at every step. The rest are quadratures of them.
+    """
+
+    name: str
+    size: int
+    units: tuple[int, ...]
+    rate: Callable[[State, Parameters, Level], State]
+    sees_section: bool = False
+
+
+def path_rate(state: State, parameters: Parameters, level: Level) -> State:
+    """d/dt of (q, X, Y): attitude and contact point."""
+    q, alpha, beta, _, omega = turning(state, parameters, level)
+    velocity = eq.contact_velocity(alpha, beta, omega, parameters.Omega, parameters.a)
+    return (*eq.attitude_rate(q, omega), *velocity)
+
+
+def attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
+    """d/dt of q alone."""
+    q, _, _, _, omega = turning(state, parameters, level)
+    return eq.attitude_rate(q, omega)
+
+
+def deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
+    """d/dt of (q, ξ, ln growth, ln volume): a neighbouring orbit's direction and distance.
+
+    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ; its direction and the
+    logarithm of its length are kept apart.
+    """
+    q, alpha, _, gamma, omega = turning(state, parameters, level)
+    xi: Vector = (state[4], state[5], state[6])
+    moving_gamma = along(gamma, eq.cross(gamma, xi))
+    moving_M = along(level.momentum(alpha, gamma), eq.cross(level.momentum(alpha, gamma), xi))
+    change = slopes(parameters.angular_velocity(moving_M, moving_gamma))
+    growth = eq.dot(xi, change) / eq.dot(xi, xi)
+    xi_rate = eq.subtract(eq.subtract(change, eq.cross(omega, xi)), eq.scale(growth, xi))
+    return (*eq.attitude_rate(q, omega), *xi_rate, growth, parameters.divergence(gamma))
+
+
+def turning(
+    state: State, parameters: Parameters, level: Level
+) -> tuple[Quaternion, Vector, Vector, Vector, Vector]:
+    """q, α, β, γ and ω of a state that starts with q."""
+    w, x, y, z = state[:4]
+    alpha, beta, gamma = eq.space_axes((w, x, y, z))
+    omega = parameters.angular_velocity(level.momentum(alpha, gamma), gamma)
+    return (w, x, y, z), alpha, beta, gamma, omega
+
+
+def section_function(
+    state: State, parameters: Parameters, level: Level, section: State
+) -> tuple[Scalar, Scalar, Scalar]:
+    """sin(g - g₀), its rate [1/s] and cos(g - g₀), all times √(1 - L²/f); of a state with q first.
+
+    section: (cos g₀, sin g₀, m/√f, c/√f). With γ₀ = (m/√f)γ + (c/√f)α of (5.5) the definition of
+    g reads √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃); no angle is needed.
+    """
+    cos_g, sin_g, across, along_M = section
+    _, alpha, beta, gamma, omega = turning(state, parameters, level)
+    node = eq.add(eq.scale(across, gamma), eq.scale(along_M, alpha))
+    ahead = eq.subtract(eq.scale(sin_g, node), eq.scale(cos_g, beta))
+    facing = -(cos_g * node[2] + sin_g * beta[2])
+    return ahead[2], eq.cross(ahead, omega)[2], facing
+
+
+PATH = System("path", 6, (4,), path_rate)
+RETURN = System("return", 4, (4,), attitude_rate, sees_section=True)
+DEVIATION = System("deviation", 9, (4, 3), deviation_rate)
+
+
+def dop853(
+    rate: Callable[[State], State], state: State, h: Scalar, judged: int
+) -> tuple[list[Scalar], Scalar]:
+    """The state after one step of length h, and the square of its error in the first `judged`.
+
+    Dormand and Prince's method of order 8 with 12 stages; scipy has its coefficients and its
+    estimate of the error, of order 5 and 3 together.
+    """
+
+    def combination(row: Any, slopes: list[State], i: int) -> Scalar:
+        return sum(
+            float(a) * slope[i] for a, slope in zip(row, slopes, strict=False) if a != 0
+        )
+
+    def moved(row: Any, slopes: list[State]) -> list[Scalar]:
+        return [y + h * combination(row, slopes, i) for i, y in enumerate(state)]
+
+    slopes = [rate(state)]
+    for row in DOP853.A[1:STAGES]:
+        slopes.append(rate(moved(row, slopes)))
+    fifth = [combination(DOP853.E5, slopes, i) for i in range(judged)]
+    third = [combination(DOP853.E3, slopes, i) for i in range(judged)]
+    square5, square3 = sum(e * e for e in fifth), sum(e * e for e in third)
+    # The tiny term stands for 0/0 = 0, where nothing moves.
+    per_norm = 1 / (square5 + 0.01 * square3 + 1e-200)
+    return moved(DOP853.B, slopes), h * h * square5 * square5 * per_norm
+
+
+def flat_step(system: System, rolling: Rolling) -> str:
+    """Source of the step of a system, over the rows of a workspace.
+
+    Reads the rows named above, writes the new state after the old, then (error/tolerance)^(1/8),
+    then, where the system sees the section, `section_function` of the new state.
+    """
+    tape = Tape()
+    row = [tape.input(at(i)) for i in range(STATE + system.size)]
+    I, d, a, Omega, K = row[2:5], row[5], row[6], row[7:10], row[10:13]
+    parameters = Parameters(rolling, vector(I), d, a, vector(Omega), vector(K))  # type: ignore[arg-type]
+    level = Level(m=row[LEVEL], c=0.0 if rolling == "rubber" else row[LEVEL + 1])
+    new, error = dop853(
+        lambda state: system.rate(state, parameters, level),
+        row[STATE:],
+        row[LENGTH],
+        judged=sum(system.units),
+    )
+    start = 0
+    for size in system.units:
+        unit = slice(start, start := start + size)
+        per_length = 1 / sum(x * x for x in new[unit]).sqrt()
+        new[unit] = [x * per_length for x in new[unit]]
+    ratio = (error / (row[TOLERANCE] * row[TOLERANCE])).sqrt().sqrt().sqrt().sqrt()
+    results = [*new, ratio]
+    if system.sees_section:
+        section = [*row[SECTION : SECTION + 3], 0.0 if rolling == "rubber" else row[SECTION + 3]]
+        results += section_function(new, parameters, level, section)
+    end = STATE + system.size
+    return lane_function("step", tape, [(end + i, value) for i, value in enumerate(results)])
+
+
+def vector(row: Sequence[Symbol]) -> Vector:
+    x, y, z = row
+    return (x, y, z)
+
+
+HEADER = '''"""Generated from robotball's equations by robotball/steppers.py; not to be edited."""
+
+from math import sqrt
+
+from numba import njit
+
+
+@njit("void(f8[::1])", cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+'''
+
+
+@cache
+def stepper(system: System, rolling: Rolling) -> Any:
+    """The compiled step (workspace) -> None of a system; from the cache where it is there.
+
+    The generated source is kept in a file, because that is where numba keeps a compiled
+    function: beside its source.
+    """
+    source = HEADER + flat_step(system, rolling) + "\n"
+    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+    name = f"robotball_{system.name}_{rolling}_{digest}"
+    path = cache_folder() / f"{name}.py"
+    if not path.exists():
+        # Written aside and renamed, so that another process never reads half of it.
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False) as file:
+            file.write(source)
+        Path(file.name).replace(path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # by its name numba finds it when it loads the compiled step
+    spec.loader.exec_module(module)
+    return module.step
+
+
+def cache_folder() -> Path:
+    """Where generated steps are kept: the user's cache, or a temporary folder if that is closed."""
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    for folder in (home / "robotball", Path(tempfile.gettempdir()) / f"robotball-{os.getuid()}"):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    raise OSError(f"no folder to keep compiled steps in; set XDG_CACHE_HOME (tried {home})")

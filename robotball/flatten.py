@@ -5,7 +5,7 @@ loops. So the functions of equations.py are run once on symbols that note every 
 what they noted is the body: the formulas still stand in one place only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import Any
 
 LANES = 8  # doubles in an AVX-512 register; on narrower machines, several registers
@@ -67,6 +67,25 @@ class Symbol:
         """The square root, which equations.py does without but a unit vector needs."""
         return self.tape.input(f"sqrt({self.name})")
 
+    def at_most(self, other: "Symbol | float") -> "Symbol":
+        """Whether this <= other, for `choose`; false where either is not a number."""
+        return self.tape.input(f"{self.name} <= {text(other)}")
+
+    def at_least(self, other: "Symbol | float") -> "Symbol":
+        """Whether this >= other, in the same way."""
+        return self.tape.input(f"{self.name} >= {text(other)}")
+
+    def below(self, other: "Symbol | float") -> "Symbol":
+        """Whether this < other, in the same way."""
+        return self.tape.input(f"{self.name} < {text(other)}")
+
+    def __and__(self, other: "Symbol") -> "Symbol":
+        return self.tape.input(f"{self.name} & {other.name}")
+
+    def choose(self, yes: "Symbol | float", no: "Symbol | float") -> "Symbol":
+        """`yes` where this condition holds, `no` elsewhere."""
+        return self.tape.input(f"{text(yes)} if {self.name} else {text(no)}")
+
     def _note(self, operator: str, other: Any, either_way: bool = False) -> Any:
         if not isinstance(other, Symbol | float | int):
             return NotImplemented
@@ -84,16 +103,21 @@ def text(operand: "Symbol | float") -> str:
     return operand.name if isinstance(operand, Symbol) else repr(float(operand))
 
 
-def lane_function(name: str, tape: Tape, results: Sequence[tuple[int, "Symbol | float"]]) -> str:
+def lane_function(name: str, tape: Tape, results: Mapping[int, "Symbol | float"]) -> str:
     """Source of a function of one workspace (rows·LANES,), that does the tape in every lane.
 
-    results: the row to write and what is written there, after all is computed. A flat
+    results: what to write to which row, after all is computed. A flat
     workspace whose rows are LANES apart is what tells the compiler that lanes are independent.
     """
-    body = [*tape.lines, *(f"{at(row)} = {text(value)}" for row, value in results)]
+    body = [*tape.lines, *(f"{at(row)} = {text(value)}" for row, value in results.items())]
     return "\n".join(
         (f"def {name}(w):", f"    for i in range({LANES}):", *(f"        {line}" for line in body))
     )
+
+
+def least(a: "Symbol", b: "Symbol | float") -> "Symbol":
+    """The smaller of two numbers; b where a is none."""
+    return a.at_most(b).choose(a, b)
 
 
 def at(row: int) -> str:

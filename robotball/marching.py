@@ -13,14 +13,22 @@ import numpy as np
 from numba import njit
 
 from robotball.flatten import LANES
-from robotball.steppers import BALL, LENGTH, STATE, TOLERANCE
+from robotball.steppers import (
+    BALL,
+    LENGTH,
+    LOOKED,
+    MARCHED,
+    REJECTED,
+    STATE,
+    TARGET,
+    TIME,
+    TOLERANCE,
+)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2
 STEP = "FunctionType(void(f8[::1]))"
-# Step-length control: of order 8, with the usual safety and limits of change.
-SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.9, 0.2, 6.0
 
 
 def compiled(signature: str) -> Callable[[Function], Function]:
@@ -28,23 +36,22 @@ def compiled(signature: str) -> Callable[[Function], Function]:
     return njit(signature, cache=True, nogil=True, error_model="numpy")
 
 
-@compiled("f8(f8, f8)")
-def next_length(length: float, ratio: float) -> float:
-    """The length to try after one whose (error/tolerance)^(1/8) was `ratio`."""
-    if ratio * MOST_CHANGE < SAFETY:
-        return length * MOST_CHANGE
-    # NaN fails every comparison, and so shrinks the step.
-    if ratio * LEAST_CHANGE < SAFETY:
-        return length * SAFETY / ratio
-    return length * LEAST_CHANGE
-
-
-@compiled("void(f8[::1], i8, f8[::1], f8)")
-def load(w: Any, lane: int, row: Any, tolerance: float) -> None:
-    """Put an orbit into a lane; row: the rows BALL and after, up to the end of its state."""
+@compiled("void(f8[::1], i8, f8[::1], f8, f8)")
+def load(w: Any, lane: int, row: Any, length: float, tolerance: float) -> None:
+    """Put an orbit into a lane; row: the rows from BALL on, up to the end of its state."""
+    w[LENGTH * LANES + lane] = length
     w[TOLERANCE * LANES + lane] = tolerance
+    w[TIME * LANES + lane] = 0.0
+    w[TARGET * LANES + lane] = np.inf
     for j in range(len(row)):
         w[(BALL + j) * LANES + lane] = row[j]
+
+
+@compiled("b1(f8[::1], i8)")
+def collapsed(w: Any, lane: int) -> bool:
+    """Whether a lane's step is too short to move its time."""
+    time = w[TIME * LANES + lane]
+    return time + w[LENGTH * LANES + lane] == time
 
 
 @compiled(f"void({STEP}, f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
@@ -64,53 +71,47 @@ def march(
     and status (n,); the states of an orbit that is given up stay as they were.
     """
     size = states.shape[2]
-    w = np.zeros((STATE + 2 * size + 8) * LANES)
-    new, ratio_row = STATE + size, STATE + 2 * size
+    w = np.zeros((STATE + 2 * size + 4) * LANES)
+    new, flag = STATE + size, STATE + 2 * size
     orbit = np.full(LANES, -1)
     sample, steps = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-    t, h = np.zeros(LANES), np.zeros(LANES)
     waiting, running = 0, 0
     for lane in range(LANES):
-        # Idle lanes compute too: give them something finite.
-        load(w, lane, rows[0], tolerance)
-    while True:
-        for lane in range(LANES):
-            if orbit[lane] < 0 and waiting < len(rows):
-                load(w, lane, rows[waiting], tolerance)
-                orbit[lane], t[lane], h[lane] = waiting, 0.0, lengths[waiting]
-                sample[lane], steps[lane] = 0, 0
-                waiting += 1
-                running += 1
-            if orbit[lane] >= 0:
-                w[LENGTH * LANES + lane] = min(h[lane], times[sample[lane]] - t[lane])
-        if running == 0:
-            return
+        load(w, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
+        if waiting < len(rows):
+            load(w, lane, rows[waiting], lengths[waiting], tolerance)
+            w[TARGET * LANES + lane] = times[0]
+            orbit[lane] = waiting
+            waiting += 1
+            running += 1
+    while running > 0:
         step(w)
         for lane in range(LANES):
             i = orbit[lane]
             if i < 0:
                 continue
-            length, ratio = w[LENGTH * LANES + lane], w[ratio_row * LANES + lane]
             steps[lane] += 1
-            if not ratio <= 1:
-                h[lane] = next_length(length, ratio)
-                if t[lane] + h[lane] == t[lane]:
-                    status[i], orbit[lane] = COLLAPSED, -1
-            elif t[lane] + length >= times[sample[lane]] or length < h[lane]:
-                # An output: a look ahead from where the orbit stands.
+            if w[flag * LANES + lane] == LOOKED:
                 for j in range(size):
                     states[i, sample[lane], j] = w[(new + j) * LANES + lane]
                 sample[lane] += 1
-                if sample[lane] == len(times):
-                    status[i], orbit[lane] = DONE, -1
+                if sample[lane] < len(times):
+                    w[TARGET * LANES + lane] = times[sample[lane]]
+                    continue
+                status[i] = DONE
+            elif steps[lane] >= step_limit:
+                status[i] = TOO_MANY_STEPS
+            elif w[flag * LANES + lane] == REJECTED and collapsed(w, lane):
+                status[i] = COLLAPSED
             else:
-                t[lane] += length
-                h[lane] = next_length(length, ratio)
-                for j in range(size):
-                    w[(STATE + j) * LANES + lane] = w[(new + j) * LANES + lane]
-            if orbit[lane] >= 0 and steps[lane] >= step_limit:
-                status[i], orbit[lane] = TOO_MANY_STEPS, -1
-            if orbit[lane] < 0:
+                continue
+            if waiting < len(rows):
+                load(w, lane, rows[waiting], lengths[waiting], tolerance)
+                w[TARGET * LANES + lane] = times[0]
+                orbit[lane], sample[lane], steps[lane] = waiting, 0, 0
+                waiting += 1
+            else:
+                orbit[lane] = -1
                 running -= 1
 
 
@@ -120,20 +121,24 @@ def follow(
 ) -> int:
     """States (m, size) of one orbit at m times, all after 0 and increasing; returns the status.
 
-    Lane 0 marches; the others find the outputs within the step that it took before.
+    Lane 0 marches; the others look for the outputs within the step that it took before.
     """
     size = states.shape[1]
-    w = np.zeros((STATE + 2 * size + 8) * LANES)
-    new, ratio_row = STATE + size, STATE + 2 * size
+    w = np.zeros((STATE + 2 * size + 4) * LANES)
+    new, flag = STATE + size, STATE + 2 * size
     for lane in range(LANES):
-        load(w, lane, row, tolerance)
-    t, before = 0.0, 0.0  # where lane 0 stands, and where the step before started
-    sample, reached = 0, 0  # outputs done, and outputs that `t` has passed
+        load(w, lane, row, length, tolerance)
+    sample, reached = 0, 0  # outputs found, and outputs that lane 0 has passed
     for _ in range(step_limit):
         helping = min(reached - sample, LANES - 1)
-        w[LENGTH * LANES] = length
         for k in range(helping):
-            w[LENGTH * LANES + 1 + k] = times[sample + k] - before
+            w[LENGTH * LANES + 1 + k] = np.inf
+            w[TARGET * LANES + 1 + k] = times[sample + k]
+        # With more outputs than lanes, lane 0 waits: it looks at where it stands.
+        waits = sample + helping < reached
+        w[TARGET * LANES] = w[TIME * LANES] if waits else np.inf
+        before = w[TIME * LANES]
+        old = w[STATE * LANES : (STATE + size) * LANES].copy()
         step(w)
         for k in range(helping):
             for j in range(size):
@@ -141,18 +146,13 @@ def follow(
         sample += helping
         if sample == len(times):
             return DONE
-        if sample < reached:
-            continue  # more outputs than lanes: lane 0 waits for them
-        ratio = w[ratio_row * LANES]
-        if ratio <= 1:
-            for j in range(size):
-                for lane in range(1, LANES):
-                    w[(STATE + j) * LANES + lane] = w[(STATE + j) * LANES]
-                w[(STATE + j) * LANES] = w[(new + j) * LANES]
-            before, t = t, t + length
-            while reached < len(times) and times[reached] <= t:
+        if w[flag * LANES] == MARCHED:
+            for lane in range(1, LANES):
+                w[TIME * LANES + lane] = before
+                for j in range(size):
+                    w[(STATE + j) * LANES + lane] = old[j * LANES]
+            while reached < len(times) and times[reached] <= w[TIME * LANES]:
                 reached += 1
-        length = next_length(length, ratio)
-        if t + length == t:
+        elif w[flag * LANES] == REJECTED and collapsed(w, 0):
             return COLLAPSED
     return TOO_MANY_STEPS

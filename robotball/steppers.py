@@ -17,17 +17,28 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numba
+from numba.core.codegen import get_host_cpu_features
 from scipy.integrate import DOP853
 
 from robotball import equations as eq
 from robotball.duals import along, slopes
 from robotball.equations import Quaternion, Scalar, Vector
-from robotball.flatten import Symbol, Tape, at, lane_function
+from robotball.flatten import Symbol, Tape, at, lane_function, least
 from robotball.parameters import Parameters, Rolling
 
 STAGES = 12
-# Rows of a workspace: the step's length and tolerance, the ball, the level set, the section.
-LENGTH, TOLERANCE, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 13, 15, 19
+# LLVM holds some processors to half of their vectors' width, a third slower here. Only a process
+# that has compiled nothing yet can still be told, and one whose user has said so is not.
+if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
+    numba.config.CPU_FEATURES = get_host_cpu_features() + ",-prefer-256-bit"
+
+# Rows of a workspace: how long a step to try, the error allowed, the time, where to stop; the
+# ball, the level set, the section; and from STATE on the state, the new state, FLAG and more.
+LENGTH, TOLERANCE, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 21
+REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
+# Control of the length: the usual safety and limits of change.
+SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.9, 0.2, 6.0
 State = Sequence[Scalar]
 
 
@@ -150,18 +161,24 @@ def dop853(
 def flat_step(system: System, rolling: Rolling) -> str:
     """Source of the step of a system, over the rows of a workspace.
 
-    Reads the rows named above, writes the new state after the old, then (error/tolerance)^(1/8),
-    then, where the system sees the section, `section_function` of the new state.
+    A lane whose target is nearer than its length only looks: it leaves the state there in the
+    rows of the new state, and stands still. Otherwise it marches: time and state move, if the
+    error is within the tolerance. After the new state come the flag, and where the system sees
+    the section, `section_function` of the new state.
     """
     tape = Tape()
     row = [tape.input(at(i)) for i in range(STATE + system.size)]
-    I, d, a, Omega, K = row[2:5], row[5], row[6], row[7:10], row[10:13]
-    parameters = Parameters(rolling, vector(I), d, a, vector(Omega), vector(K))  # type: ignore[arg-type]
-    level = Level(m=row[LEVEL], c=0.0 if rolling == "rubber" else row[LEVEL + 1])
+    ball = row[BALL:LEVEL]
+    parameters = Parameters(
+        rolling, vector(ball[:3]), *ball[3:5], vector(ball[5:8]), vector(ball[8:])
+    )
+    along_gamma = row[LEVEL + 1] if rolling == "classical" else 0.0
+    level = Level(row[LEVEL], along_gamma)
+    length = least(row[TARGET] - row[TIME], row[LENGTH])
     new, error = dop853(
         lambda state: system.rate(state, parameters, level),
         row[STATE:],
-        row[LENGTH],
+        length,
         judged=sum(system.units),
     )
     start = 0
@@ -169,13 +186,27 @@ def flat_step(system: System, rolling: Rolling) -> str:
         unit = slice(start, start := start + size)
         per_length = 1 / sum(x * x for x in new[unit]).sqrt()
         new[unit] = [x * per_length for x in new[unit]]
+
+    # (error/tolerance)^(1/8), of which `error` is the square.
     ratio = (error / (row[TOLERANCE] * row[TOLERANCE])).sqrt().sqrt().sqrt().sqrt()
-    results = [*new, ratio]
-    if system.sees_section:
-        section = [*row[SECTION : SECTION + 3], 0.0 if rolling == "rubber" else row[SECTION + 3]]
-        results += section_function(new, parameters, level, section)
+    accepted, marching = ratio.at_most(1.0), row[LENGTH].at_most(length)
+    marched, looked = accepted & marching, accepted & length.below(row[LENGTH])
+    change = SAFETY / ratio
+    change = change.at_least(LEAST_CHANGE).choose(least(change, MOST_CHANGE), LEAST_CHANGE)
+    flag = marched.choose(MARCHED, looked.choose(LOOKED, REJECTED))
     end = STATE + system.size
-    return lane_function("step", tape, [(end + i, value) for i, value in enumerate(results)])
+    results = {
+        LENGTH: looked.choose(row[LENGTH], length * change),
+        TIME: marched.choose(row[TIME] + length, row[TIME]),
+        **{STATE + i: marched.choose(x, row[STATE + i]) for i, x in enumerate(new)},
+        **{end + i: x for i, x in enumerate(new)},
+        end + system.size: flag,
+    }
+    if system.sees_section:
+        turned = row[SECTION + 3] if rolling == "classical" else 0.0
+        seen = section_function(new, parameters, level, [*row[SECTION : SECTION + 3], turned])
+        results |= {end + system.size + 1 + i: x for i, x in enumerate(seen)}
+    return lane_function("step", tape, results)
 
 
 def vector(row: Sequence[Symbol]) -> Vector:

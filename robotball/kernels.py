@@ -6,13 +6,14 @@ All axes named "frame" here are the principal axes of the ball's inertia, as in 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotball import marching
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.rotations import Array, multiply
 from robotball.scene import check_times
-from robotball.steppers import PATH, System, stepper
+from robotball.steppers import PATH, System, row_of, stepper
 
 # Of one step, in the unit quaternion: near the least that double precision can judge.
 TOLERANCE = 1e-14
@@ -22,6 +23,9 @@ STATUS = {
     marching.COLLAPSED: "given up: the step length fell to nothing",
 }
 STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
+
+
+Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,7 @@ class Orbits:
     times: Array
     attitudes: Array
     contact_points: Array
-    status: Array
+    status: Integers
 
 
 def orbits(
@@ -105,8 +109,7 @@ class Starts:
         across = np.hypot(momenta[:, 0], momenta[:, 1])
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
         self.attitudes = multiply(about_vertical(-self.turns), attitudes)
-        p = parameters
-        ball = np.array([*p.I, p.d, p.a, *p.Omega, *p.K])
+        ball = np.array(row_of(parameters))
         level = np.stack([across, momenta[:, 2]], axis=1)
         f_root = np.where(self.size > 0, self.size, 1.0)
         section = np.concatenate([np.tile([1.0, 0.0], (len(level), 1)), level / f_root[:, None]], 1)
@@ -114,7 +117,7 @@ class Starts:
 
     def march(
         self, system: System, rest: Array, times: Array, tolerance: float
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Integers]:
         """States (n, m, size), in turned axes, and status (n,) of a system at times (m,) > 0.
 
         rest: (n, size - 4), what the state starts with after the quaternion.
@@ -172,7 +175,7 @@ def about_vertical(angles: Array) -> Array:
 
 
 def speed_bound(parameters: Parameters, size: Array) -> Array:
-    """What |ω| (n,) cannot exceed where |M| = size (n,), from (3.2) and (3.3) term by term [rad/s]."""
+    """What |ω| (n,) cannot exceed where |M| = size (n,), by (3.2) or (3.3) term by term [rad/s]."""
     A, I = np.array(parameters.A), np.array(parameters.I)
     Omega, K = np.linalg.norm(parameters.Omega), np.linalg.norm(parameters.K)
     if parameters.rolling == "rubber":

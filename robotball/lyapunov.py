@@ -59,7 +59,9 @@ class Exponents:
     def dimension_error(self) -> float:
         """The standard error of `dimension`, from the scatter of the runs."""
         return standard_error(
-            np.array([kaplan_yorke(*each) for each in zip(self.largest, self.smallest, strict=True)])
+            np.array(
+                [kaplan_yorke(*each) for each in zip(self.largest, self.smallest, strict=True)]
+            )
         )
 
 

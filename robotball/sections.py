@@ -12,9 +12,9 @@ from robotball import marching
 from robotball.crossing import cross
 from robotball.cycles import Cycle, close
 from robotball.errors import InputError
-from robotball.kernels import TOLERANCE, Starts
+from robotball.kernels import TOLERANCE, Integers, Starts
 from robotball.parameters import Parameters
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array
 from robotball.start import along_momentum, section_state
 from robotball.steppers import BALL, RETURN, SECTION, stepper
 
@@ -34,10 +34,10 @@ class Section:
     times: Array
     l: Array
     L: Array
-    directions: Array
+    directions: Integers
     attitudes: Array
-    found: Array
-    status: Array
+    found: Integers
+    status: Integers
 
 
 def section(
@@ -57,7 +57,9 @@ def section(
     """
     starts = Starts(parameters, attitudes, momenta)
     if not (starts.size > 0).all() or count < 1 or direction not in (-1, 0, 1):
-        raise InputError("a section needs M other than zero, a count of 1 or more, a direction ±1, 0")
+        raise InputError(
+            "a section needs M other than zero, a count of 1 or more, a direction ±1, 0"
+        )
     starts.rows[:, SECTION - BALL : SECTION - BALL + 2] = np.cos(g), np.sin(g)
     n = len(starts.rows)
     times, states = np.full((n, count), np.nan), np.full((n, count, 4), np.nan)

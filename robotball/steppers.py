@@ -24,7 +24,7 @@ from scipy.integrate import DOP853
 from robotball import equations as eq
 from robotball.duals import along, slopes
 from robotball.equations import Quaternion, Scalar, Vector
-from robotball.flatten import Symbol, Tape, at, lane_function, least
+from robotball.flatten import Tape, at, lane_function, least
 from robotball.parameters import Parameters, Rolling
 
 STAGES = 12
@@ -140,9 +140,7 @@ def dop853(
     """
 
     def combination(row: Any, slopes: list[State], i: int) -> Scalar:
-        return sum(
-            float(a) * slope[i] for a, slope in zip(row, slopes, strict=False) if a != 0
-        )
+        return sum(float(a) * slope[i] for a, slope in zip(row, slopes, strict=False) if a != 0)
 
     def moved(row: Any, slopes: list[State]) -> list[Scalar]:
         return [y + h * combination(row, slopes, i) for i, y in enumerate(state)]
@@ -168,10 +166,7 @@ def flat_step(system: System, rolling: Rolling) -> str:
     """
     tape = Tape()
     row = [tape.input(at(i)) for i in range(STATE + system.size)]
-    ball = row[BALL:LEVEL]
-    parameters = Parameters(
-        rolling, vector(ball[:3]), *ball[3:5], vector(ball[5:8]), vector(ball[8:])
-    )
+    parameters = ball_of(rolling, row[BALL:LEVEL])
     along_gamma = row[LEVEL + 1] if rolling == "classical" else 0.0
     level = Level(row[LEVEL], along_gamma)
     length = least(row[TARGET] - row[TIME], row[LENGTH])
@@ -209,9 +204,16 @@ def flat_step(system: System, rolling: Rolling) -> str:
     return lane_function("step", tape, results)
 
 
-def vector(row: Sequence[Symbol]) -> Vector:
-    x, y, z = row
-    return (x, y, z)
+def ball_of(rolling: Rolling, row: Sequence[Any]) -> Parameters:
+    """The Parameters whose numbers are in the rows from BALL to LEVEL."""
+    I1, I2, I3, d, a, Omega1, Omega2, Omega3, K1, K2, K3 = row
+    return Parameters(rolling, (I1, I2, I3), d, a, (Omega1, Omega2, Omega3), (K1, K2, K3))
+
+
+def row_of(parameters: Parameters) -> list[float]:
+    """What `ball_of` takes (11,)."""
+    p = parameters
+    return [*p.I, p.d, p.a, *p.Omega, *p.K]
 
 
 HEADER = '''"""Generated from robotball's equations by robotball/steppers.py; not to be edited."""

@@ -8,7 +8,7 @@ from robotball.errors import InputError
 from robotball.kernels import TOLERANCE, Starts
 from robotball.parameters import Parameters, as_vector
 from robotball.rotations import Array, multiply, rotation_matrix
-from robotball.steppers import DEVIATION
+from robotball.systems import DEVIATION
 
 ITERATIONS = 30
 CLOSED = 1e-11  # of γ and M/|M|; what a tolerance of 1e-14 keeps over a period

@@ -12,8 +12,9 @@ from robotball import marching
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.rotations import Array, multiply
-from robotball.scene import check_times
-from robotball.steppers import PATH, System, row_of, stepper
+from robotball.scene import Scene, check_times
+from robotball.steppers import row_of, stepper
+from robotball.systems import PATH, System
 
 # Of one step, in the unit quaternion: near the least that double precision can judge.
 TOLERANCE = 1e-14
@@ -92,6 +93,15 @@ def orbit(
     if status != marching.DONE:
         raise InputError(f"the orbit was {STATUS[status]}")
     return starts.to_world(states[None, :, :4])[0], starts.turned_back(states[None, :, 4:])[0]
+
+
+def start_of(scene: Scene) -> tuple[Parameters, Array, Array]:
+    """A scene as the functions here take it: its Parameters, attitudes (1, 4), momenta (1, 3).
+
+    The attitude is that of the principal axes, in which Parameters are.
+    """
+    attitude = multiply(scene.start.attitude, scene.principal_quaternion)
+    return scene.parameters, attitude[None], scene.start.momentum[None]
 
 
 class Starts:

@@ -14,7 +14,7 @@ from robotball.errors import InputError
 from robotball.kernels import Starts
 from robotball.parameters import Parameters
 from robotball.rotations import Array
-from robotball.steppers import DEVIATION
+from robotball.systems import DEVIATION
 
 # Exponents are means of a chaotic motion: steps as good as a quick orbit's are enough.
 TOLERANCE = 1e-9

@@ -16,7 +16,8 @@ from robotball.kernels import TOLERANCE, Integers, Starts
 from robotball.parameters import Parameters
 from robotball.rotations import Array
 from robotball.start import along_momentum, section_state
-from robotball.steppers import BALL, RETURN, SECTION, stepper
+from robotball.steppers import BALL, SECTION, stepper
+from robotball.systems import RETURN
 
 # Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
 STEPS_PER_CROSSING = 100_000

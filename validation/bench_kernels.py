@@ -1,8 +1,8 @@
-"""The compiled stepper against scipy and heyoka at matched error:  python -m validation.bench_kernels
+"""The compiled stepper against scipy and heyoka at matched error (extra `bench`).
 
 Every contender runs at several tolerances, all in turn, several rounds, set-up outside the clock.
 The least time of each is drawn against its error, and times are read off at the same error.
-heyoka (extra `bench`) runs as its manual advises for speed: no compact mode, batches of 8; of its
+heyoka runs as its manual advises for speed: no compact mode, batches of 8; of its
 forms the fastest counts. All run on one thread.
 """
 
@@ -21,7 +21,7 @@ from robotball.kernels import Starts, orbit, orbits
 from robotball.parameters import Parameters
 from robotball.rotations import Array, rotation_matrix
 from robotball.sections import section, section_starts
-from robotball.steppers import DEVIATION, PATH, RETURN
+from robotball.systems import DEVIATION, PATH, RETURN
 from validation.heyoka_forms import batch, equations_of, level_equations, pars_of
 
 A, D = (0.8, 0.6, 0.7), 0.9  # Fig. 11b: the strange attractor

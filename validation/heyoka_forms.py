@@ -10,7 +10,8 @@ from robotball.equations import Vector
 from robotball.kernels import Starts
 from robotball.parameters import Parameters
 from robotball.rotations import Array
-from robotball.steppers import LEVEL, BALL, Level, System, ball_of
+from robotball.steppers import BALL, LEVEL, ball_of
+from robotball.systems import Level, System
 
 Equations = list[tuple[Any, Any]]
 BALL_SIZE = LEVEL - BALL

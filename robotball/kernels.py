@@ -196,7 +196,9 @@ def speed_bound(parameters: Parameters, size: Array) -> Array:
 
 
 def check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:
-    """Raises InputError unless attitudes (n, 4) and momenta (n, 3) are possible starts."""
+    """Raises InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
+    if not np.isfinite(row_of(parameters)).all():
+        raise InputError(f"the numbers of the ball are not finite: {parameters}")
     if attitudes.shape[1:] != (4,) or momenta.shape != (len(attitudes), 3):
         raise InputError(
             f"n starts are attitudes (n, 4) and momenta (n, 3), not {attitudes.shape} and "

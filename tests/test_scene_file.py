@@ -244,8 +244,8 @@ ATTITUDE = "attitude = [1.0, 0.0, 0.0, 0.0]\n"
         (
             ROTOR_INERTIA,
             "inertia = { axial = 0.023, transverse = 0.01 }",
-            "rotor1 is flatter than a disk: its axial inertia 0.023 exceeds twice the transverse 0.01 "
-            "by 0.003 kg m²",
+            "rotor1 is flatter than a disk: its axial inertia 0.023 exceeds twice the "
+            "transverse 0.01 by 0.003 kg m²",
         ),
         (
             ROTOR_INERTIA,

@@ -2,14 +2,23 @@
 
 import difflib
 import re
+import warnings
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from robotball.bodies import Ball, Frame, Rotor, Shell, thick_shell_inertia, thin_shell_inertia
+from robotball.bodies import (
+    Ball,
+    Frame,
+    Rotor,
+    Shell,
+    beyond_the_shell,
+    thick_shell_inertia,
+    thin_shell_inertia,
+)
 from robotball.drives import Servo, as_drive
-from robotball.errors import InputError
+from robotball.errors import InputError, SceneWarning
 from robotball.mjcf_body import frame_of_mjcf
 from robotball.parameters import parameters_of
 from robotball.rotations import Array
@@ -37,7 +46,8 @@ def catalog() -> list[str]:
 def load_scene(name: str | Path) -> Scene:
     """The scene of a catalog name, or of a path to a TOML file.
 
-    Raises InputError, with the file and the key, where there is none or it cannot be used.
+    Raises InputError, with the file and the key, where there is none or it cannot be used, and
+    warns of bodies that no workshop could build.
     """
     path = CATALOG / f"{name}.toml"
     if str(name) not in catalog():
@@ -55,7 +65,7 @@ def load_scene(name: str | Path) -> Scene:
     try:
         table = msgspec.toml.decode(text, type=SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
-        return _scene(path, table)
+        scene = _scene(path, table)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {_explained(str(error))}") from None
     except InputError as error:
@@ -64,6 +74,9 @@ def load_scene(name: str | Path) -> Scene:
     # many brackets.
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not TOML: {error}") from None
+    for line in beyond_the_shell(scene.ball):
+        warnings.warn(f"{scene.name}: {line}", SceneWarning, stacklevel=2)
+    return scene
 
 
 def _check_numbers(key: str, value: object) -> None:

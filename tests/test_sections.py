@@ -161,9 +161,7 @@ def test_fig11a_has_one_periodic_orbit() -> None:
     Closed to 1e-11, which period and multipliers follow to 1e-9.
     """
     settled = section(REGULAR, *section_starts(3.6, 0.6, F), count=200)
-    cycles = [
-        fixed_point(REGULAR, settled.L[0, i], settled.l[0, i], F) for i in (-1, -2)
-    ]
+    cycles = [fixed_point(REGULAR, settled.L[0, i], settled.l[0, i], F) for i in (-1, -2)]
     for cycle in cycles:
         assert cycle.period == pytest.approx(8.7432614, abs=1e-6)
         assert np.abs(cycle.multipliers) == pytest.approx([0.9281608] * 2, abs=1e-6)

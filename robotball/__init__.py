@@ -1,25 +1,32 @@
 """robotball: a rolling ball run twice, by the paper's equations and by MuJoCo."""
 
+from robotball.design import Design, design
 from robotball.errors import InputError
+from robotball.feasibility import Limits
 from robotball.motion import Diagnostics, Fault, Motion
 from robotball.reduced import integrate
 from robotball.scene import Scene, sample_times
 from robotball.scene_file import catalog, load_scene
+from robotball.scene_writer import scene_toml
 from robotball.settings import PRESETS, Settings, preset
 from robotball.simulate import simulate
 
 __all__ = [
     "PRESETS",
+    "Design",
     "Diagnostics",
     "Fault",
     "InputError",
+    "Limits",
     "Motion",
     "Scene",
     "Settings",
     "catalog",
+    "design",
     "integrate",
     "load_scene",
     "preset",
     "sample_times",
+    "scene_toml",
     "simulate",
 ]

@@ -21,7 +21,7 @@ from robotball.drives import Servo, as_drive
 from robotball.errors import InputError, SceneWarning
 from robotball.mjcf_body import frame_of_mjcf
 from robotball.parameters import parameters_of
-from robotball.rotations import Array
+from robotball.rotations import Array, normalised
 from robotball.scene import Scene
 from robotball.scene_start import start_of
 from robotball.scene_table import (
@@ -198,4 +198,4 @@ def _direction(name: str, v: Triple) -> Array:
     length = float(np.linalg.norm(v))
     if not (np.isfinite(length) and length > 0):
         raise InputError(f"{name} must have a length and a direction, unlike {list(v)}")
-    return np.array(v) / length
+    return normalised(np.array(v))

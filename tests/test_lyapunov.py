@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from robotball.compiled.kernels import Starts
+from robotball.compiled.systems import DEVIATION
 from robotball.errors import InputError
-from robotball.kernels import Starts
-from robotball.lyapunov import exponents, kaplan_yorke
 from robotball.parameters import Parameters
+from robotball.qualitative.lyapunov import exponents, kaplan_yorke
+from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array, rotation_matrix
-from robotball.sections import section_starts
-from robotball.systems import DEVIATION
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F
 
 BALLS = [pytest.param(CHAOTIC, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]

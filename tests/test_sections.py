@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from robotball.cycles import close
-from robotball.drift import drift
+from robotball.compiled.kernels import Starts, orbit
+from robotball.compiled.marching import TOO_MANY_STEPS
 from robotball.errors import InputError
-from robotball.kernels import Starts, orbit
-from robotball.marching import TOO_MANY_STEPS
 from robotball.parameters import Parameters
+from robotball.qualitative.cycles import close
+from robotball.qualitative.drift import drift
+from robotball.qualitative.sections import fixed_point, section, section_starts
 from robotball.rotations import Array, rotation_matrix
-from robotball.sections import fixed_point, section, section_starts
 from robotball.start import section_state
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F, ball
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from robotball import PRESETS, Motion, Scene, integrate, load_scene
-from robotball.model import Model, build
+from robotball.contact.model import Model, build
 from robotball.simulate import run
 
 SCENES = ("fig12", "classical_regular")

@@ -13,11 +13,11 @@ import heyoka as hy
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from robotball.kernels import Starts, orbit, orbits
+from robotball.compiled.kernels import Starts, orbit, orbits
+from robotball.compiled.systems import DEVIATION, PATH, RETURN
 from robotball.parameters import Parameters
+from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
-from robotball.sections import section, section_starts
-from robotball.systems import DEVIATION, PATH, RETURN
 from validation.heyoka_forms import Equations, batch, equations_of, level_equations, pars_of
 from validation.matched_error import Contender, Run, compare
 

@@ -30,10 +30,10 @@ from robotball import (
     sample_times,
     scene_toml,
 )
-from robotball.design import describe
-from robotball.explain import left_out
-from robotball.model import build
-from robotball.redesign import redesign
+from robotball.contact.explain import left_out
+from robotball.contact.model import build
+from robotball.designing.design import describe
+from robotball.designing.redesign import redesign
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
 from validation.runs import compare_all, film
 from validation.table import show

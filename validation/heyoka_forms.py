@@ -6,12 +6,12 @@ from typing import Any
 import heyoka as hy
 
 from robotball import equations as eq
+from robotball.compiled.kernels import Starts
+from robotball.compiled.steppers import BALL, LEVEL, ball_of
+from robotball.compiled.systems import Level, System
 from robotball.equations import Vector
-from robotball.kernels import Starts
 from robotball.parameters import Parameters
 from robotball.rotations import Array
-from robotball.steppers import BALL, LEVEL, ball_of
-from robotball.systems import Level, System
 
 Equations = list[tuple[Any, Any]]
 BALL_SIZE = LEVEL - BALL

@@ -84,6 +84,19 @@ def classical_angular_velocity(
     return diagonal(A, add(M_K, scale(Z, gamma)))
 
 
+def rubber_divergence(gamma: Vector, Omega: Vector, A: Vector) -> Scalar:
+    """-(Aγ, γ×Ω)/(Aγ,γ): the sum of the exponents of (3.2) is its time mean [1/s]."""
+    A_gamma = diagonal(A, gamma)
+    per_A_gamma_gamma = 1 / dot(A_gamma, gamma)
+    return per_A_gamma_gamma * dot(A_gamma, cross(Omega, gamma))
+
+
+def classical_divergence(gamma: Vector, Omega: Vector, A: Vector, I: Vector, d: Scalar) -> Scalar:
+    """(Aγ, γ×Ω)/(1/d - (Aγ,γ)): the sum of the exponents of (3.3) is its time mean [1/s]."""
+    A_gamma = diagonal(A, gamma)
+    return d * dot(A_gamma, cross(gamma, Omega)) / dot(diagonal(I, A_gamma), gamma)
+
+
 # Kinematics --------------------------------------------------------------------------------
 
 

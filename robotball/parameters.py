@@ -8,7 +8,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.bodies import Ball
-from robotball.equations import Vector
+from robotball.equations import Scalar, Vector
 from robotball.rotations import Array
 
 Rolling = Literal["rubber", "classical"]
@@ -45,6 +45,12 @@ class Parameters:
         if self.rolling == "rubber":
             return eq.rubber_angular_velocity(M, gamma, self.Omega, self.K, self.A)
         return eq.classical_angular_velocity(M, gamma, self.Omega, self.K, self.A, self.I, self.d)
+
+    def divergence(self, gamma: Vector) -> Scalar:
+        """The rate at which phase volume grows, 1/s; its time mean is the sum of the exponents."""
+        if self.rolling == "rubber":
+            return eq.rubber_divergence(gamma, self.Omega, self.A)
+        return eq.classical_divergence(gamma, self.Omega, self.A, self.I, self.d)
 
     def momentum(self, omega: Vector, gamma: Vector) -> Vector:
         """M(ω, γ): γ×L of (3.1) in the rubber model, L of section 3.2 in the classical one."""

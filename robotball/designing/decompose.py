@@ -11,7 +11,8 @@ and must make h = K + sΩ = Σ j φ̇ n. Let no rate exceed w, g = h/w, T = Σ j
 back, N = Σ j n nᵀ, has the trace T and N >= g gᵀ/T, so the best that they can do is to pour
 τ = T - |g|²/T on where Z = P - T E + g gᵀ/T is least. One rotor has T = |g|, τ = 0; two pour it
 all on one direction e. A third is of no use: where Z has two negative eigenvalues, their sum and τ
-grow as T falls. All of this is concave in (s, T): the search goes uphill on one, then the other.
+together grow as T falls. All bounds are concave in (s, T), and very nearly so along T = |g(s)|: the
+search goes uphill on s, and for each s on T.
 
 Units here: the trace of A⁻¹ is 1 [kg m²], the shell's radius 1 m.
 """
@@ -97,9 +98,7 @@ def share(wanted: Wanted, frame_radius: float) -> Share | None:
 
     Among those of as many rotors it is the one that keeps all bounds by the largest margin.
     """
-    # Rates without a bound make any rotor light enough: a second one could not help.
-    most = 1 if np.isinf(wanted.speed) else MOST_ROTORS
-    for n in range(most + 1):
+    for n in _rotor_counts(wanted):
         s, T, margin = _best(wanted, n, frame_radius)
         if margin > LEAST_MARGIN:
             return _bodies(wanted, n, s, T, margin)
@@ -108,7 +107,7 @@ def share(wanted: Wanted, frame_radius: float) -> Share | None:
 
 def largest_margin(wanted: Wanted, frame_radius: float) -> float:
     """How far a share can keep all bounds, of the trace of A⁻¹; negative where it misses some."""
-    return max(_best(wanted, n, frame_radius)[2] for n in range(MOST_ROTORS + 1))
+    return max(_best(wanted, n, frame_radius)[2] for n in _rotor_counts(wanted))
 
 
 def least_speed(wanted: Wanted, frame_radius: float) -> float:
@@ -135,6 +134,11 @@ def least_frame_radius(wanted: Wanted) -> float:
 
     largest = 1 / wanted.frame_radius
     return float(1 / brentq(margin, 0.0, largest, rtol=1e-4, xtol=1e-4 * largest))
+
+
+def _rotor_counts(wanted: Wanted) -> range:
+    # Rates without a bound make any rotor light enough: a second one could not help.
+    return range(2 if np.isinf(wanted.speed) else 1 + MOST_ROTORS)
 
 
 def _best(wanted: Wanted, n: int, frame_radius: float) -> tuple[float, float, float]:

@@ -120,7 +120,7 @@ def design(
     found = share(wanted, needed)
     if found is None and not limits.buildable and largest_margin(wanted, math.inf) > LEAST_MARGIN:
         needed = least_frame_radius(wanted)
-        found = share(wanted, WIDER * needed)
+        found = share(wanted, WIDER * needed) or share(wanted, math.inf)
     if found is None:
         raise refusal(wanted, limits, radius, unit)
     ball, rates = _ball(found, B, Omega, K, radius, limits)

@@ -14,7 +14,7 @@ from robotball.errors import InputError
 from robotball.flatten import Tape, at, lane_function
 from robotball.kernels import Starts, orbit, orbits, speed_bound, start_of
 from robotball.marching import COLLAPSED, TOO_MANY_STEPS
-from robotball.parameters import Parameters
+from robotball.parameters import Parameters, as_vector
 from robotball.rotations import Array, rotation_matrix
 from robotball.sections import section_starts
 from robotball.steppers import dop853
@@ -86,8 +86,8 @@ def test_dual_numbers_give_the_divergence(ball: Parameters) -> None:
         M -= (M * gamma).sum(axis=0) * gamma
     vertical, momentum = (gamma[0], gamma[1], gamma[2]), (M[0], M[1], M[2])
     trace = np.zeros(100)
-    for i, axis in enumerate(np.eye(3).tolist()):
-        moved = [along(v, eq.cross(v, tuple(axis))) for v in (momentum, vertical)]
+    for i, axis in enumerate(np.eye(3)):
+        moved = [along(v, eq.cross(v, as_vector(axis))) for v in (momentum, vertical)]
         trace += slopes(ball.angular_velocity(*moved))[i]
     A_gamma = eq.diagonal(ball.A, vertical)
     omega = ball.angular_velocity(momentum, vertical)

@@ -20,6 +20,7 @@ from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError, catalog, load_scene, preset, sample_times
 from robotball.model import build
+from validation.commands_paper import Paper
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
 from validation.runs import compare_all, film
 from validation.table import show
@@ -146,7 +147,7 @@ class Demo:
         return AGREES
 
 
-Command = Scenes | Compare | Video | Model | Demo
+Command = Scenes | Compare | Video | Model | Demo | Paper
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -32,8 +32,9 @@ class Residual:
         return None if self.printed is None else abs(self.printed)
 
     def __str__(self) -> str:
-        printed = "" if self.printed is None else f"printed {self.printed:.2g}, corrected "
-        return f"{printed}{self.corrected:.2g}, bound {self.bound:.2g} {self.unit}".rstrip()
+        printed = "" if self.printed is None else f"printed {self.printed:.3g}, corrected "
+        bound = "" if self.bound == 0 else f", bound {self.bound:.1g}"
+        return f"{printed}{self.corrected:.2g}{bound} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -59,9 +60,10 @@ class Value:
         return None if self.printed is None else abs(self.measured - self.printed)
 
     def __str__(self) -> str:
-        printed = "stated" if self.printed is None else f"printed {self.printed:.6g}, corrected"
-        said = f"{printed} {self.corrected:.6g} ± {self.bound:.2g} {self.unit}".rstrip()
-        return f"measured {self.measured:.6g}; {said}"
+        printed = "" if self.printed is None else f"printed {self.printed:g}, corrected "
+        bound = "" if self.bound == 0 else f" ± {self.bound:.1g}"
+        stated = f"{printed}{self.corrected:.6g}{bound} {self.unit}".rstrip()
+        return f"{stated}; is {self.measured:.6g}"
 
 
 Evidence = Residual | Value

@@ -137,9 +137,7 @@ def kappa_at(j: int, K3: float) -> Value:
 
 def ten_fixed_points() -> Residual:
     """Fig. 6: how many fixed points are missing, or of another kind."""
-    stated = Counter(
-        {"saddle": 4, "stable focus": 2, "unstable node": 2, "slow stable focus": 2}
-    )
+    stated = Counter({"saddle": 4, "stable focus": 2, "unstable node": 2, "slow stable focus": 2})
     found = Counter(point.kind for point in fixed_points(with_K3(0.3)))
     return Residual(((found - stated) + (stated - found)).total(), bound=0, unit="of 10 off")
 
@@ -264,16 +262,20 @@ def unstable_cycle(name: str, stated: float) -> Value:
     return Value(period, corrected=stated, bound=10 ** (np.floor(np.log10(stated)) - 5), unit="s")
 
 
-LOST_START = "the rest of the start is lost, so that nothing tests it"
+LOST_START = "the rest of the start is lost: nothing to test it by"
 
 CLAIMS = (
     Claim("4", "from rest, M stays zero", stays_without_momentum),
     Claim("E10, 4.1", "ν = atan2(Ω₃, Ωⱼ), not arcsin(Ω₃²/√…)", angles),
     Claim("E11, 4.1", "θ₃ = -(…)/2 + π/2, not -(…)/2 · π", second_angles),
-    Claim("E12, 4.1", "0 < |κ| < 1 brings four fixed points, not 0 < κ < 1", number_of_fixed_points),
+    Claim(
+        "E12, 4.1", "0 < |κ| < 1 brings four fixed points, not 0 < κ < 1", number_of_fixed_points
+    ),
     Claim("4.1", "|κ₁| = 1 at K₃ = 0.51503", lambda: kappa_at(J_OF_KAPPA_1, 0.51503)),
     Claim("4.1", "|κ₂| = 1 at K₃ = 2.08207", lambda: kappa_at(J_OF_KAPPA_2, 2.08207)),
-    Claim("4.1", "four of ten fixed points vanish there", lambda: vanishing_at(0.4, 0.6, 10, 0.51503)),
+    Claim(
+        "4.1", "four of ten fixed points vanish there", lambda: vanishing_at(0.4, 0.6, 10, 0.51503)
+    ),
     Claim("4.1", "and four of six there", lambda: vanishing_at(2.0, 2.2, 6, 2.08207)),
     Claim(
         "E6, Prop. 2",

@@ -22,8 +22,9 @@ UNBUILDABLE = ("fig05b", "fig05c", "fig05d", "fig06", "fig07", "fig08", "fig10",
 def turned_angular_velocity() -> Residual:
     """ω̂ = PŵPᵀ + ṖPᵀ, with ω̂α = α×ω as in dα/dt = α×ω, and P from the shell's to frame axes.
 
-    A vector fixed in space is α_s in the shell's axes and α = Pα_s in the frame's. As printed,
-    PᵀŵP + PᵀṖ, it is tried for either sense of P, and the better one counts.
+    A vector fixed in space is α_s in the shell's axes and α = Pα_s in the frame's. What the paper
+    calls P and ^ is lost; its dα/dt = α×ω is taken for ^. As printed, PᵀŵP + PᵀṖ, it is tried for
+    either sense of P, and the better one counts.
     """
     random = np.random.default_rng(4)
     P, shell = (np.linalg.qr(random.normal(size=(3, 3)))[0] for _ in range(2))
@@ -151,7 +152,7 @@ def one_rotor() -> Residual:
 
 
 CLAIMS = (
-    Claim("E19, (A.2)", "PŵPᵀ + ṖPᵀ, not PᵀŵP + PᵀṖ", turned_angular_velocity),
+    Claim("E19, (A.2)", "PŵPᵀ + ṖPᵀ, not PᵀŵP + PᵀṖ, where ω̂α = α×ω", turned_angular_velocity),
     Claim("E20, App. A", "μ_i, not m_i", "a name: nothing to compute"),
     Claim("(A.3)", "k = Σ jφ̇n - J_sΩ, K = k - dΩ: M stays", gyrostatic_momentum),
     Claim("E21, (A.3)", "plus Steiner terms where a rotor is off centre", steiner_terms),
@@ -161,7 +162,7 @@ CLAIMS = (
     Claim(
         "Figs 5-8", "0.4255; m ≤ 7/6, below Σb/5", lambda: limits("fig06", 0.4255, 1.5667, 7 / 6)
     ),
-    Claim("Figs 9, 10", "0.4762; m ≤ 1/3, below Σb/5", lambda: limits("fig10", 0.4762, 1.4, 1 / 3)),
+    Claim("Figs 9-10", "0.4762; m ≤ 1/3, below Σb/5", lambda: limits("fig10", 0.4762, 1.4, 1 / 3)),
     Claim("Figs 5-14", "only the balls of 11 to 14 can be built", buildable),
     Claim("App. A", "one rotor is enough, along K + (J_s + d)Ω", one_rotor),
 )

@@ -48,8 +48,7 @@ def show_findings(findings: Sequence[Finding], console: Console) -> None:
 def summary(findings: Sequence[Finding]) -> str:
     """How many claims met which verdict."""
     counts = Counter(each.verdict for each in findings)
-    parts = (f"{counts[verdict]} {verdict}" for verdict in get_args(Verdict))
-    return f"{len(findings)} claims: {', '.join(parts)}"
+    return ", ".join(f"{verdict}: {counts[verdict]}" for verdict in get_args(Verdict))
 
 
 def record(finding: Finding) -> dict[str, Any]:

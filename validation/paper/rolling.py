@@ -239,9 +239,9 @@ CLAIMS = (
     Claim("(3.2)", "ω(M, γ) of the rubber ball", rubber_velocity),
     Claim("E5, 3.3", "ω(M, γ) of the classical ball: (3.3), not (3.2)", classical_velocity),
     Claim("3.3", "α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²)", space_axes),
-    Claim("3, energy", "rubber: dE/dt = -(Ω, (A⁻¹ω + K)×ω)", lambda: energy_balance(RUBBER)),
-    Claim("3, energy", "classical: the same", lambda: energy_balance(CLASSICAL)),
+    Claim("3", "rubber: dE/dt = -(Ω, (A⁻¹ω + K)×ω)", lambda: energy_balance(RUBBER)),
+    Claim("3", "classical: the same balance of work", lambda: energy_balance(CLASSICAL)),
     Claim("Remark 5", "E is an integral of the axisymmetric ball", integral_of_energy),
-    Claim("3, reverse", "rubber: (γ, M, t) → (Dγ, -DM, -t)", lambda: reversed_path("rubber")),
-    Claim("3, reverse", "classical: (γ, M, t) → (Dγ, DM, -t)", lambda: reversed_path("classical")),
+    Claim("3", "rubber: (γ, M, t) → (Dγ, -DM, -t)", lambda: reversed_path("rubber")),
+    Claim("3", "classical: (γ, M, t) → (Dγ, DM, -t)", lambda: reversed_path("classical")),
 )

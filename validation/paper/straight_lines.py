@@ -168,7 +168,7 @@ CLAIMS = (
         "c₁K×Ω - c₂Ω²K, not c₁Ω×K + c₂Ω²",
         "Ω² is no vector, and what goes with c₁ and c₂ is lost",
     ),
-    Claim("E14, (5.4)", "c₁²K⁴, not c₁K⁴: M² = c₁²K⁴Ω²", momentum_of_lines),
+    Claim("E14, (5.4)", "c₁²K⁴, not c₁K⁴: M² = c₁²K⁴Ω² (derived)", momentum_of_lines),
     Claim("E15, 5.1", "dY/dt = -a|Ω| for σ and + for δ, not the reverse", direction),
     Claim("E16, Fig. 10", "σ₋ and δ₊ are stable for f < 2.0806, not at 3", limit),
     Claim("Fig. 10", "that limit does not depend on Ω₃", limit_for_any_turning),

@@ -14,7 +14,8 @@ from validation.results import writable_file
 class Paper:
     """Check every claim of the paper by computation, misprints included.
 
-    Exit status 0 where all that can be checked holds, as printed or as corrected.
+    Takes half a minute; the first time, another to compile. Exit status 0 where all that can be
+    checked holds, as printed or as corrected.
     """
 
     json: DisallowNone[Annotated[Path | None, arg(metavar="FILE")]] = None

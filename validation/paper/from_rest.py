@@ -34,13 +34,13 @@ from validation.paper.claim import Claim, Residual, Value
 from validation.paper.engine import largest, seen
 
 TOP, BOTTOM = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])  # Γ₅, Γ₆
-J_OF_KAPPA_1, J_OF_KAPPA_2 = 1, 0
+J_OF_KAPPA_1, J_OF_KAPPA_2 = 1, 0  # counted from 0
 DRAWN = 400  # balls with random A, Ω, K₃
 
 
 @cache
 def drawn_balls() -> tuple[Parameters, ...]:
-    """Balls with K = (0, 0, K₃) and numbers of either sign; |Ω₃| < 1, which no claim depends on."""
+    """Balls with K = (0, 0, K₃) and numbers of either sign; |Ω₃| < 1, for E10's printed arcsin."""
     random = np.random.default_rng(1)
     balls = []
     for _ in range(DRAWN):
@@ -98,7 +98,7 @@ def angles() -> Residual:
 
     corrected = max(off(ball, j, nu(ball, j)) for ball, j in circles())
     printed = max(off(ball, j, printed_nu(ball, j)) for ball, j in circles())
-    return Residual(corrected, bound=1e-13, printed=printed)  # rounding: measured 2e-15
+    return Residual(corrected, bound=1e-13, printed=printed)  # rounding: measured 1e-16
 
 
 def second_angles() -> Residual:
@@ -132,7 +132,7 @@ def number_of_fixed_points() -> Residual:
 def vanishing_at(low: float, high: float, more: int, stated: float) -> Value:
     """The K₃ at which the number of fixed points falls below `more`, by bisection."""
     found = bisect(lambda K3: len(fixed_points(with_K3(K3))) - more + 0.5, low, high, xtol=1e-6)
-    # Points are told apart until 1e-9 of an eigenvalue, its root's distance in K₃ is far below.
+    # Stated to five digits after the point; found to 1e-6.
     return Value(found, corrected=stated, bound=1e-5, unit="kg m²/s")
 
 

@@ -169,14 +169,12 @@ class Ball:
         return np.stack([shell, *(each.axial_inertia * each.axis for each in self.rotors)], axis=1)
 
 
-def check_balanced(ball: Ball) -> None:
-    """Raises InputError where the centre of mass is not at the centre of the sphere."""
+def imbalance(ball: Ball) -> str | None:
+    """One line where the centre of mass is not at the centre of the sphere, else None."""
     offset = float(np.linalg.norm(ball.centre_of_mass))
-    if not offset <= ROUNDING * ball.radius:
-        raise InputError(
-            f"the ball is not balanced: its centre of mass is {offset:.6g} m from the centre of "
-            "the sphere, where the equations need it; MuJoCo alone can roll it (robotball.simulate)"
-        )
+    if offset <= ROUNDING * ball.radius:
+        return None
+    return f"the ball is not balanced: its centre of mass is {offset:.6g} m off the sphere's centre"
 
 
 def beyond_the_shell(ball: Ball) -> list[str]:

@@ -232,6 +232,11 @@ def as_drive(rate: Rate) -> Drive:
     return drive
 
 
+def turns(drive: Drive) -> bool:
+    """Whether the hinge turns at all; a body whose rate is zero for good is fixed, motorless."""
+    return drive != Constant(0.0)
+
+
 def _each(function: Callable[[float], float], t: Time) -> Any:
     if np.ndim(t) == 0:
         return function(float(t))

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.drives import Constant, Drive, Servo
+from robotball.drives import Constant, Drive, Servo, turns
 from robotball.scene import Scene
 from robotball.settings import Prescribed, Settings
 
@@ -48,7 +48,7 @@ class Hinge:
 
 
 def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
-    """The hinges that turn; a body whose rate is zero for good is fixed to its parent."""
+    """The hinges that turn; any other body is fixed to its parent."""
     motors = scene.motors or (None,) * len(scene.drives)
     return tuple(
         Hinge(
@@ -59,5 +59,5 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
             largest_rate=float(np.abs(drive.rate(scene.times)).max()) or 1.0,
         )
         for index, (drive, motor) in enumerate(zip(scene.drives, motors, strict=True))
-        if motor or drive != Constant(0.0)
+        if motor or turns(drive)
     )

@@ -3,6 +3,7 @@
 import numpy as np
 
 from robotball import equations as eq
+from robotball.drives import turns
 from robotball.motion import Loads
 from robotball.parameters import as_vector
 from robotball.rotations import Array
@@ -44,12 +45,13 @@ def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
     shell_momentum_rate = shell_inertia @ turning_rate + _cross(w, shell_inertia @ turning)
     from_plane = spin_torque * gamma - ball.radius * _cross(gamma, force)
     frame_torque = hinges[:, 0] @ (from_plane - shell_momentum_rate)
+    moving = np.array([turns(drive) for drive in scene.drives])
     rotor_inertias = np.array([rotor.axial_inertia for rotor in ball.rotors])[:, None]
     rotor_torques = rotor_inertias * (hinges[:, 1:].T @ omega_rate + accelerations[1:])
     return Loads(
         contact_force=np.einsum("nij,jn->ni", axes, force),
         spin_torque=spin_torque,
-        motor_torques=np.column_stack([frame_torque, rotor_torques.T]),
+        motor_torques=np.column_stack([frame_torque, rotor_torques.T]) * moving,
     )
 
 

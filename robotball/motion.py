@@ -52,7 +52,7 @@ class Loads:
     contact_force  (n, 3)  N, world: of the plane on the shell, the normal force last
     spin_torque    (n,)    N m: λ₀, of the plane on the shell about the vertical
     motor_torques  (n, h)  N m: of the shell on the frame and of the frame on the rotors, along
-                           the hinges
+                           the hinges; 0 where a hinge never turns
     """
 
     contact_force: Array

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from robotball import equations as eq
-from robotball.bodies import check_balanced
+from robotball.bodies import imbalance
 from robotball.errors import InputError
 from robotball.loads import loads_of
 from robotball.motion import Motion
@@ -27,7 +27,8 @@ def integrate(scene: Scene, times: Array | None = None, rtol: float = TOLERANCE)
     not balanced, and where the equations run into a singularity.
     """
     times = scene.times if times is None else check_times(times)
-    check_balanced(scene.ball)
+    if offset := imbalance(scene.ball):
+        raise InputError(f"{offset}, where the equations need it; MuJoCo alone can roll it")
     states = _solve(scene, times, rtol)
     attitude = states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True)
     axes = rotation_matrix(attitude)

@@ -2,22 +2,33 @@
 
 import difflib
 import re
+import warnings
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from robotball.bodies import Ball, Frame, Rotor, Shell, thick_shell_inertia, thin_shell_inertia
-from robotball.drives import Servo, as_drive
-from robotball.errors import InputError
+from robotball.bodies import (
+    Ball,
+    Frame,
+    Rotor,
+    Shell,
+    beyond_the_shell,
+    thick_shell_inertia,
+    thin_shell_inertia,
+)
+from robotball.design import Design, design
+from robotball.drives import Rate, Servo, as_drive
+from robotball.errors import InputError, SceneWarning
 from robotball.mjcf_body import frame_of_mjcf
 from robotball.parameters import parameters_of
-from robotball.rotations import Array
+from robotball.rotations import Array, normalised
 from robotball.scene import Scene
 from robotball.scene_start import start_of
 from robotball.scene_table import (
     FrameTable,
     HingeTable,
+    NumbersTable,
     RotorTable,
     SceneTable,
     ShellTable,
@@ -37,7 +48,8 @@ def catalog() -> list[str]:
 def load_scene(name: str | Path) -> Scene:
     """The scene of a catalog name, or of a path to a TOML file.
 
-    Raises InputError, with the file and the key, where there is none or it cannot be used.
+    Raises InputError, with the file and the key, where there is none or it cannot be used, and
+    warns of bodies that no workshop could build.
     """
     path = CATALOG / f"{name}.toml"
     if str(name) not in catalog():
@@ -55,7 +67,7 @@ def load_scene(name: str | Path) -> Scene:
     try:
         table = msgspec.toml.decode(text, type=SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
-        return _scene(path, table)
+        scene = _scene(path, table)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {_explained(str(error))}") from None
     except InputError as error:
@@ -64,6 +76,9 @@ def load_scene(name: str | Path) -> Scene:
     # many brackets.
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not TOML: {error}") from None
+    for line in beyond_the_shell(scene.ball):
+        warnings.warn(f"{scene.name}: {line}", SceneWarning, stacklevel=2)
+    return scene
 
 
 def _check_numbers(key: str, value: object) -> None:
@@ -94,18 +109,7 @@ def _explained(message: str) -> str:
 
 
 def _scene(path: Path, table: SceneTable) -> Scene:
-    if table.shell is None or table.frame is None:
-        missing = "shell" if table.shell is None else "frame"
-        raise InputError(f"key {missing!r} is missing")
-    ball = Ball(
-        shell=_shell(table.shell),
-        frame=_frame(table.frame, path.parent),
-        rotors=tuple(_rotor(i, rotor) for i, rotor in enumerate(table.rotor, start=1)),
-    )
-    hinges: list[HingeTable] = [table.frame, *table.rotor]
-    names = ["frame", *(f"rotor[{i}]" for i in range(len(table.rotor)))]
-    motors = [_motor(name, hinge) for name, hinge in zip(names, hinges, strict=True)]
-    rates = [hinge.rate for hinge in hinges]
+    ball, rates, motors = _parts(table, path.parent)
     at_start = parameters_of(ball, table.rolling, [float(as_drive(r).rate(0.0)) for r in rates])
     return Scene(
         name=path.stem,
@@ -120,6 +124,35 @@ def _scene(path: Path, table: SceneTable) -> Scene:
         gravity=table.gravity,
         motors=tuple(motors) if any(motors) else (),
     )
+
+
+def _parts(table: SceneTable, folder: Path) -> tuple[Ball, list[Rate], list[Servo | None]]:
+    """The ball, its hinges' rates and their motors: as given, or designed for given numbers."""
+    if table.numbers is not None:
+        if table.shell or table.frame or table.rotor:
+            raise InputError("a scene takes bodies or numbers, not both")
+        found = design_of(table.numbers)
+        return found.ball, [found.frame_rate, *found.rotor_rates], []
+    if table.shell is None or table.frame is None:
+        missing = "frame" if table.shell else "shell"
+        raise InputError(f"key {missing!r} is missing; a scene takes shell and frame, or numbers")
+    ball = Ball(
+        shell=_shell(table.shell),
+        frame=_frame(table.frame, folder),
+        rotors=tuple(_rotor(i, rotor) for i, rotor in enumerate(table.rotor, start=1)),
+    )
+    hinges: list[HingeTable] = [table.frame, *table.rotor]
+    names = ["frame", *(f"rotor[{i}]" for i in range(len(table.rotor)))]
+    motors = [_motor(name, hinge) for name, hinge in zip(names, hinges, strict=True)]
+    return ball, [hinge.rate for hinge in hinges], motors
+
+
+def design_of(numbers: NumbersTable) -> Design:
+    """The bodies for a [numbers] table; raises InputError where there are none."""
+    size = {isinstance(row, tuple) for row in numbers.A}
+    if len(numbers.A) != 3 or len(size) != 1:
+        raise InputError("numbers.A takes a diagonal of three, or three rows of three")
+    return design(np.array(numbers.A), numbers.Omega, numbers.K, numbers.radius, numbers.mass)
 
 
 def _shell(table: ShellTable) -> Shell:
@@ -185,4 +218,4 @@ def _direction(name: str, v: Triple) -> Array:
     length = float(np.linalg.norm(v))
     if not (np.isfinite(length) and length > 0):
         raise InputError(f"{name} must have a length and a direction, unlike {list(v)}")
-    return np.array(v) / length
+    return normalised(np.array(v))

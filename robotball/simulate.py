@@ -1,12 +1,15 @@
 """Scene + Settings → Motion by MuJoCo."""
 
 import time
+import warnings
 from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
+from robotball.bodies import imbalance
 from robotball.control import Control, controlled
+from robotball.errors import SceneWarning
 from robotball.model import Model, build
 from robotball.motion import Diagnostics, Fault, Motion
 from robotball.readings import Readings
@@ -31,9 +34,12 @@ def simulate(
     times: (n,) s, increasing from 0; the scene's own if None. Steps end on them, and are never
     longer than the settings' timestep. settings: a preset's name or Settings. progress is called
     with the simulated fraction. A run that diverges ends there, with fewer times and the fault.
-    Raises InputError on unusable times or an unknown preset.
+    Raises InputError on unusable times or an unknown preset, and warns of a ball that is not
+    balanced: it rolls, but there are no equations to compare it with.
     """
     times = scene.times if times is None else check_times(times)
+    if offset := imbalance(scene.ball):
+        warnings.warn(f"{offset}; no equations describe it", SceneWarning, stacklevel=2)
     settings = preset(settings) if isinstance(settings, str) else settings
     return run(build(scene, settings), times, progress)
 

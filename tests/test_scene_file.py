@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import robotball as rb
 from robotball.rotations import rotation_matrix
 from robotball.scene_file import CATALOG
+from tests.scenes import FOUR
 
 FIG12 = (CATALOG / "fig12.toml").read_text()
 CLASSICAL = (CATALOG / "classical_regular.toml").read_text()
@@ -65,11 +66,11 @@ def refusal(path: Path | str) -> str:
 
 def test_catalog_has_the_papers_scenes_and_all_of_it_loads() -> None:
     """Every catalog scene loads by its name and by its path, to the same scene."""
-    assert rb.catalog() == ["classical_regular", "fig12", "fig13", "fig14"]
+    assert set(FOUR) < set(rb.catalog())
     for name in rb.catalog():
         by_name, by_path = rb.load_scene(name), rb.load_scene(CATALOG / f"{name}.toml")
         assert by_name.name == by_path.name == name
-        assert by_name.parameters == by_path.parameters
+        assert by_name.parameters_at(1.0) == by_path.parameters_at(1.0)
         np.testing.assert_array_equal(by_name.start.momentum, by_path.start.momentum)
 
 
@@ -157,7 +158,7 @@ def test_rest_is_no_momentum(write: Write, text: str) -> None:
 def test_unknown_name_is_answered_by_the_nearest() -> None:
     """A misspelt catalog name gets its near matches, a wild one the whole catalog."""
     assert re.search("no scene is called 'fig21'; did you mean .*fig12", refusal("fig21"))
-    assert "there are ['classical_regular', 'fig12', 'fig13', 'fig14']" in refusal("zzzz")
+    assert f"there are {rb.catalog()}" in refusal("zzzz")
 
 
 def test_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:

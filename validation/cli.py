@@ -6,8 +6,10 @@ Exit status: 0 agreement within the stated bound, 1 not, 2 bad input.
 import contextlib
 import io
 import logging
+import math
 import re
 import sys
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +20,20 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import DisallowNone, Positional, arg
 
-from robotball import InputError, catalog, load_scene, preset, sample_times
+from robotball import (
+    InputError,
+    Limits,
+    SceneWarning,
+    catalog,
+    load_scene,
+    preset,
+    sample_times,
+    scene_toml,
+)
+from robotball.design import describe
+from robotball.explain import left_out
 from robotball.model import build
+from robotball.redesign import redesign
 from validation.commands_paper import Paper
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
 from validation.runs import compare_all, film
@@ -122,14 +136,53 @@ class Model:
     """MuJoCo settings to write into it."""
     out: File = None
     """Write it to this file instead."""
+    explain: bool = False
+    """Say instead what the model leaves out, and why."""
 
     def run(self) -> int:
-        xml = build(load_scene(self.scene), preset(self.preset)).xml
+        scene, settings = load_scene(self.scene), preset(self.preset)
+        if self.explain:
+            print(f"{scene.name}, {settings.name}: not in the model:")
+            print(*(f"  {line}" for line in left_out(scene, settings)), sep="\n")
+            return AGREES
+        xml = build(scene, settings).xml
         if self.out is None:
             print(xml)
         else:
             with replacing(writable_file(self.out)) as temporary:
                 temporary.write_text(xml)
+        return AGREES
+
+
+@dataclass(frozen=True)
+class Design:
+    """Find bodies for a scene's A, Ω and K: print them, and write a scene that has them."""
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    mass: DisallowNone[Annotated[float | None, arg(metavar="KG")]] = None
+    """Mass of the ball; the best one if not given."""
+    rotor_speed: Annotated[float, arg(metavar="RAD/S")] = math.inf
+    """The fastest that a rotor may turn."""
+    frame_radius: DisallowNone[Annotated[float | None, arg(metavar="M")]] = None
+    """Within which the frame must lie; the shell's if not given."""
+    shell_thickness: Annotated[float, arg(metavar="M")] = 0.0
+    """Of a homogeneous shell; 0 for a thin one."""
+    out: Path = OUT
+    """Folder for the scene."""
+
+    def run(self) -> int:
+        scene = load_scene(self.scene)
+        limits = Limits(
+            rotor_speed=self.rotor_speed,
+            frame_radius=self.frame_radius,
+            shell_thickness=self.shell_thickness,
+        )
+        found, designed = redesign(scene, self.mass, limits)
+        path = writable_folder(self.out) / f"{designed.name}.toml"
+        with replacing(path) as temporary:
+            temporary.write_text(scene_toml(designed))
+        print(describe(found), path, sep="\n")
         return AGREES
 
 
@@ -147,13 +200,15 @@ class Demo:
         return AGREES
 
 
-Command = Scenes | Compare | Video | Model | Demo | Paper
+Command = Scenes | Compare | Video | Model | Design | Demo | Paper
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
     # The watch on every run reports what MuJoCo would only log.
     logging.getLogger("absl").setLevel(logging.ERROR)
+    warnings.simplefilter("always", SceneWarning)
+    warnings.showwarning = _show_warning
     try:
         status = parse(arguments).run()
     except InputError as error:
@@ -162,6 +217,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         status = 130
     sys.exit(status)
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"robotball: warning: {message}", file=sys.stderr)
 
 
 def parse(arguments: Sequence[str] | None) -> Command:

@@ -6,6 +6,7 @@ import numpy as np
 
 from robotball import InputError, Scene, load_scene
 from robotball.bodies import Ball, Frame, Rotor, beyond_the_shell, check_inertia
+from robotball.feasibility import masses_allowed
 from robotball.parameters import as_vector
 from robotball.rotations import Array
 from robotball.start import along_momentum, section_state
@@ -93,7 +94,7 @@ def triangle_inequality() -> Residual:
     for _ in range(1000):
         b = random.uniform(1.0, 3.0, 3)
         d = random.uniform(0.0, b.min())
-        wrong += (d <= b.sum() - 2 * b.max()) != is_an_inertia(np.diag(b - d))
+        wrong += (d <= masses_allowed(np.diag(b), 1.0)[1]) != is_an_inertia(np.diag(b - d))
     return Residual(wrong, bound=0, unit="of 1000 wrong")
 
 
@@ -116,15 +117,16 @@ def mass_inside() -> Residual:
         r *= [1.0, 1.0, random.uniform()]
         d = masses.sum()  # a = 1
         I = np.eye(3) * (masses @ (r * r).sum(axis=1)) - np.einsum("n,ni,nj->ij", masses, r, r)
+        least, most = masses_allowed(I + d * np.eye(3), 1.0)
         b = np.linalg.eigvalsh(I) + d
-        wrong += not (b.sum() / 5 <= d <= b.sum() - 2 * b.max() and b.max() <= 0.4 * b.sum())
+        wrong += not (least <= d <= most and b.max() <= 0.4 * b.sum())
     return Residual(wrong, bound=0, unit="of 1000 wrong")
 
 
 def limits(name: str, share: float, least: float, most: float) -> Residual:
     """max b/Σb, Σb/5 and Σb - 2 max b of a figure's A, beside what is stated."""
     b = 1 / np.array(load_scene(name).parameters.A)
-    found = np.array([b.max() / b.sum(), b.sum() / 5, b.sum() - 2 * b.max()])
+    found = np.array([b.max() / b.sum(), *masses_allowed(np.diag(b), 1.0)])
     # The numbers are stated to three or four digits.
     return Residual(float(np.abs(found - [share, least, most]).max()), bound=5e-4)
 

@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 import robotball as rb
 from robotball import Design, Limits, design
 from robotball.bodies import thick_shell_inertia, thin_shell_inertia
-from robotball.decompose import two_rings
-from robotball.design import WIDER, describe
+from robotball.designing.decompose import two_rings
+from robotball.designing.design import WIDER, describe
 from robotball.rotations import Array
 from tests.random_balls import RandomBall, random_axis, random_ball, ring_ball
 from validation import compare

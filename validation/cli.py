@@ -34,6 +34,7 @@ from robotball.contact.explain import left_out
 from robotball.contact.model import build
 from robotball.designing.design import describe
 from robotball.designing.redesign import redesign
+from validation.commands_paper import Paper
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
 from validation.runs import compare_all, film
 from validation.table import show
@@ -199,7 +200,7 @@ class Demo:
         return AGREES
 
 
-Command = Scenes | Compare | Video | Model | Design | Demo
+Command = Scenes | Compare | Video | Model | Design | Demo | Paper
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

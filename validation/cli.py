@@ -207,7 +207,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
     # The watch on every run reports what MuJoCo would only log.
     logging.getLogger("absl").setLevel(logging.ERROR)
-    warnings.simplefilter("always", SceneWarning)
+    warnings.simplefilter("once", SceneWarning)
     warnings.showwarning = _show_warning
     try:
         status = parse(arguments).run()

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robotball.errors import InputError
+from robotball.errors import InputError, check_positive
 from robotball.rotations import Array
 
 # How far, relative to its largest part, an inertia may miss a condition by rounding alone.
@@ -74,9 +74,9 @@ class Ball:
     rotors: tuple[Rotor, ...]
 
     def __post_init__(self) -> None:
-        _check_positive("the shell's radius", self.shell.radius, "m")
+        check_positive("the shell's radius", self.shell.radius, "m")
         for name, body in self.named_bodies:
-            _check_positive(f"{name}'s mass", body.mass, "kg")
+            check_positive(f"{name}'s mass", body.mass, "kg")
             check_inertia(name, body.inertia)
         for name, body in self.named_bodies:
             if not isinstance(body, Frame):
@@ -112,19 +112,16 @@ class Ball:
 
         Axes that are principal already are kept as they are, in their own order.
         """
-        diagonal = np.diag(self.inertia)
-        off_diagonal = self.inertia - np.diag(diagonal)
-        if np.abs(off_diagonal).max() <= 1e-14 * diagonal.sum():
-            return diagonal.copy(), np.eye(3)
-        decomposed = np.linalg.eigh(self.inertia)
-        moments: Array = decomposed.eigenvalues
-        axes: Array = decomposed.eigenvectors
-        return moments, axes * np.sign(np.linalg.det(axes))
+        moments = np.diag(self.inertia)
+        if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
+            return moments.copy(), np.eye(3)
+        moments, axes = np.linalg.eigh(self.inertia)
+        return moments, axes if np.linalg.det(axes) > 0 else -axes
 
     @cached_property
     def A(self) -> Array:
         """(I + d E)⁻¹ (3, 3) in frame axes [1/(kg m²)]."""
-        return np.linalg.inv(self.inertia + self.d * np.eye(3))
+        return np.linalg.inv(self.inertia + self.d * np.eye(3)).astype(np.float64)
 
     def gyrostatic_momentum(self, frame_rate: float, rotor_rates: tuple[float, ...]) -> Array:
         """k (3,) of (A.3): Σ j φ̇ n - J_s Ω, in frame axes [kg m²/s].
@@ -153,11 +150,6 @@ def check_inertia(name: str, inertia: Array) -> None:
             f"{name}'s inertia breaks the triangle inequality: {large:.6g} > {small:.6g} + "
             f"{middle:.6g} by {large - small - middle:.6g} kg m²; no body of positive mass has it"
         )
-
-
-def _check_positive(what: str, value: float, unit: str) -> None:
-    if not (np.isfinite(value) and value > 0):
-        raise InputError(f"{what} must be positive and finite, not {value:g} {unit}")
 
 
 def _check_unit(what: str, axis: Array) -> None:

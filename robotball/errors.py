@@ -1,5 +1,17 @@
-"""The one exception a user's input can raise."""
+"""The one exception that a user's input can raise."""
+
+import math
 
 
 class InputError(ValueError):
     """Input that cannot be used; the message is one line: the value, the limit, what to do."""
+
+    def __init__(self, message: str) -> None:
+        # A quoted key or a file's name may hold a line break of its own.
+        super().__init__(" ".join(message.splitlines()))
+
+
+def check_positive(what: str, value: float, unit: str) -> None:
+    """Raises InputError unless `value` is positive and finite."""
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"{what} must be positive and finite, not {value:g} {unit}")

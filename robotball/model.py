@@ -13,7 +13,7 @@ from scipy.optimize import root_scalar
 from robotball.bodies import Rotor
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 from robotball.scene import Scene
-from robotball.settings import Settings
+from robotball.settings import Prescribed, Servo, Settings
 
 with warnings.catch_warnings():
     # Without a screen, dm_control's search for a window system warns; nothing here needs one.
@@ -38,6 +38,7 @@ OPTIONS = (
     "cone",
     "impratio",
 )
+PICTURE_ONLY = ("light", "material", "texture", "mesh")
 PAIR_OPTIONS = ("solref", "solimp", "solreffriction")
 
 
@@ -83,7 +84,7 @@ def build(scene: Scene, settings: Settings) -> Model:
 def _compose(scene: Scene, settings: Settings) -> tuple[Any, Any, tuple[Hinge, ...]]:
     """The MJCF tree, its contact pair, and its hinges."""
     ball = scene.ball
-    root = _part("floor")
+    root = _bare("floor")
     root.option.gravity = [0, 0, -scene.gravity]
     for name in OPTIONS:
         _set(root.option, name, getattr(settings, name))
@@ -92,22 +93,22 @@ def _compose(scene: Scene, settings: Settings) -> tuple[Any, Any, tuple[Hinge, .
     root.option.flag.autoreset = "disable"
 
     # The shell is the root: contact rows have no J̇v term, and only on it is that term zero.
-    shell_part = _part("shell")
+    shell_part = _bare("shell")
     shell_part.find("geom", "sphere").size = [ball.radius]
     shell = root.attach(shell_part)
     shell.add("freejoint")
     _inertial(shell, ball.shell.mass, ball.shell.inertia)
 
-    frame_part = _part("frame")
+    frame_part = _bare("frame")
     frame = shell_part.attach(frame_part)
     _inertial(frame, ball.frame.mass, ball.frame.inertia)
     hinges = _hinge(root, 0, frame, ball.shell.axis, scene.frame_rate, settings)
 
     for i, (rotor, rate) in enumerate(zip(ball.rotors, scene.rotor_rates, strict=True), start=1):
-        rotor_part = _part("rotor")
+        rotor_part = _bare("rotor")
         rotor_part.model = f"rotor{i}"
         rotor_body = frame_part.attach(rotor_part)
-        rotor_body.quat = _z_along(rotor.axis)
+        rotor_body.quat = z_along(rotor.axis)
         _rotor_inertial(rotor_body, rotor)
         hinges += _hinge(root, i, rotor_body, np.array([0.0, 0.0, 1.0]), rate, settings)
 
@@ -126,8 +127,23 @@ def _compose(scene: Scene, settings: Settings) -> tuple[Any, Any, tuple[Hinge, .
     return root, pair, hinges
 
 
-def _part(name: str) -> Any:
+def part(name: str) -> Any:
+    """The hand-written part mjcf/`name`.xml as it is, in units of the ball's radius."""
     return mjcf.from_path(str(PARTS / f"{name}.xml"))
+
+
+def _bare(name: str) -> Any:
+    """A part without what only a picture of it needs; MuJoCo would carry it through every step."""
+    tree = part(name)
+    for kind in PICTURE_ONLY:
+        for element in tree.find_all(kind, exclude_attachments=True):
+            element.remove()
+    for geom in tree.find_all("geom"):
+        if geom.dclass is not None and geom.dclass.dclass == "visual":
+            geom.remove()
+    for element in (tree.visual, tree.statistic, *tree.default.default):
+        element.remove()
+    return tree
 
 
 def _set(element: Any, attribute: str, value: Any) -> None:
@@ -145,7 +161,7 @@ def _rotor_inertial(body: Any, rotor: Rotor) -> None:
     body.add("inertial", pos=[0, 0, 0], mass=rotor.mass, diaginertia=[across, across, along])
 
 
-def _z_along(axis: Array) -> Array:
+def z_along(axis: Array) -> Array:
     """A quaternion that turns z onto `axis`."""
     side = perpendicular(axis)
     return from_matrix(np.stack([side, np.cross(axis, side), axis], axis=1))
@@ -164,11 +180,11 @@ def _hinge(
         return ()
     name = "frame" if index == 0 else f"rotor{index}"
     joint = body.add("joint", type="hinge", axis=axis)
-    if settings.drive == "prescribed":
-        # A huge reflected inertia keeps the rate, and adds no angular momentum of its own.
-        joint.armature = settings.armature
+    if isinstance(settings.drive, Prescribed):
+        # It acts on the hinge alone and adds no angular momentum of its own.
+        joint.armature = settings.drive.armature
     else:
-        root.actuator.add("velocity", name=name, joint=joint, kv=settings.servo_gain)
+        root.actuator.add("velocity", name=name, joint=joint, kv=settings.drive.gain)
     return (Hinge(index, name, joint.full_identifier, rate),)
 
 
@@ -204,7 +220,7 @@ def _start_state(scene: Scene, hinges: tuple[Hinge, ...], settings: Settings) ->
         "qpos": np.concatenate([[0.0, 0.0, ball.radius], attitude, np.zeros(len(hinges))]),
         "qvel": np.concatenate([velocity, shell_turning, rates]),
     }
-    return state if settings.drive == "prescribed" else {**state, "ctrl": rates}
+    return {**state, "ctrl": rates} if isinstance(settings.drive, Servo) else state
 
 
 def _equilibrium_depth(xml: str) -> float:

@@ -31,6 +31,7 @@ class Diagnostics:
     friction_used    fraction of the friction cone that the contact force needs; 1 is saturated
     hinge_rate_error largest error of a hinge's rate, relative to the rate
     faults           what went wrong, the earliest first; empty for a sound run
+    timestep         s, the longest step taken
     steps            taken
     seconds          of wall time that they took, set-up excluded
     """
@@ -43,6 +44,7 @@ class Diagnostics:
     friction_used: Array
     hinge_rate_error: Array
     faults: tuple[Fault, ...]
+    timestep: float
     steps: int
     seconds: float
 

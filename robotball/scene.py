@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from robotball.bodies import Ball
-from robotball.errors import InputError
+from robotball.errors import InputError, check_positive
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.start import Start
@@ -37,9 +37,8 @@ class Scene:
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
             raise InputError(f"rolling must be one of {ROLLING_MODELS}, not {self.rolling!r}")
-        for name, value in (("duration", self.duration), ("gravity", self.gravity)):
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"{name} must be positive and finite, not {value:g}")
+        check_positive("duration", self.duration, "s")
+        check_positive("gravity", self.gravity, "m/s²")
         if len(self.rotor_rates) != len(self.ball.rotors):
             raise InputError(
                 f"{len(self.ball.rotors)} rotors need as many rates, not {len(self.rotor_rates)}"
@@ -78,7 +77,11 @@ class Scene:
 
 
 def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
-    """Equal times (n,) from 0 to `duration`, at most `interval` apart [s]."""
+    """Equal times (n,) from 0 to `duration`, at most `interval` apart [s].
+
+    Raises InputError unless the duration is positive and finite.
+    """
+    check_positive("duration", duration, "s")
     intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
     return np.linspace(0.0, duration, intervals + 1)
 

@@ -18,6 +18,7 @@ from robotball.scene import GRAVITY, Scene
 from robotball.start import Start
 
 CATALOG = Path(__file__).parent / "scenes"
+LARGEST = 1e50  # in SI units, beyond any ball; products of a few such numbers do not overflow
 
 Triple = tuple[float, float, float]
 Quadruple = tuple[float, float, float, float]
@@ -104,14 +105,32 @@ def load_scene(name: str | Path) -> Scene:
         text = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
+    except ValueError as error:  # a null byte in the name
+        raise InputError(f"{path}: {error}") from None
     try:
-        return _scene(path.stem, msgspec.toml.decode(text, type=_Scene))
+        table = msgspec.toml.decode(text, type=_Scene)
+        _check_numbers("", msgspec.to_builtins(table))
+        return _scene(path.stem, table)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {_explained(str(error))}") from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not TOML: {error}") from None
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    # ValueError: bytes that are no text, an integer of thousands of digits; RecursionError: as
+    # many brackets.
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not TOML: {error}") from None
+
+
+def _check_numbers(key: str, value: object) -> None:
+    """Raises InputError, with the key, for a number of a TOML value that is NaN or too large."""
+    if isinstance(value, float) and not abs(value) <= LARGEST:
+        raise InputError(f"{key} must be finite and at most {LARGEST:g} in size, not {value:g}")
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            _check_numbers(f"{key}.{name}" if key else name, inner)
+    if isinstance(value, list | tuple):
+        for i, inner in enumerate(value):
+            _check_numbers(f"{key}[{i}]", inner)
 
 
 def _explained(message: str) -> str:

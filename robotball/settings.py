@@ -2,19 +2,30 @@
 
 import difflib
 from dataclasses import dataclass
-from typing import Literal
 
 from robotball.errors import InputError
 
-Drive = Literal["prescribed", "servo"]
+
+@dataclass(frozen=True)
+class Servo:
+    """Velocity actuators on the hinges, with one gain [N m s/rad]."""
+
+    gain: float
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Hinges that keep their rates by a huge reflected inertia [kg m²], with no actuator."""
+
+    armature: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
     """How MuJoCo is to run a scene; None leaves a choice at MuJoCo's own default.
 
-    promise is the largest relative path error and momentum drift over 10 s that the settings
-    are kept to on the scenes of the catalog; every other field is written into the MJCF.
+    promise is the largest path error and momentum drift, both relative, that the settings are
+    held to over 10 s on the scenes of the catalog; every other field goes into the MJCF.
     """
 
     name: str
@@ -39,10 +50,7 @@ class Settings:
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
     # False starts just touching.
     start_in_equilibrium: bool = False
-    drive: Drive = "servo"
-    # Servo: velocity gain, N m s/rad. Prescribed: reflected inertia that keeps the rate, kg m².
-    servo_gain: float = 10.0
-    armature: float = 1e14
+    drive: Servo | Prescribed = Servo(gain=10.0)
 
 
 NAIVE = Settings(name="naive", promise=1e-2)
@@ -63,14 +71,15 @@ def _recipe(name: str, timestep: float, promise: float) -> Settings:
         noslip_tolerance=0.0,
         cone="elliptic",
         warmstart="disable",
-        solref=(0.02, 1.0),
+        # At least twice every timestep, or MuJoCo would raise it in silence.
+        solref=(0.04, 1.0),
         solimp=(0.9999, 0.9999, 0.001, 0.5, 1.0),
         # Slip decays at a fixed rate 1/s; tied to 1/timestep it would cost an order.
         solreffriction=(-1.0, -0.5),
         sliding_friction=20.0,
         torsional_friction=20.0,
         start_in_equilibrium=True,
-        drive="prescribed",
+        drive=Prescribed(armature=1e14),
     )
 
 

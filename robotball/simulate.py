@@ -35,7 +35,12 @@ def simulate(
     """
     times = scene.times if times is None else check_times(times)
     settings = preset(settings) if isinstance(settings, str) else settings
-    model = build(scene, settings)
+    return run(build(scene, settings), times, progress)
+
+
+def run(model: Model, times: Array, progress: Progress | None = None) -> Motion:
+    """`simulate` for a model that is built already and sample times (n,) [s] from 0."""
+    timestep = float(model.compiled.opt.timestep)
     rows, faults, steps, seconds = _run(model, times, progress)
     readings = Readings(model, rows)
     return Motion(
@@ -48,12 +53,13 @@ def simulate(
         diagnostics=Diagnostics(
             slip=readings.slip,
             spin=readings.spin,
-            depth=scene.ball.radius - readings.centre[:, 2],
+            depth=model.scene.ball.radius - readings.centre[:, 2],
             contact_force=readings.contact_force_world,
             spin_torque=readings.spin_torque,
             friction_used=readings.friction_used,
             hinge_rate_error=readings.hinge_rate_error,
             faults=tuple(sorted(faults, key=lambda fault: fault.time)),
+            timestep=float(_steps_between(times, timestep)[0].max()),
             steps=steps,
             seconds=seconds,
         ),
@@ -68,7 +74,7 @@ def _run(
     first_of: dict[str, Fault] = {}
     sampled: list[Array] = []
     steps, seconds, last_time = 0, 0.0, -np.inf
-    for lengths, counts in _stretches(times, compiled.opt.timestep):
+    for lengths, counts, samples in _stretches(times, compiled.opt.timestep):
         began = time.perf_counter()
         rows = _step(compiled, data, lengths, counts)
         seconds += time.perf_counter() - began
@@ -77,7 +83,7 @@ def _run(
         faults = find_faults(readings, last_time)
         for fault in faults:
             first_of.setdefault(fault.cause, fault)
-        sampled.append(rows[np.cumsum(counts) - counts])
+        sampled.append(rows[samples])
         if any(fault.fatal for fault in faults):
             break
         last_time = float(readings.time[-1])
@@ -91,31 +97,44 @@ def _run(
     return rows[Readings(model, rows).time < ended], list(first_of.values()), steps, seconds
 
 
-def _stretches(times: Array, timestep: float) -> Iterator[tuple[Array, Array]]:
-    """Runs of intervals between times, each as (step lengths, step counts), of about STRETCH steps.
-
-    Every interval is divided into the fewest equal steps not longer than `timestep`.
-    """
+def _steps_between(times: Array, timestep: float) -> tuple[Array, Array]:
+    """Each interval's fewest equal steps not longer than `timestep`: lengths (n-1,) and counts."""
     intervals = np.diff(times)
-    counts = np.ceil(intervals / timestep * (1 - 1e-9)).astype(int)
-    ends = np.cumsum(counts)
-    stretch = (ends - 1) // STRETCH
-    for which in np.split(np.arange(len(counts)), np.flatnonzero(np.diff(stretch)) + 1):
-        yield intervals[which] / counts[which], counts[which]
+    counts = np.ceil(intervals / timestep * (1 - 1e-9))
+    return np.minimum(intervals / counts, timestep), counts
+
+
+def _stretches(times: Array, timestep: float) -> Iterator[tuple[Array, Array, Array]]:
+    """The run in parts of about STRETCH steps, however far apart the times are.
+
+    Yields step lengths, how many steps of each, and which steps start at one of the times.
+    """
+    lengths, counts = _steps_between(times, timestep)
+    parts = np.ceil(counts / STRETCH).astype(int)
+    first = np.cumsum(parts) - parts
+    begins = np.isin(np.arange(parts.sum()), first)
+    lengths = np.repeat(lengths, parts)
+    sizes = np.full(len(lengths), STRETCH)
+    sizes[first + parts - 1] = counts - STRETCH * (parts - 1)
+    stretch = (np.cumsum(sizes) - 1) // STRETCH
+    for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(stretch)) + 1):
+        starts = np.cumsum(sizes[which]) - sizes[which]
+        yield lengths[which], sizes[which], starts[begins[which]]
 
 
 def _step(model: mujoco.MjModel, data: mujoco.MjData, lengths: Array, counts: Array) -> Array:
     """Rows (sum(counts), …) for Readings, each of the state before its step."""
-    sensors = data.sensordata
+    option, timestep, sensors = model.opt, model.opt.timestep, data.sensordata
     warnings = data.warning.number
     rows = np.empty((int(counts.sum()), len(sensors) + len(warnings)))
     sensor_columns, warning_columns = rows[:, : len(sensors)], rows[:, len(sensors) :]
     row = 0
     for length, count in zip(lengths.tolist(), counts.tolist(), strict=True):
-        model.opt.timestep = length
+        option.timestep = length
         for _ in range(count):
             mujoco.mj_step(model, data)
             sensor_columns[row] = sensors
             warning_columns[row] = warnings
             row += 1
+    option.timestep = timestep
     return rows

@@ -1,0 +1,148 @@
+"""The command: exit status, one-line errors, whole files or none."""
+
+import csv
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import pytest
+
+import robotball as rb
+from validation.cli import main
+
+Robotball = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def robotball(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Robotball:
+    """Runs the command in an empty folder: (exit status, standard output, standard error)."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as leaving:
+            main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        assert isinstance(leaving.value.code, int)
+        return leaving.value.code, captured.out, captured.err
+
+    return run
+
+
+def test_scenes_lists_the_catalog(robotball: Robotball) -> None:
+    """Every scene is named with its rolling model."""
+    status, out, _ = robotball("scenes")
+    assert status == 0
+    for name in rb.catalog():
+        assert re.search(rf"{name}\s.*{rb.load_scene(name).rolling}", out)
+
+
+def test_compare_exits_0_where_the_engines_agree(robotball: Robotball, tmp_path: Path) -> None:
+    """Agreement: status 0, a row in the table, pictures in out/."""
+    status, out, _ = robotball("compare", "fig12", "--duration", 1)
+    assert status == 0
+    assert re.search(r"fig12\s+rubber\s+balanced\s+5 .* agrees", out)
+    written = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert written == ["fig12-momentum.png", "fig12-path.png"]
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in (tmp_path / "out").iterdir())
+
+
+def test_compare_exits_1_where_they_do_not(robotball: Robotball) -> None:
+    """The naive model: status 1, with the time and the cause of what went wrong."""
+    status, out, _ = robotball(
+        "compare", "fig12", "--preset", "naive", "--duration", 1, "--no-plots"
+    )
+    assert status == 1
+    assert "faulty" in out
+    assert "friction cone saturated at t =" in " ".join(out.split())
+
+
+def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_path: Path) -> None:
+    """The JSON has every number, setting and version; run again it gives the same numbers."""
+    arguments = ["compare", "fig12", "classical_regular", "--preset", "fast", "balanced"]
+    arguments += ["--duration", "1", "--no-plots", "--json", "a.json", "--csv", "a.csv"]
+    assert robotball(*arguments)[0] == 0
+    records = json.loads((tmp_path / "a.json").read_text())
+    assert [(each["scene"], each["preset"]) for each in records] == [
+        ("fig12", "fast"), ("fig12", "balanced"),
+        ("classical_regular", "fast"), ("classical_regular", "balanced"),
+    ]  # fmt: skip
+    first = records[0]
+    assert {"rolling", "path_error", "gamma_error", "momentum_drift", "realtime_factor"} <= set(
+        first
+    )
+    assert first["duration"] == 1.0
+    assert first["settings"]["timestep"] == 0.02
+    assert first["settings"]["drive"] == {"armature": 1e14}
+    assert first["versions"]["mujoco"] == mujoco.__version__
+    with (tmp_path / "a.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["path_error"]) for row in rows] == [each["path_error"] for each in records]
+    robotball(*arguments)
+    again = json.loads((tmp_path / "a.json").read_text())
+    assert [each["path_error"] for each in again] == [each["path_error"] for each in records]
+
+
+def test_model_prints_mjcf_that_is_complete(robotball: Robotball, tmp_path: Path) -> None:
+    """What is printed compiles by itself, and starts at the scene's start."""
+    status, out, _ = robotball("model", "fig12")
+    assert status == 0
+    model = mujoco.MjModel.from_xml_string(out)
+    start = rb.load_scene("fig12").start.attitude
+    assert model.key_qpos[0, 3:7].tolist() == start.tolist()
+    assert robotball("model", "fig12", "--out", "m.xml")[0] == 0
+    assert (tmp_path / "m.xml").read_text().strip() == out.strip()
+
+
+BAD_INPUT = {
+    "compare fig112": r"no scene is called 'fig112'; did you mean fig12",
+    "compare fig12 --preset balancd": r"no preset is called 'balancd'; did you mean balanced\?",
+    "compare fig12 --duration 0": r"duration must be positive and finite, not 0 s",
+    "compare fig12 --duration nan": r"duration must be positive and finite, not nan s",
+    "compare fig12 --duration soon": r"--duration.*'soon'",
+    "compare fig12 --durration 1": r"Unrecognized options: --durration",
+    "compare": r"compare needs a scene",
+    "compare fig12 --out /dev/null/x": r"/dev/null/x cannot be made",
+    "compare fig12 --json /dev/null/x/a.json": r"/dev/null/x cannot be made",
+    "compare fig12 --json .": r"\. cannot be written: it is a folder",
+    "compare nowhere.toml": r"nowhere\.toml: No such file",
+    "video fig112": r"no scene is called 'fig112'",
+    "model fig112": r"no scene is called 'fig112'",
+    "": r"Expected one of",
+    "roll": r"roll",
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), BAD_INPUT.items())
+def test_bad_input_is_one_line_and_writes_nothing(
+    robotball: Robotball, tmp_path: Path, arguments: str, words: str
+) -> None:
+    """Status 2, one clear line on standard error, no traceback, no file."""
+    status, out, err = robotball(*arguments.split())
+    assert (status, out) == (2, "")
+    assert re.fullmatch(r"robotball: .*\n", err)
+    assert re.search(words, err)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_old_result_stays_whole_when_writing_fails(
+    robotball: Robotball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that fills up leaves the file that was there, and no fragment beside it."""
+    old = tmp_path / "a.json"
+    old.write_text("old")
+
+    def full_disk(path: Path, text: str) -> int:
+        path.touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    arguments = ("compare", "fig12", "--duration", 0.1, "--no-plots", "--json", "a.json")
+    status, _, err = robotball(*arguments)
+    assert status == 2
+    assert "a.json cannot be written: No space left on device" in err
+    assert old.read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]

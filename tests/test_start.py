@@ -1,0 +1,172 @@
+"""The forms in which a start is given, and what each of them places."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from numpy.typing import ArrayLike
+
+import robotball as rb
+from robotball import start as starts
+from robotball.rotations import Array, rotation_matrix
+
+NAN, INF = float("nan"), float("inf")
+ROUNDING = 2e-14  # of vectors of length up to 10; measured at most 4.7e-15
+UNIT_ROUNDING = 3e-15  # of unit vectors; measured at most 5.6e-16
+
+directions = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+angles = st.floats(-3.1, 3.1)
+fractions = st.floats(-0.99, 0.99)
+
+
+def gap(a: ArrayLike, b: ArrayLike) -> float:
+    """The largest difference of two arrays' entries."""
+    return float(np.abs(np.asarray(a) - np.asarray(b)).max())
+
+
+def unit(v: tuple[float, ...]) -> Array:
+    length = np.linalg.norm(v)
+    assume(length > 0.01)
+    return np.array(v) / length
+
+
+# The section (5.5) ---------------------------------------------------------------------------
+
+
+@given(L=fractions, l=angles, g=angles, f=st.floats(0.01, 100.0), c=fractions)
+def test_section_state_has_the_constants_it_is_given(
+    L: float, l: float, g: float, f: float, c: float
+) -> None:
+    """γ² = 1, M² = f, (M, γ) = c, and M₃ = L, M₁/M₂ = tan l."""
+    G = f**0.5
+    gamma, M = starts.section_state(L * G, l, g, f, c * G)
+    assert abs(gamma @ gamma - 1) < UNIT_ROUNDING
+    assert gap(M @ M / f, 1) < UNIT_ROUNDING
+    assert gap(M @ gamma / G, c) < UNIT_ROUNDING
+    assert gap(M[2] / G, L) < UNIT_ROUNDING
+    assert gap(np.arctan2(M[0], M[1]), l) < UNIT_ROUNDING
+
+
+@given(L=fractions, l=angles, f=st.floats(0.01, 100.0))
+def test_section_g_zero_is_where_the_vertical_is_level_with_the_momentum(
+    L: float, l: float, f: float
+) -> None:
+    """At g = 0 (and c = 0), (M×γ)₃ = 0, and of its two halves it is the one with γ₃ < 0."""
+    gamma, M = starts.section_state(L * f**0.5, l, 0.0, f)
+    assert abs(np.cross(M, gamma)[2]) / f**0.5 < UNIT_ROUNDING
+    assert gamma[2] < 0
+
+
+@given(L=fractions, l=angles, g=st.floats(0.01, 3.1))
+def test_section_angle_turns_the_vertical_about_the_momentum(L: float, l: float, g: float) -> None:
+    """From g = 0 the vertical turns about M by g, against the right-hand rule."""
+    (level, M), (gamma, _) = (starts.section_state(5 * L, l, angle, 25.0) for angle in (0.0, g))
+    assert abs(np.arctan2(-M @ np.cross(level, gamma) / 5, level @ gamma) - g) < UNIT_ROUNDING
+
+
+@pytest.mark.parametrize(
+    ("L", "f", "c", "message"),
+    [
+        (1.0, 0.0, 0.0, r"f = M² must be positive, not 0"),
+        (1.0, -4.0, 0.0, r"f = M² must be positive, not -4"),
+        (1.0, NAN, 0.0, r"f = M² must be positive, not nan"),
+        (5.1, 25.0, 0.0, r"\|L\| = 5\.1 must not exceed sqrt\(f\) = 5"),
+        (NAN, 25.0, 0.0, r"\|L\| = nan must not exceed"),
+        (1.0, 25.0, -5.0, r"\|c\| = 5 must be smaller than sqrt\(f\) = 5"),
+        (1.0, 25.0, NAN, r"\|c\| = nan must be smaller"),
+    ],
+)
+def test_section_that_no_state_is_on_is_refused(L: float, f: float, c: float, message: str) -> None:
+    """f > 0, |L| <= √f and |c| < √f, with the numbers in the message."""
+    with pytest.raises(rb.InputError, match=message):
+        starts.section_state(L, 0.6, 0.0, f, c)
+
+
+# γ and M, or γ and α -------------------------------------------------------------------------
+
+
+@given(gamma=directions, M=directions, size=st.floats(0.1, 10.0))
+def test_world_axes_lie_along_the_momentum(
+    gamma: tuple[float, ...], M: tuple[float, ...], size: float
+) -> None:
+    """α = -(M - cγ)/√(f - c²) and β = M×γ/√(f - c²) of section 3.3; M in the world is (-, 0, c)."""
+    vertical, momentum = unit(gamma), size * unit(M)
+    c = momentum @ vertical
+    assume(abs(c) < 0.99 * size)
+    level = (momentum @ momentum - c * c) ** 0.5
+    start = starts.along_momentum(vertical, momentum)
+    alpha, beta, up = rotation_matrix(start.attitude)
+    assert gap(alpha, -(momentum - c * vertical) / level) < ROUNDING
+    assert gap(beta, np.cross(momentum, vertical) / level) < ROUNDING
+    assert gap(up, vertical) < ROUNDING
+    assert gap(start.momentum, [-float(level), 0.0, float(c)]) < ROUNDING
+    assert gap(rotation_matrix(start.attitude).T @ start.momentum, momentum) < ROUNDING
+
+
+@pytest.mark.parametrize("M", [[0.0, 0.0, 0.0], [0.0, 0.0, 3.0]])
+def test_a_vertical_momentum_gives_no_heading(M: list[float]) -> None:
+    """M = 0 or M along γ leaves α open, and the message says what to give instead."""
+    with pytest.raises(rb.InputError, match=r"no horizontal part .* give alpha or a quaternion"):
+        starts.along_momentum(np.array([0.0, 0.0, 1.0]), np.array(M))
+
+
+@given(gamma=directions, alpha=directions)
+def test_attitude_of_two_axes_has_them(gamma: tuple[float, ...], alpha: tuple[float, ...]) -> None:
+    """The rows of the attitude's matrix are α, β = γ×α and γ."""
+    vertical = unit(gamma)
+    ahead = np.cross(unit(alpha), vertical)
+    assume(np.linalg.norm(ahead) > 0.1)
+    ahead /= np.linalg.norm(ahead)
+    rows = rotation_matrix(starts.attitude_of_axes(vertical, ahead))
+    assert gap(rows, np.stack([ahead, np.cross(vertical, ahead), vertical])) < ROUNDING
+
+
+def test_axes_that_are_nearly_orthogonal_are_made_so_and_others_refused() -> None:
+    """α tilted by 1e-6, a caption's rounding, is set right; by 1e-3 it is refused with (γ, α)."""
+    gamma = np.array([0.0, 0.0, 1.0])
+    near, far = (np.array([np.cos(tilt), 0.0, np.sin(tilt)]) for tilt in (1e-6, 1e-3))
+    assert gap(rotation_matrix(starts.attitude_of_axes(gamma, near)), np.eye(3)) < ROUNDING
+    with pytest.raises(rb.InputError, match=r"not orthogonal: \(gamma, alpha\) = 0\.001"):
+        starts.attitude_of_axes(gamma, far)
+
+
+def test_unit_vectors_are_made_exact_and_others_refused() -> None:
+    """Six digits of a unit vector pass; a length of 1.001, NaN or infinity does not."""
+    near = starts.unit("gamma", np.array([0.577350, 0.577350, 0.577350]))
+    assert abs(np.linalg.norm(near) - 1) < 4e-16  # rounding, measured 1.1e-16
+    with pytest.raises(rb.InputError, match=r"gamma is not of unit length: \|gamma\| = 1\.001"):
+        starts.unit("gamma", np.array([1.001, 0.0, 0.0]))
+    for bad in (NAN, INF):
+        with pytest.raises(rb.InputError, match=f"alpha is not of unit length.*{bad}"):
+            starts.unit("alpha", np.array([bad, 0.0, 0.0]))
+
+
+# The rubber model's own conditions -------------------------------------------------------------
+
+
+def test_rubber_momentum_is_made_horizontal_and_others_refused() -> None:
+    """A vertical part of 1e-6 |M| is dropped, one of 1e-3 is refused with both numbers."""
+    np.testing.assert_array_equal(starts.horizontal(np.array([3.0, 4.0, 1e-6])), [3.0, 4.0, 0.0])
+    np.testing.assert_array_equal(starts.horizontal(np.zeros(3)), np.zeros(3))
+    with pytest.raises(rb.InputError, match=r"\(3\.1\): \(M, gamma\) = 0\.005 of \|M\| = 5 kg"):
+        starts.horizontal(np.array([3.0, 4.0, 0.005]))
+    with pytest.raises(rb.InputError, match="M is not horizontal"):
+        starts.horizontal(np.array([3.0, 4.0, NAN]))
+
+
+def test_rubber_shell_that_spins_on_the_spot_is_refused() -> None:
+    """(ω - Ω, γ) = 0 passes and 0.1 rad/s is refused, with the amount."""
+    gamma = np.array([0.0, 0.0, 1.0])
+    starts.check_no_spin(np.array([1.0, 2.0, 0.0]), gamma)
+    starts.check_no_spin(np.zeros(3), gamma)
+    with pytest.raises(rb.InputError, match=r"forbids \(2\.2\): \(ω - Ω, γ\) = 0\.1 rad/s"):
+        starts.check_no_spin(np.array([1.0, 2.0, 0.1]), gamma)
+
+
+@pytest.mark.parametrize("name", rb.catalog())
+def test_start_rolls_as_its_angular_velocity_says(name: str) -> None:
+    """A scene's start_angular_velocity is the ω with which `integrate` sets out."""
+    scene = rb.load_scene(name)
+    motion = rb.integrate(scene, np.array([0.0, 0.01]))
+    assert gap(motion.angular_velocity[0], scene.start_angular_velocity) < ROUNDING
+    assert gap(motion.momentum[0], scene.start.momentum) < ROUNDING

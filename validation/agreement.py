@@ -1,0 +1,113 @@
+"""Agreement: how far apart the two engines' motions of one scene are."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robotball import Diagnostics, Fault, Motion, Scene, Settings, integrate, preset, simulate
+from robotball.rotations import Array
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Two motions of a scene, at the same times, and the measures of their difference.
+
+    A run of MuJoCo that broke off has no measures: they are None, and `faults` says why.
+    """
+
+    scene: Scene
+    settings: Settings
+    theory: Motion
+    engine: Motion
+
+    @cached_property
+    def path_errors(self) -> Array:
+        """(n,): distance between the two contact points [m], as far as both motions go."""
+        n = len(self.engine.times)
+        return np.linalg.norm(self.engine.contact_point - self.theory.contact_point[:n], axis=1)
+
+    @cached_property
+    def momentum_drifts(self) -> Array:
+        """(n,): |M(t) - M(0)| of the engine's motion over |M(0)|; in kg m²/s where M(0) = 0."""
+        momentum = self.engine.momentum
+        size = float(np.linalg.norm(momentum[0]))
+        return np.linalg.norm(momentum - momentum[0], axis=1) / (size or 1.0)
+
+    @property
+    def finished(self) -> bool:
+        return len(self.engine.times) == len(self.theory.times)
+
+    @property
+    def path_error(self) -> float | None:
+        """The largest contact-point error over the length of the equations' path."""
+        if not self.finished:
+            return None
+        return float(self.path_errors.max() / self.theory.path_length)
+
+    @property
+    def gamma_error(self) -> float | None:
+        """The largest angle between the two verticals, seen from the frame [rad]."""
+        if not self.finished:
+            return None
+        ours, theirs = self.engine.gamma, self.theory.gamma
+        sine = np.linalg.norm(np.cross(ours, theirs), axis=1)
+        return float(np.arctan2(sine, (ours * theirs).sum(axis=1)).max())
+
+    @property
+    def momentum_drift(self) -> float | None:
+        """The largest of `momentum_drifts`."""
+        return float(self.momentum_drifts.max()) if self.finished else None
+
+    @property
+    def diagnostics(self) -> Diagnostics:
+        assert self.engine.diagnostics is not None  # simulate always gives them
+        return self.engine.diagnostics
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        return self.diagnostics.faults
+
+    @property
+    def realtime_factor(self) -> float:
+        """Simulated seconds per second of stepping MuJoCo, set-up excluded."""
+        return float(self.engine.times[-1:].sum() / self.diagnostics.seconds)
+
+    @property
+    def agrees(self) -> bool:
+        """No fault, and path and momentum both within the settings' promise.
+
+        The path alone is not enough: errors of two kinds can cancel in it.
+        """
+        measured = (self.path_error, self.momentum_drift)
+        return not self.faults and all(
+            value is not None and value <= self.settings.promise for value in measured
+        )
+
+    @property
+    def verdict(self) -> str:
+        """One line: agrees, or why not."""
+        if self.faults:
+            return "; ".join(str(fault) for fault in self.faults)
+        return "agrees" if self.agrees else f"off by more than {self.settings.promise:g}"
+
+
+def compare(
+    scene: Scene,
+    settings: Settings | str = "balanced",
+    times: Array | None = None,
+    *,
+    theory: Motion | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Agreement:
+    """Both engines' motions of `scene`, compared.
+
+    settings: a preset's name or Settings; times: (n,) s from 0, the scene's own if None; theory:
+    the equations' motion at those times, where it is known already. Raises InputError as
+    integrate and simulate do.
+    """
+    settings = preset(settings) if isinstance(settings, str) else settings
+    theory = integrate(scene, times) if theory is None else theory
+    engine = simulate(scene, theory.times, settings, progress=progress)
+    return Agreement(scene, settings, theory, engine)

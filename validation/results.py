@@ -1,0 +1,134 @@
+"""Results on disk: records that can be made again, in files that are whole or not there."""
+
+import csv
+import io
+import json
+import os
+import platform
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from robotball import InputError
+from validation.agreement import Agreement
+
+PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
+TABLE_COLUMNS = (
+    "scene",
+    "rolling",
+    "preset",
+    "timestep",
+    "path_error",
+    "gamma_error",
+    "momentum_drift",
+    "realtime_factor",
+    "agrees",
+    "verdict",
+)
+
+
+def versions() -> dict[str, str]:
+    """What a number depends on besides its scene and settings."""
+    return {
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}",
+        **{package: version(package) for package in PACKAGES},
+    }
+
+
+def record(agreement: Agreement) -> dict[str, Any]:
+    """One comparison as plain data; numbers of a run that broke off are None."""
+    settings = {
+        name: value for name, value in asdict(agreement.settings).items() if value is not None
+    }
+    diagnostics = agreement.diagnostics
+    return {
+        "scene": agreement.scene.name,
+        "rolling": agreement.scene.rolling,
+        "preset": agreement.settings.name,
+        "settings": {name: value for name, value in settings.items() if value is not None},
+        "timestep": diagnostics.timestep,
+        "duration": float(agreement.theory.times[-1]),
+        "samples": len(agreement.theory.times),
+        "path_length": agreement.theory.path_length,
+        "path_error": agreement.path_error,
+        "gamma_error": agreement.gamma_error,
+        "momentum_drift": agreement.momentum_drift,
+        "friction_used": float(diagnostics.friction_used.max(initial=0.0)),
+        "steps": diagnostics.steps,
+        "realtime_factor": agreement.realtime_factor,
+        "agrees": agreement.agrees,
+        "faults": [asdict(fault) for fault in agreement.faults],
+        "verdict": agreement.verdict,
+        "seed": None,  # nothing in a comparison is random
+        "versions": versions(),
+    }
+
+
+def write_json(path: Path, agreements: Sequence[Agreement]) -> None:
+    """A list of records, one an agreement."""
+    records = [record(agreement) for agreement in agreements]
+    text = json.dumps(records, indent=2, allow_nan=False, ensure_ascii=False)
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n")
+
+
+def write_csv(path: Path, agreements: Sequence[Agreement]) -> None:
+    """The table of the agreements, a row each."""
+    text = io.StringIO()
+    table = csv.DictWriter(text, TABLE_COLUMNS, extrasaction="ignore", lineterminator="\n")
+    table.writeheader()
+    table.writerows(record(agreement) for agreement in agreements)
+    with replacing(path) as temporary:
+        temporary.write_text(text.getvalue())
+
+
+def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
+    """The table of the agreements as the README shows it."""
+    lines = [
+        "| scene | preset | step | path error | γ error | drift of M | × real time | verdict |",
+        "|---|---|---:|---:|---:|---:|---:|---|",
+    ]
+    for each in map(record, agreements):
+        errors = (each[name] for name in ("path_error", "gamma_error", "momentum_drift"))
+        cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:g} ms"]
+        cells += ["-" if error is None else f"{error:.1e}" for error in errors]
+        cells += [f"{each['realtime_factor']:.0f}"]
+        lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n")
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path` that takes its place when the block ends well."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        yield temporary
+        temporary.replace(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def writable_folder(path: Path) -> Path:
+    """`path` as a folder, made if need be; raises InputError where nothing can be written."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be made: {error.strerror or error}") from None
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise InputError(f"{path} cannot be written: no permission")
+    return path
+
+
+def writable_file(path: Path) -> Path:
+    """`path`, in a folder that it can be written to; raises InputError where there is none."""
+    writable_folder(path.parent)
+    if path.is_dir():
+        raise InputError(f"{path} cannot be written: it is a folder")
+    return path

@@ -1,0 +1,58 @@
+"""Long work with its progress shown: many comparisons, a video."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from robotball import Scene, Settings, integrate
+from robotball.rotations import Array
+from validation.agreement import Agreement, compare
+
+
+def compare_all(
+    scenes: Sequence[Scene], settings: Sequence[Settings], times: Array | None = None
+) -> list[Agreement]:
+    """Every scene at all of the settings; the equations are integrated once a scene."""
+    agreements: list[Agreement] = []
+    with _progress(len(scenes) * len(settings)) as show:
+        for scene in scenes:
+            show(len(agreements), f"{scene.name}: equations")
+            theory = integrate(scene, times)
+            for each in settings:
+                report = partial(_report, show, len(agreements), f"{scene.name}: {each.name}")
+                agreements.append(compare(scene, each, theory=theory, progress=report))
+    return agreements
+
+
+def film(path: Path, agreement: Agreement) -> None:
+    """Both motions of an agreement, side by side, as an mp4 at `path`."""
+    from robotball.render import write_video  # an encoder and a GL, which only a film needs
+
+    with _progress(1) as show:
+        write_video(
+            path,
+            agreement.scene,
+            agreement.engine,
+            agreement.theory,
+            progress=lambda part: show(part, f"{agreement.scene.name}: video"),
+        )
+
+
+Show = Callable[[float, str], None]
+
+
+def _report(show: Show, done: int, what: str, part: float) -> None:
+    show(done + part, what)
+
+
+@contextmanager
+def _progress(total: float) -> Iterator[Show]:
+    """A bar on standard error; call it with the work done and what is being done now."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=total)
+        yield lambda done, what: bar.update(task, completed=done, description=what)

@@ -41,12 +41,12 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
     InputError where that does not converge.
     """
     for _ in range(ITERATIONS):
-        end, monodromy = monodromy_of(parameters, attitude, momentum, period)
+        end, monodromy, volume = monodromy_of(parameters, attitude, momentum, period)
         vectors = level_vectors(attitude, momentum), level_vectors(end, momentum)
         omega = angular_velocity(parameters, end, momentum)
         gap = (vectors[1] - vectors[0]).ravel()
         if np.abs(gap).max() < CLOSED:
-            return Cycle(attitude, momentum, period, nontrivial(monodromy, momentum))
+            return Cycle(attitude, momentum, period, multipliers(monodromy, volume, momentum))
         by_turn = np.cross(vectors[1][:, None], monodromy.T) - np.cross(
             vectors[0][:, None], np.eye(3)
         )
@@ -67,15 +67,17 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
 
 def monodromy_of(
     parameters: Parameters, attitude: Array, momentum: Array, period: float
-) -> tuple[Array, Array]:
-    """The attitude (4,) after a period, and the matrix (3, 3) from turns of the start to its."""
+) -> tuple[Array, Array, float]:
+    """The attitude (4,) after a period, the matrix (3, 3) from turns of the start to turns of it,
+    and the logarithm of that matrix's determinant."""
     starts = Starts(parameters, np.tile(attitude, (3, 1)), np.tile(momentum, (3, 1)))
     rest = np.concatenate([np.eye(3), np.zeros((3, 2))], axis=1)
     states, status = starts.march(DEVIATION, rest, np.array([period]), TOLERANCE)
     if status.any():
         raise InputError("the motion could not be followed over the period")
     end = starts.to_world(states[:, :, :4])[0, 0]
-    return end, (states[:, 0, 4:7] * np.exp(states[:, 0, 7:8])).T
+    monodromy = (states[:, 0, 4:7] * np.exp(states[:, 0, 7:8])).T
+    return end, monodromy, float(states[0, 0, 8])
 
 
 def level_vectors(attitude: Array, momentum: Array) -> Array:
@@ -91,10 +93,11 @@ def angular_velocity(parameters: Parameters, attitude: Array, momentum: Array) -
     return np.array(parameters.angular_velocity(as_vector(momentum @ axes), as_vector(axes[2])))
 
 
-def nontrivial(monodromy: Array, momentum: Array) -> Array:
-    """The multipliers without those that are 1: of the motion itself and, at M = 0, of a turn
-    about the vertical."""
+def multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
+    """The multipliers, without those that are 1: the motion's own and, at M = 0, that of a turn
+    about the vertical, where so the determinant is all there is to know."""
+    if not np.any(momentum):
+        return np.array([np.exp(volume)], dtype=complex)
     values = np.linalg.eigvals(monodromy).astype(complex)
-    ones = 1 if np.linalg.norm(momentum) > 0 else 2
-    values = values[np.argsort(np.abs(values - 1))][ones:]
+    values = values[np.argsort(np.abs(values - 1))][1:]
     return values[np.argsort(-np.abs(values))]

@@ -14,6 +14,7 @@ from robotball.bodies import Rotor
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 from robotball.scene import Scene
 from robotball.settings import Prescribed, Servo, Settings
+from robotball.start import Start
 
 with warnings.catch_warnings():
     # Without a screen, dm_control's search for a window system warns; nothing here needs one.
@@ -66,10 +67,12 @@ class Model:
         """A fresh MjModel; one a Model, so that a run may set its timestep."""
         return mujoco.MjModel.from_xml_string(self.xml)
 
-    def start_data(self) -> mujoco.MjData:
-        """MjData at the scene's start."""
+    def start_data(self, start: Start | None = None) -> mujoco.MjData:
+        """MjData at the scene's start, or at another one of the same ball."""
         data = mujoco.MjData(self.compiled)
         mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
+        if start is not None:
+            data.qpos, data.qvel = _state_at(self.scene, start, self.hinges)
         return data
 
 
@@ -210,17 +213,22 @@ def _sensors(root: Any, hinges: tuple[Hinge, ...]) -> None:
 
 
 def _start_state(scene: Scene, hinges: tuple[Hinge, ...], settings: Settings) -> dict[str, Array]:
-    """The start's qpos and qvel, hinges at angle zero and at their rates, and servos' ctrl."""
-    ball, attitude = scene.ball, scene.start.attitude
+    """The start's qpos and qvel, and servos' ctrl."""
+    qpos, qvel = _state_at(scene, scene.start, hinges)
+    state = {"qpos": qpos, "qvel": qvel}
+    return {**state, "ctrl": qvel[6:]} if isinstance(settings.drive, Servo) else state
+
+
+def _state_at(scene: Scene, start: Start, hinges: tuple[Hinge, ...]) -> tuple[Array, Array]:
+    """qpos and qvel of a start on the constraints, hinges at angle zero and at their rates."""
+    shell = scene.ball.shell
     # At the start frame and shell axes coincide; the free joint's angular velocity is local.
-    shell_turning = scene.start_angular_velocity - scene.frame_rate * ball.shell.axis
-    velocity = np.cross(rotation_matrix(attitude) @ shell_turning, [0.0, 0.0, ball.radius])
+    shell_turning = scene.angular_velocity_at(start) - scene.frame_rate * shell.axis
+    to_world = rotation_matrix(start.attitude)
+    velocity = np.cross(to_world @ shell_turning, [0.0, 0.0, shell.radius])
     rates = np.array([hinge.rate for hinge in hinges])
-    state = {
-        "qpos": np.concatenate([[0.0, 0.0, ball.radius], attitude, np.zeros(len(hinges))]),
-        "qvel": np.concatenate([velocity, shell_turning, rates]),
-    }
-    return {**state, "ctrl": rates} if isinstance(settings.drive, Servo) else state
+    qpos = np.concatenate([[0.0, 0.0, shell.radius], start.attitude, np.zeros(len(hinges))])
+    return qpos, np.concatenate([velocity, shell_turning, rates])
 
 
 def _equilibrium_depth(xml: str) -> float:

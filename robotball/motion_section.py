@@ -33,7 +33,7 @@ class Crossings:
     directions: Array
 
     @property
-    def l(self) -> Array:
+    def l(self) -> Array:  # noqa: E743
         """l (m,) of (5.5), rad."""
         return np.arctan2(self.momenta[:, 0], self.momenta[:, 1])
 

@@ -1,7 +1,7 @@
 """The attractors of section 5.3, drawn by either engine by the same recipe.
 
-A recipe says from which starts, after how many returns, and how many crossings are taken; the
-starts are random points of the annulus g = 0, by a seed.
+A recipe says from which starts, drawn by a seed, after how many returns, and how many crossings
+are taken.
 """
 
 from collections.abc import Callable
@@ -11,11 +11,11 @@ import numpy as np
 
 from robotball import InputError, preset
 from robotball.model import Model
+from robotball.motion_section import joined
 from robotball.parameters import Parameters
 from robotball.rotations import Array, rotation_matrix
 from robotball.sections import section, section_starts
 from robotball.settings import Settings
-from robotball.motion_section import joined
 from validation.clouds import states
 from validation.contact_map import own_start, returns
 
@@ -49,9 +49,32 @@ class Recipe:
 
 
 @dataclass(frozen=True)
+class Torus:
+    """Where a limit torus crosses g = 0: from `starts` starts evenly within `spread` of (L, l).
+
+    spread is in kg m²/s and rad; f, skipped, count, direction as in Recipe.
+    """
+
+    L: float
+    l: float
+    spread: float
+    f: float
+    starts: int
+    skipped: int
+    count: int
+    direction: int = 1
+
+    def points(self, seed: int) -> tuple[Array, Array]:
+        """Attitudes (starts, 4) and world momenta (starts, 3)."""
+        offsets = np.random.default_rng(seed).uniform(-self.spread, self.spread, (2, self.starts))
+        return section_starts(self.L + offsets[0], self.l + offsets[1], self.f)
+
+
+@dataclass(frozen=True)
 class Cloud:
     """Section points of one engine: `states` (n, 6), as in clouds.py; (L, l) (n,), and the mean
-    velocity (starts, 2) of the contact point along OX = -M/√f and OY, m/s, from MuJoCo."""
+    velocity (starts, 2) of the contact point along OX = -M/√f and OY, m/s, from MuJoCo.
+    """
 
     states: Array
     L: Array
@@ -59,7 +82,7 @@ class Cloud:
     velocities: Array
 
 
-def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> Cloud:
+def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int) -> Cloud:
     """The recipe's cloud by the equations; raises InputError where a start gives too few points."""
     attitudes, momenta = recipe.points(seed)
     total = recipe.skipped + recipe.count
@@ -74,7 +97,7 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> Clo
 
 
 def cloud_by_contact(
-    model: Model, recipe: Recipe, seed: int, progress: Callable[[float], None] | None = None
+    model: Model, recipe: Recipe | Torus, seed: int, progress: Callable[[float], None] | None = None
 ) -> Cloud:
     """The same by MuJoCo's contact model; raises InputError where a run has a fault."""
     parts, velocities = [], []
@@ -88,6 +111,4 @@ def cloud_by_contact(
         if progress is not None:
             progress((i + 1) / recipe.starts)
     points = joined(parts)
-    return Cloud(
-        states(points.gamma, points.momenta), points.L, points.l, np.array(velocities)
-    )
+    return Cloud(states(points.gamma, points.momenta), points.L, points.l, np.array(velocities))

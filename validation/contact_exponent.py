@@ -2,7 +2,7 @@
 
 After every interval both motions are put back on the constraints, with the momentum that they
 started from, and the second is brought back to a small distance from the first: a contact model
-has motions of its own, slipping and spinning, and other levels of M², whose growth is not asked for.
+has motions of its own, slipping and spinning, and other levels of M², which nobody asks about.
 """
 
 from collections.abc import Callable

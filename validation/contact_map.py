@@ -25,7 +25,7 @@ CLOSED = 1e-9  # of √f and of a radian; the map itself repeats to rounding
 
 @dataclass(frozen=True)
 class ContactCycle:
-    """A periodic motion of the contact model: where it crosses g = 0, period s, multipliers (2,)."""
+    """A periodic motion of the contact model: where it crosses g = 0, period s, multipliers."""
 
     L: float
     l: float

@@ -18,7 +18,7 @@ def compare_all(
 ) -> list[Agreement]:
     """Every scene at all of the settings; the equations are integrated once a scene."""
     agreements: list[Agreement] = []
-    with _progress(len(scenes) * len(settings)) as show:
+    with progress_bar(len(scenes) * len(settings)) as show:
         for scene in scenes:
             show(len(agreements), f"{scene.name}: equations")
             theory = integrate(scene, times)
@@ -32,7 +32,7 @@ def film(path: Path, agreement: Agreement) -> None:
     """Both motions of an agreement, side by side, as an mp4 at `path`."""
     from robotball.render import write_video  # an encoder and a GL, which only a film needs
 
-    with _progress(1) as show:
+    with progress_bar(1) as show:
         write_video(
             path,
             agreement.scene,
@@ -50,7 +50,7 @@ def _report(show: Show, done: int, what: str, part: float) -> None:
 
 
 @contextmanager
-def _progress(total: float) -> Iterator[Show]:
+def progress_bar(total: float) -> Iterator[Show]:
     """A bar on standard error; call it with the work done and what is being done now."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:

@@ -18,6 +18,7 @@ from robotball.steppers import REJECTED, STATE, TARGET, TIME, TOLERANCE
 RESIDUAL = 1e-13  # of the section function, which is at most 1
 ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
 NEAR = 0.1  # a turning point estimated that near to zero is looked at
+TINY = 1e-300  # a value with a sign and nothing else
 ROOT_TRIES, TURN_TRIES = 60, 3
 STARTING, MARCHING, TO_ROOT, AT_ROOT, TO_TURN = 0, 1, 2, 3, 4  # what a lane is doing
 # Where the section function is known, one after the other on a lane's track: where the orbit
@@ -80,7 +81,7 @@ def marched(tracks: Any, lane: int, length: float) -> int:
     put(tracks, lane, HERE, SEEN)
     tracks[lane, HERE] = 0.0
     if tracks[lane, SEEN + 1] == 0:
-        tracks[lane, HERE + 1] = math.copysign(1e-300, tracks[lane, LOW + 1])  # crosses next time
+        tracks[lane, HERE + 1] = math.copysign(TINY, tracks[lane, LOW + 1])  # crosses next time
     put(tracks, lane, HIGH, HERE)
     if tracks[lane, LOW + 1] * tracks[lane, HIGH + 1] < 0:
         return TO_ROOT
@@ -181,7 +182,8 @@ def cross(
             elif mode[lane] == STARTING:
                 put(tracks, lane, HERE, SEEN)
                 if abs(tracks[lane, SEEN + 1]) <= ON_SECTION:
-                    tracks[lane, HERE + 1] = 0.0
+                    # As if it had crossed just now: no crossing itself, but the next one is.
+                    tracks[lane, HERE + 1] = math.copysign(TINY, tracks[lane, SEEN + 2])
                 faced[lane], mode[lane] = facing, MARCHING
             elif not rejected:
                 length = w[TIME * LANES + lane]

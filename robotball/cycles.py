@@ -8,7 +8,7 @@ from robotball.errors import InputError
 from robotball.kernels import TOLERANCE, Starts
 from robotball.parameters import Parameters, as_vector
 from robotball.rotations import Array, multiply, rotation_matrix
-from robotball.steppers import DEVIATION
+from robotball.systems import DEVIATION
 
 ITERATIONS = 30
 CLOSED = 1e-11  # of γ and M/|M|; what a tolerance of 1e-14 keeps over a period
@@ -69,7 +69,8 @@ def monodromy_of(
     parameters: Parameters, attitude: Array, momentum: Array, period: float
 ) -> tuple[Array, Array, float]:
     """The attitude (4,) after a period, the matrix (3, 3) from turns of the start to turns of it,
-    and the logarithm of that matrix's determinant."""
+    and the logarithm of that matrix's determinant.
+    """
     starts = Starts(parameters, np.tile(attitude, (3, 1)), np.tile(momentum, (3, 1)))
     rest = np.concatenate([np.eye(3), np.zeros((3, 2))], axis=1)
     states, status = starts.march(DEVIATION, rest, np.array([period]), TOLERANCE)
@@ -95,7 +96,8 @@ def angular_velocity(parameters: Parameters, attitude: Array, momentum: Array) -
 
 def multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
     """The multipliers, without those that are 1: the motion's own and, at M = 0, that of a turn
-    about the vertical, where so the determinant is all there is to know."""
+    about the vertical, where so the determinant is all there is to know.
+    """
     if not np.any(momentum):
         return np.array([np.exp(volume)], dtype=complex)
     values = np.linalg.eigvals(monodromy).astype(complex)

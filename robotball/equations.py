@@ -90,9 +90,7 @@ def rubber_divergence(gamma: Vector, Omega: Vector, A: Vector) -> Scalar:
     return dot(A_gamma, cross(Omega, gamma)) / dot(A_gamma, gamma)
 
 
-def classical_divergence(
-    gamma: Vector, Omega: Vector, A: Vector, I: Vector, d: Scalar
-) -> Scalar:
+def classical_divergence(gamma: Vector, Omega: Vector, A: Vector, I: Vector, d: Scalar) -> Scalar:
     """(Aγ, γ×Ω)/(1/d - (Aγ,γ)): the sum of the exponents of (3.3) is its time mean [1/s]."""
     A_gamma = diagonal(A, gamma)
     return d * dot(A_gamma, cross(gamma, Omega)) / dot(diagonal(I, A_gamma), gamma)

@@ -166,8 +166,10 @@ def first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
     # The classical formula, by Taylor coefficients: [i, j] belongs to x^i y^j.
     cubic = 6 * f[3, 0] + 2 * f[1, 2] + 2 * g[2, 1] + 6 * g[0, 3]
     square = (
-        f[1, 1] * (f[2, 0] + f[0, 2]) - g[1, 1] * (g[2, 0] + g[0, 2])
-        - 2 * f[2, 0] * g[2, 0] + 2 * f[0, 2] * g[0, 2]
+        f[1, 1] * (f[2, 0] + f[0, 2])
+        - g[1, 1] * (g[2, 0] + g[0, 2])
+        - 2 * f[2, 0] * g[2, 0]
+        + 2 * f[0, 2] * g[0, 2]
     )
     return float(cubic / 16 + square / (8 * nu))
 
@@ -183,7 +185,7 @@ def taylor(parameters: Parameters, gamma: Array, axes: Array) -> Array:
     x, y = np.meshgrid(circle, circle, indexing="ij")
     plane = np.einsum("ij,jkl->ikl", axes, np.array([x, y]))
     point = gamma[:, None, None] + np.einsum("jk,jlm->klm", tangents(gamma), plane)
-    rate = np.array(flow(parameters, tuple(point)))  # type: ignore[arg-type]
+    rate = np.array(flow(parameters, tuple(point)))
     # Central projection: what moves the point along itself is subtracted.
     across = np.einsum("jk,klm->jlm", tangents(gamma), rate)
     across = across - plane * np.einsum("k,klm->lm", gamma, rate)
@@ -207,7 +209,9 @@ def tangents(gamma: Array) -> Array:
 
 def rate_scale(parameters: Parameters) -> float:
     """The size of the rates of (4.1) [1/s]."""
-    return float(np.linalg.norm(parameters.Omega) + np.linalg.norm(eq.diagonal(parameters.A, parameters.K)))
+    return float(
+        np.linalg.norm(parameters.Omega) + np.linalg.norm(eq.diagonal(parameters.A, parameters.K))
+    )
 
 
 def attitude_at(gamma: Array) -> Array:

@@ -6,13 +6,15 @@ All axes named "frame" here are the principal axes of the ball's inertia, as in 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotball import marching
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.rotations import Array, multiply
-from robotball.scene import check_times
-from robotball.steppers import PATH, System, stepper
+from robotball.scene import Scene, check_times
+from robotball.steppers import row_of, stepper
+from robotball.systems import PATH, System
 
 # Of one step, in the unit quaternion: near the least that double precision can judge.
 TOLERANCE = 1e-14
@@ -22,6 +24,9 @@ STATUS = {
     marching.COLLAPSED: "given up: the step length fell to nothing",
 }
 STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
+
+
+Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,7 @@ class Orbits:
     times: Array
     attitudes: Array
     contact_points: Array
-    status: Array
+    status: Integers
 
 
 def orbits(
@@ -90,6 +95,15 @@ def orbit(
     return starts.to_world(states[None, :, :4])[0], starts.turned_back(states[None, :, 4:])[0]
 
 
+def start_of(scene: Scene) -> tuple[Parameters, Array, Array]:
+    """A scene as the functions here take it: its Parameters, attitudes (1, 4), momenta (1, 3).
+
+    The attitude is that of the principal axes, in which Parameters are.
+    """
+    attitude = multiply(scene.start.attitude, scene.principal_quaternion)
+    return scene.parameters, attitude[None], scene.start.momentum[None]
+
+
 class Starts:
     """Starts as the stepper takes them: turned about the vertical until M = -mα + cγ.
 
@@ -105,8 +119,7 @@ class Starts:
         across = np.hypot(momenta[:, 0], momenta[:, 1])
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
         self.attitudes = multiply(about_vertical(-self.turns), attitudes)
-        p = parameters
-        ball = np.array([*p.I, p.d, p.a, *p.Omega, *p.K])
+        ball = np.array(row_of(parameters))
         level = np.stack([across, momenta[:, 2]], axis=1)
         f_root = np.where(self.size > 0, self.size, 1.0)
         section = np.concatenate([np.tile([1.0, 0.0], (len(level), 1)), level / f_root[:, None]], 1)
@@ -114,7 +127,7 @@ class Starts:
 
     def march(
         self, system: System, rest: Array, times: Array, tolerance: float
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Integers]:
         """States (n, m, size), in turned axes, and status (n,) of a system at times (m,) > 0.
 
         rest: (n, size - 4), what the state starts with after the quaternion.
@@ -172,7 +185,7 @@ def about_vertical(angles: Array) -> Array:
 
 
 def speed_bound(parameters: Parameters, size: Array) -> Array:
-    """What |ω| (n,) cannot exceed where |M| = size (n,), from (3.2) and (3.3) term by term [rad/s]."""
+    """What |ω| (n,) cannot exceed where |M| = size (n,), by (3.2) or (3.3) term by term [rad/s]."""
     A, I = np.array(parameters.A), np.array(parameters.I)
     Omega, K = np.linalg.norm(parameters.Omega), np.linalg.norm(parameters.K)
     if parameters.rolling == "rubber":
@@ -183,7 +196,9 @@ def speed_bound(parameters: Parameters, size: Array) -> Array:
 
 
 def check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:
-    """Raises InputError unless attitudes (n, 4) and momenta (n, 3) are possible starts."""
+    """Raises InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
+    if not np.isfinite(row_of(parameters)).all():
+        raise InputError(f"the numbers of the ball are not finite: {parameters}")
     if attitudes.shape[1:] != (4,) or momenta.shape != (len(attitudes), 3):
         raise InputError(
             f"n starts are attitudes (n, 4) and momenta (n, 3), not {attitudes.shape} and "

@@ -44,7 +44,7 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 3
 
 
 def reversed_in_time(parameters: Parameters) -> Parameters:
-    """The ball that goes through the motions backwards: ω(M, γ) is linear in M, K and Ω together."""
+    """The ball that goes through the motions backwards: ω is linear in M, K and Ω together."""
     return replace(
         parameters, Omega=eq.scale(-1.0, parameters.Omega), K=eq.scale(-1.0, parameters.K)
     )
@@ -55,7 +55,7 @@ def settled(parameters: Parameters, duration: float, starts: int) -> Array:
     attitudes = np.array([attitude_at(gamma) for gamma in spread_points(starts)])
     end = orbits(parameters, attitudes, np.zeros((starts, 3)), np.array([0.0, duration]), 1e-12)
     gamma = rotation_matrix(end.attitudes[:, 1])[:, 2]
-    rates = np.linalg.norm(flow(parameters, tuple(gamma.T)), axis=0)  # type: ignore[arg-type]
+    rates = np.linalg.norm(flow(parameters, tuple(gamma.T)), axis=0)
     return gamma[rates > AT_REST * rate_scale(parameters)]
 
 
@@ -86,7 +86,7 @@ def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:
 
 
 def lies_on(gamma: Array, curve: Array) -> bool:
-    """Whether γ (3,) is as near to a sampled closed curve (n, 3) as its samples are to each other."""
+    """Whether γ (3,) is as near to a closed curve (n, 3) as its samples are to each other."""
     spacing = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()
     return bool(np.linalg.norm(curve - gamma, axis=1).min() < spacing)
 

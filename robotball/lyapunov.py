@@ -14,7 +14,7 @@ from robotball.errors import InputError
 from robotball.kernels import Starts
 from robotball.parameters import Parameters
 from robotball.rotations import Array
-from robotball.steppers import DEVIATION
+from robotball.systems import DEVIATION
 
 # Exponents are means of a chaotic motion: steps as good as a quick orbit's are enough.
 TOLERANCE = 1e-9
@@ -59,7 +59,9 @@ class Exponents:
     def dimension_error(self) -> float:
         """The standard error of `dimension`, from the scatter of the runs."""
         return standard_error(
-            np.array([kaplan_yorke(*each) for each in zip(self.largest, self.smallest, strict=True)])
+            np.array(
+                [kaplan_yorke(*each) for each in zip(self.largest, self.smallest, strict=True)]
+            )
         )
 
 

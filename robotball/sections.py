@@ -7,16 +7,18 @@ directions, towards larger g (+1) and smaller (-1).
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robotball import marching
 from robotball.crossing import cross
 from robotball.cycles import Cycle, close
 from robotball.errors import InputError
-from robotball.kernels import TOLERANCE, Starts
+from robotball.kernels import TOLERANCE, Integers, Starts
 from robotball.parameters import Parameters
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array
 from robotball.start import along_momentum, section_state
-from robotball.steppers import BALL, RETURN, SECTION, stepper
+from robotball.steppers import BALL, SECTION, stepper
+from robotball.systems import RETURN
 
 # Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
 STEPS_PER_CROSSING = 100_000
@@ -34,10 +36,10 @@ class Section:
     times: Array
     l: Array
     L: Array
-    directions: Array
+    directions: Integers
     attitudes: Array
-    found: Array
-    status: Array
+    found: Integers
+    status: Integers
 
 
 def section(
@@ -57,7 +59,9 @@ def section(
     """
     starts = Starts(parameters, attitudes, momenta)
     if not (starts.size > 0).all() or count < 1 or direction not in (-1, 0, 1):
-        raise InputError("a section needs M other than zero, a count of 1 or more, a direction ±1, 0")
+        raise InputError(
+            "a section needs M other than zero, a count of 1 or more, a direction ±1, 0"
+        )
     starts.rows[:, SECTION - BALL : SECTION - BALL + 2] = np.cos(g), np.sin(g)
     n = len(starts.rows)
     times, states = np.full((n, count), np.nan), np.full((n, count, 4), np.nan)
@@ -92,15 +96,15 @@ def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]
 
 
 def section_starts(
-    L: Array, l: Array, f: float, g: float = 0.0, c: float = 0.0
+    L: ArrayLike, l: ArrayLike, f: float, g: float = 0.0, c: float = 0.0
 ) -> tuple[Array, Array]:
-    """Attitudes (n, 4) and world momenta (n, 3) of the points L, l (n,) of the section (5.5).
+    """Attitudes (n, 4) and world momenta (n, 3) of the points L, l (n,) of g = `g`, by (5.5).
 
     Raises InputError unless f > 0, L² < f and c² < f.
     """
     starts = [
         along_momentum(*section_state(float(L_), float(l_), g, f, c))
-        for L_, l_ in zip(np.atleast_1d(L), np.atleast_1d(l), strict=True)
+        for L_, l_ in zip(np.ravel(L), np.ravel(l), strict=True)
     ]
     return np.array([s.attitude for s in starts]), np.array([s.momentum for s in starts])
 
@@ -119,7 +123,7 @@ def fixed_point(
     A fixed point of the map is one crossing of it; its multipliers are the orbit's. Raises
     InputError where Newton's method does not converge.
     """
-    attitudes, momenta = section_starts(np.array([L]), np.array([l]), f, g, c)
+    attitudes, momenta = section_starts(L, l, f, g, c)
     first = section(parameters, attitudes, momenta, 1, g)
     if first.status[0] != marching.DONE:
         raise InputError("the orbit never comes back to the section")

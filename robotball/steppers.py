@@ -1,9 +1,8 @@
 """The steps that are compiled: DOP853 over the equations, one step of LANES orbits at a time.
 
 A step is a plain function of the state and its length, here run on symbols (flatten.py) and
-compiled once a rolling model; a ball is data. All steps use the axes of section 3.3, in which
-M = -mα + cγ, and unit quaternions; nothing but a rotation and a unit vector is judged for its
-error, so no tolerance has a unit.
+compiled once a rolling model; a ball is data. Only unit vectors are judged for their error, so
+no tolerance has a unit.
 """
 
 import hashlib
@@ -12,7 +11,6 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,11 +19,10 @@ import numba
 from numba.core.codegen import get_host_cpu_features
 from scipy.integrate import DOP853
 
-from robotball import equations as eq
-from robotball.duals import along, slopes
-from robotball.equations import Quaternion, Scalar, Vector
-from robotball.flatten import Symbol, Tape, at, lane_function, least
+from robotball.equations import Scalar
+from robotball.flatten import Tape, at, lane_function, least
 from robotball.parameters import Parameters, Rolling
+from robotball.systems import Level, State, System, section_function
 
 STAGES = 12
 # LLVM holds some processors to half of their vectors' width, a third slower here. Only a process
@@ -39,95 +36,6 @@ LENGTH, TOLERANCE, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15
 REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
 # Control of the length: the usual safety and limits of change.
 SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.9, 0.2, 6.0
-State = Sequence[Scalar]
-
-
-@dataclass(frozen=True)
-class Level:
-    """What stays constant, in the axes of section 3.3: M = -mα + cγ, kg m²/s."""
-
-    m: Scalar
-    c: Scalar
-
-    def momentum(self, alpha: Vector, gamma: Vector) -> Vector:
-        """M in frame axes."""
-        return eq.subtract(eq.scale(self.c, gamma), eq.scale(self.m, alpha))
-
-
-@dataclass(frozen=True)
-class System:
-    """Equations to step: their right-hand side and what of the state is of length one.
-
-    rate: (state, parameters, level) -> d(state)/dt. units: the dimensions of the unit vectors
-    that the state starts with; they are what the error is judged on, and they are brought back
-    to length one at every step. The rest are quadratures of them.
-    """
-
-    name: str
-    size: int
-    units: tuple[int, ...]
-    rate: Callable[[State, Parameters, Level], State]
-    sees_section: bool = False
-
-
-def path_rate(state: State, parameters: Parameters, level: Level) -> State:
-    """d/dt of (q, X, Y): attitude and contact point."""
-    q, alpha, beta, _, omega = turning(state, parameters, level)
-    velocity = eq.contact_velocity(alpha, beta, omega, parameters.Omega, parameters.a)
-    return (*eq.attitude_rate(q, omega), *velocity)
-
-
-def attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
-    """d/dt of q alone."""
-    q, _, _, _, omega = turning(state, parameters, level)
-    return eq.attitude_rate(q, omega)
-
-
-def deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
-    """d/dt of (q, ξ, ln growth, ln volume): a neighbouring orbit's direction and distance.
-
-    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ; its direction and the
-    logarithm of its length are kept apart.
-    """
-    q, alpha, _, gamma, omega = turning(state, parameters, level)
-    xi: Vector = (state[4], state[5], state[6])
-    moving_gamma = along(gamma, eq.cross(gamma, xi))
-    moving_M = along(level.momentum(alpha, gamma), eq.cross(level.momentum(alpha, gamma), xi))
-    change = slopes(parameters.angular_velocity(moving_M, moving_gamma))
-    growth = eq.dot(xi, change) / eq.dot(xi, xi)
-    xi_rate = eq.subtract(eq.subtract(change, eq.cross(omega, xi)), eq.scale(growth, xi))
-    return (*eq.attitude_rate(q, omega), *xi_rate, growth, parameters.divergence(gamma))
-
-
-def turning(
-    state: State, parameters: Parameters, level: Level
-) -> tuple[Quaternion, Vector, Vector, Vector, Vector]:
-    """q, α, β, γ and ω of a state that starts with q."""
-    w, x, y, z = state[:4]
-    alpha, beta, gamma = eq.space_axes((w, x, y, z))
-    omega = parameters.angular_velocity(level.momentum(alpha, gamma), gamma)
-    return (w, x, y, z), alpha, beta, gamma, omega
-
-
-def section_function(
-    state: State, parameters: Parameters, level: Level, section: State
-) -> tuple[Scalar, Scalar, Scalar]:
-    """sin(g - g₀), its rate [1/s] and cos(g - g₀), all times √(1 - L²/f); of a state with q first.
-
-    section: (cos g₀, sin g₀, m/√f, c/√f). With γ₀ = (m/√f)γ + (c/√f)α of (5.5) the definition of
-    g reads √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃); no angle is needed.
-    """
-    cos_g, sin_g, across, along_M = section
-    _, alpha, beta, gamma, omega = turning(state, parameters, level)
-    node = eq.add(eq.scale(across, gamma), eq.scale(along_M, alpha))
-    ahead = eq.subtract(eq.scale(sin_g, node), eq.scale(cos_g, beta))
-    facing = -(cos_g * node[2] + sin_g * beta[2])
-    return ahead[2], eq.cross(ahead, omega)[2], facing
-
-
-PATH = System("path", 6, (4,), path_rate)
-RETURN = System("return", 4, (4,), attitude_rate, sees_section=True)
-DEVIATION = System("deviation", 9, (4, 3), deviation_rate)
 
 
 def dop853(
@@ -140,9 +48,7 @@ def dop853(
     """
 
     def combination(row: Any, slopes: list[State], i: int) -> Scalar:
-        return sum(
-            float(a) * slope[i] for a, slope in zip(row, slopes, strict=False) if a != 0
-        )
+        return sum(float(a) * slope[i] for a, slope in zip(row, slopes, strict=False) if a != 0)
 
     def moved(row: Any, slopes: list[State]) -> list[Scalar]:
         return [y + h * combination(row, slopes, i) for i, y in enumerate(state)]
@@ -168,10 +74,7 @@ def flat_step(system: System, rolling: Rolling) -> str:
     """
     tape = Tape()
     row = [tape.input(at(i)) for i in range(STATE + system.size)]
-    ball = row[BALL:LEVEL]
-    parameters = Parameters(
-        rolling, vector(ball[:3]), *ball[3:5], vector(ball[5:8]), vector(ball[8:])
-    )
+    parameters = ball_of(rolling, row[BALL:LEVEL])
     along_gamma = row[LEVEL + 1] if rolling == "classical" else 0.0
     level = Level(row[LEVEL], along_gamma)
     length = least(row[TARGET] - row[TIME], row[LENGTH])
@@ -209,9 +112,16 @@ def flat_step(system: System, rolling: Rolling) -> str:
     return lane_function("step", tape, results)
 
 
-def vector(row: Sequence[Symbol]) -> Vector:
-    x, y, z = row
-    return (x, y, z)
+def ball_of(rolling: Rolling, row: Sequence[Any]) -> Parameters:
+    """The Parameters whose numbers are in the rows from BALL to LEVEL."""
+    I1, I2, I3, d, a, Omega1, Omega2, Omega3, K1, K2, K3 = row
+    return Parameters(rolling, (I1, I2, I3), d, a, (Omega1, Omega2, Omega3), (K1, K2, K3))
+
+
+def row_of(parameters: Parameters) -> list[float]:
+    """What `ball_of` takes (11,)."""
+    p = parameters
+    return [*p.I, p.d, p.a, *p.Omega, *p.K]
 
 
 HEADER = '''"""Generated from robotball's equations by robotball/steppers.py; not to be edited."""

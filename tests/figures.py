@@ -1,0 +1,23 @@
+"""The balls of the paper's figures, by the numbers of the equations."""
+
+from robotball.equations import Vector
+from robotball.parameters import Parameters, Rolling
+
+
+def ball(
+    A: Vector, Omega: Vector, K: Vector, rolling: Rolling = "rubber", d: float = 0.9
+) -> Parameters:
+    """A ball with this diagonal A [1/(kg m²)]; d [kg m²] matters in the classical model only."""
+    I = (1 / A[0] - d, 1 / A[1] - d, 1 / A[2] - d)
+    return Parameters(rolling, I, d, 1.0, Omega, K)
+
+
+def from_rest(K3: float) -> Parameters:
+    """Figs 6 (K₃ = 0.3), 7 (0.52) and 8 (3)."""
+    return ball((0.5, 0.4, 0.3), (4.0, 2.0, 1.0), (0.0, 0.0, K3))
+
+
+REGULAR = ball((0.7, 0.6, 0.8), (0.0, 0.0, 2.0), (2.0, 2.0, 0.0))  # Figs 11a, 12, 13
+CHAOTIC = ball((0.8, 0.6, 0.7), (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))  # Figs 11b, 14
+CLASSICAL = ball((0.8, 0.6, 0.7), (0.0, 0.0, 2.0), (2.0, 3.0, 0.0), "classical")  # with c = 3
+F = 25.0  # M² of all of them [(kg m²/s)²]

@@ -1,0 +1,178 @@
+"""Motion from rest, section 4: fixed points, their types, limit cycles."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import root
+
+from robotball.cycles import Cycle
+from robotball.equations import Vector
+from robotball.equilibria import (
+    FixedPoint,
+    attitude_at,
+    first_lyapunov_value,
+    fixed_points,
+    flow,
+    jacobian,
+    rate_scale,
+    tangents,
+)
+from robotball.errors import InputError
+from robotball.kernels import orbit
+from robotball.limit_cycles import limit_cycles, reversed_in_time, spread_points
+from robotball.parameters import Parameters, as_vector
+from robotball.rotations import Array, rotation_matrix
+from tests.figures import CLASSICAL, ball, from_rest
+
+
+def kinds(points: list[FixedPoint]) -> Counter[str]:
+    return Counter(point.kind for point in points)
+
+
+def followed(some: Parameters, gamma: Array, times: Array) -> Array:
+    """γ (m, 3) at the times, from the direction of γ (3,)."""
+    attitude = attitude_at(gamma / np.linalg.norm(gamma))
+    return rotation_matrix(orbit(some, attitude, np.zeros(3), times)[0])[:, 2]
+
+
+def test_fig6_has_ten_fixed_points() -> None:
+    """Four saddles, two stable foci, two unstable nodes and two slow stable foci, (0, 0, ±1)."""
+    points = fixed_points(from_rest(0.3))
+    assert kinds(points) == {
+        "saddle": 4,
+        "stable focus": 2,
+        "unstable node": 2,
+        "slow stable focus": 2,
+    }
+    slow = [point.gamma for point in points if point.kind == "slow stable focus"]
+    assert np.abs(np.abs(slow) - [0, 0, 1]).max() < 1e-15
+
+
+@pytest.mark.parametrize(("K3", "number"), [(0.515, 10), (0.5151, 6), (2.082, 6), (2.0821, 2)])
+def test_fixed_points_vanish_where_the_paper_says(K3: float, number: int) -> None:
+    """|κ₁| = 1 at K₃ = 0.51503 and |κ₂| = 1 at 2.08207; just beside, all are still told apart."""
+    assert len(fixed_points(from_rest(K3))) == number
+
+
+parts = st.floats(-3, 3).map(lambda x: round(x, 3))
+
+
+@given(
+    st.tuples(*[st.floats(0.2, 1.0).map(lambda x: round(x, 3))] * 3),
+    st.tuples(parts, parts, parts),
+    st.tuples(parts, parts, parts),
+)
+@settings(max_examples=25, deadline=None)
+def test_no_fixed_point_is_missed(A: Vector, Omega: Vector, K: Vector) -> None:
+    """Every point that a solver finds from 100 starts on the sphere is in the list, and is zero.
+
+    The list itself has passed its check, that the indices add up to 2.
+    """
+    some = ball(A, Omega, K, d=0.01)
+    try:
+        points = fixed_points(some)
+    except InputError:
+        assume(False)
+    known = np.array([point.gamma for point in points])
+    assert max(np.abs(flow(some, as_vector(g))).max() for g in known) < 1e-12 * rate_scale(some)
+
+    for start in spread_points(100):
+        basis = tangents(start)
+
+        def rate(x: Array, start: Array = start, basis: Array = basis) -> Array:
+            return basis @ np.array(flow(some, as_vector(start + x @ basis)))
+
+        found = root(rate, np.zeros(2), tol=1e-13)
+        gamma = start + found.x @ basis
+        gamma /= np.linalg.norm(gamma)
+        if found.success and np.abs(flow(some, as_vector(gamma))).max() < 1e-11 * rate_scale(some):
+            assert np.linalg.norm(known - gamma, axis=1).min() < 1e-4
+
+
+def test_eigenvalues_are_those_of_the_flow() -> None:
+    """The Jacobian by dual numbers is the one by differences, 1e-9."""
+    some = from_rest(0.3)
+    for point in fixed_points(some):
+        basis, h = tangents(point.gamma), 1e-6
+        columns = [
+            np.array(flow(some, as_vector(point.gamma + h * e)))
+            - np.array(flow(some, as_vector(point.gamma - h * e)))
+            for e in basis
+        ]
+        differences = basis @ np.array(columns).T / (2 * h)
+        assert np.abs(jacobian(some, point.gamma) - differences).max() < 1e-8
+
+
+def test_a_slow_focus_attracts_as_its_first_lyapunov_value_says() -> None:
+    """dr/dt = value r³: from r = 0.02 the distance falls to 0.0187 in 500 turns, as by the law.
+
+    Within 0.23 %: the distance is the law's r but for terms in r².
+    """
+    some = from_rest(0.3)
+    gamma = np.array([0.0, 0.0, 1.0])
+    value = first_lyapunov_value(some, gamma)
+    assert value < 0
+    values, vectors = np.linalg.eig(jacobian(some, gamma))
+    nu, v = abs(values[0].imag), vectors[:, np.argmax(values.imag)]
+    axes = np.stack([v.imag, v.real], axis=1)
+    start = gamma + tangents(gamma).T @ (axes @ [0.02, 0.0])
+    times = np.linspace(0.0, 500 * 2 * np.pi / nu, 501)
+    path = followed(some, start, times)
+    r = np.linalg.norm(np.linalg.solve(axes, tangents(gamma) @ (path / path[:, 2:]).T), axis=0)
+    law = 0.02 / np.sqrt(1 - 2 * value * 0.02**2 * times)
+    assert r[-1] < 0.95 * r[0]
+    assert np.abs(r / law - 1).max() < 0.005
+
+
+def test_degenerate_flows_are_refused() -> None:
+    """A classical ball, a ball that nothing drives, and a whole circle of fixed points."""
+    with pytest.raises(InputError, match="rubber"):
+        fixed_points(CLASSICAL)
+    with pytest.raises(InputError, match="rests at every"):
+        fixed_points(ball((0.5, 0.4, 0.3), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    with pytest.raises(InputError, match=r"fill a curve|degenerate"):
+        fixed_points(ball((0.5, 0.5, 0.5), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
+
+
+# Limit cycles ------------------------------------------------------------------------------
+
+
+def only_cycle(some: Parameters) -> Cycle:
+    cycles = limit_cycles(some)
+    assert len(cycles) == 1
+    return cycles[0]
+
+
+@pytest.mark.parametrize(("K3", "period"), [(0.52, 60.0086320), (3.0, 6.0909390)])
+def test_unstable_limit_cycles_of_figs_7_and_8(K3: float, period: float) -> None:
+    """Periods 60.0086320 and 6.0909390 to 1e-6, measured 60.00863199 and 6.09093898."""
+    cycle = only_cycle(from_rest(K3))
+    assert cycle.period == pytest.approx(period, abs=1e-6)
+    assert cycle.multipliers[0].real > 1
+
+
+def test_a_cycles_multiplier_is_how_its_neighbours_part() -> None:
+    """Fig. 8: a neighbour 1e-6 away is 2.28 times as far off after a period, to 1e-4."""
+    some = from_rest(3.0)
+    cycle = only_cycle(some)
+    rate = np.array(flow(some, as_vector(cycle.gamma)))
+    across = np.cross(cycle.gamma, rate / np.linalg.norm(rate))
+    near = cycle.gamma + 1e-6 * across
+    times = np.array([0.0, cycle.period])
+    ends = [followed(some, gamma, times)[-1] for gamma in (cycle.gamma, near)]
+    assert np.abs(ends[0] - cycle.gamma).max() < 1e-10
+    assert (ends[1] - ends[0]) @ across / 1e-6 == pytest.approx(cycle.multipliers[0].real, rel=1e-4)
+
+
+def test_fig6_has_no_limit_cycle() -> None:
+    """At K₃ = 0.3 everything comes to rest in both directions of time, but on slow foci."""
+    assert limit_cycles(from_rest(0.3)) == []
+
+
+def test_reversed_ball_goes_back() -> None:
+    """Ω and K turned round give the flow back in time, exactly."""
+    some, gamma = from_rest(0.3), (0.6, 0.48, 0.64)
+    assert flow(reversed_in_time(some), gamma) == tuple(-x for x in flow(some, gamma))

@@ -66,10 +66,10 @@ def cycle_findings(report: Report) -> Iterator[Finding]:
     contact = contact_cycle(model, L, l + 0.01, F, cycle.period, direction=-1)
     size, ours = abs(cycle.multipliers[0]), abs(contact.multipliers[0])
     for claim, a, b in (
-        ("Fig. 11a: period [s]", contact.period, cycle.period),
-        ("Fig. 11a: L of the fixed point [kg m²/s]", contact.L, L),
-        ("Fig. 11a: l of the fixed point [rad]", contact.l, l),
-        ("Fig. 11a: |multiplier|", ours, size),
+        ("11a: period [s]", contact.period, cycle.period),
+        ("11a: L of it [kg m²/s]", contact.L, L),
+        ("11a: l of it [rad]", contact.l, l),
+        ("11a: |multiplier|", ours, size),
     ):
         yield Finding(claim, a, b, abs(a - b), 1e-6)
     start = own_start(model, cycle.attitude, cycle.momentum)
@@ -90,8 +90,9 @@ def torus_findings(report: Report) -> Iterator[Finding]:
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
     contact = cloud_by_contact(build(scene, preset("balanced")), TORUS_BY_CONTACT, seed=0)
     apart = distance_to_curve(contact.states, curve.states)
-    yield Finding("Fig. 11a: distance from the torus's curve", apart.max(), 0.0, apart.max(), 5e-6)
-    yield drift_finding("fig13", float(contact.velocities[0, 0]), 0.0, 2e-3)
+    yield Finding("11a: off the torus", apart.max(), 0.0, apart.max(), 5e-6)
+    # The mean over 1200 s misses that of all time by a swing of the path, some metres, over that.
+    yield drift_finding("fig13", float(contact.velocities[0, 0]), 0.0, 5e-3)
 
 
 def cloud_findings(report: Report) -> Iterator[Finding]:
@@ -110,7 +111,7 @@ def cloud_findings(report: Report) -> Iterator[Finding]:
     probability = rank_probability(contact.states, peers, reference)
     # Two clouds of the same law are farther apart than this one with that probability.
     yield Finding(
-        "Fig. 11b: 1 - p of the cloud's distance", 1 - probability, 0.0, 1 - probability, 0.99
+        "11b: 1 - p of the cloud", 1 - probability, 0.0, 1 - probability, 0.99
     )
     mean = contact.velocities.mean(axis=0)
     error = contact.velocities.std(axis=0, ddof=1) / np.sqrt(CLOUD.starts)
@@ -129,7 +130,7 @@ def exponent_findings(report: Report) -> Iterator[Finding]:
     )
     apart = abs(contact.mean - EXPONENT)
     yield Finding(
-        "Fig. 11b: largest exponent [1/s]",
+        "11b: λ₁ [1/s]",
         contact.mean,
         EXPONENT,
         apart,
@@ -138,23 +139,23 @@ def exponent_findings(report: Report) -> Iterator[Finding]:
     )
     alongside = float(growth_by_equations(scene.parameters, contact).mean() / contact.interval)
     yield Finding(
-        "Fig. 11b: the same along the same motions", contact.mean, alongside,
+        "11b: along one motion", contact.mean, alongside,
         abs(contact.mean - alongside), 1e-4,
     )  # fmt: skip
 
 
 def drift_finding(scene: str, velocity: float, error: float, bound: float) -> Finding:
     theirs = DRIFTS[scene]
-    claim = f"Fig. {scene[3:]}: drift along X [m/s]"
+    claim = f"{scene[3:]}: drift [m/s]"
     return Finding(claim, velocity, theirs, abs(velocity - theirs), bound, error)
 
 
 def main() -> None:
     """All findings, as a table."""
     console = Console()
-    table = Table(box=box.SIMPLE_HEAD, title="Fig. 11's attractors by MuJoCo", title_justify="left")
+    table = Table(box=box.SIMPLE_HEAD, padding=0, title="The attractors of Figs 11 to 14", title_justify="left")
     for heading in ("", "MuJoCo", "equations", "apart", "bound", "σ", ""):
-        table.add_column(heading, justify="left" if heading == "" else "right")
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     with progress_bar(8) as report:
         for study in (cycle_findings, torus_findings, cloud_findings, exponent_findings):
             for each in study(report):

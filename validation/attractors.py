@@ -72,13 +72,15 @@ class Torus:
 
 @dataclass(frozen=True)
 class Cloud:
-    """Section points of one engine: `states` (n, 6), as in clouds.py; (L, l) (n,), and the mean
-    velocity (starts, 2) of the contact point along OX = -M/√f and OY, m/s, from MuJoCo.
+    """Section points of one engine: `states` (n, 6), as in clouds.py; L, l and directions (n,);
+    and, from MuJoCo, the mean velocity (starts, 2) of the contact point along OX = -M/√f and OY,
+    m/s.
     """
 
     states: Array
     L: Array
     l: Array
+    directions: Array
     velocities: Array
 
 
@@ -93,7 +95,8 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int
     axes = rotation_matrix(found.attitudes[:, late].reshape(-1, 4))
     M = np.einsum("nji,nj->ni", axes, np.repeat(momenta, recipe.count, axis=0))
     L, l = found.L[:, late].ravel(), found.l[:, late].ravel()
-    return Cloud(states(axes[:, 2], M), L, l, np.empty((0, 2)))
+    directions = found.directions[:, late].ravel()
+    return Cloud(states(axes[:, 2], M), L, l, directions, np.empty((0, 2)))
 
 
 def cloud_by_contact(
@@ -111,4 +114,7 @@ def cloud_by_contact(
         if progress is not None:
             progress((i + 1) / recipe.starts)
     points = joined(parts)
-    return Cloud(states(points.gamma, points.momenta), points.L, points.l, np.array(velocities))
+    return Cloud(
+        states(points.gamma, points.momenta), points.L, points.l, points.directions,
+        np.array(velocities),
+    )  # fmt: skip

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from robotball.errors import InputError
+from robotball.kernels import Integers
 from robotball.motion import Motion
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene
@@ -30,7 +31,7 @@ class Crossings:
     times: Array
     gamma: Array
     momenta: Array
-    directions: Array
+    directions: Integers
 
     @property
     def l(self) -> Array:  # noqa: E743

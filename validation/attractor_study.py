@@ -33,6 +33,7 @@ PEERS = 199
 PAIRS = Recipe(f=F, starts=16, skipped=0, count=0)
 PAIR_SECONDS = 2500.0  # of each: 1.1 % of sampling error over all
 EXPONENT = 0.1160  # of Fig. 11b, 1/s: the equations', ±0.0001 by 64 starts over 1e5 s
+TITLE = "The attractors of Figs 11 to 14"
 DRIFTS = {"fig12": 3.65907, "fig13": 3.665, "fig14": 3.276}  # m/s along OX
 
 Report = Callable[[float, str], None]
@@ -110,9 +111,7 @@ def cloud_findings(report: Report) -> Iterator[Finding]:
     )
     probability = rank_probability(contact.states, peers, reference)
     # Two clouds of the same law are farther apart than this one with that probability.
-    yield Finding(
-        "11b: 1 - p of the cloud", 1 - probability, 0.0, 1 - probability, 0.99
-    )
+    yield Finding("11b: 1 - p of the cloud", 1 - probability, 0.0, 1 - probability, 0.99)
     mean = contact.velocities.mean(axis=0)
     error = contact.velocities.std(axis=0, ddof=1) / np.sqrt(CLOUD.starts)
     yield drift_finding("fig14", float(mean[0]), float(error[0]), 3 * float(error[0]))
@@ -153,7 +152,12 @@ def drift_finding(scene: str, velocity: float, error: float, bound: float) -> Fi
 def main() -> None:
     """All findings, as a table."""
     console = Console()
-    table = Table(box=box.SIMPLE_HEAD, padding=0, title="The attractors of Figs 11 to 14", title_justify="left")
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        padding=0,
+        title="The attractors of Figs 11 to 14",
+        title_justify="left",
+    )
     for heading in ("", "MuJoCo", "equations", "apart", "bound", "σ", ""):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     with progress_bar(8) as report:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotball import InputError, preset
+from robotball.kernels import Integers
 from robotball.model import Model
 from robotball.motion_section import joined
 from robotball.parameters import Parameters
@@ -80,7 +81,7 @@ class Cloud:
     states: Array
     L: Array
     l: Array
-    directions: Array
+    directions: Integers
     velocities: Array
 
 

@@ -18,7 +18,7 @@ from robotball.model import Model
 from robotball.parameters import Parameters
 from robotball.rotations import Array, conjugate, multiply
 from robotball.simulate import run
-from robotball.steppers import DEVIATION
+from robotball.systems import DEVIATION
 from validation.contact_map import own_start
 
 SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it

@@ -9,6 +9,7 @@ import numpy as np
 from robotball import Scene
 from robotball.bodies import Ball, Frame, Rotor, Shell, thin_shell_inertia
 from robotball.equations import Vector
+from robotball.parameters import Parameters
 from robotball.rotations import Array
 from robotball.start import Start, along_momentum, attitude_of_axes
 
@@ -42,11 +43,15 @@ def ball_with(A: Vector, Omega: Vector, K: Vector, mass: float) -> tuple[Ball, f
     return Ball(shell, frame, (rotor,)), rate, size / inertia
 
 
+def parameters_with(A: Vector, Omega: Vector, K: Vector, mass: float) -> Parameters:
+    """The numbers of a rubber ball with diagonal A, Ω, K and mass [kg], whatever its bodies."""
+    d = mass * RADIUS**2
+    return Parameters("rubber", (1 / A[0] - d, 1 / A[1] - d, 1 / A[2] - d), d, RADIUS, Omega, K)
+
+
 def from_rest(name: str, K3: float, gamma: Array, duration: float) -> Scene:
     """A ball of Figs 5 to 8, K = (0, 0, K₃), that starts with M = 0 at γ (3,)."""
-    ball, frame_rate, rotor_rate = ball_with(
-        AT_REST_A, AT_REST_OMEGA, (0.0, 0.0, K3), AT_REST_MASS
-    )
+    ball, frame_rate, rotor_rate = ball_with(AT_REST_A, AT_REST_OMEGA, (0.0, 0.0, K3), AT_REST_MASS)
     gamma = gamma / np.linalg.norm(gamma)
     # OX lies where the contact point would start to, were it not for the frame's own turning.
     across = np.cross(gamma, np.array(AT_REST_OMEGA))
@@ -92,6 +97,4 @@ def _scene(
     duration: float,
 ) -> Scene:
     source = "A, Ω and K of the paper; bodies chosen to have them"
-    return Scene(
-        name, title, source, ball, "rubber", frame_rate, (rotor_rate,), start, duration
-    )
+    return Scene(name, title, source, ball, "rubber", frame_rate, (rotor_rate,), start, duration)

@@ -4,81 +4,76 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from robotball import preset, sample_times
-from robotball import equations as eq
-from robotball.duals import along, slopes
-from robotball.equations import Vector
 from robotball.model import build
 from robotball.palette import INK, THEORY
-from robotball.parameters import Parameters
-from robotball.rotations import Array
 from robotball.simulate import run
-from validation.figure_parts import ENGINE_LINE, FAINT, THEORY_LINE, draw_paths, sheet, theory_motion
-from validation.figure_scenes import LINE_A, LINE_K, LINE_OMEGA, line_verticals, straight_line
+from robotball.straight_motions import straight_motion
+from validation.figure_parts import (
+    ENGINE_LINE,
+    FAINT,
+    THEORY_LINE,
+    draw_paths,
+    sheet,
+    theory_motion,
+)
+from validation.figure_scenes import (
+    LINE_A,
+    LINE_K,
+    LINE_MASS,
+    LINE_OMEGA,
+    line_verticals,
+    parameters_with,
+    straight_line,
+)
 
 LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
-LIMIT = 2.0806256  # of f there: above it σ₋ and δ₊ are unstable saddle-foci
-FINENESS = 160  # of the map's grid, each way
+LIMIT = 2.0806242  # of f there: above it σ₋ and δ₊ are unstable saddle-foci
+FINENESS = 90  # of the map's grid, each way
 BALL_LINES = ("A = diag(.5, .3, .6) 1/(kg m²)", "Ω = (0, 0, 2) rad/s, a = 1 m")
 
 
-def growth_rates(K1: Array, K2: Array, f: float, which: str) -> Array:
-    """The largest real part (...) of the eigenvalues of σ₊ or σ₋ for K = (K1, K2, 0) [1/s].
+def growth_rate(K1: float, K2: float, f: float, which: str = "σ₋") -> float:
+    """The largest real part of the eigenvalues of σ₊ or σ₋ for K = (K1, K2, 0) [1/s].
 
     NaN where K² < f, and there is no straight-line motion.
     """
-    K = (K1, K2, np.zeros_like(K1))
-    size = np.hypot(K1, K2)
-    with np.errstate(invalid="ignore"):
-        off = np.arcsin(np.sqrt(f) / size)
-    angle = np.arctan2(K2, K1) + (-off if which == "σ₊" else off + np.pi)
-    gamma: Vector = (np.cos(angle), np.sin(angle), np.zeros_like(K1))
-    M = eq.cross(gamma, K)
-    columns = []
-    for e in np.eye(3):
-        turn: Vector = (e[0], e[1], e[2])
-        # At rest in the frame's rotation (ω = 0) a small turn ξ obeys dξ/dt = Dω·ξ.
-        moving_M = along(M, eq.cross(M, turn))
-        moving_gamma = along(gamma, eq.cross(gamma, turn))
-        ball = Parameters("rubber", (0.0, 0.0, 0.0), 0.0, 1.0, LINE_OMEGA, K)
-        columns.append(
-            slopes(
-                eq.rubber_angular_velocity(moving_M, moving_gamma, ball.Omega, ball.K, LINE_A)
-            )
-        )
-    matrices = np.moveaxis(np.array(columns), (0, 1), (-1, -2))
-    known = np.isfinite(matrices).all(axis=(-1, -2))
-    rates = np.full(K1.shape, np.nan)
-    rates[known] = np.linalg.eigvals(matrices[known]).real.max(axis=-1)
-    return rates
+    if f > K1 * K1 + K2 * K2:
+        return np.nan
+    K = (K1, K2, 0.0)
+    ball = parameters_with(LINE_A, LINE_OMEGA, K, LINE_MASS)
+    return float(straight_motion(ball, line_verticals(f, K)[which]).eigenvalues.real.max())
 
 
 def figure9() -> Figure:
     """Where in the plane of K straight-line motions are stable, for two values of f."""
-    caption = (*BALL_LINES, "K = (K₁, K₂, 0) kg m²/s", "f = 2 and f = 3 (chosen: the paper", "  does not state its f)")  # fmt: skip
+    caption = (
+        *BALL_LINES,
+        "K = (K₁, K₂, 0) kg m²/s",
+        "f = 2 and f = 3 (chosen: the paper",
+        "  does not state its f)",
+    )
     facts = (
         "ω = 0, (Ω,γ) = 0, M = γ×K, f = M²:",
         "  the shell alone turns, and the ball goes",
         "  straight along Y at ∓a|Ω|.",
-        "Shaded: where the named ones are stable.",
-        "  The size of Ω does not matter.",
+        "Shaded: σ₋ and δ₊ are stable; σ₊ and δ₋",
+        "  are so nowhere here. The size of Ω",
+        "  does not matter.",
         "E16: at K = (4, 5, 0) they are stable for",
         f"  f < {LIMIT:.4f} only, not at f = 3.",
     )
-    figure, panels = sheet(
-        "Fig. 9: stability of straight-line motions", caption, facts, (4.8, 4.8)
-    )
+    figure, panels = sheet("Fig. 9: stability of straight-line motions", caption, facts, (4.8, 4.8))
     side = np.linspace(-8, 8, FINENESS)
-    K1, K2 = np.meshgrid(side, side)
     for axes, f in zip(panels, LEVELS, strict=True):
-        for which, twin, colour in (("σ₋", "δ₊", THEORY), ("σ₊", "δ₋", FAINT)):
-            rates = growth_rates(K1, K2, f, which)
-            axes.contourf(K1, K2, rates, levels=[-1e9, 0.0], colors=[colour], alpha=0.45)
-            axes.contour(K1, K2, rates, levels=[0.0], colors=[colour], linewidths=1.5)
-            sign = 1 if which == "σ₋" else -1
-            for x in (6.8, -6.8):
-                axes.annotate(f"{which}, {twin}", (x, sign * x), color=INK, ha="center")
+        rates = np.array([[growth_rate(K1, K2, f) for K1 in side] for K2 in side])
+        axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[THEORY], alpha=0.45)
+        axes.contour(side, side, rates, levels=[0.0], colors=[THEORY], linewidths=1.5)
+        for x in (6.8, -6.8):
+            axes.annotate("σ₋, δ₊", (x, x), color=INK, ha="center")
         turn = np.linspace(0, 2 * np.pi, 300)
-        axes.fill(np.sqrt(f) * np.cos(turn), np.sqrt(f) * np.sin(turn), color=FAINT, alpha=0.5, lw=0)
+        axes.fill(
+            np.sqrt(f) * np.cos(turn), np.sqrt(f) * np.sin(turn), color=FAINT, alpha=0.5, lw=0
+        )
         axes.annotate("K² < f", (0, 0), ha="center", va="center", color=INK)
         axes.plot(*LINE_K[:2], "o", color=INK)
         axes.annotate("Fig. 10", LINE_K[:2], xytext=(6, 6), textcoords="offset points", color=INK)

@@ -1,21 +1,19 @@
 """Figs 5 to 8: motion from rest, M = 0, a flow on the sphere of γ."""
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-import numpy as np
-
-from robotball import preset, sample_times
+from robotball import Motion, preset, sample_times
 from robotball.equilibria import FixedPoint, attitude_at, fixed_points
 from robotball.kernels import orbits
 from robotball.limit_cycles import limit_cycles, spread_points
 from robotball.model import build
-from robotball.palette import ENGINE, INK, THEORY
+from robotball.palette import INK
 from robotball.parameters import Parameters
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from robotball.simulate import run
-from robotball import Motion
 from validation.figure_parts import (
     ENGINE_LINE,
     FAINT,
@@ -50,8 +48,7 @@ def figure5() -> Figure:
         "c": np.array([0.0, 19.0, np.sqrt(39)]) / 20,
         "d": np.array([0.1, 0.2, 0.97]),
     }
-    caption = (*BALL_LINES, "K = 0", "starts (chosen):")
-    caption += tuple(
+    chosen = tuple(
         f"  {name}: γ ∝ ({', '.join(f'{x:.3g}' for x in gamma)})" for name, gamma in starts.items()
     )
     facts = (
@@ -65,9 +62,12 @@ def figure5() -> Figure:
         "E18: γ₃(0) = √39/20 in (c)",
     )
     figure, (sphere, *plane) = sheet(
-        "Fig. 5: motion from rest without rotor momentum, K₃ = 0", caption, facts, (4.6, 3.2, 3.2, 3.2)
+        "Fig. 5: motion from rest without rotor momentum, K₃ = 0",
+        [*BALL_LINES, "K = 0", "starts (chosen):", *chosen],
+        facts,
+        (4.6, 3.2, 3.2, 3.2),
     )
-    disc(sphere, "vertical γ, seen along e₃")
+    disc(sphere, "vertical γ, with -γ as the same")
     scene = from_rest("fig05", 0.0, starts["b"], 10.0)
     draw_field(sphere, scene.parameters, 8.0)
     circle = np.linspace(0, 2 * np.pi, 400)
@@ -78,7 +78,8 @@ def figure5() -> Figure:
         scene = from_rest(f"fig05{name}", 0.0, gamma, 12.0)
         path, theory_gamma, engine = both(scene)
         draw_gamma(sphere, theory_gamma, engine.gamma)
-        sphere.annotate(name, on_disc(theory_gamma[0]), color=INK, fontsize=12, fontweight="bold",
+        place = tuple(on_disc(theory_gamma[0]))
+        sphere.annotate(name, place, color=INK, fontsize=12, fontweight="bold",
                         xytext=(5, 5), textcoords="offset points")  # fmt: skip
         draw_paths(axes, path, engine, f"({name}) contact point, 12 s")
     plane[0].legend(loc="best")
@@ -104,7 +105,9 @@ def figure6() -> Figure:
 
 def figure7() -> Figure:
     """K₃ = 0.52: a slow, unstable limit cycle."""
-    return cycle_figure(7, 0.52)
+    return cycle_figure(
+        7, 0.52, "So MuJoCo cannot stay on it: nor could", "  anything that is 1e-9 off."
+    )
 
 
 def figure8() -> Figure:
@@ -112,7 +115,7 @@ def figure8() -> Figure:
     return cycle_figure(8, 3.0)
 
 
-def cycle_figure(number: int, K3: float) -> Figure:
+def cycle_figure(number: int, K3: float, *remark: str) -> Figure:
     """The portrait and the limit cycle, which both engines follow for one period."""
     ball = from_rest("", K3, np.array([0.3, -0.5, 0.81]), 1.0).parameters
     (cycle,) = limit_cycles(ball)[:1]
@@ -126,8 +129,8 @@ def cycle_figure(number: int, K3: float) -> Figure:
         f"  period {cycle.period:.7f} s",
         f"  multiplier {cycle.multipliers[0].real:.6g}: unstable.",
         "Drawn over one period, in which an error",
-        f"  grows {cycle.multipliers[0].real:.1g} times; so far MuJoCo",
-        "  can follow the cycle, and no farther.",
+        f"  grows {cycle.multipliers[0].real:.3g} times.",
+        *remark,
     )
     title = f"Fig. {number}: motion from rest, K₃ = {K3:g}, and its limit cycle"
     return portrait(title, scene, points, caption, facts)
@@ -142,7 +145,7 @@ def portrait(
 ) -> Figure:
     """The flow on the sphere with its fixed points, and one motion by both engines."""
     figure, (sphere, plane) = sheet(title, caption, facts, (5.2, 5.2))
-    disc(sphere, "vertical γ (and -γ), seen along e₃")
+    disc(sphere, "vertical γ, with -γ as the same point")
     draw_field(sphere, scene.parameters, 20.0 if scene.duration > 10 else 5.0)
     path, theory_gamma, engine = both(scene)
     draw_gamma(sphere, theory_gamma, engine.gamma)
@@ -151,7 +154,9 @@ def portrait(
         places = on_disc(np.array([point.gamma for point in points if point.kind == kind]))
         sphere.plot(*places.T, mark, color=fill, markeredgecolor=INK, markersize=8, label=kind,
                     linestyle="none", zorder=5)  # fmt: skip
-    sphere.legend(loc="upper left", bbox_to_anchor=(-0.06, 0.04), ncols=2, frameon=False, fontsize=9)
+    sphere.legend(
+        loc="upper left", bbox_to_anchor=(-0.06, 0.04), ncols=2, frameon=False, fontsize=9
+    )
     draw_paths(plane, path, engine, f"contact point, {scene.duration:.4g} s")
     plane.legend(loc="best")
     return figure
@@ -160,7 +165,7 @@ def portrait(
 def counted(points: list[FixedPoint]) -> list[str]:
     """How many fixed points there are of each type."""
     kinds = [point.kind for point in points]
-    return [f"  {kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds)]
+    return [f"  {kinds.count(kind)} × {kind}" for kind in dict.fromkeys(kinds)]
 
 
 def both(scene: Scene) -> tuple[Array, Array, Motion]:

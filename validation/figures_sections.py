@@ -1,6 +1,7 @@
 """Figs 11 to 14: the attractors on the section g = 0, and the contact point's paths on them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,16 +13,17 @@ from robotball.palette import ENGINE, INK, THEORY
 from robotball.rotations import Array
 from robotball.sections import fixed_point, section
 from robotball.simulate import run
-from validation.attractors import COARSE, Cloud, Recipe, Torus, cloud_by_contact, cloud_by_equations
+from validation.attractors import COARSE, Recipe, Torus, cloud_by_contact, cloud_by_equations
 from validation.contact_map import contact_cycle
 from validation.figure_parts import FAINT, draw_paths, sheet, theory_motion
 
 F = 25.0
-DIRECTIONS = ((1, "g grows"), (-1, "g falls"))
 TORUS = Torus(L=0.0, l=1.96, spread=0.2, f=F, starts=16, skipped=200, count=300, direction=0)
-TORUS_BY_CONTACT = Torus(L=0.0, l=1.96, spread=0.0, f=F, starts=1, skipped=60, count=160, direction=0)
+TORUS_BY_CONTACT = Torus(
+    L=0.0, l=1.96, spread=0.0, f=F, starts=1, skipped=60, count=160, direction=0
+)
 CHAOS = Recipe(f=F, starts=40, skipped=20, count=500, direction=0)
-CHAOS_BY_CONTACT = Recipe(f=F, starts=40, skipped=20, count=60, direction=0)
+CHAOS_BY_CONTACT = replace(CHAOS, count=60)
 
 
 def figure11a() -> Figure:
@@ -29,11 +31,12 @@ def figure11a() -> Figure:
     scene = load_scene("fig12")
     cycle = fixed_point(scene.parameters, 3.6, 0.6, F)
     own = section(scene.parameters, cycle.attitude[None], cycle.momentum[None], 2)
-    falling = own.directions[0] == -1
-    contact = contact_cycle(
-        build(scene, preset("balanced")), float(own.L[0][falling][0]), float(own.l[0][falling][0]),
-        F, cycle.period, direction=-1,
-    )  # fmt: skip
+    balanced = build(scene, preset("balanced"))
+    ours = [
+        contact_cycle(balanced, float(L), float(l), F, cycle.period, int(direction))
+        for L, l, direction in zip(own.L[0], own.l[0], own.directions[0], strict=True)
+    ]
+    contact = ours[0]
     facts = (
         "One periodic orbit, crossing twice (E23):",
         f"  period {cycle.period:.7f} s, MuJoCo's {contact.period:.7f} s,",
@@ -54,10 +57,11 @@ def figure11a() -> Figure:
               label="torus, MuJoCo")  # fmt: skip
     axes.plot(around(own.l[0]), own.L[0], "s", color=THEORY, alpha=0.55, markersize=13,
               label="periodic orbit, equations")  # fmt: skip
-    axes.plot(around(np.array([contact.l])), [contact.L], "+", color=ENGINE, markersize=13, mew=2,
+    crossed = np.array([[each.l % (2 * np.pi), each.L] for each in ours]).T
+    axes.plot(*crossed, "+", color=ENGINE, markersize=13, mew=2,
               label="periodic orbit, MuJoCo")  # fmt: skip
     annulus(axes, "section g = 0, both directions")
-    axes.legend(loc="lower left")
+    axes.legend(loc="lower right")
     return figure
 
 
@@ -111,14 +115,14 @@ def path_figure(number: int, where: str, drift: str, duration: float, exponent: 
     times = sample_times(duration)
     _, theory = theory_motion(scene, times)
     facts = [
-        f"Mean drift {drift},",
+        f"{drift},",
         "  none along Y: the attractors are the same",
         "  under (γ,M) → -(γ,M), which flips dY/dt.",
         "OX lies against M, which is constant.",
     ]
     if exponent:
         facts += [
-            f"Chaos: errors grow as exp({exponent:g} t) (dashed),",
+            f"Chaos: errors grow as exp({exponent:g} t) (dotted),",
             "  so beyond some time both motions are",
             "  right, and different.",
         ]
@@ -131,9 +135,10 @@ def path_figure(number: int, where: str, drift: str, duration: float, exponent: 
         apart.annotate(name, (times[-1], distance[-1]), color=INK, ha="right", va="bottom")
     if exponent:
         apart.semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5)
-    draw_paths(plane, theory, engine, f"contact point, {duration:g} s")
-    plane.set_aspect("auto" if duration > 100 else "equal", adjustable="datalim")
-    plane.legend(loc="best")
+    draw_paths(plane, theory, engine, f"contact point, {duration:g} s (X and Y to unlike scales)")
+    plane.set_aspect("auto")
+    plane.margins(y=0.2)
+    plane.legend(loc="upper center", ncols=3)
     apart.set(xlabel="time [s]", ylabel="distance [m]", title="between the engines")
     return figure
 
@@ -154,7 +159,7 @@ def caption_of(scene: Scene) -> tuple[str, ...]:
     p = scene.parameters
 
     def row(v: tuple[float, ...]) -> str:
-        return ", ".join(f"{round(x, 9):g}" for x in v)
+        return ", ".join(f"{round(x, 9) + 0.0:g}" for x in v)
 
     return (
         f"A = diag({row(p.A)}) 1/(kg m²)",

@@ -16,20 +16,15 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 from rich.table import Table
-from tyro.conf import DisallowNone, Positional, arg
+from tyro.conf import Positional, arg
 
 from robotball import InputError, catalog, load_scene, preset, sample_times
 from robotball.model import build
+from validation.arguments import AGREES, BAD_INPUT, DISAGREES, OUT, Duration, File, SceneName
+from validation.commands_qualitative import Basins, Equilibria, Figures, Lyapunov, Section
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
 from validation.runs import compare_all, film
 from validation.table import show
-
-AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
-OUT = Path("out")
-
-SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
-Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS")]]
-File = DisallowNone[Annotated[Path | None, arg(metavar="FILE")]]
 
 
 @dataclass(frozen=True)
@@ -146,7 +141,10 @@ class Demo:
         return AGREES
 
 
-Command = Scenes | Compare | Video | Model | Demo
+Command = (
+    Scenes | Compare | Video | Model | Demo
+    | Figures | Section | Lyapunov | Basins | Equilibria
+)  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,6 +1,6 @@
 """The ball's bodies and the few numbers of them that the equations know (Appendix A)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,22 @@ def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
 def thin_shell_inertia(radius: float, mass: float) -> float:
     """2/3 m a², the inertia of a spherical shell of no thickness about any diameter [kg m²]."""
     return 2 / 3 * mass * radius**2
+
+
+def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
+    """2/5 m (a⁵ - b⁵)/(a³ - b³) of a homogeneous shell between b = a - thickness and a [kg m²].
+
+    Raises InputError unless 0 < thickness <= radius.
+    """
+    if not 0 < thickness <= radius:
+        raise InputError(
+            f"a shell's thickness must be positive and at most its radius {radius:g}, not "
+            f"{thickness:g} m"
+        )
+    b = 1 - thickness / radius
+    # (1 - b⁵)/(1 - b³) without the 1 - b that both have.
+    ratio = (1 + b + b**2 + b**3 + b**4) / (1 + b + b**2)
+    return 2 / 5 * mass * radius**2 * ratio
 
 
 @dataclass(frozen=True)
@@ -42,20 +58,29 @@ class Shell:
 
 @dataclass(frozen=True)
 class Frame:
-    """What turns inside the shell and carries the rotors: mass [kg], inertia (3, 3) [kg m²]."""
+    """What turns inside the shell and carries the rotors.
+
+    mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
+    shell's.
+    """
 
     mass: float
     inertia: Array
+    centre: Array = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
 class Rotor:
-    """A symmetric body turning on the frame about its own axis (3,), a unit vector."""
+    """A symmetric body turning on the frame about its own axis (3,), a unit vector.
+
+    Its moments are about its own centre of mass; centre (3,) m, that centre from the shell's.
+    """
 
     mass: float
     axial_inertia: float
     transverse_inertia: float
     axis: Array
+    centre: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def inertia(self) -> Array:
@@ -64,9 +89,9 @@ class Rotor:
 
 @dataclass(frozen=True)
 class Ball:
-    """Shell, frame and rotors with a common centre of mass at the centre of the sphere.
+    """Shell, frame and rotors, in the frame's own axes, which need not be principal axes.
 
-    Tensors and vectors are in the frame's own axes, which need not be principal axes.
+    The equations need it balanced: its centre of mass at the centre of the sphere.
     """
 
     shell: Shell
@@ -77,8 +102,11 @@ class Ball:
         check_positive("the shell's radius", self.shell.radius, "m")
         for name, body in self.named_bodies:
             check_positive(f"{name}'s mass", body.mass, "kg")
+            if isinstance(body, Rotor):
+                _check_no_flatter_than_a_disk(name, body)
             check_inertia(name, body.inertia)
-        for name, body in self.named_bodies:
+            if not np.all(np.isfinite(_centre(body))):
+                raise InputError(f"{name}'s centre is not finite: {_centre(body).tolist()}")
             if not isinstance(body, Frame):
                 _check_unit(f"{name}'s axis", body.axis)
 
@@ -104,7 +132,15 @@ class Ball:
     @cached_property
     def inertia(self) -> Array:
         """The whole ball's inertia (3, 3) about its centre, frame axes [kg m²]."""
-        return np.array([body.inertia for _, body in self.named_bodies]).sum(axis=0)
+        return np.array([_about_the_shells(body) for _, body in self.named_bodies]).sum(axis=0)
+
+    @cached_property
+    def centre_of_mass(self) -> Array:
+        """(3,) m, from the centre of the sphere."""
+        return (
+            np.array([body.mass * _centre(body) for _, body in self.named_bodies]).sum(axis=0)
+            / self.mass
+        )
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:
@@ -123,15 +159,45 @@ class Ball:
         """(I + d E)⁻¹ (3, 3) in frame axes [1/(kg m²)]."""
         return np.linalg.inv(self.inertia + self.d * np.eye(3)).astype(np.float64)
 
-    def gyrostatic_momentum(self, frame_rate: float, rotor_rates: tuple[float, ...]) -> Array:
-        """k (3,) of (A.3): Σ j φ̇ n - J_s Ω, in frame axes [kg m²/s].
+    @cached_property
+    def gyrostatic_inertia(self) -> Array:
+        """(3, 1 + rotors) of (A.3), frame axes [kg m²]: k is this times the hinges' rates.
 
-        frame_rate: the frame's rate about the shell's axis [rad/s]; rotor_rates (n,) [rad/s].
+        k = Σ j φ̇ n - J_s Ω, for the frame's rate about the shell's axis, then the rotors'.
         """
-        k = -self.shell.axial_inertia * frame_rate * self.shell.axis
-        for rotor, rate in zip(self.rotors, rotor_rates, strict=True):
-            k = k + rotor.axial_inertia * rate * rotor.axis
-        return k
+        shell = -self.shell.axial_inertia * self.shell.axis
+        return np.stack([shell, *(each.axial_inertia * each.axis for each in self.rotors)], axis=1)
+
+
+def imbalance(ball: Ball) -> str | None:
+    """One line where the centre of mass is not at the centre of the sphere, else None."""
+    offset = float(np.linalg.norm(ball.centre_of_mass))
+    if offset <= ROUNDING * ball.radius:
+        return None
+    return f"the ball is not balanced: its centre of mass is {offset:.6g} m off the sphere's centre"
+
+
+def beyond_the_shell(ball: Ball) -> list[str]:
+    """Which bodies need mass outside the sphere, a line each: no workshop can build them.
+
+    tr(I)/2 = Σ m r² about the centre of the sphere is at most m a² for mass within the radius a.
+    """
+    lines = []
+    for name, body in ball.named_bodies:
+        reach = float(np.sqrt(np.trace(_about_the_shells(body)) / 2 / body.mass))
+        if reach > ball.radius * (1 + ROUNDING):
+            lines.append(f"{name} has mass outside the shell: at {reach:.4g} m, of {ball.radius:g}")
+    return lines
+
+
+def _centre(body: Shell | Frame | Rotor) -> Array:
+    return np.zeros(3) if isinstance(body, Shell) else body.centre
+
+
+def _about_the_shells(body: Shell | Frame | Rotor) -> Array:
+    """The body's inertia (3, 3) about the centre of the sphere, by Steiner's theorem."""
+    r = _centre(body)
+    return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
 def check_inertia(name: str, inertia: Array) -> None:
@@ -156,3 +222,12 @@ def _check_unit(what: str, axis: Array) -> None:
     length = float(np.linalg.norm(axis))
     if not abs(length - 1) <= ROUNDING:
         raise InputError(f"{what} must be a unit vector; its length is {length:.17g}")
+
+
+def _check_no_flatter_than_a_disk(name: str, rotor: Rotor) -> None:
+    axial, transverse = rotor.axial_inertia, rotor.transverse_inertia
+    if not axial <= 2 * transverse * (1 + ROUNDING):
+        raise InputError(
+            f"{name} is flatter than a disk: its axial inertia {axial:.6g} exceeds twice the "
+            f"transverse {transverse:.6g} by {axial - 2 * transverse:.6g} kg m²"
+        )

@@ -1,4 +1,4 @@
-"""The one exception that a user's input can raise."""
+"""The one exception that a user's input can raise, and the one warning."""
 
 import math
 
@@ -9,6 +9,10 @@ class InputError(ValueError):
     def __init__(self, message: str) -> None:
         # A quoted key or a file's name may hold a line break of its own.
         super().__init__(" ".join(message.splitlines()))
+
+
+class SceneWarning(UserWarning):
+    """A scene that runs, but not as its author may think; one line."""
 
 
 def check_positive(what: str, value: float, unit: str) -> None:

@@ -10,10 +10,11 @@ import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
 
-from robotball.bodies import Rotor
+from robotball.drives import Servo
+from robotball.hinges import FRAME, SHELL, Hinge, hinges_of
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 from robotball.scene import Scene
-from robotball.settings import Prescribed, Servo, Settings
+from robotball.settings import Settings
 from robotball.start import Start
 
 with warnings.catch_warnings():
@@ -23,7 +24,7 @@ with warnings.catch_warnings():
 
 PARTS = Path(__file__).parent.parent / "mjcf"
 PRECISION = 17  # digits that bring every double back
-SHELL, FRAME = "shell/", "shell/frame/"
+ORIGIN, Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
 START = "start"  # the keyframe that a run begins from
 
 OPTIONS = (
@@ -44,16 +45,6 @@ PAIR_OPTIONS = ("solref", "solimp", "solreffriction")
 
 
 @dataclass(frozen=True)
-class Hinge:
-    """A hinge: its place among the scene's rates, its body, its joint, its rate [rad/s]."""
-
-    index: int
-    body: str
-    joint: str
-    rate: float
-
-
-@dataclass(frozen=True)
 class Model:
     """A composed model: its MJCF text is complete, and compiles to the same bits anywhere."""
 
@@ -67,6 +58,11 @@ class Model:
         """A fresh MjModel; one a Model, so that a run may set its timestep."""
         return mujoco.MjModel.from_xml_string(self.xml)
 
+    @property
+    def actuated(self) -> tuple[Hinge, ...]:
+        """The hinges with an actuator, in the order of MuJoCo's ctrl."""
+        return tuple(hinge for hinge in self.hinges if hinge.actuated)
+
     def start_data(self, start: Start | None = None) -> mujoco.MjData:
         """MjData at the scene's start, or at another one of the same ball."""
         data = mujoco.MjData(self.compiled)
@@ -78,14 +74,15 @@ class Model:
 
 def build(scene: Scene, settings: Settings) -> Model:
     """The model of `scene` under `settings`, at its start; frames and shapes as in Scene."""
-    root, pair, hinges = _compose(scene, settings)
+    hinges = hinges_of(scene, settings)
+    root, pair = _compose(scene, settings, hinges)
     if settings.start_in_equilibrium:
         pair.margin = _equilibrium_depth(root.to_xml_string(precision=PRECISION))
     return Model(scene, settings, root.to_xml_string(precision=PRECISION), hinges)
 
 
-def _compose(scene: Scene, settings: Settings) -> tuple[Any, Any, tuple[Hinge, ...]]:
-    """The MJCF tree, its contact pair, and its hinges."""
+def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tuple[Any, Any]:
+    """The MJCF tree and its contact pair."""
     ball = scene.ball
     root = _bare("floor")
     root.option.gravity = [0, 0, -scene.gravity]
@@ -96,24 +93,25 @@ def _compose(scene: Scene, settings: Settings) -> tuple[Any, Any, tuple[Hinge, .
     root.option.flag.autoreset = "disable"
 
     # The shell is the root: contact rows have no J̇v term, and only on it is that term zero.
-    shell_part = _bare("shell")
+    shell_part, frame_part = _bare("shell"), _bare("frame")
     shell_part.find("geom", "sphere").size = [ball.radius]
     shell = root.attach(shell_part)
     shell.add("freejoint")
     _inertial(shell, ball.shell.mass, ball.shell.inertia)
-
-    frame_part = _bare("frame")
     frame = shell_part.attach(frame_part)
-    _inertial(frame, ball.frame.mass, ball.frame.inertia)
-    hinges = _hinge(root, 0, frame, ball.shell.axis, scene.frame_rate, settings)
-
-    for i, (rotor, rate) in enumerate(zip(ball.rotors, scene.rotor_rates, strict=True), start=1):
+    _inertial(frame, ball.frame.mass, ball.frame.inertia, ball.frame.centre)
+    frame_part.find("site", "hinge").quat = z_along(ball.shell.axis)
+    turning = [(frame, ball.shell.axis)]
+    for i, rotor in enumerate(ball.rotors, start=1):
         rotor_part = _bare("rotor")
         rotor_part.model = f"rotor{i}"
-        rotor_body = frame_part.attach(rotor_part)
-        rotor_body.quat = z_along(rotor.axis)
-        _rotor_inertial(rotor_body, rotor)
-        hinges += _hinge(root, i, rotor_body, np.array([0.0, 0.0, 1.0]), rate, settings)
+        body = frame_part.attach(rotor_part)
+        body.pos, body.quat = rotor.centre, z_along(rotor.axis)
+        across, along = rotor.transverse_inertia, rotor.axial_inertia
+        _inertial(body, rotor.mass, np.diag([across, across, along]))
+        turning.append((body, Z))
+    for hinge in hinges:
+        _add_hinge(root, hinge, *turning[hinge.index])
 
     pair = root.contact.add(
         "pair",
@@ -125,9 +123,9 @@ def _compose(scene: Scene, settings: Settings) -> tuple[Any, Any, tuple[Hinge, .
     )
     for name in PAIR_OPTIONS:
         _set(pair, name, getattr(settings, name))
-    _sensors(root, hinges)
-    root.keyframe.add("key", name=START, **_start_state(scene, hinges, settings))
-    return root, pair, hinges
+    _add_sensors(root, hinges)
+    root.keyframe.add("key", name=START, **_start_state(scene, hinges))
+    return root, pair
 
 
 def part(name: str) -> Any:
@@ -154,14 +152,9 @@ def _set(element: Any, attribute: str, value: Any) -> None:
         setattr(element, attribute, value)
 
 
-def _inertial(body: Any, mass: float, inertia: Array) -> None:
+def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) -> None:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
-    body.add("inertial", pos=[0, 0, 0], mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
-
-
-def _rotor_inertial(body: Any, rotor: Rotor) -> None:
-    across, along = rotor.transverse_inertia, rotor.axial_inertia
-    body.add("inertial", pos=[0, 0, 0], mass=rotor.mass, diaginertia=[across, across, along])
+    body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
 
 
 def z_along(axis: Array) -> Array:
@@ -175,24 +168,23 @@ def _friction(scene: Scene, settings: Settings) -> list[float]:
     return [*slide, settings.torsional_friction] if scene.rolling == "rubber" else slide
 
 
-def _hinge(
-    root: Any, index: int, body: Any, axis: Array, rate: float, settings: Settings
-) -> tuple[Hinge, ...]:
-    """The hinge and drive of `body`; none where it does not turn."""
-    if rate == 0:
-        return ()
-    name = "frame" if index == 0 else f"rotor{index}"
+def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
+    """The joint of `body`, and its actuator where it needs one."""
     joint = body.add("joint", type="hinge", axis=axis)
-    if isinstance(settings.drive, Prescribed):
-        # It acts on the hinge alone and adds no angular momentum of its own.
-        joint.armature = settings.drive.armature
-    else:
-        root.actuator.add("velocity", name=name, joint=joint, kv=settings.drive.gain)
-    return (Hinge(index, name, joint.full_identifier, rate),)
+    if isinstance(hinge.by, Servo):
+        servo = root.actuator.add("velocity", name=hinge.body, joint=joint, kv=hinge.by.gain)
+        if hinge.by.torque_limit is not None:
+            servo.forcerange = [-hinge.by.torque_limit, hinge.by.torque_limit]
+        return
+    # It acts on the hinge alone and adds no angular momentum of its own.
+    joint.armature = hinge.by.armature
+    if hinge.actuated:
+        # Scaled by the gear, the control is the acceleration; MuJoCo refuses controls over 1e10.
+        root.actuator.add("motor", name=hinge.body, joint=joint, gear=[hinge.by.armature])
 
 
-def _sensors(root: Any, hinges: tuple[Hinge, ...]) -> None:
-    """What a Motion needs, and nothing else; simulate.py reads them in this order."""
+def _add_sensors(root: Any, hinges: tuple[Hinge, ...]) -> None:
+    """What a Motion needs, and nothing else; readings.py knows them by name."""
     add = root.sensor.add
     add("clock", name="time")
     add("framepos", name="centre", objtype="xbody", objname=SHELL)
@@ -210,23 +202,24 @@ def _sensors(root: Any, hinges: tuple[Hinge, ...]) -> None:
     for hinge in hinges:
         add("jointpos", name=f"{hinge.body}_angle", joint=hinge.joint)
         add("jointvel", name=f"{hinge.body}_rate", joint=hinge.joint)
+        add("torque", name=f"{hinge.body}_torque", site=f"{hinge.joint}hinge")
 
 
-def _start_state(scene: Scene, hinges: tuple[Hinge, ...], settings: Settings) -> dict[str, Array]:
-    """The start's qpos and qvel, and servos' ctrl."""
+def _start_state(scene: Scene, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
+    """The start's qpos, qvel and ctrl."""
     qpos, qvel = _state_at(scene, scene.start, hinges)
-    state = {"qpos": qpos, "qvel": qvel}
-    return {**state, "ctrl": qvel[6:]} if isinstance(settings.drive, Servo) else state
+    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
+    return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
 
 
 def _state_at(scene: Scene, start: Start, hinges: tuple[Hinge, ...]) -> tuple[Array, Array]:
     """qpos and qvel of a start on the constraints, hinges at angle zero and at their rates."""
     shell = scene.ball.shell
     # At the start frame and shell axes coincide; the free joint's angular velocity is local.
-    shell_turning = scene.angular_velocity_at(start) - scene.frame_rate * shell.axis
-    to_world = rotation_matrix(start.attitude)
-    velocity = np.cross(to_world @ shell_turning, [0.0, 0.0, shell.radius])
-    rates = np.array([hinge.rate for hinge in hinges])
+    frame_rate = float(scene.drives[0].rate(0.0))
+    shell_turning = scene.angular_velocity_at(start) - frame_rate * shell.axis
+    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
+    rates = np.array([float(hinge.drive.rate(0.0)) for hinge in hinges])
     qpos = np.concatenate([[0.0, 0.0, shell.radius], start.attitude, np.zeros(len(hinges))])
     return qpos, np.concatenate([velocity, shell_turning, rates])
 

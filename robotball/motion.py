@@ -26,8 +26,6 @@ class Diagnostics:
     slip             m/s      sliding velocity of the shell at the contact
     spin             rad/s    angular velocity of the shell about the vertical
     depth            m        of the plane in the shell, by which the lever arm is short
-    contact_force    N, (n, 3) world: normal force last, friction first
-    spin_torque      N m      λ₀, of the plane on the shell about the vertical
     friction_used    fraction of the friction cone that the contact force needs; 1 is saturated
     hinge_rate_error largest error of a hinge's rate, relative to the rate
     faults           what went wrong, the earliest first; empty for a sound run
@@ -39,14 +37,46 @@ class Diagnostics:
     slip: Array
     spin: Array
     depth: Array
-    contact_force: Array
-    spin_torque: Array
     friction_used: Array
     hinge_rate_error: Array
     faults: tuple[Fault, ...]
     timestep: float
     steps: int
     seconds: float
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Forces and torques at n times, on h hinges (the frame's, then the rotors').
+
+    contact_force  (n, 3)  N, world: of the plane on the shell, the normal force last
+    spin_torque    (n,)    N m: λ₀, of the plane on the shell about the vertical
+    motor_torques  (n, h)  N m: of the shell on the frame and of the frame on the rotors, along
+                           the hinges; 0 where a hinge never turns
+    """
+
+    contact_force: Array
+    spin_torque: Array
+    motor_torques: Array
+
+    @property
+    def sliding_friction(self) -> Array:
+        """(n,): the least coefficient of friction at which the shell does not slip."""
+        return _per_newton(np.linalg.norm(self.contact_force[:, :2], axis=1), self.normal_force)
+
+    @property
+    def torsional_friction(self) -> Array:
+        """(n,) m: the least torsional coefficient at which the shell does not spin."""
+        return _per_newton(np.abs(self.spin_torque), self.normal_force)
+
+    @property
+    def normal_force(self) -> Array:
+        """(n,) N."""
+        return self.contact_force[:, 2]
+
+
+def _per_newton(load: Array, normal_force: Array) -> Array:
+    return np.divide(load, normal_force, out=np.zeros_like(load), where=normal_force > 0)
 
 
 @dataclass(frozen=True)
@@ -59,6 +89,8 @@ class Motion:
     momentum          (n, 3)  kg m²/s, world: the paper's M, which is constant in space
     angular_velocity  (n, 3)  rad/s, of the frame, frame axes
     hinge_angles      (n, h)  rad, from zero at the start
+    hinge_rates       (n, h)  rad/s
+    loads             what the motion asks of the plane and of the motors
     diagnostics       from MuJoCo; None from the equations
     """
 
@@ -68,12 +100,19 @@ class Motion:
     momentum: Array
     angular_velocity: Array
     hinge_angles: Array
+    hinge_rates: Array
+    loads: Loads
     diagnostics: Diagnostics | None = None
 
     @property
     def gamma(self) -> Array:
         """γ (n, 3): the upward vertical, frame axes."""
         return rotation_matrix(self.attitude)[:, 2, :]
+
+    @property
+    def motor_powers(self) -> Array:
+        """(n, h) W: what the motors put in."""
+        return self.loads.motor_torques * self.hinge_rates
 
     @property
     def path_length(self) -> float:

@@ -1,5 +1,6 @@
 """The numbers that the reduced equations know of a ball: all that is left of its bodies."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -57,13 +58,11 @@ class Parameters:
         return eq.cross(gamma, L) if self.rolling == "rubber" else L
 
 
-def parameters_of(
-    ball: Ball, rolling: Rolling, frame_rate: float, rotor_rates: tuple[float, ...]
-) -> Parameters:
-    """The numbers of a ball whose frame and rotors turn at constant rates [rad/s]."""
+def parameters_of(ball: Ball, rolling: Rolling, rates: Sequence[float]) -> Parameters:
+    """The numbers of a ball whose hinges, the frame's and the rotors', turn at `rates` [rad/s]."""
     moments, axes = ball.principal
-    Omega = frame_rate * ball.shell.axis
-    k = ball.gyrostatic_momentum(frame_rate, rotor_rates)
+    Omega = rates[0] * ball.shell.axis
+    k = ball.gyrostatic_inertia @ rates
     return Parameters(
         rolling=rolling,
         I=as_vector(moments),

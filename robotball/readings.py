@@ -1,11 +1,15 @@
 """What the sensors of a model say: rows of numbers → the observables of a Motion."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from robotball.drives import Servo
+from robotball.hinges import Hinge
 from robotball.model import Model
+from robotball.motion import Loads
 from robotball.rotations import Array, Mask, rotation_matrix
 
 
@@ -101,19 +105,41 @@ class Readings:
             needed = np.linalg.norm(demand, axis=0)
         return np.divide(needed, normal, out=np.zeros_like(needed), where=normal > 0)
 
-    @property
-    def hinge_angles(self) -> Array:
-        """(m, h) over the scene's hinges; a body that does not turn stays at 0."""
-        angles = np.zeros((len(self.rows), 1 + len(self.model.scene.rotor_rates)))
+    def _of_hinges(self, sensor: str, component: int = 0) -> Array:
+        """(m, h) over the scene's hinges of a sensor that each turning one has; else 0."""
+        columns = np.zeros((len(self.rows), len(self.model.scene.drives)))
         for hinge in self.model.hinges:
-            angles[:, hinge.index] = self.column(f"{hinge.body}_angle")[:, 0]
-        return angles
+            columns[:, hinge.index] = self.column(f"{hinge.body}_{sensor}")[:, component]
+        return columns
 
     @property
-    def hinge_rate_error(self) -> Array:
-        """(m,): the largest over the hinges, relative to the rate the drive should keep."""
-        errors = [
-            np.abs(self.column(f"{hinge.body}_rate")[:, 0] / hinge.rate - 1)
-            for hinge in self.model.hinges
-        ]
-        return np.max(errors, axis=0) if errors else np.zeros(len(self.rows))
+    def hinge_angles(self) -> Array:
+        return self._of_hinges("angle")
+
+    @property
+    def hinge_rates(self) -> Array:
+        return self._of_hinges("rate")
+
+    @property
+    def motor_torques(self) -> Array:
+        """(m, h): of the parent on the child, along the hinge, which is its site's z [N m]."""
+        return self._of_hinges("torque", component=2)
+
+    @property
+    def loads(self) -> Loads:
+        return Loads(self.contact_force_world, self.spin_torque, self.motor_torques)
+
+    def hinge_rate_error(self, hinges: Iterable[Hinge]) -> Array:
+        """(m,): the largest over `hinges`, relative to the largest rate that each has to reach."""
+        worst = np.zeros(len(self.rows))
+        times = np.where(np.isfinite(self.time), self.time, 0.0)
+        for hinge in hinges:
+            error = np.abs(self.hinge_rates[:, hinge.index] - hinge.drive.rate(times))
+            worst = np.maximum(worst, error / hinge.largest_rate)
+        return worst
+
+    def servo_saturation(self, hinge: Hinge) -> Mask:
+        """(m,): whether a hinge's servo is at its torque limit."""
+        limit = hinge.by.torque_limit if isinstance(hinge.by, Servo) else None
+        torque = np.abs(self.motor_torques[:, hinge.index])
+        return torque >= (np.inf if limit is None else limit * (1 - 1e-9))

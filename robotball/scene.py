@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from robotball.bodies import Ball
+from robotball.drives import Constant, Drive, Rate, Servo, as_drive
 from robotball.errors import InputError, check_positive
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
@@ -19,8 +20,10 @@ SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
 class Scene:
     """One experiment, the same for both engines. SI units.
 
-    frame_rate is the frame's turning rate about the shell's axis, relative to the shell;
-    rotor_rates (one a rotor) are relative to the frame; rad/s, constant in time.
+    frame_rate is the frame's turning rate about the shell's axis, relative to the shell, and
+    rotor_rates (one a rotor) are relative to the frame: numbers [rad/s], drives, or functions of
+    time. motors, in the same order, are the servos that real hinges have; a hinge without one
+    keeps its rate exactly. No motors at all is none on any hinge.
     """
 
     name: str
@@ -28,11 +31,12 @@ class Scene:
     source: str
     ball: Ball
     rolling: Rolling
-    frame_rate: float
-    rotor_rates: tuple[float, ...]
+    frame_rate: Rate
+    rotor_rates: tuple[Rate, ...]
     start: Start
     duration: float
     gravity: float = GRAVITY
+    motors: tuple[Servo | None, ...] = ()
 
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
@@ -43,9 +47,12 @@ class Scene:
             raise InputError(
                 f"{len(self.ball.rotors)} rotors need as many rates, not {len(self.rotor_rates)}"
             )
-        numbers = (self.frame_rate, *self.rotor_rates, *self.start.attitude, *self.start.momentum)
-        if not np.all(np.isfinite(numbers)):
-            raise InputError("a rate, the start's attitude or its momentum is not finite")
+        if len(self.motors) not in (0, len(self.drives)):
+            raise InputError(
+                f"{len(self.drives)} hinges need as many motors, or none, not {len(self.motors)}"
+            )
+        if not np.all(np.isfinite((*self.start.attitude, *self.start.momentum))):
+            raise InputError("the start's attitude or its momentum is not finite")
 
     @cached_property
     def times(self) -> Array:
@@ -63,9 +70,31 @@ class Scene:
         return from_matrix(self.principal_axes)
 
     @cached_property
+    def drives(self) -> tuple[Drive, ...]:
+        """The frame's drive, then the rotors'."""
+        return (as_drive(self.frame_rate), *map(as_drive, self.rotor_rates))
+
+    @cached_property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times after 0 at which some drive is not smooth [s]."""
+        return tuple(sorted({t for drive in self.drives for t in drive.breakpoints if t > 0}))
+
+    @cached_property
+    def steady(self) -> bool:
+        """Whether all rates are constant."""
+        return all(isinstance(drive, Constant) for drive in self.drives)
+
+    def parameters_at(self, t: float) -> Parameters:
+        """The numbers of the equations at time t [s], in principal axes."""
+        rates = [float(drive.rate(t)) for drive in self.drives]
+        return parameters_of(self.ball, self.rolling, rates)
+
+    @cached_property
     def parameters(self) -> Parameters:
-        """The numbers of the equations, in principal axes."""
-        return parameters_of(self.ball, self.rolling, self.frame_rate, self.rotor_rates)
+        """The numbers of the equations, in principal axes; InputError unless they are constant."""
+        if not self.steady:
+            raise InputError(f"{self.name}: the drives change in time; use parameters_at(t)")
+        return self.parameters_at(0.0)
 
     @cached_property
     def start_angular_velocity(self) -> Array:
@@ -76,7 +105,7 @@ class Scene:
         """ω (3,) in frame axes of this ball at any start [rad/s]."""
         to_principal = self.principal_axes.T @ rotation_matrix(start.attitude).T
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
-        omega = self.parameters.angular_velocity(as_vector(M), as_vector(gamma))
+        omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)
 
 

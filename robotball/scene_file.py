@@ -2,86 +2,40 @@
 
 import difflib
 import re
-from dataclasses import replace
+import warnings
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 import numpy as np
 
-from robotball import start as starts
-from robotball.bodies import Ball, Frame, Rotor, Shell, thin_shell_inertia
-from robotball.errors import InputError
-from robotball.parameters import Parameters, Rolling, as_vector, parameters_of
-from robotball.rotations import Array, rotation_matrix
-from robotball.scene import GRAVITY, Scene
-from robotball.start import Start
+from robotball.bodies import (
+    Ball,
+    Frame,
+    Rotor,
+    Shell,
+    beyond_the_shell,
+    thick_shell_inertia,
+    thin_shell_inertia,
+)
+from robotball.drives import Servo, as_drive
+from robotball.errors import InputError, SceneWarning
+from robotball.mjcf_body import frame_of_mjcf
+from robotball.parameters import parameters_of
+from robotball.rotations import Array
+from robotball.scene import Scene
+from robotball.scene_start import start_of
+from robotball.scene_table import (
+    FrameTable,
+    HingeTable,
+    RotorTable,
+    SceneTable,
+    ShellTable,
+    Triple,
+    known_keys,
+)
 
 CATALOG = Path(__file__).parent / "scenes"
 LARGEST = 1e50  # in SI units, beyond any ball; products of a few such numbers do not overflow
-
-Triple = tuple[float, float, float]
-Quadruple = tuple[float, float, float, float]
-
-
-class _Table(msgspec.Struct, forbid_unknown_fields=True):
-    """A TOML table in which every key must be known."""
-
-
-class _Axial(_Table):
-    axial: float
-    transverse: float
-
-
-class _Shell(_Table):
-    radius: float
-    mass: float
-    inertia: Literal["thin"] | _Axial
-    axis: Triple = (0.0, 0.0, 1.0)
-
-
-class _Frame(_Table):
-    mass: float
-    inertia: tuple[Triple, Triple, Triple]
-    rate: float = 0.0
-
-
-class _Rotor(_Table):
-    mass: float
-    inertia: _Axial
-    axis: Triple
-    rate: float = 0.0
-
-
-class _Section(_Table):
-    L: float
-    l: float
-    g: float
-    f: float
-    c: float = 0.0
-
-
-class _Start(_Table):
-    section: _Section | None = None
-    attitude: Quadruple | None = None
-    gamma: Triple | None = None
-    alpha: Triple | None = None
-    momentum: Triple | None = None
-    momentum_world: Triple | None = None
-    angular_velocity: Triple | None = None
-    rest: bool = False
-
-
-class _Scene(_Table):
-    title: str
-    rolling: Rolling
-    duration: float
-    shell: _Shell
-    frame: _Frame
-    start: _Start
-    source: str = ""
-    rotor: list[_Rotor] = []
-    gravity: float = GRAVITY
 
 
 def catalog() -> list[str]:
@@ -92,7 +46,8 @@ def catalog() -> list[str]:
 def load_scene(name: str | Path) -> Scene:
     """The scene of a catalog name, or of a path to a TOML file.
 
-    Raises InputError, with the file and the key, where there is none or it cannot be used.
+    Raises InputError, with the file and the key, where there is none or it cannot be used, and
+    warns of bodies that no workshop could build.
     """
     path = CATALOG / f"{name}.toml"
     if str(name) not in catalog():
@@ -108,9 +63,9 @@ def load_scene(name: str | Path) -> Scene:
     except ValueError as error:  # a null byte in the name
         raise InputError(f"{path}: {error}") from None
     try:
-        table = msgspec.toml.decode(text, type=_Scene)
+        table = msgspec.toml.decode(text, type=SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
-        return _scene(path.stem, table)
+        scene = _scene(path, table)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {_explained(str(error))}") from None
     except InputError as error:
@@ -119,6 +74,9 @@ def load_scene(name: str | Path) -> Scene:
     # many brackets.
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not TOML: {error}") from None
+    for line in beyond_the_shell(scene.ball):
+        warnings.warn(f"{scene.name}: {line}", SceneWarning, stacklevel=2)
+    return scene
 
 
 def _check_numbers(key: str, value: object) -> None:
@@ -140,7 +98,7 @@ def _explained(message: str) -> str:
     unknown = re.search(r"unknown field `(.*)`", what)
     if unknown:
         table = re.sub(r"\[.*?\]", "", key)
-        near = difflib.get_close_matches(unknown[1], _known_keys(table), n=1)
+        near = difflib.get_close_matches(unknown[1], known_keys(table), n=1)
         what = f"unknown key {unknown[1]!r}" + (f"; did you mean {near[0]!r}?" if near else "")
     missing = re.search(r"missing required field `(.*)`", what)
     if missing:
@@ -148,44 +106,37 @@ def _explained(message: str) -> str:
     return f"{key}: {what}" if key else what
 
 
-def _known_keys(table: str) -> list[str]:
-    tables: dict[str, type[_Table]] = {
-        "": _Scene,
-        "shell": _Shell,
-        "frame": _Frame,
-        "rotor": _Rotor,
-        "start": _Start,
-        "start.section": _Section,
-    }
-    return list(tables.get(table, _Axial).__struct_fields__)
-
-
-def _scene(name: str, table: _Scene) -> Scene:
+def _scene(path: Path, table: SceneTable) -> Scene:
+    if table.shell is None or table.frame is None:
+        missing = "shell" if table.shell is None else "frame"
+        raise InputError(f"key {missing!r} is missing")
     ball = Ball(
         shell=_shell(table.shell),
-        frame=Frame(mass=table.frame.mass, inertia=np.array(table.frame.inertia)),
+        frame=_frame(table.frame, path.parent),
         rotors=tuple(_rotor(i, rotor) for i, rotor in enumerate(table.rotor, start=1)),
     )
-    rates = (table.frame.rate, tuple(rotor.rate for rotor in table.rotor))
+    hinges: list[HingeTable] = [table.frame, *table.rotor]
+    names = ["frame", *(f"rotor[{i}]" for i in range(len(table.rotor)))]
+    motors = [_motor(name, hinge) for name, hinge in zip(names, hinges, strict=True)]
+    rates = [hinge.rate for hinge in hinges]
+    at_start = parameters_of(ball, table.rolling, [float(as_drive(r).rate(0.0)) for r in rates])
     return Scene(
-        name=name,
+        name=path.stem,
         title=table.title,
         source=table.source,
         ball=ball,
         rolling=table.rolling,
         frame_rate=rates[0],
-        rotor_rates=rates[1],
-        start=_start(table.start, ball, parameters_of(ball, table.rolling, *rates)),
+        rotor_rates=tuple(rates[1:]),
+        start=start_of(table.start, ball, at_start),
         duration=table.duration,
         gravity=table.gravity,
+        motors=tuple(motors) if any(motors) else (),
     )
 
 
-def _shell(table: _Shell) -> Shell:
-    if isinstance(table.inertia, _Axial):
-        axial, transverse = table.inertia.axial, table.inertia.transverse
-    else:
-        axial = transverse = thin_shell_inertia(table.radius, table.mass)
+def _shell(table: ShellTable) -> Shell:
+    axial, transverse = _shell_moments(table)
     return Shell(
         radius=table.radius,
         mass=table.mass,
@@ -195,13 +146,52 @@ def _shell(table: _Shell) -> Shell:
     )
 
 
-def _rotor(number: int, table: _Rotor) -> Rotor:
+def _shell_moments(table: ShellTable) -> tuple[float, float]:
+    given = table.inertia
+    if given == "thin":
+        moment = thin_shell_inertia(table.radius, table.mass)
+        return moment, moment
+    if given.thickness is not None and (given.axial, given.transverse) == (None, None):
+        moment = thick_shell_inertia(table.radius, table.mass, given.thickness)
+        return moment, moment
+    if given.thickness is None and given.axial is not None and given.transverse is not None:
+        return given.axial, given.transverse
+    raise InputError('shell.inertia takes "thin", or thickness, or axial and transverse')
+
+
+def _frame(table: FrameTable, folder: Path) -> Frame:
+    if table.mjcf is not None:
+        if table.mass is not None or table.inertia is not None:
+            raise InputError("frame takes mjcf, or mass and inertia, not both")
+        return frame_of_mjcf(folder / table.mjcf.file, table.mjcf.body)
+    for key in ("mass", "inertia"):
+        if getattr(table, key) is None:
+            raise InputError(f"frame: key {key!r} is missing")
+    return Frame(
+        mass=float(table.mass or 0.0),
+        inertia=np.array(table.inertia),
+        centre=np.array(table.centre),
+    )
+
+
+def _rotor(number: int, table: RotorTable) -> Rotor:
     return Rotor(
         mass=table.mass,
         axial_inertia=table.inertia.axial,
         transverse_inertia=table.inertia.transverse,
         axis=_direction(f"rotor {number}'s axis", table.axis),
+        centre=np.array(table.centre),
     )
+
+
+def _motor(name: str, table: HingeTable) -> Servo | None:
+    if table.drive == "servo":
+        if table.kv is None:
+            raise InputError(f"{name}: a servo needs its gain kv [N m s/rad]")
+        return Servo(table.kv, table.torque_limit)
+    if table.kv is not None or table.torque_limit is not None:
+        raise InputError(f'{name}: kv and torque_limit belong to drive = "servo"')
+    return None
 
 
 def _direction(name: str, v: Triple) -> Array:
@@ -209,57 +199,3 @@ def _direction(name: str, v: Triple) -> Array:
     if not (np.isfinite(length) and length > 0):
         raise InputError(f"{name} must have a length and a direction, unlike {list(v)}")
     return np.array(v) / length
-
-
-START_FORMS = (
-    "section, or gamma and momentum, or an attitude (attitude, or gamma and alpha) with one of "
-    "momentum, momentum_world, angular_velocity and rest"
-)
-
-
-def _start(table: _Start, ball: Ball, parameters: Parameters) -> Start:
-    """The one start that the table gives; a section's is in principal axes."""
-    given = {key for key in table.__struct_fields__ if getattr(table, key)}
-    axes = ball.principal[1]
-    if given == {"section"} and table.section:
-        gamma, M = starts.section_state(*msgspec.structs.astuple(table.section))
-        start = starts.along_momentum(axes @ gamma, axes @ M)
-    elif given == {"gamma", "momentum"}:
-        gamma = starts.unit("gamma", np.array(table.gamma))
-        start = starts.along_momentum(gamma, np.array(table.momentum))
-    elif (
-        given - MOMENTUM_KEYS in ({"attitude"}, {"gamma", "alpha"})
-        and len(given & MOMENTUM_KEYS) == 1
-    ):
-        attitude = _attitude(table)
-        start = Start(attitude, _momentum(table, rotation_matrix(attitude), axes, parameters))
-    else:
-        keys = ", ".join(sorted(given)) or "nothing"
-        raise InputError(f"start gives {keys}; it takes one form: {START_FORMS}")
-    if parameters.rolling == "rubber":
-        return replace(start, momentum=starts.horizontal(start.momentum))
-    return start
-
-
-MOMENTUM_KEYS = {"momentum", "momentum_world", "angular_velocity", "rest"}
-
-
-def _attitude(table: _Start) -> Array:
-    if table.attitude:
-        return starts.unit("attitude", np.array(table.attitude))
-    gamma, alpha = np.array(table.gamma), np.array(table.alpha)
-    return starts.attitude_of_axes(starts.unit("gamma", gamma), starts.unit("alpha", alpha))
-
-
-def _momentum(table: _Start, to_world: Array, axes: Array, parameters: Parameters) -> Array:
-    """M (3,) in world axes of a table with one of MOMENTUM_KEYS."""
-    if table.momentum:
-        return to_world @ np.array(table.momentum)
-    if table.momentum_world:
-        return np.array(table.momentum_world)
-    if table.rest:
-        return np.zeros(3)
-    omega, gamma = axes.T @ np.array(table.angular_velocity), axes.T @ to_world[2]
-    if parameters.rolling == "rubber":
-        starts.check_no_spin(omega - parameters.Omega, gamma)
-    return to_world @ axes @ parameters.momentum(as_vector(omega), as_vector(gamma))

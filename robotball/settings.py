@@ -3,14 +3,8 @@
 import difflib
 from dataclasses import dataclass
 
+from robotball.drives import Servo
 from robotball.errors import InputError
-
-
-@dataclass(frozen=True)
-class Servo:
-    """Velocity actuators on the hinges, with one gain [N m s/rad]."""
-
-    gain: float
 
 
 @dataclass(frozen=True)
@@ -50,10 +44,10 @@ class Settings:
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
     # False starts just touching.
     start_in_equilibrium: bool = False
-    drive: Servo | Prescribed = Servo(gain=10.0)
+    drive: Servo | Prescribed
 
 
-NAIVE = Settings(name="naive", promise=1e-2)
+NAIVE = Settings(name="naive", promise=1e-2, drive=Servo(gain=10.0))
 
 
 def _recipe(name: str, timestep: float, promise: float) -> Settings:
@@ -87,9 +81,9 @@ PRESETS: dict[str, Settings] = {
     settings.name: settings
     for settings in (
         NAIVE,
-        _recipe("fast", timestep=20e-3, promise=5e-6),
-        _recipe("balanced", timestep=5e-3, promise=3e-8),
-        _recipe("accurate", timestep=1e-3, promise=1e-10),
+        _recipe("fast", timestep=20e-3, promise=5e-4),
+        _recipe("balanced", timestep=5e-3, promise=5e-6),
+        _recipe("accurate", timestep=1e-3, promise=1e-8),
     )
 }
 

@@ -1,11 +1,15 @@
 """Scene + Settings → Motion by MuJoCo."""
 
 import time
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
 
+from robotball.bodies import imbalance
+from robotball.control import Control, controlled
+from robotball.errors import SceneWarning
 from robotball.model import Model, build
 from robotball.motion import Diagnostics, Fault, Motion
 from robotball.readings import Readings
@@ -13,9 +17,8 @@ from robotball.rotations import Array
 from robotball.scene import Scene, check_times
 from robotball.settings import Settings, preset
 from robotball.start import Start
+from robotball.timing import Stretch, longest_step, stretches
 from robotball.watch import find_faults
-
-STRETCH = 4096  # steps between two looks at the run
 
 Progress = Callable[[float], None]
 
@@ -32,9 +35,12 @@ def simulate(
     times: (n,) s, increasing from 0; the scene's own if None. Steps end on them, and are never
     longer than the settings' timestep. settings: a preset's name or Settings. progress is called
     with the simulated fraction. A run that diverges ends there, with fewer times and the fault.
-    Raises InputError on unusable times or an unknown preset.
+    Raises InputError on unusable times or an unknown preset, and warns of a ball that is not
+    balanced: it rolls, but there are no equations to compare it with.
     """
     times = scene.times if times is None else check_times(times)
+    if offset := imbalance(scene.ball):
+        warnings.warn(f"{offset}; no equations describe it", SceneWarning, stacklevel=2)
     settings = preset(settings) if isinstance(settings, str) else settings
     return run(build(scene, settings), times, progress)
 
@@ -56,16 +62,16 @@ def run(
         momentum=readings.momentum,
         angular_velocity=readings.angular_velocity,
         hinge_angles=readings.hinge_angles,
+        hinge_rates=readings.hinge_rates,
+        loads=readings.loads,
         diagnostics=Diagnostics(
             slip=readings.slip,
             spin=readings.spin,
             depth=model.scene.ball.radius - readings.centre[:, 2],
-            contact_force=readings.contact_force_world,
-            spin_torque=readings.spin_torque,
             friction_used=readings.friction_used,
-            hinge_rate_error=readings.hinge_rate_error,
+            hinge_rate_error=readings.hinge_rate_error(model.hinges),
             faults=tuple(sorted(faults, key=lambda fault: fault.time)),
-            timestep=float(_steps_between(times, timestep)[0].max()),
+            timestep=longest_step(times, model.scene.breakpoints, timestep),
             steps=steps,
             seconds=seconds,
         ),
@@ -80,65 +86,42 @@ def _run(
     first_of: dict[str, Fault] = {}
     sampled: list[Array] = []
     steps, seconds, last_time = 0, 0.0, -np.inf
-    for lengths, counts, samples in _stretches(times, compiled.opt.timestep):
-        began = time.perf_counter()
-        rows = _step(compiled, data, lengths, counts)
-        seconds += time.perf_counter() - began
-        steps += len(rows)
-        readings = Readings(model, rows)
-        faults = find_faults(readings, last_time)
-        for fault in faults:
-            first_of.setdefault(fault.cause, fault)
-        sampled.append(rows[samples])
-        if any(fault.fatal for fault in faults):
-            break
-        last_time = float(readings.time[-1])
-        if progress is not None:
-            progress(last_time / times[-1])
-    else:
-        mujoco.mj_forward(compiled, data)
-        sampled.append(np.concatenate([data.sensordata, data.warning.number])[None])
+    with controlled(model) as control:
+        for stretch in stretches(times, model.scene.breakpoints, compiled.opt.timestep):
+            began = time.perf_counter()
+            rows = _step(model, data, stretch, control)
+            seconds += time.perf_counter() - began
+            steps += len(rows)
+            readings = Readings(model, rows)
+            faults = find_faults(readings, last_time)
+            for fault in faults:
+                first_of.setdefault(fault.cause, fault)
+            sampled.append(rows[stretch.samples])
+            if any(fault.fatal for fault in faults):
+                break
+            last_time = float(readings.time[-1])
+            if progress is not None:
+                progress(last_time / times[-1])
+        else:
+            control.span = (times[-1], times[-1])
+            mujoco.mj_forward(compiled, data)
+            sampled.append(np.concatenate([data.sensordata, data.warning.number])[None])
     rows = np.concatenate(sampled)
     ended = min((fault.time for fault in first_of.values() if fault.fatal), default=np.inf)
     return rows[Readings(model, rows).time < ended], list(first_of.values()), steps, seconds
 
 
-def _steps_between(times: Array, timestep: float) -> tuple[Array, Array]:
-    """Each interval's fewest equal steps not longer than `timestep`: lengths (n-1,) and counts."""
-    intervals = np.diff(times)
-    counts = np.ceil(intervals / timestep * (1 - 1e-9))
-    return np.minimum(intervals / counts, timestep), counts
-
-
-def _stretches(times: Array, timestep: float) -> Iterator[tuple[Array, Array, Array]]:
-    """The run in parts of about STRETCH steps, however far apart the times are.
-
-    Yields step lengths, how many steps of each, and which steps start at one of the times.
-    """
-    lengths, counts = _steps_between(times, timestep)
-    parts = np.ceil(counts / STRETCH).astype(int)
-    first = np.cumsum(parts) - parts
-    begins = np.isin(np.arange(parts.sum()), first)
-    lengths = np.repeat(lengths, parts)
-    sizes = np.full(len(lengths), STRETCH)
-    sizes[first + parts - 1] = counts - STRETCH * (parts - 1)
-    stretch = (np.cumsum(sizes) - 1) // STRETCH
-    for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(stretch)) + 1):
-        starts = np.cumsum(sizes[which]) - sizes[which]
-        yield lengths[which], sizes[which], starts[begins[which]]
-
-
-def _step(model: mujoco.MjModel, data: mujoco.MjData, lengths: Array, counts: Array) -> Array:
-    """Rows (sum(counts), …) for Readings, each of the state before its step."""
-    option, timestep, sensors = model.opt, model.opt.timestep, data.sensordata
-    warnings = data.warning.number
-    rows = np.empty((int(counts.sum()), len(sensors) + len(warnings)))
+def _step(model: Model, data: mujoco.MjData, stretch: Stretch, control: Control) -> Array:
+    """Rows for Readings, one a step of the stretch, each of the state before its step."""
+    compiled, sensors, warnings = model.compiled, data.sensordata, data.warning.number
+    option, timestep = compiled.opt, compiled.opt.timestep
+    rows = np.empty((int(stretch.counts.sum()), len(sensors) + len(warnings)))
     sensor_columns, warning_columns = rows[:, : len(sensors)], rows[:, len(sensors) :]
     row = 0
-    for length, count in zip(lengths.tolist(), counts.tolist(), strict=True):
-        option.timestep = length
+    for span, length, count in stretch:
+        option.timestep, control.span = length, span
         for _ in range(count):
-            mujoco.mj_step(model, data)
+            mujoco.mj_step(compiled, data)
             sensor_columns[row] = sensors
             warning_columns[row] = warnings
             row += 1

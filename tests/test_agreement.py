@@ -56,18 +56,20 @@ def test_momentum_drift_is_relative_unless_the_ball_starts_from_rest() -> None:
     momentum = rb.integrate(SCENE).momentum.copy()
     momentum[-1] *= 1 + 1e-6
     assert agreement_with(momentum=momentum).momentum_drift == pytest.approx(1e-6, rel=1e-6)
+    at_rest = replace(SCENE, start=replace(SCENE.start, momentum=np.zeros(3)))
     momentum[:] = 0.0
     momentum[-1, 0] = 3e-9
-    assert agreement_with(momentum=momentum).momentum_drift == pytest.approx(3e-9)
+    agreement = replace(agreement_with(momentum=momentum), scene=at_rest)
+    assert agreement.momentum_drift == pytest.approx(3e-9)
 
 
 def test_agreement_needs_the_momentum_as_well_as_the_path() -> None:
     """Errors can cancel in the path; a drift of M alone is no agreement."""
-    momentum = rb.integrate(SCENE).momentum * np.linspace(1, 1 + 1e-6, 501)[:, None]
+    momentum = rb.integrate(SCENE).momentum * np.linspace(1, 1 + 1e-5, 501)[:, None]
     agreement = agreement_with(momentum=momentum)
     assert agreement.path_error == 0
     assert not agreement.agrees
-    assert agreement.verdict == "off by more than 3e-08"
+    assert agreement.verdict == "off by more than 5e-06"
 
 
 def test_a_fault_forbids_agreement_whatever_the_numbers() -> None:

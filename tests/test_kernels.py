@@ -20,6 +20,7 @@ from robotball.sections import section_starts
 from robotball.steppers import dop853
 from robotball.systems import PATH, Level, State
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F
+from tests.scenes import FOUR
 
 BALLS = [pytest.param(REGULAR, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
 
@@ -122,7 +123,7 @@ def test_orbits_are_those_of_a_taylor_integrator(ball: Parameters, c: float) -> 
     assert np.abs(ours.contact_points[:, 1:] - starts.turned_back(end[..., 4:])).max() < 3e-11
 
 
-@pytest.mark.parametrize("name", rb.catalog())
+@pytest.mark.parametrize("name", FOUR)
 def test_a_scene_moves_as_by_integrate(name: str) -> None:
     """One orbit, closely sampled, is `integrate`'s motion, and one of many orbits is that orbit.
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
@@ -17,11 +17,12 @@ from robotball.equations import Vector
 from robotball.parameters import as_vector
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.start import Start, along_momentum, section_state
+from tests.scenes import FOUR
 
 SECONDS = 10.0
 
 
-@pytest.fixture(scope="module", params=rb.catalog())
+@pytest.fixture(scope="module", params=FOUR)
 def scene(request: pytest.FixtureRequest) -> rb.Scene:
     return rb.load_scene(request.param)
 
@@ -191,8 +192,8 @@ def turned(scene: rb.Scene, rotation: Rotation) -> rb.Scene:
 angles = st.floats(-np.pi, np.pi)
 
 
-@settings(max_examples=5)
-@given(angles=st.tuples(angles, angles, angles), name=st.sampled_from(rb.catalog()))
+@settings(max_examples=5, phases=[Phase.generate])  # shrinking would take minutes
+@given(angles=st.tuples(angles, angles, angles), name=st.sampled_from(FOUR))
 def test_motion_does_not_depend_on_the_axes_of_the_frame(
     angles: tuple[float, float, float], name: str
 ) -> None:

@@ -17,6 +17,7 @@ from robotball.canvas import Pixels
 from robotball.picture import track
 from robotball.render import frames, write_video
 from robotball.rotations import Array, conjugate, multiply
+from tests.scenes import FOUR
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s
 SMALL = (180, 320)  # pixels
@@ -45,7 +46,7 @@ def test_each_part_opens_alone(name: str) -> None:
     assert part.nmat > 0
 
 
-@pytest.mark.parametrize("name", rb.catalog())
+@pytest.mark.parametrize("name", FOUR)
 def test_a_run_carries_nothing_of_a_picture(name: str) -> None:
     scene = rb.load_scene(name)
     run = model.build(scene, rb.preset("balanced")).compiled

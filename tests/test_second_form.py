@@ -11,6 +11,7 @@ from robotball import equations as eq
 from robotball.equations import Scalar, Vector
 from robotball.parameters import as_vector
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from tests.scenes import FOUR
 
 AT_REST: Vector = (0.0, 0.0, 0.0)
 SECONDS = 10.0
@@ -54,7 +55,7 @@ def integrate_full(scene: rb.Scene, times: Array) -> FullMotion:
     return FullMotion(states[:, :3], states[:, 3:12].reshape(-1, 3, 3), states[:, 12:])
 
 
-@pytest.fixture(scope="module", params=rb.catalog())
+@pytest.fixture(scope="module", params=FOUR)
 def scene(request: pytest.FixtureRequest) -> rb.Scene:
     return rb.load_scene(request.param)
 

@@ -1,12 +1,23 @@
 """Agreement: how far apart the two engines' motions of one scene are."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from robotball import Diagnostics, Fault, Motion, Scene, Settings, integrate, preset, simulate
+from robotball import (
+    Diagnostics,
+    Fault,
+    Motion,
+    Scene,
+    SceneWarning,
+    Settings,
+    integrate,
+    preset,
+    simulate,
+)
 from robotball.rotations import Array
 
 
@@ -32,8 +43,8 @@ class Agreement:
     def momentum_drifts(self) -> Array:
         """(n,): |M(t) - M(0)| of the engine's motion over |M(0)|; in kg m²/s where M(0) = 0."""
         momentum = self.engine.momentum
-        size = float(np.linalg.norm(momentum[0]))
-        return np.linalg.norm(momentum - momentum[0], axis=1) / (size or 1.0)
+        size = float(np.linalg.norm(self.scene.start.momentum))
+        return np.linalg.norm(momentum - momentum[:1], axis=1) / (size or 1.0)
 
     @property
     def finished(self) -> bool:
@@ -105,9 +116,26 @@ def compare(
 
     settings: a preset's name or Settings; times: (n,) s from 0, the scene's own if None; theory:
     the equations' motion at those times, where it is known already. Raises InputError as
-    integrate and simulate do.
+    integrate and simulate do, and warns where the settings' friction is less than
+    the motion needs.
     """
     settings = preset(settings) if isinstance(settings, str) else settings
     theory = integrate(scene, times) if theory is None else theory
+    _warn_of_friction(scene, settings, theory)
     engine = simulate(scene, theory.times, settings, progress=progress)
     return Agreement(scene, settings, theory, engine)
+
+
+def _warn_of_friction(scene: Scene, settings: Settings, theory: Motion) -> None:
+    kinds = [("sliding", settings.sliding_friction, theory.loads.sliding_friction.max(), "")]
+    if scene.rolling == "rubber":
+        needed = theory.loads.torsional_friction.max()
+        kinds.append(("torsional", settings.torsional_friction, needed, " m"))
+    for kind, given, needed, unit in kinds:
+        if needed > given:
+            warnings.warn(
+                f"{scene.name} needs {kind} friction {needed:.4g}{unit}, and the {settings.name} "
+                f"settings give {given:g}{unit}",
+                SceneWarning,
+                stacklevel=3,
+            )

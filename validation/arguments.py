@@ -11,3 +11,4 @@ OUT = Path("out")
 SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
 Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS")]]
 File = DisallowNone[Annotated[Path | None, arg(metavar="FILE")]]
+Preset = DisallowNone[Annotated[str | None, arg(metavar="PRESET")]]

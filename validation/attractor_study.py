@@ -73,7 +73,7 @@ def cycle_findings(report: Report) -> Iterator[Finding]:
         ("11a: |multiplier|", ours, size),
     ):
         yield Finding(claim, a, b, abs(a - b), 1e-6)
-    start = own_start(model, cycle.attitude, cycle.momentum)
+    start = own_start(scene, cycle.attitude, cycle.momentum)
     moved = run(model, sample_times(cycle.period, 5e-3), start=start).contact_point[-1]
     yield drift_finding("fig12", -float(moved @ cycle.momentum[:2]) / 5 / cycle.period, 0.0, 1e-5)
 

@@ -106,7 +106,7 @@ def cloud_by_contact(
     """The same by MuJoCo's contact model; raises InputError where a run has a fault."""
     parts, velocities = [], []
     for i, (attitude, momentum) in enumerate(zip(*recipe.points(seed), strict=True)):
-        start = own_start(model, attitude, momentum)
+        start = own_start(model.scene, attitude, momentum)
         found, duration, moved = returns(
             model, start, recipe.skipped + recipe.count, recipe.direction
         )

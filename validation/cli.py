@@ -8,6 +8,7 @@ import io
 import logging
 import re
 import sys
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +19,11 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import Positional, arg
 
-from robotball import InputError, catalog, load_scene, preset, sample_times
+from robotball import InputError, SceneWarning, catalog, load_scene, preset, sample_times
 from robotball.model import build
 from validation.arguments import AGREES, BAD_INPUT, DISAGREES, OUT, Duration, File, SceneName
-from validation.commands_qualitative import Basins, Equilibria, Figures, Lyapunov, Section
+from validation.commands_pictures import Figures, Section
+from validation.commands_qualitative import Basins, Equilibria, Lyapunov
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
 from validation.runs import compare_all, film
 from validation.table import show
@@ -151,6 +153,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
     # The watch on every run reports what MuJoCo would only log.
     logging.getLogger("absl").setLevel(logging.ERROR)
+    warnings.simplefilter("always", SceneWarning)
+    warnings.showwarning = _show_warning
     try:
         status = parse(arguments).run()
     except InputError as error:
@@ -159,6 +163,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         status = 130
     sys.exit(status)
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"robotball: warning: {message}", file=sys.stderr)
 
 
 def parse(arguments: Sequence[str] | None) -> Command:

@@ -1,109 +1,24 @@
-"""The commands about what a ball does: figures, section, lyapunov, basins, equilibria.
+"""The commands about what a ball does in the long run: lyapunov, basins, equilibria.
 
 They load what they need when they run: compiled code and plots take a while to come.
 """
 
-import json
-from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
-from tyro.conf import DisallowNone, Positional, arg
 
-from robotball import InputError, Scene, load_scene, preset
-from robotball.rotations import Array, multiply
-from validation.arguments import AGREES, OUT, File, SceneName
-from validation.results import replacing, versions, writable_file, writable_folder
+from robotball import load_scene, preset
+from robotball.rotations import Array
+from validation.arguments import AGREES, File, Preset, SceneName
+from validation.level import check_count, level_starts
+from validation.results import write_record
 from validation.runs import progress_bar
 
-Preset = DisallowNone[Annotated[str | None, arg(metavar="PRESET")]]
 BATCH = 16  # starts followed at once, between two moves of the progress bar
-
-
-@dataclass(frozen=True)
-class Figures:
-    """Draw the paper's Figs 5 to 14, each with its facts and with MuJoCo's motion over it."""
-
-    numbers: Positional[Annotated[tuple[int, ...], arg(metavar="N...")]] = ()
-    """Which figures; all of them if none is given."""
-    out: Path = OUT
-    """Folder for the pictures."""
-    json: File = None
-    """Also write which files were drawn."""
-
-    def run(self) -> int:
-        from validation.figures import chosen, draw_figures
-
-        pictures, out = chosen(self.numbers), writable_folder(self.out)
-        with progress_bar(len(pictures)) as show:
-            written = draw_figures(self.numbers, out, show)
-        print(*written, sep="\n")
-        save(self.json, {"figures": [str(path) for path in written]})
-        return AGREES
-
-
-@dataclass(frozen=True)
-class Section:
-    """Draw a scene's Poincaré section g = g₀ on the annulus (l, L)."""
-
-    scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
-    starts: int = 1
-    """Motions to follow: the scene's own alone, or as many random ones with its M² and (M, γ)."""
-    count: int = 2000
-    """Crossings of each."""
-    skip: int = 0
-    """Crossings of each to leave out first."""
-    g: float = 0.0
-    """The section's g₀ [rad]."""
-    preset: Preset = None
-    """Draw MuJoCo's crossings as well, of the scene's own start, with these settings."""
-    seed: int = 0
-    """Of the random starts."""
-    out: Path = OUT
-    """Folder for the picture."""
-    json: File = None
-    """Also write the points."""
-
-    def run(self) -> int:
-        from validation.section_study import draw_section, section_by_contact, section_by_equations
-
-        scene = load_scene(self.scene)
-        settings = None if self.preset is None else preset(self.preset)
-        path = writable_folder(self.out) / f"{scene.name}-section.png"
-        attitudes, momenta = level_starts(scene, self.starts, self.seed, self.g)
-        kept = slice(check_count("skip", self.skip, 0), None)
-        total = self.skip + check_count("count", self.count, 1)
-        with progress_bar(1 if settings is None else 2) as show:
-            show(0, f"{scene.name}: equations")
-            points = section_by_equations(scene, attitudes, momenta, total, self.g)[:, kept]
-            engine = None
-            if settings is not None:
-                show(1, f"{scene.name}: MuJoCo, {settings.name}")
-                duration = float(points["time"][0, -1])
-                engine = section_by_contact(scene, settings, duration, self.g)[kept]
-            with replacing(path) as temporary:
-                draw_section(scene, points.ravel(), engine, self.g).savefig(temporary, dpi=120)
-        drawn = {"equations": points.ravel(), **({} if engine is None else {"mujoco": engine})}
-        for name, each in drawn.items():
-            both = Counter(each["direction"].tolist())
-            print(f"{name}: {len(each)} crossings, {both[1]} with g growing, {both[-1]} falling")
-        print(path)
-        save(
-            self.json,
-            {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
-            | {
-                name: {field: each[field].tolist() for field in each.dtype.names or ()}
-                for name, each in drawn.items()
-            },
-        )
-        return AGREES
 
 
 @dataclass(frozen=True)
@@ -185,7 +100,7 @@ class Lyapunov:
             known = error is not None and np.isfinite(error)
             table.add_row(name, f"{value:.6g}", f"{error:.1g}" if known else "-")
         Console().print(table)
-        save(self.json, record)
+        write_record(self.json, record)
         return AGREES
 
 
@@ -221,7 +136,7 @@ class Basins:
             if found.share(label) > 0:
                 table.add_row(name, f"{found.share(label):.3f}")
         Console().print(table)
-        save(
+        write_record(
             self.json,
             {
                 "scene": scene.name,
@@ -272,7 +187,7 @@ class Equilibria:
         console.print(
             f"motions with the scene's M² = {f:g} (kg m²/s)²; γ in principal axes:", table
         )
-        save(
+        write_record(
             self.json,
             {
                 "scene": scene.name,
@@ -301,32 +216,6 @@ class Equilibria:
         return AGREES
 
 
-def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[Array, Array]:
-    """Attitudes (n, 4), principal axes, and world momenta (n, 3) on the scene's level of M.
-
-    The scene's own start for a count of 1, else random points of its section g = `g`.
-    """
-    from robotball.sections import section_starts
-
-    check_count("starts", count, 1)
-    M = scene.start.momentum
-    attitude = multiply(scene.start.attitude, scene.principal_quaternion)
-    if count == 1:
-        return attitude[None], M[None]
-    random, f = np.random.default_rng(seed), float(M @ M)
-    L = random.uniform(-1.0, 1.0, count) * np.sqrt(f)
-    # The rubber model's M is horizontal by (3.1).
-    c = float(M[2]) if scene.rolling == "classical" else 0.0
-    return section_starts(L, random.uniform(-np.pi, np.pi, count), f, g, c)
-
-
-def check_count(name: str, value: int, least: int) -> int:
-    """`value`; raises InputError where it is below `least`."""
-    if value < least:
-        raise InputError(f"{name} must be at least {least}, not {value}")
-    return value
-
-
 def row(values: Array) -> str:
     """Numbers side by side; complex ones that are real, as real ones."""
     if np.isrealobj(values) or not np.any(values.imag):
@@ -337,12 +226,3 @@ def row(values: Array) -> str:
 def pairs(values: Array) -> list[list[float]]:
     """Complex numbers as [real, imaginary]."""
     return [[float(z.real), float(z.imag)] for z in values]
-
-
-def save(path: Path | None, record: Mapping[str, Any]) -> None:
-    """The record with the versions it depends on as JSON, if a path is given."""
-    if path is None:
-        return
-    text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
-    with replacing(writable_file(path)) as temporary:
-        temporary.write_text(text + "\n")

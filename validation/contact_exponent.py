@@ -91,7 +91,7 @@ def contact_exponent(
 
 def rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
     """The attitude (4,), in principal axes, to which MuJoCo rolls the ball in `duration` s."""
-    motion = run(model, np.array([0.0, duration]), start=own_start(model, attitude, momentum))
+    motion = run(model, np.array([0.0, duration]), start=own_start(model.scene, attitude, momentum))
     assert motion.diagnostics is not None
     if motion.diagnostics.faults:
         raise InputError(f"MuJoCo's run is no result: {motion.diagnostics.faults[0]}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball import InputError, Motion, sample_times
+from robotball import InputError, Motion, Scene, sample_times
 from robotball.model import Model
 from robotball.motion_section import Crossings, crossings, joined
 from robotball.rotations import Array, conjugate, multiply
@@ -36,12 +36,12 @@ class ContactCycle:
 def start_at(model: Model, L: float, l: float, f: float) -> Start:
     """The start of the model's ball at the point (L, l) of g = 0, in its frame's own axes."""
     attitudes, momenta = section_starts(np.array([L]), np.array([l]), f)
-    return own_start(model, attitudes[0], momenta[0])
+    return own_start(model.scene, attitudes[0], momenta[0])
 
 
-def own_start(model: Model, attitude: Array, momentum: Array) -> Start:
+def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
     """A start of the equations, whose axes are principal axes, in the frame's own axes."""
-    return Start(multiply(attitude, conjugate(model.scene.principal_quaternion)), momentum)
+    return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
 
 
 def sound_run(model: Model, start: Start, duration: float) -> Motion:

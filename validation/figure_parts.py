@@ -1,5 +1,6 @@
 """What the pictures of the paper's figures share: the sheet, the two engines' lines, the sphere."""
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,16 +8,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball import Motion
+from robotball import Motion, Scene, load_scene
+from robotball.errors import SceneWarning
 from robotball.kernels import orbit
 from robotball.palette import ENGINE, INK, THEORY
 from robotball.rotations import Array, multiply
-from robotball.scene import Scene
 
 THEORY_LINE: dict[str, Any] = {"color": THEORY, "linewidth": 4.5, "alpha": 0.55}
 ENGINE_LINE: dict[str, Any] = {"color": ENGINE, "linewidth": 1.1}
 FAINT = "#9AA0A6"  # what is neither engine's: fields, boundaries
 INCHES_HIGH, TEXT_WIDE = 5.6, 3.6
+UNBUILDABLE = "Mass outside the shell: not to be built."
 JUMP = 0.5  # of the disc: a longer step has gone round its rim
 
 
@@ -46,6 +48,13 @@ def sheet(
     for axes in panels:
         axes.grid(alpha=0.3)
     return figure, list(panels)
+
+
+def paper_scene(name: str) -> Scene:
+    """A scene of the catalog, without a warning of what its picture says: it cannot be built."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)
+        return load_scene(name)
 
 
 def theory_motion(scene: Scene, times: Array) -> tuple[Array, Array]:

@@ -1,47 +1,63 @@
 """Figs 9 and 10: motion along straight lines, and turning round from one to another."""
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from robotball import preset, sample_times
+from robotball.equations import Vector
 from robotball.model import build
 from robotball.palette import INK, THEORY
+from robotball.parameters import Parameters
+from robotball.rotations import Array
 from robotball.simulate import run
 from robotball.straight_motions import straight_motion
 from validation.figure_parts import (
     ENGINE_LINE,
     FAINT,
     THEORY_LINE,
+    UNBUILDABLE,
     draw_paths,
+    paper_scene,
     sheet,
     theory_motion,
 )
-from validation.figure_scenes import (
-    LINE_A,
-    LINE_K,
-    LINE_MASS,
-    LINE_OMEGA,
-    line_verticals,
-    parameters_with,
-    straight_line,
-)
 
 LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
+LINE_K = (4.0, 5.0, 0.0)  # of Fig. 10
 LIMIT = 2.0806242  # of f there: above it σ₋ and δ₊ are unstable saddle-foci
 FINENESS = 90  # of the map's grid, each way
-BALL_LINES = ("A = diag(.5, .3, .6) 1/(kg m²)", "Ω = (0, 0, 2) rad/s, a = 1 m")
+BALL_LINES = (
+    "A = diag(.5, .3, .6) 1/(kg m²)",
+    "Ω = (0, 0, 2) rad/s (chosen), a = 1 m",
+    UNBUILDABLE,
+)
 
 
-def growth_rate(K1: float, K2: float, f: float, which: str = "σ₋") -> float:
-    """The largest real part of the eigenvalues of σ₊ or σ₋ for K = (K1, K2, 0) [1/s].
+def growth_rate(ball: Parameters, K: Vector, f: float, which: str = "σ₋") -> float:
+    """The largest real part of the eigenvalues of a straight-line motion of the
+    ball with K = (K₁, K₂, 0) instead of its own, and Ω along e₃ [1/s].
 
     NaN where K² < f, and there is no straight-line motion.
     """
-    if f > K1 * K1 + K2 * K2:
+    if f > K[0] ** 2 + K[1] ** 2:
         return np.nan
-    K = (K1, K2, 0.0)
-    ball = parameters_with(LINE_A, LINE_OMEGA, K, LINE_MASS)
-    return float(straight_motion(ball, line_verticals(f, K)[which]).eigenvalues.real.max())
+    motion = straight_motion(replace(ball, K=K), line_verticals(f, K)[which])
+    return float(motion.eigenvalues.real.max())
+
+
+def line_verticals(f: float, K: Vector) -> dict[str, Array]:
+    """γ (3,) of the straight-line motions σ± (M along e₃) and δ± (against it), with Ω along e₃.
+
+    There γ is across Ω and M = γ×K, whose square is f: (K,γ)² = K² - f.
+    """
+    angle, off = np.arctan2(K[1], K[0]), np.arcsin(np.sqrt(f) / np.hypot(K[0], K[1]))
+    turns = {"σ₊": -off, "σ₋": off + np.pi, "δ₊": off, "δ₋": np.pi - off}
+    return {
+        name: np.array([np.cos(angle + turn), np.sin(angle + turn), 0.0])
+        for name, turn in turns.items()
+    }
 
 
 def figure9() -> Figure:
@@ -63,9 +79,9 @@ def figure9() -> Figure:
         f"  f < {LIMIT:.4f} only, not at f = 3.",
     )
     figure, panels = sheet("Fig. 9: stability of straight-line motions", caption, facts, (4.8, 4.8))
-    side = np.linspace(-8, 8, FINENESS)
+    ball, side = paper_scene("fig10").parameters, np.linspace(-8, 8, FINENESS)
     for axes, f in zip(panels, LEVELS, strict=True):
-        rates = np.array([[growth_rate(K1, K2, f) for K1 in side] for K2 in side])
+        rates = np.array([[growth_rate(ball, (K1, K2, 0.0), f) for K1 in side] for K2 in side])
         axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[THEORY], alpha=0.45)
         axes.contour(side, side, rates, levels=[0.0], colors=[THEORY], linewidths=1.5)
         for x in (6.8, -6.8):
@@ -90,7 +106,7 @@ def figure10() -> Figure:
         "starts (chosen): γ ∝ σ₊ + 0.01 e₃,",
         "  M along the part of e₃ across γ",
     )
-    verticals = line_verticals(3.0)
+    verticals = line_verticals(3.0, LINE_K)
     facts = (
         *(f"{name}: γ = ({v[0]:.4f}, {v[1]:.4f}, 0) at f = 3" for name, v in verticals.items()),
         "σ: dY/dt = -a|Ω|;  δ: dY/dt = +a|Ω| (E15)",
@@ -104,7 +120,7 @@ def figure10() -> Figure:
     )
     times = sample_times(30.0, 0.01)
     for f in (3.0, 2.0):
-        scene = straight_line("fig10", f, 0.01, 30.0)
+        scene = paper_scene("fig10" if f == 3 else "fig10_stable")
         _, path = theory_motion(scene, times)
         engine = run(build(scene, preset("balanced")), times)
         draw_paths(plane, path, engine, "contact point, 30 s")

@@ -1,5 +1,7 @@
 """Figs 5 to 8: motion from rest, M = 0, a flow on the sphere of γ."""
 
+from dataclasses import replace
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,21 +16,28 @@ from robotball.parameters import Parameters
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from robotball.simulate import run
+from validation.contact_map import own_start
 from validation.figure_parts import (
     ENGINE_LINE,
     FAINT,
     THEORY_LINE,
+    UNBUILDABLE,
     arrow,
     disc,
     disc_line,
     draw_paths,
     on_disc,
+    paper_scene,
     sheet,
     theory_motion,
 )
-from validation.figure_scenes import from_rest
 
-BALL_LINES = ("A = diag(.5, .4, .3) 1/(kg m²)", "Ω = (4, 2, 1) rad/s", "a = 1 m, M = 0 (from rest)")
+BALL_LINES = (
+    "A = diag(.5, .4, .3) 1/(kg m²)",
+    "Ω = (4, 2, 1) rad/s",
+    "a = 1 m, M = 0 (from rest)",
+    UNBUILDABLE,
+)
 # Filled is stable, open is not; in grey, too.
 MARKS = {
     "saddle": ("X", "white"),
@@ -43,14 +52,11 @@ STARTS_DRAWN = 40
 
 def figure5() -> Figure:
     """Three motions with K₃ = 0, whose γ follows a curve (Aγ,γ) = const."""
-    starts = {
-        "b": np.array([0.95, 0.0, -0.3122]),
-        "c": np.array([0.0, 19.0, np.sqrt(39)]) / 20,
-        "d": np.array([0.1, 0.2, 0.97]),
-    }
-    chosen = tuple(
-        f"  {name}: γ ∝ ({', '.join(f'{x:.3g}' for x in gamma)})" for name, gamma in starts.items()
-    )
+    scenes = {name: paper_scene(f"fig05{name}") for name in "bcd"}
+    chosen = ["starts (for the most part chosen):"]
+    for name, scene in scenes.items():
+        gamma = rotation_matrix(scene.start.attitude)[2]
+        chosen.append(f"  {name}: γ = ({', '.join(f'{x:.4g}' for x in gamma)})")
     facts = (
         "(Aγ,γ) is constant: γ runs along a curve",
         "  of Euler's top, slower where (Ω,γ) is small,",
@@ -63,34 +69,32 @@ def figure5() -> Figure:
     )
     figure, (sphere, *plane) = sheet(
         "Fig. 5: motion from rest without rotor momentum, K₃ = 0",
-        [*BALL_LINES, "K = 0", "starts (chosen):", *chosen],
+        [*BALL_LINES, "K = 0", *chosen],
         facts,
         (4.6, 3.2, 3.2, 3.2),
     )
     disc(sphere, "vertical γ, with -γ as the same")
-    scene = from_rest("fig05", 0.0, starts["b"], 10.0)
-    draw_field(sphere, scene.parameters, 8.0)
+    draw_field(sphere, scenes["b"].parameters, 8.0)
     circle = np.linspace(0, 2 * np.pi, 400)
     across = np.linalg.svd(np.array([[4.0, 2.0, 1.0]]))[2][1:]
     equilibria = np.stack([np.cos(circle), np.sin(circle)], axis=1) @ across
     disc_line(sphere, equilibria, color=INK, linestyle="--", linewidth=1.2)
-    for axes, (name, gamma) in zip(plane, starts.items(), strict=True):
-        scene = from_rest(f"fig05{name}", 0.0, gamma, 12.0)
+    for axes, (name, scene) in zip(plane, scenes.items(), strict=True):
         path, theory_gamma, engine = both(scene)
         draw_gamma(sphere, theory_gamma, engine.gamma)
         place = tuple(on_disc(theory_gamma[0]))
         sphere.annotate(name, place, color=INK, fontsize=12, fontweight="bold",
                         xytext=(5, 5), textcoords="offset points")  # fmt: skip
-        draw_paths(axes, path, engine, f"({name}) contact point, 12 s")
+        draw_paths(axes, path, engine, f"({name}) contact point, {scene.duration:g} s")
     plane[0].legend(loc="best")
     return figure
 
 
 def figure6() -> Figure:
     """K₃ = 0.3: ten fixed points, and motions into the stable foci."""
-    scene = from_rest("fig06", 0.3, np.array([0.3, -0.5, 0.81]), 30.0)
+    scene = replace(paper_scene("fig06"), duration=30.0)
     points = fixed_points(scene.parameters)
-    caption = (*BALL_LINES, "K = (0, 0, 0.3) kg m²/s", "start (chosen): γ ∝ (0.3, -0.5, 0.81)")
+    caption = (*BALL_LINES, "K = (0, 0, 0.3) kg m²/s", "start (chosen): γ = (0.6, 0.64, 0.48)")
     facts = (
         f"{len(points)} fixed points, in pairs ±γ:",
         *counted(points),
@@ -117,9 +121,11 @@ def figure8() -> Figure:
 
 def cycle_figure(number: int, K3: float, *remark: str) -> Figure:
     """The portrait and the limit cycle, which both engines follow for one period."""
-    ball = from_rest("", K3, np.array([0.3, -0.5, 0.81]), 1.0).parameters
+    of_catalog = paper_scene(f"fig{number:02}")
+    ball = of_catalog.parameters
     (cycle,) = limit_cycles(ball)[:1]
-    scene = from_rest(f"fig{number:02}", K3, cycle.gamma, cycle.period)
+    start = own_start(of_catalog, cycle.attitude, cycle.momentum)
+    scene = replace(of_catalog, start=start, duration=cycle.period)
     points = fixed_points(ball)
     caption = (*BALL_LINES, f"K = (0, 0, {K3:g}) kg m²/s", "start: on the limit cycle")
     facts = (

@@ -28,7 +28,7 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
             _scientific(each.gamma_error),
             _scientific(each.momentum_drift),
             f"{each.realtime_factor:.0f}",
-            "agrees" if each.agrees else "faulty" if each.faults else "differs",
+            "agrees" if each.agrees else "faulty" if each.faults else "off",
             style="" if each.agrees else "yellow",
         )
     console.print(table)

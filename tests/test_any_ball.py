@@ -1,0 +1,205 @@
+"""Any ball: random physical ones, bodies off centre, in any axes, from a user's own MJCF."""
+
+import warnings
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import robotball as rb
+from robotball.bodies import Ball, Frame, Rotor, Shell, beyond_the_shell
+from robotball.model import build
+from robotball.parameters import Rolling
+from robotball.rotations import Array
+from robotball.start import Start
+from validation import Agreement, compare
+
+BALLS = 50
+SEED = 20190501
+
+
+def random_scene(number: int) -> rb.Scene:
+    """A ball of mass points within its shell, 0 to 3 rotors, in axes that are not principal."""
+    rng = np.random.default_rng([SEED, number])
+    radius, mass = rng.uniform(0.5, 1.5), rng.uniform(0.3, 2.0)
+
+    def direction() -> Array:
+        v = rng.normal(size=3)
+        return v / np.linalg.norm(v)
+
+    shell_mass = mass * rng.uniform(0.05, 0.3)
+    # Of points on the sphere, gathered towards its axis or its equator.
+    axial = shell_mass * radius**2 * rng.uniform(0.4, 0.9)
+    transverse = shell_mass * radius**2 - axial / 2
+    shell = Shell(radius, shell_mass, axial, transverse, direction())
+    rotors = []
+    for _ in range(number % 4):
+        rotor_mass, size = mass * rng.uniform(0.02, 0.1), radius * rng.uniform(0.3, 0.8)
+        moment = rotor_mass * size**2
+        rotors.append(Rotor(rotor_mass, moment, moment * rng.uniform(0.5, 0.8), direction()))
+    points = rng.normal(size=(6, 3))
+    points *= radius * rng.uniform(0.4, 1.0, size=(6, 1)) / np.linalg.norm(points, axis=1)[:, None]
+    point_mass = (mass - shell_mass - sum(rotor.mass for rotor in rotors)) / 12
+    tensors = [2 * point_mass * (r @ r * np.eye(3) - np.outer(r, r)) for r in points]
+    frame = Frame(12 * point_mass, np.sum(tensors, axis=0))
+    ball = Ball(shell, frame, tuple(rotors))
+    rolling: Rolling = "rubber" if number % 2 else "classical"
+    # Rates of both signs such that |A K| and |Ω| stay below 4 rad/s.
+    weakest = float(np.linalg.eigvalsh(ball.inertia)[0] + ball.d)
+    spins = tuple(
+        rng.choice([-1, 1]) * rng.uniform(0.3, 1.0) * weakest / r.axial_inertia for r in rotors
+    )
+    attitude = Rotation.random(random_state=rng).as_quat(scalar_first=True)
+    momentum = direction() * weakest * rng.uniform(0.5, 2.5)
+    if rolling == "rubber":
+        momentum[2] = 0.0
+    return rb.Scene(
+        name=f"ball {number}", title="", source="", ball=ball, rolling=rolling,
+        frame_rate=float(rng.choice([-1, 1]) * rng.uniform(0.3, 2.5)), rotor_rates=spins,
+        start=Start(attitude, momentum), duration=10.0,
+    )  # fmt: skip
+
+
+@cache
+def agreement_of(number: int, settings: str) -> Agreement:
+    return compare(random_scene(number), settings)
+
+
+@pytest.mark.parametrize("number", range(BALLS))
+def test_mujoco_follows_the_equations_for_any_ball(number: int) -> None:
+    """Shells with I_s ≠ J_s, rates of both signs, both models; measured 1.5e-8 at most."""
+    agreement = agreement_of(number, "balanced")
+    assert agreement.faults == ()
+    assert agreement.path_error is not None
+    assert agreement.path_error < 5e-8
+
+
+def test_the_median_order_is_four_over_all_balls() -> None:
+    """Measured 3.996; single balls 3.91 to 4.35."""
+    orders = []
+    for number in range(BALLS):
+        coarse, fine = (agreement_of(number, each).path_error for each in ("fast", "balanced"))
+        assert coarse is not None
+        assert fine is not None
+        orders.append(np.log(coarse / fine) / np.log(4))
+    assert np.median(orders) == pytest.approx(4.0, abs=0.02)
+
+
+def with_pair_of_rotors(offset: Array, second: Array) -> rb.Scene:
+    """fig12 with two rotors off the centre, at `offset` and `second`."""
+    scene = rb.load_scene("fig12")
+    rotor = replace(scene.ball.rotors[0], mass=0.02, axial_inertia=2e-3, transverse_inertia=1e-3)
+    rotors = (replace(rotor, centre=offset), replace(rotor, centre=second))
+    return replace(scene, ball=replace(scene.ball, rotors=rotors), rotor_rates=(150.0, -90.0))
+
+
+def test_rotors_off_centre_count_by_steiners_theorem() -> None:
+    """A balanced pair off the centre: both engines agree, with the moments that the offset adds."""
+    offset = np.array([0.4, -0.3, 0.2])
+    scene = with_pair_of_rotors(offset, -offset)
+    centred = with_pair_of_rotors(np.zeros(3), np.zeros(3))
+    added = scene.ball.inertia - centred.ball.inertia
+    expected = 2 * 0.02 * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    assert np.abs(added - expected).max() < 1e-16
+    agreement = compare(scene, "balanced")
+    assert agreement.path_error is not None
+    assert agreement.path_error < 4e-9  # measured 1.4e-9, RK4's
+    at_centre = rb.integrate(centred).contact_point - agreement.theory.contact_point
+    assert np.abs(at_centre).max() > 1e-2
+
+
+def test_an_unbalanced_ball_rolls_in_mujoco_alone() -> None:
+    """The equations refuse it with the offset; MuJoCo rolls it, and warns."""
+    scene = with_pair_of_rotors(np.array([0.4, 0.0, 0.0]), np.array([0.2, 0.0, 0.0]))
+    words = r"the ball is not balanced: its centre of mass is 0\.0131637 m off"
+    with pytest.raises(rb.InputError, match=words + r".*MuJoCo alone can roll it"):
+        rb.integrate(scene)
+    with pytest.warns(rb.SceneWarning, match=words):
+        motion = rb.simulate(scene, settings="accurate")
+    assert motion.path_length > 1
+    assert np.linalg.norm(motion.momentum - motion.momentum[0], axis=1).max() > 1e-3
+
+
+def test_mass_beyond_the_shell_is_told() -> None:
+    """Figs 5 to 10 need it, Figs 11 to 14 do not."""
+    with pytest.warns(
+        rb.SceneWarning, match=r"frame has mass outside the shell: at 1\.613 m, of 1"
+    ):
+        rb.load_scene("fig06")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert beyond_the_shell(rb.load_scene("fig12").ball) == []
+
+
+def test_friction_short_of_the_demand_is_told_with_both_numbers() -> None:
+    """The naive settings give less than fig12 needs, of both kinds."""
+    with pytest.warns(rb.SceneWarning) as told:
+        compare(rb.load_scene("fig12"), "naive")
+    lines = [str(each.message) for each in told]
+    assert "fig12 needs sliding friction 1.321, and the naive settings give 1" in lines
+    assert "fig12 needs torsional friction 1.873 m, and the naive settings give 0.005 m" in lines
+
+
+USERS_MJCF = """
+<mujoco>
+  <worldbody>
+    <body name="chassis" pos="3 0 0" euler="0 0 90">
+      <geom type="box" size=".3 .2 .1" mass=".5"/>
+      <body pos=".1 0 .2"><geom type="sphere" size=".1" mass=".2"/></body>
+      <body pos="-.1 0 -.2"><geom type="sphere" size=".1" mass=".2"/></body>
+      <body name="arm"><joint/><geom type="sphere" size=".1" mass=".2"/></body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+SCENE = """
+title = "a user's frame"
+rolling = "rubber"
+duration = 2.0
+[shell]
+radius = 0.8
+mass = 0.4
+inertia = { thickness = 0.01 }
+[frame]
+mjcf = { file = "mine.xml", body = "chassis" }
+rate = 1.5
+[start]
+gamma = [0.0, 0.6, 0.8]
+alpha = [1.0, 0.0, 0.0]
+momentum = [2.0, 0.0, 0.0]
+"""
+
+
+def test_a_frame_may_be_a_body_of_the_users_own_mjcf(tmp_path: Path) -> None:
+    """Mass, centre and inertia of a body with all that is fixed to it, in the body's axes."""
+    without_arm = USERS_MJCF.replace('<body name="arm"><joint/>', "<body>").replace(
+        'size=".1" mass=".2"/></body>\n    </body>', 'size=".001" mass="1e-9"/></body>\n    </body>'
+    )
+    (tmp_path / "mine.xml").write_text(without_arm)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    scene = rb.load_scene(tmp_path / "scene.toml")
+    frame = scene.ball.frame
+    assert frame.mass == pytest.approx(0.9, rel=1e-8)
+    assert np.abs(frame.centre).max() < 1e-9
+    box = 0.5 / 3 * np.array([0.2**2 + 0.1**2, 0.3**2 + 0.1**2, 0.3**2 + 0.2**2])
+    spheres = 2 * (0.4 * 0.2 * 0.1**2 + 0.2 * np.array([0.04, 0.05, 0.01]))
+    np.testing.assert_allclose(np.diag(frame.inertia), box + spheres, rtol=1e-7)
+    assert frame.inertia[0, 2] == pytest.approx(-2 * 0.2 * 0.1 * 0.2, rel=1e-7)
+    (tmp_path / "mine.xml").write_text(USERS_MJCF)
+    with pytest.raises(rb.InputError, match="body 'chassis' carries bodies that move on it"):
+        rb.load_scene(tmp_path / "scene.toml")
+
+
+def test_a_model_keeps_its_rotors_where_they_are() -> None:
+    """MuJoCo's centre of mass is the ball's own, to rounding."""
+    scene = with_pair_of_rotors(np.array([0.4, 0.0, 0.1]), np.array([0.2, -0.3, 0.0]))
+    import mujoco
+
+    model = build(scene, rb.preset("balanced"))
+    data = model.start_data()
+    mujoco.mj_forward(model.compiled, data)
+    in_frame = data.xmat[2].reshape(3, 3).T @ (data.subtree_com[1] - data.xpos[1])
+    assert np.abs(in_frame - scene.ball.centre_of_mass).max() < 1e-15

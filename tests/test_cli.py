@@ -97,6 +97,17 @@ def test_model_prints_mjcf_that_is_complete(robotball: Robotball, tmp_path: Path
     assert (tmp_path / "m.xml").read_text().strip() == out.strip()
 
 
+def test_model_explains_what_it_leaves_out(robotball: Robotball) -> None:
+    """Each thing a scene does not need is named with its reason."""
+    _, rubber, _ = robotball("model", "fig12", "--explain")
+    _, classical, _ = robotball("model", "chaplygin_ball", "--explain")
+    assert "actuator of rotor1: its rate is constant" in rubber
+    assert "condim 4" not in rubber
+    assert "torsional friction row (condim 4)" in classical
+    assert "rotor bodies: the scene has none" in classical
+    assert "hinge of frame: its rate is zero for good" in classical
+
+
 BAD_INPUT = {
     "compare fig112": r"no scene is called 'fig112'; did you mean fig12",
     "compare fig12 --preset balancd": r"no preset is called 'balancd'; did you mean balanced\?",

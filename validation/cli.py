@@ -20,6 +20,7 @@ from rich.table import Table
 from tyro.conf import Positional, arg
 
 from robotball import InputError, SceneWarning, catalog, load_scene, preset, sample_times
+from robotball.explain import left_out
 from robotball.model import build
 from validation.arguments import AGREES, BAD_INPUT, DISAGREES, OUT, Duration, File, SceneName
 from validation.commands_pictures import Figures, Section
@@ -118,9 +119,16 @@ class Model:
     """MuJoCo settings to write into it."""
     out: File = None
     """Write it to this file instead."""
+    explain: bool = False
+    """Say instead what the model leaves out, and why."""
 
     def run(self) -> int:
-        xml = build(load_scene(self.scene), preset(self.preset)).xml
+        scene, settings = load_scene(self.scene), preset(self.preset)
+        if self.explain:
+            print(f"{scene.name}, {settings.name}: not in the model:")
+            print(*(f"  {line}" for line in left_out(scene, settings)), sep="\n")
+            return AGREES
+        xml = build(scene, settings).xml
         if self.out is None:
             print(xml)
         else:

@@ -56,8 +56,7 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
         jacobian = columns.transpose(0, 2, 1).reshape(-1, 4)
         correction = np.linalg.lstsq(jacobian, -gap, rcond=1e-9)[0]
         correction *= min(1.0, 0.3 / float(np.abs(correction[:3]).max()))
-        half = correction[:3] / 2
-        turn = np.array([1.0, *half])
+        turn = np.array([1.0, *(correction[:3] / 2)])
         attitude = multiply(attitude, turn / np.linalg.norm(turn))
         period += float(correction[3])
         if not period > 0:
@@ -68,8 +67,9 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
 def monodromy_of(
     parameters: Parameters, attitude: Array, momentum: Array, period: float
 ) -> tuple[Array, Array, float]:
-    """The attitude (4,) after a period, the matrix (3, 3) from turns of the start to turns of it,
-    and the logarithm of that matrix's determinant.
+    """The attitude (4,) after a period, its turns by the start's (3, 3), and ln of the determinant.
+
+    The determinant is up to a factor that is 1 where the motion is periodic.
     """
     starts = Starts(parameters, np.tile(attitude, (3, 1)), np.tile(momentum, (3, 1)))
     rest = np.concatenate([np.eye(3), np.zeros((3, 2))], axis=1)
@@ -95,8 +95,10 @@ def angular_velocity(parameters: Parameters, attitude: Array, momentum: Array) -
 
 
 def multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
-    """The multipliers, without those that are 1: the motion's own and, at M = 0, that of a turn
-    about the vertical, where so the determinant is all there is to know.
+    """The multipliers without those that are 1, largest first.
+
+    The motion's own is 1, and at M = 0 that of a turn about the vertical, so that there the
+    determinant is all there is to know.
     """
     if not np.any(momentum):
         return np.array([np.exp(volume)], dtype=complex)

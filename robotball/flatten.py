@@ -106,8 +106,8 @@ def text(operand: "Symbol | float") -> str:
 def lane_function(name: str, tape: Tape, results: Mapping[int, "Symbol | float"]) -> str:
     """Source of a function of one workspace (rows·LANES,), that does the tape in every lane.
 
-    results: what to write to which row, after all is computed. A flat
-    workspace whose rows are LANES apart is what tells the compiler that lanes are independent.
+    results: what to write to which row, after all is computed. A flat workspace whose rows are
+    LANES apart is what tells the compiler that lanes are independent.
     """
     body = [*tape.lines, *(f"{at(row)} = {text(value)}" for row, value in results.items())]
     return "\n".join(

@@ -25,7 +25,6 @@ STATUS = {
 }
 STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
 
-
 Integers = NDArray[np.int64]
 
 

@@ -25,7 +25,8 @@ class Exponents:
     """The exponents of n starts, each from its own run, and what they say together.
 
     largest, divergence: (n,) 1/s, λ₁ and ⟨div⟩ of each run; duration s, of the means. Where the
-    runs are of one attractor, `mean` and `error` estimate its exponents.
+    runs are of one attractor, `mean` and `error` estimate its exponents. Of a regular motion λ₁
+    is the motion's own 0, and λ₆ stands for the sum of the other two.
     """
 
     largest: Array
@@ -36,6 +37,12 @@ class Exponents:
     def smallest(self) -> Array:
         """λ₆ (n,) of each run, 1/s."""
         return self.divergence - self.largest
+
+    @property
+    def spectrum(self) -> Array:
+        """All six exponents (6,) of (M, γ) over all runs, largest first, 1/s."""
+        largest, smallest = self.mean
+        return np.sort([largest, 0.0, 0.0, 0.0, 0.0, smallest])[::-1]
 
     @property
     def mean(self) -> tuple[float, float]:
@@ -49,9 +56,9 @@ class Exponents:
 
     @property
     def dimension(self) -> float:
-        """The Kaplan-Yorke dimension of the mean exponents, on the level set of three dimensions.
+        """The Kaplan-Yorke dimension of the attractor's section, as in the paper.
 
-        The paper's: dimensions on the surface of section, one less than in phase space.
+        In phase space, with the direction of the motion, it is one more.
         """
         return kaplan_yorke(self.mean[0], self.mean[1])
 

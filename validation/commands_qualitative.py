@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from robotball import load_scene, preset
-from robotball.rotations import Array
+from robotball.rotations import Array, rotation_matrix
 from validation.arguments import AGREES, File, Preset, SceneName
 from validation.level import check_count, level_starts
 from validation.results import write_record
@@ -163,16 +163,20 @@ class Equilibria:
     def run(self) -> int:
         from robotball.equilibria import fixed_points
         from robotball.limit_cycles import limit_cycles
-        from robotball.straight_motions import straight_motions
+        from robotball.straight_motions import straight_motion, straight_motions
 
         scene = load_scene(self.scene)
         ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
         with progress_bar(2) as show:
             show(0, f"{scene.name}: fixed points")
-            points = fixed_points(ball)
-            lines = straight_motions(ball, f) if f > 0 else []
+            rubber = ball.rolling == "rubber"
+            points = fixed_points(ball) if rubber else []
+            lines = straight_motions(ball, f) if rubber and f > 0 else []
             show(1, f"{scene.name}: limit cycles")
-            cycles = limit_cycles(ball, self.longest) if self.longest > 0 else []
+            cycles = limit_cycles(ball, self.longest) if rubber and self.longest > 0 else []
+            if not rubber:
+                gamma = level_starts(scene, 1, 0)[0]
+                lines = [straight_motion(ball, rotation_matrix(gamma)[0, 2])]
         table = Table("", "γ", "eigenvalues [1/s] or multiplier", "", box=box.SIMPLE_HEAD)
         for point in points:
             table.add_row("fixed", row(point.gamma), row(point.eigenvalues), point.kind)
@@ -183,10 +187,15 @@ class Equilibria:
             kind = "stable" if line.is_stable else "unstable"
             table.add_row("straight", row(line.gamma), row(line.eigenvalues), kind)
         console = Console()
-        console.print("Fixed points and cycles of the motion from rest (M = 0), and straight-line")
-        console.print(
-            f"motions with the scene's M² = {f:g} (kg m²/s)²; γ in principal axes:", table
-        )
+        if rubber:
+            console.print("Fixed points and cycles of the motion from rest (M = 0), straight-line")
+            console.print(f"motions with the scene's M² = {f:g} (kg m²/s)²; γ in principal axes:")
+        else:
+            console.print(
+                "A classical ball can roll straight on at any γ; at the scene's own, with"
+            )
+            console.print(f"M = ({row(lines[0].momentum)}) kg m²/s; γ in principal axes:")
+        console.print(table)
         write_record(
             self.json,
             {
@@ -217,10 +226,12 @@ class Equilibria:
 
 
 def row(values: Array) -> str:
-    """Numbers side by side; complex ones that are real, as real ones."""
+    """Numbers side by side, rounding left out; conjugate ones as a ± bi."""
+    values = np.round(values, 12) + 0.0
     if np.isrealobj(values) or not np.any(values.imag):
         return ", ".join(f"{x:.5g}" for x in values.real)
-    return ", ".join(f"{z.real:.4g}{z.imag:+.4g}i" for z in values)
+    above = [z for z in values if z.imag >= 0]
+    return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
 
 
 def pairs(values: Array) -> list[list[float]]:

@@ -57,7 +57,8 @@ def draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) 
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
     figure.suptitle(f"{scene.name}: {scene.title}")
-    drawn = [("equations", theory, THEORY, "o", 3.0 if len(theory.l) < 5000 else 1.2)]
+    few = 3.0 if engine is None else 7.0
+    drawn = [("equations", theory, THEORY, "o", few if len(theory.l) < 5000 else 1.2)]
     if engine is not None:
         drawn.append(("MuJoCo", engine, ENGINE, "+", 5.0))
     for name, points, colour, mark, size in drawn:

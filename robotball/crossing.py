@@ -17,7 +17,9 @@ from robotball.steppers import REJECTED, STATE, TARGET, TIME, TOLERANCE
 
 RESIDUAL = 1e-13  # of the section function, which is at most 1
 ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
-NEAR = 0.1  # values that near to zero may change sign within a step, whatever they do at its ends
+# How near to zero an estimated turning point is looked at: steps of a radian estimate it to 5e-3.
+NEAR = 0.03
+BEHIND = -0.1  # cos(g - g₀) below that at both ends of a step is below zero all along
 TINY = 1e-300  # a value with a sign and nothing else
 ROOT_TRIES, TURN_TRIES = 60, 3
 STARTING, MARCHING, TO_ROOT, AT_ROOT, TO_TURN = 0, 1, 2, 3, 4  # what a lane is doing
@@ -190,7 +192,7 @@ def cross(
                 w[TIME * LANES + lane] = 0.0
                 clock[lane] += length
                 mode[lane] = marched(tracks, lane, length)
-                if facing < -NEAR and faced[lane] < -NEAR:
+                if facing < BEHIND and faced[lane] < BEHIND:
                     mode[lane] = MARCHING  # behind: the other half of the section's circle
                 faced[lane], tries[lane] = facing, 0
 

@@ -42,8 +42,9 @@ class Dual:
 
     def __truediv__(self, other: Any) -> "Dual":
         other = dual(other)
-        ratio = self.value / other.value
-        return Dual(ratio, (self.slope - ratio * other.slope) / other.value)
+        per_other = 1 / other.value
+        ratio = self.value * per_other
+        return Dual(ratio, (self.slope - ratio * other.slope) * per_other)
 
     def __rtruediv__(self, other: Any) -> "Dual":
         return dual(other) / self

@@ -87,7 +87,8 @@ def classical_angular_velocity(
 def rubber_divergence(gamma: Vector, Omega: Vector, A: Vector) -> Scalar:
     """-(Aγ, γ×Ω)/(Aγ,γ): the sum of the exponents of (3.2) is its time mean [1/s]."""
     A_gamma = diagonal(A, gamma)
-    return dot(A_gamma, cross(Omega, gamma)) / dot(A_gamma, gamma)
+    per_A_gamma_gamma = 1 / dot(A_gamma, gamma)
+    return per_A_gamma_gamma * dot(A_gamma, cross(Omega, gamma))
 
 
 def classical_divergence(gamma: Vector, Omega: Vector, A: Vector, I: Vector, d: Scalar) -> Scalar:

@@ -35,5 +35,11 @@ def perpendicular(axis: Array) -> Array:
     return side / np.linalg.norm(side)
 
 
+def normalised(v: Array) -> Array:
+    """`v` (n,) at length one; as it is, to the last bit, where it has that but for rounding."""
+    length = np.linalg.norm(v)
+    return v if abs(length - 1) <= 1e-15 else v / length
+
+
 def _rotation(q: Array) -> Rotation:
     return Rotation.from_quat(q, scalar_first=True)

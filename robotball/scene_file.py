@@ -17,16 +17,18 @@ from robotball.bodies import (
     thick_shell_inertia,
     thin_shell_inertia,
 )
-from robotball.drives import Servo, as_drive
+from robotball.design import Design, design
+from robotball.drives import Rate, Servo, as_drive
 from robotball.errors import InputError, SceneWarning
 from robotball.mjcf_body import frame_of_mjcf
 from robotball.parameters import parameters_of
-from robotball.rotations import Array
+from robotball.rotations import Array, normalised
 from robotball.scene import Scene
 from robotball.scene_start import start_of
 from robotball.scene_table import (
     FrameTable,
     HingeTable,
+    NumbersTable,
     RotorTable,
     SceneTable,
     ShellTable,
@@ -107,18 +109,7 @@ def _explained(message: str) -> str:
 
 
 def _scene(path: Path, table: SceneTable) -> Scene:
-    if table.shell is None or table.frame is None:
-        missing = "shell" if table.shell is None else "frame"
-        raise InputError(f"key {missing!r} is missing")
-    ball = Ball(
-        shell=_shell(table.shell),
-        frame=_frame(table.frame, path.parent),
-        rotors=tuple(_rotor(i, rotor) for i, rotor in enumerate(table.rotor, start=1)),
-    )
-    hinges: list[HingeTable] = [table.frame, *table.rotor]
-    names = ["frame", *(f"rotor[{i}]" for i in range(len(table.rotor)))]
-    motors = [_motor(name, hinge) for name, hinge in zip(names, hinges, strict=True)]
-    rates = [hinge.rate for hinge in hinges]
+    ball, rates, motors = _parts(table, path.parent)
     at_start = parameters_of(ball, table.rolling, [float(as_drive(r).rate(0.0)) for r in rates])
     return Scene(
         name=path.stem,
@@ -133,6 +124,35 @@ def _scene(path: Path, table: SceneTable) -> Scene:
         gravity=table.gravity,
         motors=tuple(motors) if any(motors) else (),
     )
+
+
+def _parts(table: SceneTable, folder: Path) -> tuple[Ball, list[Rate], list[Servo | None]]:
+    """The ball, its hinges' rates and their motors: as given, or designed for given numbers."""
+    if table.numbers is not None:
+        if table.shell or table.frame or table.rotor:
+            raise InputError("a scene takes bodies or numbers, not both")
+        found = design_of(table.numbers)
+        return found.ball, [found.frame_rate, *found.rotor_rates], []
+    if table.shell is None or table.frame is None:
+        missing = "frame" if table.shell else "shell"
+        raise InputError(f"key {missing!r} is missing; a scene takes shell and frame, or numbers")
+    ball = Ball(
+        shell=_shell(table.shell),
+        frame=_frame(table.frame, folder),
+        rotors=tuple(_rotor(i, rotor) for i, rotor in enumerate(table.rotor, start=1)),
+    )
+    hinges: list[HingeTable] = [table.frame, *table.rotor]
+    names = ["frame", *(f"rotor[{i}]" for i in range(len(table.rotor)))]
+    motors = [_motor(name, hinge) for name, hinge in zip(names, hinges, strict=True)]
+    return ball, [hinge.rate for hinge in hinges], motors
+
+
+def design_of(numbers: NumbersTable) -> Design:
+    """The bodies for a [numbers] table; raises InputError where there are none."""
+    size = {isinstance(row, tuple) for row in numbers.A}
+    if len(numbers.A) != 3 or len(size) != 1:
+        raise InputError("numbers.A takes a diagonal of three, or three rows of three")
+    return design(np.array(numbers.A), numbers.Omega, numbers.K, numbers.radius, numbers.mass)
 
 
 def _shell(table: ShellTable) -> Shell:
@@ -198,4 +218,4 @@ def _direction(name: str, v: Triple) -> Array:
     length = float(np.linalg.norm(v))
     if not (np.isfinite(length) and length > 0):
         raise InputError(f"{name} must have a length and a direction, unlike {list(v)}")
-    return np.array(v) / length
+    return normalised(np.array(v))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball.errors import InputError
-from robotball.rotations import Array, from_matrix
+from robotball.rotations import Array, from_matrix, normalised
 
 # How far a given unit vector, right angle or horizontal momentum may be off: a caption's six
 # digits pass, a wrong number does not. What passes is then made exact.
@@ -75,7 +75,7 @@ def unit(name: str, v: Array) -> Array:
     length = float(np.linalg.norm(v))
     if not abs(length - 1) <= TOLERANCE:
         raise InputError(f"{name} is not of unit length: |{name}| = {length:.6g}")
-    return v / length
+    return normalised(v)
 
 
 def horizontal(M: Array) -> Array:

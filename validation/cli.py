@@ -6,6 +6,7 @@ Exit status: 0 agreement within the stated bound, 1 not, 2 bad input.
 import contextlib
 import io
 import logging
+import math
 import re
 import sys
 import warnings
@@ -19,9 +20,20 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import Positional, arg
 
-from robotball import InputError, SceneWarning, catalog, load_scene, preset, sample_times
+from robotball import (
+    InputError,
+    Limits,
+    SceneWarning,
+    catalog,
+    load_scene,
+    preset,
+    sample_times,
+    scene_toml,
+)
+from robotball.design import describe
 from robotball.explain import left_out
 from robotball.model import build
+from robotball.redesign import redesign
 from validation.arguments import AGREES, BAD_INPUT, DISAGREES, OUT, Duration, File, SceneName
 from validation.commands_pictures import Figures, Section
 from validation.commands_qualitative import Basins, Equilibria, Lyapunov
@@ -138,6 +150,38 @@ class Model:
 
 
 @dataclass(frozen=True)
+class Design:
+    """Find bodies for a scene's A, Ω and K: print them, and write a scene that has them."""
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    mass: DisallowNone[Annotated[float | None, arg(metavar="KG")]] = None
+    """Mass of the ball; the best one if not given."""
+    rotor_speed: Annotated[float, arg(metavar="RAD/S")] = math.inf
+    """The fastest that a rotor may turn."""
+    frame_radius: DisallowNone[Annotated[float | None, arg(metavar="M")]] = None
+    """Within which the frame must lie; the shell's if not given."""
+    shell_thickness: Annotated[float, arg(metavar="M")] = 0.0
+    """Of a homogeneous shell; 0 for a thin one."""
+    out: Path = OUT
+    """Folder for the scene."""
+
+    def run(self) -> int:
+        scene = load_scene(self.scene)
+        limits = Limits(
+            rotor_speed=self.rotor_speed,
+            frame_radius=self.frame_radius,
+            shell_thickness=self.shell_thickness,
+        )
+        found, designed = redesign(scene, self.mass, limits)
+        path = writable_folder(self.out) / f"{designed.name}.toml"
+        with replacing(path) as temporary:
+            temporary.write_text(scene_toml(designed))
+        print(describe(found), path, sep="\n")
+        return AGREES
+
+
+@dataclass(frozen=True)
 class Demo:
     """Compare fig12 and classical_regular at every preset, with table, plots and video."""
 
@@ -152,7 +196,7 @@ class Demo:
 
 
 Command = (
-    Scenes | Compare | Video | Model | Demo
+    Scenes | Compare | Video | Model | Design | Demo
     | Figures | Section | Lyapunov | Basins | Equilibria
 )  # fmt: skip
 

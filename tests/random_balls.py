@@ -1,0 +1,86 @@
+"""Random balls made of points of mass and rings: physical by construction."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball.bodies import (
+    Ball,
+    Frame,
+    Rotor,
+    Shell,
+    thick_shell_inertia,
+    thin_shell_inertia,
+)
+from robotball.rotations import Array
+
+
+@dataclass(frozen=True)
+class RandomBall:
+    """A ball, its rates [rad/s], its shell's thickness and the radii of frame and rotors [m]."""
+
+    ball: Ball
+    frame_rate: float
+    rotor_rates: tuple[float, ...]
+    thickness: float
+    frame_radius: float
+    rotor_radius: float
+
+    @property
+    def Omega(self) -> Array:
+        return self.frame_rate * self.ball.shell.axis
+
+    @property
+    def K(self) -> Array:
+        """K = k - dΩ (3,), with k of (A.3)."""
+        rates = np.array([self.frame_rate, *self.rotor_rates])
+        return self.ball.gyrostatic_inertia @ rates - self.ball.d * self.Omega
+
+
+def random_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
+    """A shell of any thickness, pairs of points around its centre as the frame, and rings."""
+    a, mass = 10 ** rng.uniform(-1.5, 0.5), 10 ** rng.uniform(-2, 2)
+    thickness = a * rng.choice([0.0, rng.uniform(0.01, 0.3)])
+    frame_radius = rng.uniform(0.6, 0.97) * (a - thickness)
+    rotor_radius = rng.uniform(0.3, 0.95) * frame_radius
+    parts = np.array([rng.uniform(0.05, 0.4), 1.0, *rng.uniform(0.02, 0.2, rotors)])
+    masses = mass * parts / parts.sum()
+    J_s = (
+        thick_shell_inertia(a, masses[0], thickness)
+        if thickness
+        else thin_shell_inertia(a, masses[0])
+    )
+    rings = tuple(
+        Rotor(m, m * radius**2, m * radius**2 / 2, random_axis(rng))
+        for m, radius in zip(masses[2:], rotor_radius * rng.uniform(0.5, 1, rotors), strict=True)
+    )
+    ball = Ball(
+        shell=Shell(a, masses[0], J_s, J_s, random_axis(rng)),
+        frame=Frame(masses[1], cloud_inertia(rng, masses[1], frame_radius)),
+        rotors=rings,
+    )
+    rates = rng.uniform(20, 300, rotors) * rng.choice([-1, 1], rotors)
+    return RandomBall(
+        ball=ball,
+        frame_rate=float(rng.choice([0.0, rng.uniform(0.1, 5), -rng.uniform(0.1, 5)])),
+        rotor_rates=tuple(rates.tolist()),
+        thickness=float(thickness),
+        frame_radius=float(frame_radius),
+        rotor_radius=float(rotor_radius),
+    )
+
+
+def random_axis(rng: np.random.Generator) -> Array:
+    """A unit vector (3,), evenly distributed."""
+    v = rng.normal(size=3)
+    return v / np.linalg.norm(v)
+
+
+def cloud_inertia(rng: np.random.Generator, mass: float, radius: float) -> Array:
+    """The inertia (3, 3) of six pairs of opposite points within `radius`, in a squeezed cloud."""
+    points = rng.normal(size=(6, 3)) * rng.uniform(0.2, 1, 3)
+    points *= radius * rng.uniform(0.3, 1, (6, 1)) / np.linalg.norm(points, axis=1, keepdims=True)
+    weights = rng.uniform(0.1, 1, 6)
+    weights *= mass / weights.sum()
+    second = np.einsum("p,pi,pj->ij", weights, points, points)
+    return np.trace(second) * np.eye(3) - second

@@ -18,7 +18,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 from rich.table import Table
-from tyro.conf import Positional, arg
+from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import (
     InputError,

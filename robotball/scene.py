@@ -99,8 +99,12 @@ class Scene:
     @cached_property
     def start_angular_velocity(self) -> Array:
         """The frame's angular velocity ω (3,) at the start, in frame axes [rad/s]."""
-        to_principal = self.principal_axes.T @ rotation_matrix(self.start.attitude).T
-        M, gamma = to_principal @ self.start.momentum, to_principal[:, 2]
+        return self.angular_velocity_at(self.start)
+
+    def angular_velocity_at(self, start: Start) -> Array:
+        """ω (3,) in frame axes of this ball at any start [rad/s]."""
+        to_principal = self.principal_axes.T @ rotation_matrix(start.attitude).T
+        M, gamma = to_principal @ start.momentum, to_principal[:, 2]
         omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)
 

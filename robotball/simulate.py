@@ -18,6 +18,7 @@ from robotball.motion import Diagnostics, Fault, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene, check_times
 from robotball.settings import Settings, preset
+from robotball.start import Start
 
 Progress = Callable[[float], None]
 
@@ -44,10 +45,15 @@ def simulate(
     return run(build(scene, settings), times, progress)
 
 
-def run(model: Model, times: Array, progress: Progress | None = None) -> Motion:
-    """`simulate` for a model that is built already and sample times (n,) [s] from 0."""
+def run(
+    model: Model, times: Array, progress: Progress | None = None, start: Start | None = None
+) -> Motion:
+    """`simulate` for a model that is built already and sample times (n,) [s] from 0.
+
+    start: where to begin, if not at the scene's own start.
+    """
     timestep = float(model.compiled.opt.timestep)
-    rows, faults, steps, seconds = _run(model, times, progress)
+    rows, faults, steps, seconds = _run(model, times, progress, start)
     readings = Readings(model, rows)
     return Motion(
         times=times[: len(rows)],
@@ -73,10 +79,10 @@ def run(model: Model, times: Array, progress: Progress | None = None) -> Motion:
 
 
 def _run(
-    model: Model, times: Array, progress: Progress | None
+    model: Model, times: Array, progress: Progress | None, start: Start | None
 ) -> tuple[Array, list[Fault], int, float]:
     """Sensor rows at the times (fewer if the run broke off), faults, steps and their seconds."""
-    compiled, data = model.compiled, model.start_data()
+    compiled, data = model.compiled, model.start_data(start)
     first_of: dict[str, Fault] = {}
     sampled: list[Array] = []
     steps, seconds, last_time = 0, 0.0, -np.inf

@@ -34,17 +34,13 @@ from robotball.contact.explain import left_out
 from robotball.contact.model import build
 from robotball.designing.design import describe
 from robotball.designing.redesign import redesign
+from validation.arguments import AGREES, BAD_INPUT, DISAGREES, OUT, Duration, File, SceneName
 from validation.commands_paper import Paper
+from validation.commands_pictures import Figures, Section
+from validation.commands_qualitative import Basins, Equilibria, Lyapunov
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
 from validation.runs import compare_all, film
 from validation.table import show
-
-AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
-OUT = Path("out")
-
-SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
-Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS")]]
-File = DisallowNone[Annotated[Path | None, arg(metavar="FILE")]]
 
 
 @dataclass(frozen=True)
@@ -200,7 +196,10 @@ class Demo:
         return AGREES
 
 
-Command = Scenes | Compare | Video | Model | Design | Demo | Paper
+Command = (
+    Scenes | Compare | Video | Model | Design | Demo
+    | Figures | Section | Lyapunov | Basins | Equilibria | Paper
+)  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -5,7 +5,7 @@ import io
 import json
 import os
 import platform
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from importlib.metadata import version
@@ -73,6 +73,15 @@ def write_json(path: Path, agreements: Sequence[Agreement]) -> None:
     records = [record(agreement) for agreement in agreements]
     text = json.dumps(records, indent=2, allow_nan=False, ensure_ascii=False)
     with replacing(path) as temporary:
+        temporary.write_text(text + "\n")
+
+
+def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
+    """One record with the versions it depends on as JSON, if a path is given."""
+    if path is None:
+        return
+    text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
+    with replacing(writable_file(path)) as temporary:
         temporary.write_text(text + "\n")
 
 

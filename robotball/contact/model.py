@@ -15,6 +15,7 @@ from robotball.drives import Servo
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 from robotball.scene import Scene
 from robotball.settings import Settings
+from robotball.start import Start
 
 with warnings.catch_warnings():
     # Without a screen, dm_control's search for a window system warns; nothing here needs one.
@@ -62,10 +63,12 @@ class Model:
         """The hinges with an actuator, in the order of MuJoCo's ctrl."""
         return tuple(hinge for hinge in self.hinges if hinge.actuated)
 
-    def start_data(self) -> mujoco.MjData:
-        """MjData at the scene's start."""
+    def start_data(self, start: Start | None = None) -> mujoco.MjData:
+        """MjData at the scene's start, or at another one of the same ball."""
         data = mujoco.MjData(self.compiled)
         mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
+        if start is not None:
+            data.qpos, data.qvel = _state_at(self.scene, start, self.hinges)
         return data
 
 
@@ -203,19 +206,22 @@ def _add_sensors(root: Any, hinges: tuple[Hinge, ...]) -> None:
 
 
 def _start_state(scene: Scene, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
-    """The start's qpos, qvel and ctrl: hinges at angle zero and at their rates."""
-    ball, attitude = scene.ball, scene.start.attitude
+    """The start's qpos, qvel and ctrl."""
+    qpos, qvel = _state_at(scene, scene.start, hinges)
+    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
+    return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
+
+
+def _state_at(scene: Scene, start: Start, hinges: tuple[Hinge, ...]) -> tuple[Array, Array]:
+    """qpos and qvel of a start on the constraints, hinges at angle zero and at their rates."""
+    shell = scene.ball.shell
     # At the start frame and shell axes coincide; the free joint's angular velocity is local.
     frame_rate = float(scene.drives[0].rate(0.0))
-    shell_turning = scene.start_angular_velocity - frame_rate * ball.shell.axis
-    velocity = np.cross(rotation_matrix(attitude) @ shell_turning, [0.0, 0.0, ball.radius])
+    shell_turning = scene.angular_velocity_at(start) - frame_rate * shell.axis
+    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
     rates = np.array([float(hinge.drive.rate(0.0)) for hinge in hinges])
-    state = {
-        "qpos": np.concatenate([[0.0, 0.0, ball.radius], attitude, np.zeros(len(hinges))]),
-        "qvel": np.concatenate([velocity, shell_turning, rates]),
-        "ctrl": np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated]),
-    }
-    return {name: value for name, value in state.items() if len(value)}
+    qpos = np.concatenate([[0.0, 0.0, shell.radius], start.attitude, np.zeros(len(hinges))])
+    return qpos, np.concatenate([velocity, shell_turning, rates])
 
 
 def _equilibrium_depth(xml: str) -> float:

@@ -20,7 +20,7 @@ check: setup
 	$(BIN)/mypy
 
 bench: setup
-	$(BIN)/python -m validation.bench
+	$(BIN)/python -m validation.bench.steps
 
 setup: .venv/.stamp
 

@@ -109,7 +109,7 @@ def test_orbits_are_those_of_a_taylor_integrator(ball: Parameters, c: float) -> 
     Measured 3e-13 (rubber, not chaotic) and 4e-12 (classical, chaotic) of paths of 40 m.
     """
     pytest.importorskip("heyoka")
-    from validation.heyoka_forms import batch, equations_of, pars_of
+    from validation.bench.heyoka_forms import batch, equations_of, pars_of
 
     attitudes, momenta = some_starts(8, c)
     starts = Starts(ball, attitudes, momenta)

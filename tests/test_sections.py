@@ -71,7 +71,7 @@ def test_no_crossing_is_missed_or_invented(ball: Parameters, c: float, horizon: 
     As long as the two integrators agree: times to 2e-10, by the growth of round-off.
     """
     hy = pytest.importorskip("heyoka")
-    from validation.heyoka_forms import batch, level_equations
+    from validation.bench.heyoka_forms import batch, level_equations
 
     n = 64
     attitudes, momenta = some_starts(n, c)

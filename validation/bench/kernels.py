@@ -18,8 +18,8 @@ from robotball.compiled.systems import DEVIATION, PATH, RETURN
 from robotball.parameters import Parameters
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
-from validation.heyoka_forms import Equations, batch, equations_of, level_equations, pars_of
-from validation.matched_error import Contender, Run, compare
+from validation.bench.heyoka_forms import Equations, batch, equations_of, level_equations, pars_of
+from validation.bench.matched_error import Contender, Run, compare
 
 A, OMEGA, K = np.array([0.8, 0.6, 0.7]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 3.0, 0.0])
 D = 0.9

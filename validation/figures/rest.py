@@ -16,8 +16,8 @@ from robotball.qualitative.limit_cycles import limit_cycles, spread_points
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from robotball.simulate import run
-from validation.contact_map import own_start
-from validation.figure_parts import (
+from validation.attractors.contact_map import own_start
+from validation.figures.parts import (
     ENGINE_LINE,
     FAINT,
     THEORY_LINE,

@@ -1,4 +1,4 @@
-"""`python -m validation.attractor_study`: the attractors of Fig. 11 by MuJoCo, and by how much off.
+"""`python -m validation.attractors.study`: the attractors of Fig. 11 by MuJoCo, measured.
 
 Every row is a claim, what the contact model gives, what the equations give, and how far apart the
 two may be; three minutes in all.
@@ -18,10 +18,16 @@ from robotball.parameters import Parameters
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.sections import fixed_point, section
 from robotball.simulate import run
-from validation.attractors import COARSE, Recipe, Torus, cloud_by_contact, cloud_by_equations
-from validation.clouds import distance_to_curve, rank_probability
-from validation.contact_exponent import contact_exponent, growth_by_equations
-from validation.contact_map import contact_cycle, own_start
+from validation.attractors.clouds import distance_to_curve, rank_probability
+from validation.attractors.contact_exponent import contact_exponent, growth_by_equations
+from validation.attractors.contact_map import contact_cycle, own_start
+from validation.attractors.sampling import (
+    COARSE,
+    Recipe,
+    Torus,
+    cloud_by_contact,
+    cloud_by_equations,
+)
 from validation.runs import progress_bar
 
 F = 25.0  # of Figs 11 to 14, (kg m²/s)²

@@ -13,7 +13,7 @@ from robotball.parameters import Parameters
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.rotations import Array
 from robotball.simulate import run
-from validation.figure_parts import (
+from validation.figures.parts import (
     ENGINE_LINE,
     FAINT,
     THEORY_LINE,

@@ -11,8 +11,8 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from robotball import load_scene, preset
-from validation.arguments import AGREES, OUT, File, Preset, SceneName
-from validation.level import check_count, level_starts
+from validation.attractors.level import check_count, level_starts
+from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName
 from validation.results import replacing, writable_folder, write_record
 from validation.runs import progress_bar
 
@@ -29,7 +29,7 @@ class Figures:
     """Also write which files were drawn."""
 
     def run(self) -> int:
-        from validation.figures import chosen, draw_figures
+        from validation.figures.figures import chosen, draw_figures
 
         pictures, out = chosen(self.numbers), writable_folder(self.out)
         with progress_bar(len(pictures)) as show:
@@ -63,7 +63,11 @@ class Section:
     """Also write the points."""
 
     def run(self) -> int:
-        from validation.section_study import draw_section, section_by_contact, section_by_equations
+        from validation.attractors.section_study import (
+            draw_section,
+            section_by_contact,
+            section_by_equations,
+        )
 
         scene = load_scene(self.scene)
         settings = None if self.preset is None else preset(self.preset)

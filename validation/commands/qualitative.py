@@ -13,8 +13,8 @@ from rich.table import Table
 
 from robotball import load_scene, preset
 from robotball.rotations import Array, rotation_matrix
-from validation.arguments import AGREES, File, Preset, SceneName
-from validation.level import check_count, level_starts
+from validation.attractors.level import check_count, level_starts
+from validation.commands.arguments import AGREES, File, Preset, SceneName
 from validation.results import write_record
 from validation.runs import progress_bar
 
@@ -43,7 +43,7 @@ class Lyapunov:
     def run(self) -> int:
         from robotball.contact.model import build
         from robotball.qualitative.lyapunov import Exponents, exponents
-        from validation.contact_exponent import contact_exponent
+        from validation.attractors.contact_exponent import contact_exponent
 
         scene = load_scene(self.scene)
         settings = None if self.preset is None else preset(self.preset)

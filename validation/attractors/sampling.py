@@ -17,8 +17,8 @@ from robotball.parameters import Parameters
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
 from robotball.settings import Settings
-from validation.clouds import states
-from validation.contact_map import own_start, returns
+from validation.attractors.clouds import states
+from validation.attractors.contact_map import own_start, returns
 
 TOLERANCE = 1e-9  # of a step of the equations: an attractor forgives what a path does not
 

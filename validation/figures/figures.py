@@ -10,9 +10,9 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from robotball import InputError
-from validation.figures_lines import figure9, figure10
-from validation.figures_rest import figure5, figure6, figure7, figure8
-from validation.figures_sections import (
+from validation.figures.lines import figure9, figure10
+from validation.figures.rest import figure5, figure6, figure7, figure8
+from validation.figures.sections import (
     figure11a,
     figure11b,
     figure12,

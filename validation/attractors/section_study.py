@@ -12,7 +12,7 @@ from robotball.motion_section import crossings
 from robotball.palette import ENGINE, THEORY
 from robotball.qualitative.sections import section
 from robotball.rotations import Array
-from validation.contact_map import sound_run
+from validation.attractors.contact_map import sound_run
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from robotball.parameters import Parameters
 from robotball.qualitative.lyapunov import standard_error
 from robotball.rotations import Array, conjugate, multiply
 from robotball.simulate import run
-from validation.contact_map import own_start
+from validation.attractors.contact_map import own_start
 
 SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it
 TOLERANCE = 1e-11  # of a step of the equations alongside

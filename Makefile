@@ -21,6 +21,7 @@ check: setup
 
 bench: setup
 	$(BIN)/python -m validation.bench.steps
+	$(BIN)/python -m validation.bench.kernels
 
 setup: .venv/.stamp
 

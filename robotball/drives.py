@@ -43,7 +43,8 @@ class Drive(Protocol):
         ...
 
 
-class Servo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+@dataclass(frozen=True)
+class Servo:
     """A velocity servo with a gain [N m s/rad] and, if it has one, a torque limit [N m]."""
 
     gain: float

@@ -214,23 +214,27 @@ Rate = float | Ramp | Sine | Custom | Callable[[float], float]
 def as_drive(rate: Rate) -> Drive:
     """A drive of a number [rad/s], a drive, or a function of time.
 
-    Raises InputError where the rate is not finite, or jumps at a breakpoint.
+    Raises InputError where the rate is not finite at the start, or a function of time jumps at one
+    of its breakpoints.
     """
-    if isinstance(rate, Ramp | Sine | Custom):
+    if isinstance(rate, Ramp | Sine):
         drive: Drive = rate
-    elif callable(rate):
-        drive = Custom(rate)
+    elif isinstance(rate, Custom) or callable(rate):
+        drive = rate if isinstance(rate, Custom) else Custom(rate)
+        _check_continuous(drive)
     else:
         drive = Constant(float(rate))
-    for t in (0.0, *drive.breakpoints):
-        at, after = float(drive.rate(t)), float(drive.rate(t + JUMP_WIDTH))
-        if not np.isfinite(at):
-            raise InputError(f"a drive's rate must be finite, not {at} at t = {t:g} s")
-        before = float(drive.rate(t - JUMP_WIDTH)) if t > JUMP_WIDTH else after
-        jump = abs(after - before)
-        if jump > JUMP * (1 + abs(at)):
-            raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:g} s; ramp it")
+    if not np.isfinite(drive.rate(0.0)):
+        raise InputError(f"a drive's rate must be finite, not {drive.rate(0.0)} at t = 0 s")
     return drive
+
+
+def _check_continuous(drive: Drive) -> None:
+    for t in drive.breakpoints:
+        before, after = drive.rate(max(t - JUMP_WIDTH, 0.0)), drive.rate(t + JUMP_WIDTH)
+        jump = abs(float(after - before))
+        if jump > JUMP * (1 + abs(before)):
+            raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:g} s; ramp it")
 
 
 def turns(drive: Drive) -> bool:

@@ -111,6 +111,12 @@ def test_a_torque_limit_that_is_reached_is_reported() -> None:
     assert np.abs(agreement.engine.loads.motor_torques[:, 0]).max() == pytest.approx(3.0, rel=1e-6)
 
 
+def test_a_steep_ramp_is_no_jump() -> None:
+    """A rotor that spins up within a microsecond is driven as any other."""
+    steep = rb.Ramp(final=150.0, start=1.0, end=1.000001)
+    assert as_drive(steep) is steep
+
+
 REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "a jump": (
         lambda: as_drive(rb.Custom(lambda t: float(t > 1), breakpoints=(1.0,))),

@@ -20,7 +20,7 @@ check: setup
 	$(BIN)/mypy
 
 bench: setup
-	$(BIN)/python -m validation.bench
+	$(BIN)/python -m validation.bench.steps
 
 setup: .venv/.stamp
 
@@ -38,8 +38,8 @@ setup: .venv/.stamp
 
 # Video needs an off-screen GL; everything else runs without one.
 gl: setup
-	@$(BIN)/python -m robotball.gl --quiet || .ci/apt libosmesa6 || true
-	@$(BIN)/python -m robotball.gl
+	@$(BIN)/python -m robotball.film.gl --quiet || .ci/apt libosmesa6 || true
+	@$(BIN)/python -m robotball.film.gl
 
 lock: | $(UV)
 	$(UV) pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \

@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from robotball.compiled.kernels import Integers
 from robotball.errors import InputError
-from robotball.kernels import Integers
 from robotball.motion import Motion
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene

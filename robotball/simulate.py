@@ -8,17 +8,17 @@ import mujoco
 import numpy as np
 
 from robotball.bodies import imbalance
-from robotball.control import Control, controlled
+from robotball.contact.control import Control, controlled
+from robotball.contact.model import Model, build
+from robotball.contact.readings import Readings
+from robotball.contact.timing import Stretch, longest_step, stretches
+from robotball.contact.watch import find_faults
 from robotball.errors import SceneWarning
-from robotball.model import Model, build
 from robotball.motion import Diagnostics, Fault, Motion
-from robotball.readings import Readings
 from robotball.rotations import Array
 from robotball.scene import Scene, check_times
 from robotball.settings import Settings, preset
 from robotball.start import Start
-from robotball.timing import Stretch, longest_step, stretches
-from robotball.watch import find_faults
 
 Progress = Callable[[float], None]
 

@@ -84,3 +84,28 @@ def cloud_inertia(rng: np.random.Generator, mass: float, radius: float) -> Array
     weights *= mass / weights.sum()
     second = np.einsum("p,pi,pj->ij", weights, points, points)
     return np.trace(second) * np.eye(3) - second
+
+
+def ring_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
+    """A ball that is mostly rings of one rate, scattered about a direction, and a flat frame."""
+    real = random_ball(rng, 0)
+    radius, mass, lead = real.frame_radius, real.ball.mass, random_axis(rng)
+    scatter = rng.uniform(0.3, 3)
+    rings = []
+    for m in mass * rng.uniform(0.5, 2, rotors):
+        axis = lead + scatter * random_axis(rng)
+        axis /= np.linalg.norm(axis)
+        rings.append(Rotor(m, m * radius**2, m * radius**2 / 2, axis))
+    points = np.array([np.cross(lead, random_axis(rng)) for _ in range(3)])
+    points += 0.05 * rng.normal(size=(3, 3))
+    points *= 0.5 * radius / np.linalg.norm(points, axis=1, keepdims=True)
+    second = 0.01 * mass * points.T @ points
+    frame = Frame(0.03 * mass, np.trace(second) * np.eye(3) - second)
+    return RandomBall(
+        ball=Ball(real.ball.shell, frame, tuple(rings)),
+        frame_rate=real.frame_rate,
+        rotor_rates=(float(rng.uniform(5, 50)),) * rotors,
+        thickness=real.thickness,
+        frame_radius=radius,
+        rotor_radius=radius,
+    )

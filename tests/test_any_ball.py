@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball.bodies import Ball, Frame, Rotor, Shell, beyond_the_shell
-from robotball.model import build
+from robotball.contact.model import build
 from robotball.parameters import Rolling
 from robotball.rotations import Array
 from robotball.start import Start

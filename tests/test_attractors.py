@@ -1,6 +1,6 @@
 """The attractors of Fig. 11 as the contact model has them: by its own map, by clouds, by growth.
 
-`python -m validation.attractor_study` measures the same at full length. It found: period
+`python -m validation.attractors.study` measures the same at full length. It found: period
 8.7432614 s off by 1e-8, torus off by 1e-6, the cloud of 2000 points at p = 0.52 among 199 of the
 equations' own, λ₁ = 0.1158 ± 0.0015 1/s (0.1160 by the equations).
 """
@@ -11,16 +11,22 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.model import build
+from robotball.contact.model import build
 from robotball.motion_section import crossings
+from robotball.qualitative.sections import fixed_point, section
 from robotball.rotations import multiply
-from robotball.sections import fixed_point, section
 from robotball.simulate import run
 from robotball.start import Start
-from validation.attractors import COARSE, Recipe, Torus, cloud_by_contact, cloud_by_equations
-from validation.clouds import distance_to_curve, energy_distance, rank_probability
-from validation.contact_exponent import contact_exponent, growth_by_equations
-from validation.contact_map import contact_cycle, own_start
+from validation.attractors.clouds import distance_to_curve, energy_distance, rank_probability
+from validation.attractors.contact_exponent import contact_exponent, growth_by_equations
+from validation.attractors.contact_map import contact_cycle, own_start
+from validation.attractors.sampling import (
+    COARSE,
+    Recipe,
+    Torus,
+    cloud_by_contact,
+    cloud_by_equations,
+)
 
 F = 25.0  # (kg m²/s)²
 BALANCED = rb.preset("balanced")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from robotball.basins import CHAOS, TORUS, basins
-from robotball.drift import drift
+from robotball.qualitative.basins import CHAOS, TORUS, basins
+from robotball.qualitative.drift import drift
+from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array
-from robotball.sections import section_starts
 from tests.figures import CHAOTIC, REGULAR, F
 
 

@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import quad
 
 import robotball as rb
+from robotball.contact.timing import stretches
 from robotball.drives import Constant, Drive, as_drive
 from robotball.parameters import ROLLING_MODELS
-from robotball.timing import stretches
 from validation import compare
 
 FIG12 = rb.load_scene("fig12")

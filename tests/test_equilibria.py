@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from robotball.cycles import Cycle
-from robotball.equilibria import (
+from robotball.compiled.kernels import orbit
+from robotball.errors import InputError
+from robotball.parameters import Parameters, as_vector
+from robotball.qualitative.cycles import Cycle
+from robotball.qualitative.equilibria import (
     FixedPoint,
     attitude_at,
     first_lyapunov_value,
@@ -17,10 +20,7 @@ from robotball.equilibria import (
     rate_scale,
     tangents,
 )
-from robotball.errors import InputError
-from robotball.kernels import orbit
-from robotball.limit_cycles import limit_cycles, reversed_in_time, spread_points
-from robotball.parameters import Parameters, as_vector
+from robotball.qualitative.limit_cycles import limit_cycles, reversed_in_time, spread_points
 from robotball.rotations import Array, rotation_matrix
 from tests.figures import CLASSICAL, ball, from_rest
 

@@ -12,12 +12,13 @@ from matplotlib.image import imread
 import robotball as rb
 from robotball.rotations import rotation_matrix
 from tests.test_cli import Robotball, robotball  # noqa: F401
-from validation import figures_lines, figures_sections
-from validation.attractors import Recipe
-from validation.figure_parts import on_disc, paper_scene, theory_motion
-from validation.figures import FIGURES, draw_figures
-from validation.figures_lines import LINE_K, growth_rate, line_verticals
-from validation.figures_rest import both
+from validation.attractors.sampling import Recipe
+from validation.figures import lines as figures_lines
+from validation.figures import sections as figures_sections
+from validation.figures.figures import FIGURES, draw_figures
+from validation.figures.lines import LINE_K, growth_rate, line_verticals
+from validation.figures.parts import on_disc, paper_scene, theory_motion
+from validation.figures.rest import both
 
 
 @pytest.fixture

@@ -9,16 +9,16 @@ import pytest
 
 import robotball as rb
 from robotball import equations as eq
-from robotball.duals import along, slopes
+from robotball.compiled.duals import along, slopes
+from robotball.compiled.flatten import Tape, at, lane_function
+from robotball.compiled.kernels import Starts, orbit, orbits, speed_bound, start_of
+from robotball.compiled.marching import COLLAPSED, TOO_MANY_STEPS
+from robotball.compiled.steppers import dop853
+from robotball.compiled.systems import PATH, Level, State
 from robotball.errors import InputError
-from robotball.flatten import Tape, at, lane_function
-from robotball.kernels import Starts, orbit, orbits, speed_bound, start_of
-from robotball.marching import COLLAPSED, TOO_MANY_STEPS
 from robotball.parameters import Parameters, as_vector
+from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array, rotation_matrix
-from robotball.sections import section_starts
-from robotball.steppers import dop853
-from robotball.systems import PATH, Level, State
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F
 from tests.scenes import FOUR
 
@@ -109,7 +109,7 @@ def test_orbits_are_those_of_a_taylor_integrator(ball: Parameters, c: float) -> 
     Measured 3e-13 (rubber, not chaotic) and 4e-12 (classical, chaotic) of paths of 40 m.
     """
     pytest.importorskip("heyoka")
-    from validation.heyoka_forms import batch, equations_of, pars_of
+    from validation.bench.heyoka_forms import batch, equations_of, pars_of
 
     attitudes, momenta = some_starts(8, c)
     starts = Starts(ball, attitudes, momenta)
@@ -156,7 +156,7 @@ def test_an_orbit_does_not_depend_on_its_neighbours() -> None:
 
 def test_balls_share_the_compiled_step() -> None:
     """A ball is data: after one ball of a rolling model no other compiles anything."""
-    from robotball.steppers import stepper
+    from robotball.compiled.steppers import stepper
 
     attitudes, momenta = some_starts(1)
     times = np.array([0.0, 1.0])
@@ -249,7 +249,7 @@ def test_the_compiled_stepper_loads_from_its_cache() -> None:
     code = (
         "import time, numba, robotball.start\n"
         "begin = time.perf_counter()\n"
-        "from robotball import kernels, steppers, systems\n"
+        "from robotball.compiled import kernels, steppers, systems\n"
         "steppers.stepper(systems.PATH, 'rubber')\n"
         "print(time.perf_counter() - begin)"
     )

@@ -8,7 +8,7 @@ import pytest
 
 import robotball as rb
 from robotball.bodies import Ball, Frame, Rotor
-from robotball.model import Model, build
+from robotball.contact.model import Model, build
 from tests.scenes import FOUR
 
 BALANCED = rb.preset("balanced")

@@ -12,10 +12,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball import gl, model, palette
-from robotball.canvas import Pixels
-from robotball.picture import track
-from robotball.render import frames, write_video
+from robotball import palette
+from robotball.contact import model
+from robotball.film import gl
+from robotball.film.canvas import Pixels
+from robotball.film.picture import track
+from robotball.film.render import frames, write_video
 from robotball.rotations import Array, conjugate, multiply
 from tests.scenes import FOUR
 

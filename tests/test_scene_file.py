@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
+from robotball.files.scene_file import CATALOG
 from robotball.rotations import rotation_matrix
-from robotball.scene_file import CATALOG
 from tests.scenes import FOUR
 
 FIG12 = (CATALOG / "fig12.toml").read_text()

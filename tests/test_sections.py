@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from robotball.cycles import close
-from robotball.drift import drift
+from robotball.compiled.kernels import Starts, orbit
+from robotball.compiled.marching import TOO_MANY_STEPS
 from robotball.errors import InputError
-from robotball.kernels import Starts, orbit
-from robotball.marching import TOO_MANY_STEPS
 from robotball.parameters import Parameters
+from robotball.qualitative.cycles import close
+from robotball.qualitative.drift import drift
+from robotball.qualitative.sections import fixed_point, section, section_starts
 from robotball.rotations import Array, rotation_matrix
-from robotball.sections import fixed_point, section, section_starts
 from robotball.start import section_state
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F, ball
 
@@ -71,7 +71,7 @@ def test_no_crossing_is_missed_or_invented(ball: Parameters, c: float, horizon: 
     As long as the two integrators agree: times to 2e-10, by the growth of round-off.
     """
     hy = pytest.importorskip("heyoka")
-    from validation.heyoka_forms import batch, level_equations
+    from validation.bench.heyoka_forms import batch, level_equations
 
     n = 64
     attitudes, momenta = some_starts(n, c)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.contact.model import build
 from robotball.loads import loads_of
-from robotball.model import build
 from robotball.rotations import multiply, rotation_matrix
 from tests.scenes import FOUR
 from validation import Agreement, compare

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from robotball.compiled.kernels import orbit
 from robotball.equations import Vector
 from robotball.errors import InputError
-from robotball.kernels import orbit
 from robotball.parameters import Parameters
+from robotball.qualitative.straight_motions import StraightMotion, straight_motion, straight_motions
 from robotball.rotations import Array
 from robotball.start import along_momentum
-from robotball.straight_motions import StraightMotion, straight_motion, straight_motions
 from tests.figures import CLASSICAL, ball, from_rest
 
 FIG10 = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0), d=0.1)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.contact.model import build
+from robotball.contact.readings import Readings
+from robotball.contact.watch import find_faults
 from robotball.drives import Servo
-from robotball.model import build
-from robotball.readings import Readings
-from robotball.watch import find_faults
 from validation import compare
 
 FIG12 = rb.load_scene("fig12")

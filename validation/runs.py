@@ -30,7 +30,7 @@ def compare_all(
 
 def film(path: Path, agreement: Agreement) -> None:
     """Both motions of an agreement, side by side, as an mp4 at `path`."""
-    from robotball.render import write_video  # an encoder and a GL, which only a film needs
+    from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
     with progress_bar(1) as show:
         write_video(

@@ -1,0 +1,1 @@
+"""The equations compiled: one step as straight-line code, marched in parallel lanes."""

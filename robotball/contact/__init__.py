@@ -1,0 +1,1 @@
+"""The ball as a contact model: MJCF composed, stepped, read and watched."""

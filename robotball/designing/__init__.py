@@ -1,0 +1,1 @@
+"""From wanted numbers of the equations to bodies that have them."""

@@ -1,0 +1,1 @@
+"""Scenes as files: TOML in and out, and frames from a user's own MJCF."""

@@ -1,0 +1,1 @@
+"""Motions as moving pictures, without a screen."""

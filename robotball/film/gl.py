@@ -1,0 +1,93 @@
+"""Which OpenGL draws off-screen here; `python -m robotball.film.gl` tells what is missing.
+
+A broken OpenGL can end the process that tries it, so each candidate is tried in a child.
+"""
+
+import functools
+import importlib
+import os
+import platform
+import subprocess
+import sys
+from typing import Any
+
+PATIENCE = 60.0  # s, for one candidate: several times what a loaded machine needs
+OFF = ("disable", "disabled", "off", "false", "0")
+ANY = ("", "enable", "enabled", "on", "true", "1")
+FIX = {
+    "Linux": "sudo apt-get install libosmesa6",
+    "Darwin": "a session with a window server",
+}
+
+# MuJoCo takes its backend from MUJOCO_GL when it is first imported, as it is in the child.
+PROBE = """
+import mujoco
+with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8) as renderer:
+    renderer.render()
+"""
+
+
+@functools.cache
+def find_backend() -> str | None:
+    """The name of an off-screen GL that works here ("egl", "osmesa", …), or None.
+
+    MUJOCO_GL, where set, is the only candidate. The answer is kept for the process.
+    """
+    return next(filter(_works, _candidates()), None)
+
+
+def context(width: int, height: int) -> Any:
+    """A MuJoCo GLContext of `find_backend()`, current, for pictures up to this size in pixels.
+
+    It is made without regard to what `import mujoco` chose before. Raises OSError if there is
+    no backend.
+    """
+    backend = find_backend()
+    if backend is None:
+        raise OSError(advice())
+    made = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
+    made.make_current()
+    return made
+
+
+def advice() -> str:
+    """One line: why there is no off-screen GL, and what would bring one."""
+    chosen = os.environ.get("MUJOCO_GL")
+    if chosen:
+        return f"no off-screen GL with MUJOCO_GL={chosen}; unset it, or name one that works here"
+    fix = FIX.get(platform.system(), "an OpenGL driver")
+    return f"no off-screen GL; video needs: {fix}"
+
+
+def _candidates() -> tuple[str, ...]:
+    chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if chosen in OFF:
+        return ()
+    if chosen not in ANY:
+        return ("glfw",) if chosen in ("glx", "wgl") else (chosen,)
+    return {"Linux": ("egl", "osmesa"), "Darwin": ("cgl", "glfw")}.get(platform.system(), ("glfw",))
+
+
+def _works(backend: str) -> bool:
+    try:
+        child = subprocess.run(
+            [sys.executable, "-c", PROBE],
+            env={**os.environ, "MUJOCO_GL": backend},
+            capture_output=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return child.returncode == 0
+
+
+def _main(arguments: list[str]) -> int:
+    backend = find_backend()
+    if "--quiet" not in arguments:
+        print(advice() if backend is None else f"off-screen GL: {backend}")
+    return 1 if backend is None else 0
+
+
+if __name__ == "__main__":
+    sys.exit(_main(sys.argv[1:]))

@@ -1,0 +1,202 @@
+"""Motions → frames → mp4: MuJoCo's ball and that of the equations, side by side."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import imageio_ffmpeg
+import matplotlib
+import mediapy
+import mujoco
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import gaussian_filter1d
+
+from robotball import palette
+from robotball.errors import InputError
+from robotball.film import gl
+from robotball.film.canvas import Canvas, Pixels
+from robotball.film.picture import Strip, build, pose, strip, track
+from robotball.motion import Motion
+from robotball.rotations import Array
+from robotball.scene import Scene
+
+Progress = Callable[[float], None]
+
+FPS = 30
+SIZE = (720, 1280)  # height and width
+SIDES = (("MuJoCo", palette.ENGINE), ("equations", palette.THEORY))  # left and right
+FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+# Lengths in radii of the ball.
+LANES = 2.9  # between the balls while they agree
+DISTANCE = 8.0  # of the camera; further where the balls part
+ELEVATION = 30.0  # degrees: the horizon stays out of sight
+SIGHT = 20.0  # the top of the picture, from the balls
+BEHIND = 0.7  # the balls, of what the camera looks at: room for their paths
+SMOOTH = 0.4  # s, over which the camera averages the balls' motion
+SHADOW = 0.6  # radius
+NAME_AHEAD = 1.1  # of the contact point
+
+
+def frames(
+    scene: Scene,
+    engine: Motion,
+    theory: Motion,
+    *,
+    fps: int = FPS,
+    size: tuple[int, int] = SIZE,
+) -> Iterator[Pixels]:
+    """Pictures (height, width, 3), one by one, at 0, 1/fps, … s while both motions last.
+
+    engine: MuJoCo's motion of `scene`, on the left; theory: that of the equations, sampled at the
+    same times. size: (height, width) in pixels. Raises InputError where the times differ, or
+    where there is no off-screen GL.
+    """
+    story = _tell(scene, engine, theory, fps)
+    if gl.find_backend() is None:
+        raise InputError(gl.advice())
+    return _draw(scene, story, size)
+
+
+def write_video(
+    path: Path | str,
+    scene: Scene,
+    engine: Motion,
+    theory: Motion,
+    *,
+    fps: int = FPS,
+    size: tuple[int, int] = SIZE,
+    progress: Progress | None = None,
+) -> None:
+    """Writes `frames` to an mp4; a file that is there already is replaced once it is complete.
+
+    Even height and width play everywhere. progress is called with the fraction that is done.
+    Raises InputError as `frames` does, and where `path` can be no mp4 file.
+    """
+    path = Path(path)
+    if path.suffix != ".mp4" or not path.parent.is_dir():
+        raise InputError(f"a video must be an .mp4 file in a folder that exists, not {path}")
+    pictures = frames(scene, engine, theory, fps=fps, size=size)
+    number = len(_frame_times(engine, theory, fps))
+    unfinished = path.with_name(f".{path.stem}.unfinished.mp4")
+    mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
+    try:
+        with mediapy.VideoWriter(
+            unfinished, size, fps=fps, crf=20, ffmpeg_args="-preset veryfast"
+        ) as video:
+            for i, picture in enumerate(pictures, start=1):
+                video.add_image(picture)
+                if progress is not None:
+                    progress(i / number)
+        unfinished.replace(path)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True)
+class _Story:
+    """What each of m frames shows; lengths in radii; [0] is MuJoCo's, [1] the equations'."""
+
+    times: Array  # (m,) s
+    centres: Array  # (2, m, 3)
+    attitudes: Array  # (2, m, b, 4)
+    paths: tuple[Strip, Strip]
+    apart: Array  # (m,) m, between the contact points
+    look_at: Array  # (m, 3)
+    zoom: Array  # (m,): times DISTANCE
+    heading: float  # rad: the balls come towards the camera
+
+
+def _frame_times(engine: Motion, theory: Motion, fps: int) -> Array:
+    shared = min(len(engine.times), len(theory.times))
+    if shared < 2 or not np.array_equal(engine.times[:shared], theory.times[:shared]):
+        raise InputError("a video needs two motions sampled at the same times, two at least")
+    return np.arange(np.floor(engine.times[shared - 1] * fps * (1 + 1e-12)) + 1) / fps
+
+
+def _tell(scene: Scene, engine: Motion, theory: Motion, fps: int) -> _Story:
+    times = _frame_times(engine, theory, fps)
+    tracks = [track(scene.ball, motion, times) for motion in (engine, theory)]
+    shared = min(len(engine.times), len(theory.times))
+    gap = engine.contact_point[:shared] - theory.contact_point[:shared]
+    travel = tracks[1].point[-1] - tracks[1].point[0]
+    heading = float(np.arctan2(travel[1], travel[0]))
+    ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
+    lane = LANES / 2 * np.array([-ahead[1], ahead[0]])
+    points = np.array([tracks[0].point - lane, tracks[1].point + lane])
+    centres = np.concatenate([points, np.ones((2, len(times), 1))], axis=2)
+    middle = gaussian_filter1d(centres.mean(axis=0), SMOOTH * fps, axis=0, mode="nearest")
+    between = np.linalg.norm(points[1] - points[0], axis=1)
+    return _Story(
+        times=times,
+        centres=centres,
+        attitudes=np.array([each.attitudes for each in tracks]),
+        paths=(strip(points[0]), strip(points[1])),
+        apart=np.interp(times, engine.times[:shared], np.linalg.norm(gap, axis=1)),
+        look_at=middle - BEHIND * ahead,
+        zoom=np.maximum(1.0, between / (1.2 * LANES)),
+        heading=heading,
+    )
+
+
+def _draw(scene: Scene, story: _Story, size: tuple[int, int]) -> Iterator[Pixels]:
+    model = build(len(scene.ball.rotors))
+    data = mujoco.MjData(model)
+    camera = mujoco.MjvCamera()
+    camera.azimuth, camera.elevation = np.degrees(story.heading) + 180, -ELEVATION
+    with Canvas(model, size, spare=2 * len(story.times)) as canvas:
+        for i in range(len(story.times)):
+            pose(model, data, story.centres[:, i], story.attitudes[:, i])
+            camera.lookat[:] = story.look_at[i]
+            camera.distance = DISTANCE * story.zoom[i]
+            canvas.begin(data, camera)
+            for (_, colour), centres, path in zip(SIDES, story.centres, story.paths, strict=True):
+                _add_shadow(canvas, centres[i])
+                _add_path(canvas, path, i, story, colour)
+            yield _write(canvas, scene.title, story, i)
+
+
+def _add_shadow(canvas: Canvas, centre: Array) -> None:
+    # A real one would draw everything once more.
+    disc, size = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array([SHADOW, 1e-3, 0.0])
+    canvas.add(disc, size, centre * [1, 1, 0] + [0, 0, 3e-3], np.eye(3), "#000000", 0.2)
+
+
+def _add_path(canvas: Canvas, path: Strip, i: int, story: _Story, colour: str) -> None:
+    """The path up to frame i, as far as it is in sight."""
+    away = np.linalg.norm(path.pos[:i, :2] - story.look_at[i, :2], axis=1)
+    for j in np.flatnonzero(away < SIGHT * story.zoom[i]):
+        box, size = mujoco.mjtGeom.mjGEOM_BOX, path.size[j] * [1, story.zoom[i], 1]
+        canvas.add(box, size, path.pos[j], path.turn[j], colour)
+
+
+def _write(canvas: Canvas, title: str, story: _Story, i: int) -> Pixels:
+    """Finishes frame i: the picture with its words."""
+    image = Image.fromarray(canvas.finish())
+    pen = ImageDraw.Draw(image, "RGBA")
+    line = canvas.height / 18
+    plain, bold = (
+        ImageFont.truetype(str(FONTS / name), 0.68 * line)
+        for name in ("DejaVuSans.ttf", "DejaVuSans-Bold.ttf")
+    )
+    pen.rectangle((0, 0, canvas.width, 2.7 * line), fill=(255, 255, 255, 215))
+    left, right = 0.7 * line, canvas.width - 0.7 * line
+    state = f"contact points {_metres(story.apart[i])} apart"
+    pen.text((left, line), title, palette.INK, bold, "lm")
+    pen.text((left, 2 * line), state, palette.INK, plain, "lm")
+    pen.text((right, 2 * line), f"t = {story.times[i]:.2f} s", palette.INK, plain, "rm")
+    ahead = NAME_AHEAD * np.array([np.cos(story.heading), np.sin(story.heading), 0.0])
+    for (name, colour), centres in zip(SIDES, story.centres, strict=True):
+        x, y = canvas.pixel(centres[i] * [1, 1, 0] + ahead)
+        pen.text((x, min(y, canvas.height - line)), name, colour, bold, "mt")
+    return np.asarray(image)
+
+
+def _metres(length: float) -> str:
+    """A length [m] for reading: 0.123 m, 4.2 × 10⁻¹² m."""
+    if length == 0 or length >= 1e-3:
+        return f"{length:.3f} m"
+    digits, exponent = f"{length:.1e}".split("e")
+    return f"{digits} × 10{str(int(exponent)).translate(SUPERSCRIPTS)} m"

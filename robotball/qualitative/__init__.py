@@ -1,0 +1,1 @@
+"""What the ball does: equilibria, cycles, sections, exponents, basins, drift."""

@@ -1,0 +1,103 @@
+"""Which attractor each of many starts reaches: a cycle, a torus or chaos."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball.compiled.kernels import Integers, orbits
+from robotball.errors import InputError
+from robotball.parameters import Parameters
+from robotball.qualitative.cycles import Cycle, close
+from robotball.qualitative.lyapunov import exponents
+from robotball.qualitative.sections import section
+from robotball.rotations import Array, rotation_matrix
+
+TORUS, CHAOS, LOST = -1, -2, -3
+TOLERANCE = 1e-9  # of one step: an attractor forgives what a path does not
+CROSSINGS = 64  # looked at after the transient; cycles that cross half as often are recognised
+NEAR = 1e-3  # of unit vectors: a point that near to a cycle has reached it
+# Over CHAOS_TIME a neighbour on a torus departs as the time does, by e^7; in chaos past e^30.
+CHAOS_TIME, CHAOTIC_GROWTH = 1000.0, 30.0
+
+
+@dataclass(frozen=True)
+class Basins:
+    """labels (n,): for each start the number of its cycle in `cycles`, or TORUS, CHAOS or LOST.
+
+    Tori are not told from each other, nor chaotic attractors; LOST could not be followed.
+    """
+
+    labels: Integers
+    cycles: tuple[Cycle, ...]
+
+    def share(self, label: int) -> float:
+        """The part of the starts with a label."""
+        return float(np.mean(self.labels == label))
+
+
+def basins(
+    parameters: Parameters, attitudes: Array, momenta: Array, transient: float = 3000.0
+) -> Basins:
+    """Where the motions from n starts end up, after a transient [s].
+
+    attitudes (n, 4), momenta (n, 3): as for kernels.orbits. A start that approaches a cycle more
+    slowly than the transient allows counts as on a torus. Raises InputError on unusable starts.
+    """
+    momenta = np.asarray(momenta, dtype=float)
+    settled = orbits(parameters, attitudes, momenta, np.array([0.0, transient]), TOLERANCE)
+    labels = np.where(settled.status > 0, LOST, TORUS)
+    followed = np.flatnonzero(settled.status == 0)
+    ends = settled.attitudes[followed, 1]
+    crossings = section(parameters, ends, momenta[followed], CROSSINGS, tolerance=TOLERANCE)
+    points = level_points(crossings.attitudes, momenta[followed])
+    labels[followed[crossings.status > 0]] = LOST
+    cycles: list[Cycle] = []
+    for i, start in enumerate(followed):
+        if labels[start] != TORUS:
+            continue
+        cycle = cycle_through(
+            parameters, crossings.attitudes[i], crossings.times[i], momenta[start]
+        )
+        if cycle is None:
+            continue
+        own = section(parameters, cycle.attitude[None], cycle.momentum[None], CROSSINGS)
+        through = level_points(own.attitudes, cycle.momentum[None])[0]
+        reached = distance(points[:, -1], through) < NEAR
+        if reached[i]:
+            labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
+            cycles.append(cycle)
+    undecided = np.flatnonzero(labels == TORUS)
+    if len(undecided):
+        begin = settled.attitudes[undecided, 1]
+        growth = exponents(parameters, begin, momenta[undecided], CHAOS_TIME, transient=100.0)
+        labels[undecided[growth.largest * CHAOS_TIME > CHAOTIC_GROWTH]] = CHAOS
+    return Basins(labels, tuple(cycles))
+
+
+def cycle_through(
+    parameters: Parameters, attitudes: Array, times: Array, momentum: Array
+) -> Cycle | None:
+    """The attracting cycle that crossings (m, 4) at times (m,) repeat, if they do."""
+    points = level_points(attitudes[None], momentum[None])[0]
+    gaps = np.linalg.norm(points[:-1] - points[-1], axis=1)
+    again = np.flatnonzero(gaps < NEAR)
+    if not len(again):
+        return None
+    try:
+        cycle = close(parameters, attitudes[-1], momentum, float(times[-1] - times[again[-1]]))
+    except InputError:
+        return None
+    return cycle if abs(cycle.multipliers[0]) < 1 else None
+
+
+def level_points(attitudes: Array, momenta: Array) -> Array:
+    """γ and M/|M| side by side (n, m, 6) at attitudes (n, m, 4), with world momenta (n, 3)."""
+    axes = rotation_matrix(attitudes.reshape(-1, 4)).reshape(*attitudes.shape[:2], 3, 3)
+    M = np.einsum("nmij,ni->nmj", axes, momenta)
+    size = np.linalg.norm(momenta, axis=1)[:, None, None]
+    return np.concatenate([axes[:, :, 2], M / size], axis=2)
+
+
+def distance(points: Array, others: Array) -> Array:
+    """How far points (n, k) are from the nearest of others (m, k): (n,)."""
+    return np.array([np.linalg.norm(others - point, axis=1).min() for point in points])

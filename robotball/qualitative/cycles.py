@@ -1,0 +1,107 @@
+"""Periodic motions of γ and M: closed by Newton's method, with period and multipliers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball.compiled.kernels import TOLERANCE, Starts
+from robotball.compiled.systems import DEVIATION
+from robotball.errors import InputError
+from robotball.parameters import Parameters, as_vector
+from robotball.rotations import Array, multiply, rotation_matrix
+
+ITERATIONS = 30
+CLOSED = 1e-11  # of γ and M/|M|; what a tolerance of 1e-14 keeps over a period
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A motion whose γ and M repeat.
+
+    attitude (4,), frame to world, and momentum (3,) kg m²/s, world, at some moment of it; period
+    s; multipliers, complex, largest first: two of them where M ≠ 0, one where M = 0.
+    """
+
+    attitude: Array
+    momentum: Array
+    period: float
+    multipliers: Array
+
+    @property
+    def gamma(self) -> Array:
+        """γ (3,) at that moment."""
+        return rotation_matrix(self.attitude)[2]
+
+
+def close(parameters: Parameters, attitude: Array, momentum: Array, period: float) -> Cycle:
+    """The periodic motion near a start (4,), (3,), with a period near the one given [s].
+
+    Newton's method on a small turn of the start and on the period; of all corrections the
+    smallest is taken, for every moment of the motion is as good a start as another. Raises
+    InputError where that does not converge.
+    """
+    for _ in range(ITERATIONS):
+        end, monodromy, volume = monodromy_of(parameters, attitude, momentum, period)
+        vectors = level_vectors(attitude, momentum), level_vectors(end, momentum)
+        omega = angular_velocity(parameters, end, momentum)
+        gap = (vectors[1] - vectors[0]).ravel()
+        if np.abs(gap).max() < CLOSED:
+            return Cycle(attitude, momentum, period, multipliers(monodromy, volume, momentum))
+        by_turn = np.cross(vectors[1][:, None], monodromy.T) - np.cross(
+            vectors[0][:, None], np.eye(3)
+        )
+        by_period = np.cross(vectors[1], omega)
+        columns = np.concatenate([by_turn, by_period[:, None]], axis=1)
+        # Turning along the motion itself changes nothing: singular, hence the least solution.
+        jacobian = columns.transpose(0, 2, 1).reshape(-1, 4)
+        correction = np.linalg.lstsq(jacobian, -gap, rcond=1e-9)[0]
+        correction *= min(1.0, 0.3 / float(np.abs(correction[:3]).max()))
+        turn = np.array([1.0, *(correction[:3] / 2)])
+        attitude = multiply(attitude, turn / np.linalg.norm(turn))
+        period += float(correction[3])
+        if not period > 0:
+            break
+    raise InputError("no periodic motion found near the start: Newton's method does not converge")
+
+
+def monodromy_of(
+    parameters: Parameters, attitude: Array, momentum: Array, period: float
+) -> tuple[Array, Array, float]:
+    """The attitude (4,) after a period, its turns by the start's (3, 3), and ln of the determinant.
+
+    The determinant is up to a factor that is 1 where the motion is periodic.
+    """
+    starts = Starts(parameters, np.tile(attitude, (3, 1)), np.tile(momentum, (3, 1)))
+    rest = np.concatenate([np.eye(3), np.zeros((3, 2))], axis=1)
+    states, status = starts.march(DEVIATION, rest, np.array([period]), TOLERANCE)
+    if status.any():
+        raise InputError("the motion could not be followed over the period")
+    end = starts.to_world(states[:, :, :4])[0, 0]
+    monodromy = (states[:, 0, 4:7] * np.exp(states[:, 0, 7:8])).T
+    return end, monodromy, float(states[0, 0, 8])
+
+
+def level_vectors(attitude: Array, momentum: Array) -> Array:
+    """γ and M/|M| (2, 3) in frame axes, or γ alone (1, 3) where M = 0."""
+    axes = rotation_matrix(attitude)
+    size = np.linalg.norm(momentum)
+    return np.stack([axes[2], momentum @ axes / size]) if size > 0 else axes[2:]
+
+
+def angular_velocity(parameters: Parameters, attitude: Array, momentum: Array) -> Array:
+    """ω (3,) in frame axes [rad/s]."""
+    axes = rotation_matrix(attitude)
+    return np.array(parameters.angular_velocity(as_vector(momentum @ axes), as_vector(axes[2])))
+
+
+def multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
+    """The multipliers without those that are 1, largest first.
+
+    The motion's own is 1, and at M = 0 that of a turn about the vertical, so that there the
+    determinant is all there is to know.
+    """
+    if not np.any(momentum):
+        return np.array([np.exp(volume)], dtype=complex)
+    values = np.linalg.eigvals(monodromy).astype(complex)
+    values = values[np.argsort(np.abs(values - 1))][1:]
+    return values[np.argsort(-np.abs(values))]

@@ -1,0 +1,220 @@
+"""Motion from rest, section 4: dγ/dt = γ×ω(0, γ) (4.1), its fixed points and limit cycles.
+
+With M = 0 the rubber model is a flow on the sphere of γ, which γ → -γ leaves unchanged but for
+the direction of the contact point's path.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+import numpy as np
+from scipy.linalg import eig
+
+from robotball import equations as eq
+from robotball.compiled.duals import along, slopes
+from robotball.equations import Vector
+from robotball.errors import InputError
+from robotball.parameters import Parameters, as_vector
+from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
+
+REST = (0.0, 0.0, 0.0)
+# A rotation with nothing special about it: no fixed point falls at infinity of its chart.
+GENERIC = rotation_matrix(np.array([0.51, 0.29, -0.63, 0.503]))
+ROUNDING = 1e-9  # of an eigenvalue, relative to the rates of the flow
+SAME = 1e-7  # how near two solutions are one
+
+
+@dataclass(frozen=True)
+class FixedPoint:
+    """A fixed point of (4.1): γ (3,), the eigenvalues (2,) there [1/s] and the type by them.
+
+    kind: "saddle", "stable node", "unstable node", "stable focus", "unstable focus"; where the
+    eigenvalues are imaginary "slow stable focus", "slow unstable focus" or "centre", by the first
+    Lyapunov value; "degenerate" where an eigenvalue is zero.
+    """
+
+    gamma: Array
+    eigenvalues: Array
+    kind: str
+
+
+def flow(parameters: Parameters, gamma: Vector) -> Vector:
+    """dγ/dt of (4.1) [1/s]; γ of any arithmetic."""
+    return eq.cross(gamma, parameters.angular_velocity(REST, gamma))
+
+
+def fixed_points(parameters: Parameters) -> list[FixedPoint]:
+    """All fixed points of (4.1).
+
+    (Aγ,γ) dγ/dt is a cubic form in γ whose zeros are, complex ones included, seven lines through
+    the centre: found as the eigenvalues of a resultant, made exact by Newton's method, and checked
+    by their indices, whose sum on a sphere is 2. Raises InputError for a classical ball, where
+    fixed points are not isolated, and where the check fails.
+    """
+    if parameters.rolling != "rubber":
+        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
+    if not np.any([parameters.Omega, parameters.K]):
+        raise InputError("with Omega = 0 and K = 0 the ball rests at every gamma")
+    points: list[FixedPoint] = []
+    for candidate in candidates(parameters):
+        gamma = polished(parameters, candidate)
+        if gamma is not None:
+            for each in (gamma, -gamma):
+                if all(np.abs(each - known.gamma).max() > SAME for known in points):
+                    points.append(fixed_point_at(parameters, each))
+    indices = {"saddle": -1, "degenerate": 0}
+    total = sum(indices.get(point.kind, 1) for point in points)
+    if total != 2:
+        raise InputError(
+            f"{len(points)} fixed points found, whose indices add up to {total}, not to 2: some "
+            "are degenerate, or fill a curve"
+        )
+    return points
+
+
+def candidates(parameters: Parameters) -> list[Array]:
+    """Near every fixed point up to sign a γ (3,), and more."""
+
+    def cubic_forms(gamma: Array) -> Array:
+        # γ in the generic axes; (Aγ,γ) clears the denominator of (3.2).
+        own = as_vector(GENERIC @ gamma)
+        weight = eq.dot(eq.diagonal(parameters.A, own), own)
+        return weight * (np.array(flow(parameters, own)) @ GENERIC)
+
+    monomials = list(combinations_with_replacement(range(3), 3))
+    samples = np.random.default_rng(0).normal(size=(30, 3))
+    table = np.array([[s[i] * s[j] * s[k] for i, j, k in monomials] for s in samples])
+    values = np.array([cubic_forms(s) for s in samples])[:, :2]
+    coefficients = np.linalg.lstsq(table, values, rcond=None)[0]
+    # In the chart γ = (x, y, 1): powers[form, i, j] of x^i y^j. The third form then is zero too.
+    powers = np.zeros((2, 4, 4))
+    for monomial, pair in zip(monomials, coefficients, strict=True):
+        powers[:, monomial.count(0), monomial.count(1)] = pair
+    sylvester = np.zeros((4, 6, 6))  # by powers of x; rows times (y⁵, …, 1)
+    for form in range(2):
+        for shift in range(3):
+            sylvester[:, 3 * form + shift, shift : shift + 4] = powers[form, :, ::-1]
+    # Σ x^k S_k v = 0 as an eigenvalue problem in (v, xv, x²v).
+    left, right = np.zeros((18, 18)), np.eye(18)
+    left[:12, 6:] = np.eye(12)
+    left[12:] = -np.concatenate(sylvester[:3], axis=1)
+    right[12:, 12:] = sylvester[3]
+    roots, vectors = eig(left, right)
+    found = []
+    for x, v in zip(roots, vectors[:6].T, strict=True):
+        last = int(np.argmax(np.abs(v[1:])))
+        # A double root may come out as a complex pair, a little off the real axis.
+        if np.isfinite(x) and abs(x.imag) < 0.01 * (1 + abs(x)) and abs(v[last + 1]) > 0:
+            found.append(GENERIC @ np.array([x.real, (v[last] / v[last + 1]).real, 1.0]))
+    return found
+
+
+def polished(parameters: Parameters, gamma: Array) -> Array | None:
+    """The fixed point (3,) that Newton's method reaches from γ, if it does."""
+    gamma = gamma / np.linalg.norm(gamma)
+    scale = rate_scale(parameters)
+    for _ in range(40):
+        basis = tangents(gamma)
+        rate = basis @ np.array(flow(parameters, as_vector(gamma)))
+        step = np.linalg.lstsq(jacobian(parameters, gamma), rate, rcond=1e-13)[0]
+        length = float(np.linalg.norm(step))
+        gamma = gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300))
+        gamma = gamma / np.linalg.norm(gamma)
+        if length < 1e-14:
+            break
+    rate = np.array(flow(parameters, as_vector(gamma)))
+    return gamma if np.abs(rate).max() < 1e-13 * scale else None
+
+
+def fixed_point_at(parameters: Parameters, gamma: Array) -> FixedPoint:
+    """The fixed point γ (3,) with its eigenvalues and type."""
+    linear = jacobian(parameters, gamma)
+    values = np.linalg.eigvals(linear).astype(complex)
+    values = values[np.lexsort((values.imag, values.real))]
+    return FixedPoint(gamma, values, kind_of(parameters, gamma, values))
+
+
+def kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
+    """The type of the fixed point γ (3,) with these eigenvalues (2,)."""
+    zero = ROUNDING * rate_scale(parameters)
+    if np.abs(eigenvalues).min() < zero:
+        return "degenerate"
+    first, second = eigenvalues.real
+    turning = abs(eigenvalues[0].imag) > 0
+    if not turning:
+        if first * second < 0:
+            return "saddle"
+        return "stable node" if first < 0 else "unstable node"
+    if abs(first) >= zero:
+        return "stable focus" if first < 0 else "unstable focus"
+    value = first_lyapunov_value(parameters, gamma)
+    if abs(value) < zero:
+        return "centre"
+    return "slow stable focus" if value < 0 else "slow unstable focus"
+
+
+def first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
+    """What decides where the eigenvalues at γ (3,) are ±iν: dr/dt = value r³ near by [1/s].
+
+    r is a distance from γ, in the plane that touches the sphere there, in axes in which the
+    linear part is a rotation; only the sign does not depend on them.
+    """
+    values, vectors = np.linalg.eig(jacobian(parameters, gamma))
+    nu, v = abs(values[0].imag), vectors[:, np.argmax(values.imag)]
+    axes = np.stack([v.imag, v.real], axis=1)  # in these d(x, y)/dt = (-νy, νx) + …
+    f, g = taylor(parameters, gamma, axes)
+    # The classical formula, by Taylor coefficients: [i, j] belongs to x^i y^j.
+    cubic = 6 * f[3, 0] + 2 * f[1, 2] + 2 * g[2, 1] + 6 * g[0, 3]
+    square = (
+        f[1, 1] * (f[2, 0] + f[0, 2])
+        - g[1, 1] * (g[2, 0] + g[0, 2])
+        - 2 * f[2, 0] * g[2, 0]
+        + 2 * f[0, 2] * g[0, 2]
+    )
+    return float(cubic / 16 + square / (8 * nu))
+
+
+def taylor(parameters: Parameters, gamma: Array, axes: Array) -> Array:
+    """Taylor coefficients (2, 4, 4) of (4.1) at γ (3,), in the plane touching the sphere there.
+
+    axes: (2, 2), the columns along `tangents`. By Cauchy's integrals over complex circles, which
+    the plain arithmetic of the equations allows.
+    """
+    count, radius = 32, 0.05
+    circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
+    x, y = np.meshgrid(circle, circle, indexing="ij")
+    plane = np.einsum("ij,jkl->ikl", axes, np.array([x, y]))
+    point = gamma[:, None, None] + np.einsum("jk,jlm->klm", tangents(gamma), plane)
+    rate = np.array(flow(parameters, tuple(point)))
+    # Central projection: what moves the point along itself is subtracted.
+    across = np.einsum("jk,klm->jlm", tangents(gamma), rate)
+    across = across - plane * np.einsum("k,klm->lm", gamma, rate)
+    local = np.einsum("ij,jkl->ikl", np.linalg.inv(axes), across)
+    powers = radius ** np.add.outer(np.arange(4), np.arange(4))
+    return (np.fft.fft2(local)[:, :4, :4] / count**2 / powers).real
+
+
+def jacobian(parameters: Parameters, gamma: Array) -> Array:
+    """The linear part (2, 2) of (4.1) on the sphere at γ (3,), along `tangents` [1/s]."""
+    basis = tangents(gamma)
+    columns = [slopes(flow(parameters, along(as_vector(gamma), as_vector(e)))) for e in basis]
+    return basis @ np.array(columns).T
+
+
+def tangents(gamma: Array) -> Array:
+    """Two unit vectors (2, 3) across γ (3,) and each other."""
+    first = perpendicular(gamma)
+    return np.stack([first, np.cross(gamma, first)])
+
+
+def rate_scale(parameters: Parameters) -> float:
+    """The size of the rates of (4.1) [1/s]."""
+    return float(
+        np.linalg.norm(parameters.Omega) + np.linalg.norm(eq.diagonal(parameters.A, parameters.K))
+    )
+
+
+def attitude_at(gamma: Array) -> Array:
+    """Some attitude (4,) with the vertical γ (3,)."""
+    first, second = tangents(gamma)
+    return from_matrix(np.stack([first, second, gamma]))

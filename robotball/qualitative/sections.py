@@ -1,0 +1,132 @@
+"""Poincaré sections g = g₀ of section 5.2, in both rolling models, without angles.
+
+The section is an annulus: the points at L = ±√f differ with l. Orbits cross it in both
+directions, towards larger g (+1) and smaller (-1).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robotball.compiled import marching
+from robotball.compiled.crossing import cross
+from robotball.compiled.kernels import TOLERANCE, Integers, Starts
+from robotball.compiled.steppers import BALL, SECTION, stepper
+from robotball.compiled.systems import RETURN
+from robotball.errors import InputError
+from robotball.parameters import Parameters
+from robotball.qualitative.cycles import Cycle, close
+from robotball.rotations import Array
+from robotball.start import along_momentum, section_state
+
+# Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
+STEPS_PER_CROSSING = 100_000
+
+
+@dataclass(frozen=True)
+class Section:
+    """Where n orbits cross g = g₀, the first m times after their start.
+
+    times (n, m) s; l (n, m) rad and L (n, m) kg m²/s of (5.5); directions (n, m): +1 where g
+    grows, -1 where it falls; attitudes (n, m, 4), frame to world; found (n,), of the m; status
+    (n,), a key of kernels.STATUS. What was not found is NaN, and its direction 0.
+    """
+
+    times: Array
+    l: Array
+    L: Array
+    directions: Integers
+    attitudes: Array
+    found: Integers
+    status: Integers
+
+
+def section(
+    parameters: Parameters,
+    attitudes: Array,
+    momenta: Array,
+    count: int,
+    g: float = 0.0,
+    direction: int = 0,
+    tolerance: float = TOLERANCE,
+) -> Section:
+    """The first `count` crossings of g = `g` [rad] by the motions from many starts.
+
+    attitudes (n, 4), momenta (n, 3), tolerance: as for kernels.orbits; direction: 1 or -1 for one
+    direction only, 0 for both. On the section to 1e-12 of sin(g - g₀)√(1 - L²/f). Raises
+    InputError on unusable starts, such as M = 0, which has no g.
+    """
+    starts = Starts(parameters, attitudes, momenta)
+    if not (starts.size > 0).all() or count < 1 or direction not in (-1, 0, 1):
+        raise InputError(
+            "a section needs M other than zero, a count of 1 or more, a direction ±1, 0"
+        )
+    starts.rows[:, SECTION - BALL : SECTION - BALL + 2] = np.cos(g), np.sin(g)
+    n = len(starts.rows)
+    times, states = np.full((n, count), np.nan), np.full((n, count, 4), np.nan)
+    directions = np.zeros((n, count), np.int64)
+    found, status = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    cross(
+        stepper(RETURN, parameters.rolling),
+        np.concatenate([starts.rows, starts.attitudes], axis=1),
+        starts.first_lengths(np.inf, tolerance),
+        tolerance,
+        STEPS_PER_CROSSING,
+        direction,
+        times,
+        states,
+        directions,
+        found,
+        status,
+    )
+    world = starts.to_world(states)
+    l, L = section_coordinates(world, np.asarray(momenta, dtype=float))
+    return Section(times, l, L, directions, world, found, status)
+
+
+def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:
+    """l and L (n, m) of (5.5) at attitudes (n, m, 4) with world momenta (n, 3)."""
+    w, x, y, z = np.moveaxis(attitudes, -1, 0)
+    MX, MY, MZ = momenta.T[:, :, None]
+    M1 = MX * (1 - 2 * (y * y + z * z)) + MY * 2 * (x * y + w * z) + MZ * 2 * (x * z - w * y)
+    M2 = MX * 2 * (x * y - w * z) + MY * (1 - 2 * (x * x + z * z)) + MZ * 2 * (y * z + w * x)
+    M3 = MX * 2 * (x * z + w * y) + MY * 2 * (y * z - w * x) + MZ * (1 - 2 * (x * x + y * y))
+    return np.arctan2(M1, M2), M3
+
+
+def section_starts(
+    L: ArrayLike, l: ArrayLike, f: float, g: float = 0.0, c: float = 0.0
+) -> tuple[Array, Array]:
+    """Attitudes (n, 4) and world momenta (n, 3) of the points L, l (n,) of g = `g`, by (5.5).
+
+    Raises InputError unless f > 0, L² < f and c² < f.
+    """
+    starts = [
+        along_momentum(*section_state(float(L_), float(l_), g, f, c))
+        for L_, l_ in zip(np.ravel(L), np.ravel(l), strict=True)
+    ]
+    return np.array([s.attitude for s in starts]), np.array([s.momentum for s in starts])
+
+
+def fixed_point(
+    parameters: Parameters,
+    L: float,
+    l: float,
+    f: float,
+    g: float = 0.0,
+    c: float = 0.0,
+    returns: int = 1,
+) -> Cycle:
+    """The periodic orbit near (L, l) that comes back after a number of returns, by Newton.
+
+    A fixed point of the map is one crossing of it; its multipliers are the orbit's. Raises
+    InputError where Newton's method does not converge.
+    """
+    attitudes, momenta = section_starts(L, l, f, g, c)
+    first = section(parameters, attitudes, momenta, 1, g)
+    if first.status[0] != marching.DONE:
+        raise InputError("the orbit never comes back to the section")
+    same_way = section(parameters, attitudes, momenta, 1 + returns, g, int(first.directions[0, 0]))
+    period = float(same_way.times[0, returns] - same_way.times[0, 0])
+    return close(parameters, same_way.attitudes[0, 0], momenta[0], period)

@@ -1,0 +1,87 @@
+"""Straight-line motions, section 5.1: ω = 0, so that γ and M stay and the ball rolls straight on.
+
+Rubber: (Ω, γ) = 0 by (2.2), and then M = γ×K: one for every γ across Ω, the family Σ¹.
+Classical: every γ, with M = K + d(Ω,γ)γ. The contact point moves at a|γ×Ω|.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball import equations as eq
+from robotball.compiled.duals import along, slopes
+from robotball.errors import InputError
+from robotball.parameters import Parameters, as_vector
+from robotball.rotations import Array, perpendicular
+
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class StraightMotion:
+    """A motion with ω = 0. SI units, frame axes.
+
+    gamma (3,), momentum (3,); speed of the contact point, m/s; eigenvalues (3,) of the motion near
+    it with the same M² and (M, γ), 1/s, ordered by their real parts; polynomial (4,): their
+    characteristic polynomial, highest power first.
+    """
+
+    gamma: Array
+    momentum: Array
+    speed: float
+    eigenvalues: Array
+    polynomial: Array
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether all eigenvalues have negative real parts."""
+        return bool(self.eigenvalues.real.max() < 0)
+
+
+def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
+    """The straight-line motion with the vertical γ (3,), of length one.
+
+    Raises InputError in the rubber model unless γ is across Ω.
+    """
+    p, vertical = parameters, as_vector(gamma)
+    across = abs(eq.dot(p.Omega, vertical)) <= ROUNDING * np.linalg.norm(p.Omega)
+    if p.rolling == "rubber" and not across:
+        raise InputError("a rubber ball rolls straight on only where (Omega, gamma) = 0, by (2.2)")
+    M = p.momentum((0.0, 0.0, 0.0), vertical)
+    # Near it a small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ.
+    columns = []
+    for axis in np.eye(3):
+        moved = [along(v, eq.cross(v, as_vector(axis))) for v in (M, vertical)]
+        columns.append(slopes(p.angular_velocity(*moved)))
+    linear: Array = np.array(columns).T
+    values = np.linalg.eigvals(linear).astype(complex)
+    return StraightMotion(
+        gamma=np.asarray(gamma, dtype=float),
+        momentum=np.array(M),
+        speed=float(p.a * np.linalg.norm(np.cross(gamma, p.Omega))),
+        eigenvalues=values[np.lexsort((values.imag, values.real))],
+        polynomial=np.real(np.poly(linear)),
+    )
+
+
+def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:
+    """All straight-line motions of a rubber ball with M² = f [(kg m²/s)²]: four or none.
+
+    At the ends of the range of f they coincide in pairs.
+
+    Raises InputError for a classical ball, which has a family of them, and where Ω = 0.
+    """
+    Omega, K = np.array(parameters.Omega), np.array(parameters.K)
+    if parameters.rolling != "rubber" or not Omega.any():
+        raise InputError("straight_motions needs a rubber ball with Omega other than zero")
+    axis = Omega / np.linalg.norm(Omega)
+    first = perpendicular(axis)
+    across = np.stack([first, np.cross(axis, first)])
+    # M² = (γ×K)² = K² - (K,γ)², so (K, γ) is known up to its sign; γ is on the circle across Ω.
+    level = across @ K
+    along_K, size = float(K @ K) - f, float(np.hypot(*level))
+    if along_K < 0 or along_K > size**2 or size == 0:
+        return []
+    centre, spread = np.arctan2(level[1], level[0]), np.arccos(np.sqrt(along_K) / size)
+    angles = [centre + turn + sign * spread for turn in (0.0, np.pi) for sign in (1, -1)]
+    return [straight_motion(parameters, np.array([np.cos(x), np.sin(x)]) @ across) for x in angles]

@@ -1,0 +1,91 @@
+"""`make bench`: what the pieces cost, as ratios to a bare loop of mj_step in the same run."""
+
+import statistics
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from functools import partial
+
+import mujoco
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from robotball import PRESETS, Motion, Scene, integrate, load_scene
+from robotball.contact.model import Model, build
+from robotball.simulate import run
+
+SCENES = ("fig12", "classical_regular")
+ROUNDS = 9
+
+
+def main() -> None:
+    """Time every preset's run and the equations against a bare loop on the same model."""
+    console = Console()
+    console.print(
+        f"Medians (ranges) over {ROUNDS} interleaved rounds of a scene's 10 s, as ratios to a bare "
+        "loop of mj_step\non the same model; set-up is outside the clock. steps: a run's stepping, "
+        "all of it read and watched;\nrun: that and the Motion."
+    )
+    for name in SCENES:
+        console.print(_table(load_scene(name)))
+
+
+def _table(scene: Scene) -> Table:
+    """One row a preset; all but the first figure are ratios to the preset's own bare loop."""
+    models = {preset: build(scene, settings) for preset, settings in PRESETS.items()}
+    seconds = _measure(scene, models)
+    table = Table(title=scene.name, title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("preset")
+    for heading in ("µs a step", "steps", "run", "equations", "naive's loop"):
+        table.add_column(heading, justify="right")
+    for preset, model in models.items():
+        bare = seconds[f"{preset}: bare"]
+        step = statistics.median(bare) / _step_count(model)
+        others = [f"{preset}: steps", f"{preset}: run", "equations", "naive: bare"]
+        ratios = [_ratio(seconds[other], bare) for other in others]
+        table.add_row(preset, f"{step * 1e6:.1f}", *ratios)
+    return table
+
+
+def _measure(scene: Scene, models: dict[str, Model]) -> dict[str, list[float]]:
+    """Seconds of every piece of work, a list over the rounds; one more round warms up."""
+    seconds: dict[str, list[float]] = defaultdict(list)
+    for _ in range(1 + ROUNDS):
+        seconds["equations"].append(_timed(lambda: integrate(scene))[0])
+        for preset, model in models.items():
+            seconds[f"{preset}: bare"].append(_bare_loop(model))
+            whole, motion = _timed(partial(run, model, scene.times))
+            seconds[f"{preset}: run"].append(whole)
+            assert motion.diagnostics is not None
+            seconds[f"{preset}: steps"].append(motion.diagnostics.seconds)
+    return {name: rounds[1:] for name, rounds in seconds.items()}
+
+
+def _bare_loop(model: Model) -> float:
+    """Seconds that the same steps take with nothing read, watched or kept."""
+    data = model.start_data()
+    began = time.perf_counter()
+    for _ in range(_step_count(model)):
+        mujoco.mj_step(model.compiled, data)
+    return time.perf_counter() - began
+
+
+def _step_count(model: Model) -> int:
+    return round(model.scene.duration / model.compiled.opt.timestep)
+
+
+def _timed(work: Callable[[], Motion]) -> tuple[float, Motion]:
+    began = time.perf_counter()
+    motion = work()
+    return time.perf_counter() - began, motion
+
+
+def _ratio(ours: list[float], theirs: list[float]) -> str:
+    """Median, least and largest of the ratios round by round."""
+    ratios = [a / b for a, b in zip(ours, theirs, strict=True)]
+    return f"{statistics.median(ratios):.2f} ({min(ratios):.2f}-{max(ratios):.2f})"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The commands of `robotball`, a group a file."""

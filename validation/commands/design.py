@@ -1,0 +1,46 @@
+"""The command `robotball design`."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import DisallowNone, arg
+
+from robotball import Limits, load_scene, scene_toml
+from robotball.designing.design import describe
+from robotball.designing.redesign import redesign
+from validation.commands.arguments import AGREES, OUT, SceneName
+from validation.results import replacing, writable_folder
+
+
+@dataclass(frozen=True)
+class Design:
+    """Find bodies for a scene's A, Ω and K: print them, and write a scene that has them."""
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    mass: DisallowNone[Annotated[float | None, arg(metavar="KG")]] = None
+    """Mass of the ball; the best one if not given."""
+    rotor_speed: Annotated[float, arg(metavar="RAD/S")] = math.inf
+    """The fastest that a rotor may turn."""
+    frame_radius: DisallowNone[Annotated[float | None, arg(metavar="M")]] = None
+    """Within which the frame must lie; the shell's if not given."""
+    shell_thickness: Annotated[float, arg(metavar="M")] = 0.0
+    """Of a homogeneous shell; 0 for a thin one."""
+    out: Path = OUT
+    """Folder for the scene."""
+
+    def run(self) -> int:
+        scene = load_scene(self.scene)
+        limits = Limits(
+            rotor_speed=self.rotor_speed,
+            frame_radius=self.frame_radius,
+            shell_thickness=self.shell_thickness,
+        )
+        found, designed = redesign(scene, self.mass, limits)
+        path = writable_folder(self.out) / f"{designed.name}.toml"
+        with replacing(path) as temporary:
+            temporary.write_text(scene_toml(designed))
+        print(describe(found), path, sep="\n")
+        return AGREES

@@ -1,0 +1,66 @@
+"""The paper's Figs 5 to 14 as pictures, one file a figure; what each shows is in its own module.
+
+Every picture has the caption's parameters and what was chosen where the caption does not say,
+the facts as corrected, and MuJoCo's motion over that of the equations wherever there is a path.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from robotball import InputError
+from validation.figures.lines import figure9, figure10
+from validation.figures.rest import figure5, figure6, figure7, figure8
+from validation.figures.sections import (
+    figure11a,
+    figure11b,
+    figure12,
+    figure13,
+    figure14,
+)
+from validation.results import replacing
+
+FIGURES: dict[int, dict[str, Callable[[], Figure]]] = {
+    5: {"fig05": figure5},
+    6: {"fig06": figure6},
+    7: {"fig07": figure7},
+    8: {"fig08": figure8},
+    9: {"fig09": figure9},
+    10: {"fig10": figure10},
+    11: {"fig11a": figure11a, "fig11b": figure11b},
+    12: {"fig12": figure12},
+    13: {"fig13": figure13},
+    14: {"fig14": figure14},
+}
+
+
+def draw_figures(
+    numbers: Sequence[int], out: Path, report: Callable[[float, str], None] = lambda *_: None
+) -> list[Path]:
+    """The pictures of the figures named, or of all for none, as PNGs in the folder `out`.
+
+    report is called with how many pictures are done and which is next. Raises InputError for a
+    figure that there is not.
+    """
+    pictures = chosen(numbers)
+    written = []
+    for i, (name, picture) in enumerate(pictures.items()):
+        report(i, name)
+        path = out / f"{name}.png"
+        with replacing(path) as temporary:
+            picture().savefig(temporary, dpi=120)
+        written.append(path)
+    return written
+
+
+def chosen(numbers: Sequence[int]) -> dict[str, Callable[[], Figure]]:
+    """The pictures of the figures named, or of all for none, by their names."""
+    for number in numbers:
+        if number not in FIGURES:
+            raise InputError(f"no figure {number} to draw; there are Figs 5 to 14")
+    return {
+        name: picture
+        for number in (numbers or FIGURES)
+        for name, picture in FIGURES[number].items()
+    }

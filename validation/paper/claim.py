@@ -1,0 +1,115 @@
+"""A claim of the paper, what is computed about it, and the verdict that follows."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from robotball import InputError
+
+Verdict = Literal["holds", "holds as corrected", "does not reproduce", "not checked"]
+
+
+@dataclass(frozen=True)
+class Residual:
+    """How far a statement is from being true: zero, where it is.
+
+    corrected: by the statement as it should be, `bound` the most that computing it may leave;
+    printed: by the paper's own form where that is a misprint; all in `unit`.
+    """
+
+    corrected: float
+    bound: float
+    printed: float | None = None
+    unit: str = ""
+
+    @property
+    def error(self) -> float:
+        return abs(self.corrected)
+
+    @property
+    def printed_error(self) -> float | None:
+        return None if self.printed is None else abs(self.printed)
+
+    def __str__(self) -> str:
+        printed = "" if self.printed is None else f"printed {self.printed:.3g}, corrected "
+        bound = "" if self.bound == 0 else f", bound {self.bound:.1g}"
+        return f"{printed}{self.corrected:.2g}{bound} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Value:
+    """A measured number beside the one that is stated.
+
+    corrected: the number as it should be, from which `measured` may be off by `bound`; printed:
+    the paper's own number where that is a misprint; all in `unit`.
+    """
+
+    measured: float
+    corrected: float
+    bound: float
+    printed: float | None = None
+    unit: str = ""
+
+    @property
+    def error(self) -> float:
+        return abs(self.measured - self.corrected)
+
+    @property
+    def printed_error(self) -> float | None:
+        return None if self.printed is None else abs(self.measured - self.printed)
+
+    def __str__(self) -> str:
+        printed = "" if self.printed is None else f"printed {self.printed:g}, corrected "
+        bound = "" if self.bound == 0 else f" ± {self.bound:.1g}"
+        stated = f"{printed}{self.corrected:.6g}{bound} {self.unit}".rstrip()
+        return f"{stated}; is {self.measured:.6g}"
+
+
+Evidence = Residual | Value
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the paper, and where it stands there.
+
+    check computes the evidence; where the paper as we have it leaves nothing to compute, it is
+    the reason in words.
+    """
+
+    place: str
+    statement: str
+    check: Callable[[], Evidence] | str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What became of a claim; evidence is words where there are no numbers."""
+
+    claim: Claim
+    verdict: Verdict
+    evidence: Evidence | str
+
+
+def examine(claim: Claim) -> Finding:
+    """Compute what there is to compute about a claim."""
+    if isinstance(claim.check, str):
+        return Finding(claim, "not checked", claim.check)
+    try:
+        evidence = claim.check()
+    except InputError as error:
+        return Finding(claim, "does not reproduce", str(error))
+    return Finding(claim, verdict_on(evidence), evidence)
+
+
+def verdict_on(evidence: Evidence) -> Verdict:
+    """The verdict: a misprint is one only if the printed form fails where the corrected holds."""
+    printed = evidence.printed_error
+    # Not a number is no agreement, and for a printed form no refutation either.
+    if not evidence.error <= evidence.bound:
+        return "does not reproduce"
+    if printed is None:
+        return "holds"
+    if math.isnan(printed) or printed <= evidence.bound:
+        return "does not reproduce"
+    return "holds as corrected"

@@ -28,6 +28,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(figures_lines, "FINENESS", 20)
     monkeypatch.setattr(figures_sections, "CHAOS", replace(small, count=400))
     monkeypatch.setattr(figures_sections, "CHAOS_BY_CONTACT", small)
+    short = replace(figures_sections.TORUS_BY_CONTACT, skipped=5, count=20)
+    monkeypatch.setattr(figures_sections, "TORUS_BY_CONTACT", short)
 
 
 @pytest.mark.usefixtures("quick")

@@ -12,7 +12,7 @@ import pytest
 
 import robotball as rb
 from robotball.contact.model import build
-from robotball.motion_section import crossings
+from robotball.qualitative.motion_section import crossings
 from robotball.qualitative.sections import fixed_point, section
 from robotball.rotations import multiply
 from robotball.simulate import run

@@ -4,9 +4,11 @@ import csv
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 
 import robotball as rb
@@ -151,6 +153,20 @@ def test_bad_input_is_one_line_and_writes_nothing(
     assert re.fullmatch(r"robotball: .*\n", err)
     assert re.search(words, err)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scene_refused_by_the_equations_leaves_nothing(
+    robotball: Robotball, tmp_path: Path
+) -> None:
+    """Found out only when the motion is asked for, after the output folder was checked."""
+    scene = rb.load_scene("fig12")
+    off_centre = replace(scene.ball.rotors[0], centre=np.array([0.1, 0.0, 0.0]))
+    text = rb.scene_toml(replace(scene, ball=replace(scene.ball, rotors=(off_centre,))))
+    (tmp_path / "off.toml").write_text(text)
+    status, out, err = robotball("compare", "off.toml", "--out", "new/folder")
+    assert (status, out) == (2, "")
+    assert re.fullmatch(r"robotball: the ball is not balanced: .*MuJoCo alone can roll it\n", err)
+    assert [path.name for path in tmp_path.iterdir()] == ["off.toml"]
 
 
 def test_an_old_result_stays_whole_when_writing_fails(

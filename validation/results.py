@@ -113,9 +113,13 @@ def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when the block ends well."""
+    """A temporary path beside `path` that takes its place when the block ends well.
+
+    The folder is made if need be. Raises InputError where nothing can be written.
+    """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
         temporary.replace(path)
     except OSError as error:
@@ -125,13 +129,20 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def writable_folder(path: Path) -> Path:
-    """`path` as a folder, made if need be; raises InputError where nothing can be written."""
+    """`path`, in which files can be written; raises InputError where they can't.
+
+    It is tried by making the folder; one that was not there is taken away again, so that nothing
+    stays of a command that is refused later.
+    """
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path} cannot be made: {error.strerror or error}") from None
     if not os.access(path, os.W_OK | os.X_OK):
         raise InputError(f"{path} cannot be written: no permission")
+    for folder in made:
+        folder.rmdir()
     return path
 
 

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from robotball import Scene, Settings, integrate
 from robotball.rotations import Array
 from validation.agreement import Agreement, compare
+from validation.results import replacing
 
 
 def compare_all(
@@ -32,9 +33,9 @@ def film(path: Path, agreement: Agreement) -> None:
     """Both motions of an agreement, side by side, as an mp4 at `path`."""
     from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
-    with progress_bar(1) as show:
+    with progress_bar(1) as show, replacing(path) as temporary:
         write_video(
-            path,
+            temporary,
             agreement.scene,
             agreement.engine,
             agreement.theory,
@@ -51,8 +52,14 @@ def _report(show: Show, done: int, what: str, part: float) -> None:
 
 @contextmanager
 def progress_bar(total: float) -> Iterator[Show]:
-    """A bar on standard error; call it with the work done and what is being done now."""
+    """A bar on standard error; call it with the work done and what is being done now.
+
+    Where no one watches, as in a pipe, there is none.
+    """
+    console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
         task = bar.add_task("", total=total)
         yield lambda done, what: bar.update(task, completed=done, description=what)

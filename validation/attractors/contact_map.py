@@ -10,7 +10,7 @@ import numpy as np
 
 from robotball import InputError, Motion, Scene, sample_times
 from robotball.contact.model import Model
-from robotball.motion_section import Crossings, crossings, joined
+from robotball.qualitative.motion_section import Crossings, crossings, joined
 from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array, conjugate, multiply
 from robotball.simulate import run

@@ -12,8 +12,8 @@ import numpy as np
 from robotball import InputError, preset
 from robotball.compiled.kernels import Integers
 from robotball.contact.model import Model
-from robotball.motion_section import joined
 from robotball.parameters import Parameters
+from robotball.qualitative.motion_section import joined
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
 from robotball.settings import Settings

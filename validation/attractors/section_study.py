@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from robotball import InputError, Scene, Settings
 from robotball.compiled.kernels import Integers
 from robotball.contact.model import build
-from robotball.motion_section import crossings
 from robotball.palette import ENGINE, THEORY
+from robotball.qualitative.motion_section import crossings
 from robotball.qualitative.sections import section
 from robotball.rotations import Array
 from validation.attractors.contact_map import sound_run

@@ -79,6 +79,8 @@ def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_p
     assert balanced["settings"]["timestep"] == 0.005
     assert balanced["settings"]["drive"] == {"armature": 1e14}
     assert balanced["versions"]["mujoco"] == mujoco.__version__
+    assert balanced["needs"]["torsional_friction"] == pytest.approx(1.873, abs=1e-3)  # m
+    assert len(balanced["needs"]["motor_torques"]) == 2
     assert naive["settings"]["drive"]["gain"] == 10.0
     assert not naive["agrees"]
     assert naive["faults"][0]["cause"] == "hinge rate off by over 0.001"

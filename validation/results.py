@@ -12,7 +12,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from robotball import InputError
+import numpy as np
+
+from robotball import InputError, Motion
 from validation.agreement import Agreement
 
 PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
@@ -58,6 +60,7 @@ def record(agreement: Agreement) -> dict[str, Any]:
         "gamma_error": agreement.gamma_error,
         "momentum_drift": agreement.momentum_drift,
         "friction_used": float(diagnostics.friction_used.max(initial=0.0)),
+        "needs": needs(agreement.theory),
         "steps": diagnostics.steps,
         "realtime_factor": agreement.realtime_factor,
         "agrees": agreement.agrees,
@@ -65,6 +68,17 @@ def record(agreement: Agreement) -> dict[str, Any]:
         "verdict": agreement.verdict,
         "seed": None,  # nothing in a comparison is random
         "versions": versions(),
+    }
+
+
+def needs(motion: Motion) -> dict[str, Any]:
+    """The most that a motion asks for: friction (torsional in m), motor torques N m, powers W."""
+    loads = motion.loads
+    return {
+        "sliding_friction": float(loads.sliding_friction.max()),
+        "torsional_friction": float(loads.torsional_friction.max()),
+        "motor_torques": np.abs(loads.motor_torques).max(axis=0).tolist(),
+        "motor_powers": np.abs(motion.motor_powers).max(axis=0).tolist(),
     }
 
 

@@ -34,7 +34,9 @@ setup: .venv/.stamp
 
 # A machine without uv gets a pinned one in a tool environment of its own.
 .tools/bin/uv:
-	python3 -m venv .tools || { rm -rf .tools; .ci/apt python3-venv && python3 -m venv .tools; }
+	@python3 -m venv .tools 2>/dev/null \
+	  || { rm -rf .tools; .ci/apt python3-venv && python3 -m venv .tools; } \
+	  || { echo "set-up needs uv, or Python's venv: sudo apt-get install python3-venv"; exit 1; }
 	.tools/bin/python -m pip install --quiet uv==$(UV_VERSION)
 
 # Video needs an off-screen GL; everything else runs without one.

@@ -113,9 +113,9 @@ def _run(
 
 def _step(model: Model, data: mujoco.MjData, stretch: Stretch, control: Control) -> Array:
     """Rows for Readings, one a step of the stretch, each of the state before its step."""
-    compiled, sensors, warnings = model.compiled, data.sensordata, data.warning.number
+    compiled, sensors, warned = model.compiled, data.sensordata, data.warning.number
     option, timestep = compiled.opt, compiled.opt.timestep
-    rows = np.empty((int(stretch.counts.sum()), len(sensors) + len(warnings)))
+    rows = np.empty((int(stretch.counts.sum()), len(sensors) + len(warned)))
     sensor_columns, warning_columns = rows[:, : len(sensors)], rows[:, len(sensors) :]
     row = 0
     for span, length, count in stretch:
@@ -123,7 +123,7 @@ def _step(model: Model, data: mujoco.MjData, stretch: Stretch, control: Control)
         for _ in range(count):
             mujoco.mj_step(compiled, data)
             sensor_columns[row] = sensors
-            warning_columns[row] = warnings
+            warning_columns[row] = warned
             row += 1
     option.timestep = timestep
     return rows

@@ -89,7 +89,7 @@ def test_the_region_of_fig9_in_closed_form(axis: int) -> None:
         Omega[axis], K[axis] = rng.uniform(-3.0, 3.0), 0.0
         some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
         limit = stability_limit(some)
-        for f in (K @ K / 2, 0.01 * limit, 0.99 * limit, 1.01 * limit):
+        for f in (float(K @ K) / 2, 0.01 * limit, 0.99 * limit, 1.01 * limit):
             for motion in straight_motions(some, f) if f > 0 else []:
                 side = (motion.momentum @ Omega) * (motion.gamma @ K)
                 assert motion.is_stable == (f < limit and side < 0)

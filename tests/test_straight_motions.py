@@ -1,5 +1,7 @@
 """Straight-line motions: what they are, how many, and where they are stable."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -7,8 +9,13 @@ from scipy.optimize import brentq
 from robotball.compiled.kernels import orbit
 from robotball.equations import Vector
 from robotball.errors import InputError
-from robotball.parameters import Parameters
-from robotball.qualitative.straight_motions import StraightMotion, straight_motion, straight_motions
+from robotball.parameters import Parameters, as_vector
+from robotball.qualitative.straight_motions import (
+    StraightMotion,
+    stability_limit,
+    straight_motion,
+    straight_motions,
+)
 from robotball.rotations import Array
 from robotball.start import along_momentum
 from tests.figures import CLASSICAL, ball, from_rest
@@ -67,6 +74,36 @@ def test_fig10_is_not_stable() -> None:
     assert not any(motion.is_stable for motion in at_3)
     foci = [m.eigenvalues for m in at_3 if m.eigenvalues[0].real < 0 and m.eigenvalues[1].imag]
     assert len(foci) >= 2
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_region_of_fig9_in_closed_form(axis: int) -> None:
+    """100 random balls, Ω along each axis: stable by Routh and Hurwitz iff by the eigenvalues.
+
+    At f = 0.01, 0.99, 1.01 of the limit, which the eigenvalues resolve, and at f = K²/2.
+    """
+    rng = np.random.default_rng(9)
+    stable = 0
+    for _ in range(100):
+        A, Omega, K = rng.uniform(0.2, 1.0, 3), np.zeros(3), rng.uniform(-5.0, 5.0, 3)
+        Omega[axis], K[axis] = rng.uniform(-3.0, 3.0), 0.0
+        some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
+        limit = stability_limit(some)
+        for f in (float(K @ K) / 2, 0.01 * limit, 0.99 * limit, 1.01 * limit):
+            for motion in straight_motions(some, f) if f > 0 else []:
+                side = (motion.momentum @ Omega) * (motion.gamma @ K)
+                assert motion.is_stable == (f < limit and side < 0)
+                stable += motion.is_stable
+    assert stable > 100
+
+
+def test_the_limit_of_fig10() -> None:
+    """16/7.69 = 2.0806242 (E16): 0.04·400/(0.09·16 + 0.25·25); to rounding."""
+    assert stability_limit(FIG10) == pytest.approx(16 / 7.69, rel=1e-14)
+    assert stability_limit(replace(FIG10, K=(4.0, -5.0, 0.0))) == 0.0
+    for some in (CLASSICAL, from_rest(0.3), replace(FIG10, K=(4.0, 5.0, 0.1))):
+        with pytest.raises(InputError, match="the limit needs"):
+            stability_limit(some)
 
 
 @pytest.mark.parametrize("some", [FIG10, CLASSICAL], ids=["rubber", "classical"])

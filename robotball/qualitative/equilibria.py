@@ -38,6 +38,22 @@ class FixedPoint:
     kind: str
 
 
+@dataclass(frozen=True)
+class ContactPath:
+    """The contact point's path while γ stays: a circle, or a line where turning is 0.
+
+    speed m/s; turning rad/s, about the upward vertical: positive where the path bends to the left.
+    """
+
+    speed: float
+    turning: float
+
+    @property
+    def radius(self) -> float:
+        """Of the circle, m; infinite for a line, 0 where the ball spins on the spot."""
+        return self.speed / abs(self.turning) if self.turning else float("inf")
+
+
 def flow(parameters: Parameters, gamma: Vector) -> Vector:
     """dγ/dt of (4.1) [1/s]; γ of any arithmetic."""
     return eq.cross(gamma, parameters.angular_velocity(REST, gamma))
@@ -70,6 +86,25 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
             "are degenerate, or fill a curve"
         )
     return points
+
+
+def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:
+    """What the contact point does at the fixed point γ (3,) of (4.1).
+
+    There ω = sγ, and s = (Ω, γ) by (2.2): by (2.1) the velocity aγ×Ω is constant in frame axes,
+    which turn about the vertical at s. Raises InputError for a classical ball and where γ is no
+    fixed point.
+    """
+    vertical = as_vector(gamma)
+    if parameters.rolling != "rubber":
+        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
+    if np.abs(flow(parameters, vertical)).max() > ROUNDING * rate_scale(parameters):
+        raise InputError("the contact point runs on a circle only where gamma is a fixed point")
+    across = eq.cross(vertical, parameters.Omega)
+    return ContactPath(
+        speed=float(parameters.a * np.linalg.norm(across)),
+        turning=float(eq.dot(parameters.Omega, vertical)),
+    )
 
 
 def candidates(parameters: Parameters) -> list[Array]:

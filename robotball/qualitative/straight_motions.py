@@ -85,3 +85,31 @@ def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:
     centre, spread = np.arctan2(level[1], level[0]), np.arccos(np.sqrt(along_K) / size)
     angles = [centre + turn + sign * spread for turn in (0.0, np.pi) for sign in (1, -1)]
     return [straight_motion(parameters, np.array([np.cos(x), np.sin(x)]) @ across) for x in angles]
+
+
+def stability_limit(parameters: Parameters) -> float:
+    """The f [(kg m²/s)²] below which two of the four rubber motions are stable; 0 if none ever is.
+
+    For Ω along a principal axis l and K across it, Fig. 9: with j, k, l in cyclic order,
+    p = (K, γ), m = M_l and N = (Aγ,γ) their polynomial λ³ + c₂λ² + c₁λ + c₀ has
+
+        c₂ = Ω_l(a_j - a_k)γ_jγ_k/N,  c₁ = a_ja_ka_l p²/N,  c₀ = -Ω_l a_ja_ka_l pm/N,
+        c₂c₁ - c₀ = Ω_l a_ja_ka_l p(a_jK_kγ_j - a_kK_jγ_k)/N².
+
+    By Routh and Hurwitz c₂, c₀ and c₂c₁ - c₀ must be positive: a motion is stable iff
+
+        Ω_l p m < 0,  Ω_l(a_j - a_k)K_jK_k > 0,  f < (a_j - a_k)²K_j²K_k²/(a_k²K_j² + a_j²K_k²).
+
+    The size of Ω has dropped out; with K_l other than zero it would not. Raises InputError for a
+    classical ball and unless Ω is along an axis and K across it.
+    """
+    axes = np.flatnonzero(parameters.Omega)
+    if parameters.rolling != "rubber" or len(axes) != 1 or parameters.K[axes[0]] != 0:
+        raise InputError("the limit needs a rubber ball, Omega along a principal axis, K across it")
+    l = int(axes[0])
+    j, k = (l + 1) % 3, (l + 2) % 3
+    A, K = parameters.A, parameters.K
+    product = (A[j] - A[k]) * K[j] * K[k]
+    if not parameters.Omega[l] * product > 0:
+        return 0.0
+    return float(product**2 / ((A[k] * K[j]) ** 2 + (A[j] * K[k]) ** 2))

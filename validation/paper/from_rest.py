@@ -1,13 +1,9 @@
 """Section 4, motion from rest: fixed points and limit cycles of (4.1), with K = (0, 0, K₃).
 
 The paper's formulas for the fixed points are known to us in part. What was lost is derived anew:
-with K along the third axis a fixed point of (4.1) other than Γ₅,₆ = (0, 0, ±1) has γ₁ = 0 or
-γ₂ = 0. On such a circle, γⱼ = cos θ and γ₃ = sin θ with j the other axis, (4.1) reads
-
-    sin(2θ - ν) = κ,  ν = atan2(Ω₃, Ωⱼ),  κ = (2aⱼa₃K₃/(a₃ - aⱼ) - Ω₃)/√(Ωⱼ² + Ω₃²).
-
-ν₁, κ₁ belong to γ₁ = 0 (j = 2) and ν₂, κ₂ to γ₂ = 0 (j = 1). Near Γ₅,₆ dγ₁/dt = -A₂γ₂ + …,
-dγ₂/dt = A₁γ₁ + …, with Aⱼ = (aⱼ - a₃)Ω₃/a₃ + aⱼK₃.
+sin(2θ - ν) = κ of robotball.qualitative.fixed_point_formulas. ν₁, κ₁ belong to γ₁ = 0 (j = 2) and
+ν₂, κ₂ to γ₂ = 0 (j = 1). Near Γ₅,₆ dγ₁/dt = -A₂γ₂ + …, dγ₂/dt = A₁γ₁ + …, with
+Aⱼ = (aⱼ - a₃)Ω₃/a₃ + aⱼK₃.
 """
 
 from collections import Counter
@@ -28,6 +24,7 @@ from robotball.qualitative.equilibria import (
     tangents,
     taylor,
 )
+from robotball.qualitative.fixed_point_formulas import kappa, nu
 from robotball.qualitative.limit_cycles import limit_cycles
 from robotball.rotations import Array
 from validation.paper.claim import Claim, Residual, Value
@@ -59,18 +56,6 @@ def with_K3(K3: float) -> Parameters:
 def fig6() -> Parameters:
     """The ball of Fig. 6."""
     return load_scene("fig06").parameters
-
-
-def kappa(ball: Parameters, j: int) -> float:
-    """κ of the circle on which γⱼ and γ₃ are not zero."""
-    a, a3 = ball.A[j], ball.A[2]
-    level = 2 * a * a3 * ball.K[2] / (a3 - a) - ball.Omega[2]
-    return float(level / np.hypot(ball.Omega[j], ball.Omega[2]))
-
-
-def nu(ball: Parameters, j: int) -> float:
-    """ν of that circle, rad."""
-    return float(np.arctan2(ball.Omega[2], ball.Omega[j]))
 
 
 def residual_at(ball: Parameters, j: int, theta: float) -> float:

@@ -23,7 +23,9 @@ class InvariantCurve:
 
     rotation: ρ, turns an iterate, 0 < ρ < 1/2: the sense of the phase is chosen so; coefficients
     (2h + 1, k), complex, of the harmonics -h … h; residual: how far the curve passes from the
-    farthest point that was held out from its fit. An orbit that fills no curve has a large one.
+    farthest point that was held out from the fit of the coefficients (ρ is fitted to all points).
+    An orbit that fills no such curve has a large one: a chaotic orbit, but also a torus that
+    passes from one direction of crossing to the other, as Fig. 11a's does.
     """
 
     rotation: float

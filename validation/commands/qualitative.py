@@ -161,7 +161,7 @@ class Equilibria:
     """Also write them."""
 
     def run(self) -> int:
-        from robotball.qualitative.equilibria import fixed_points
+        from robotball.qualitative.equilibria import contact_path, fixed_points
         from robotball.qualitative.limit_cycles import limit_cycles
         from robotball.qualitative.straight_motions import straight_motion, straight_motions
 
@@ -178,8 +178,13 @@ class Equilibria:
                 gamma = level_starts(scene, 1, 0)[0]
                 lines = [straight_motion(ball, rotation_matrix(gamma)[0, 2])]
         table = Table("", "γ", "eigenvalues [1/s] or multiplier", "", box=box.SIMPLE_HEAD)
-        for point in points:
-            table.add_row("fixed", row(point.gamma), row(point.eigenvalues), point.kind)
+        circles = [contact_path(ball, point.gamma) for point in points]
+        for point, circle in zip(points, circles, strict=True):
+            # Beyond that, what bends the line is rounding.
+            line = circle.radius > 1e9 * scene.ball.radius
+            path = "straight line" if line else f"circle of {circle.radius:.4g} m"
+            kind = f"{point.kind},\n{path}"
+            table.add_row("fixed", row(point.gamma), row(point.eigenvalues), kind)
         for cycle in cycles:
             kind = f"period {cycle.period:.7f} s"
             table.add_row("cycle", row(cycle.gamma), row(cycle.multipliers), kind)
@@ -201,8 +206,14 @@ class Equilibria:
             {
                 "scene": scene.name,
                 "fixed_points": [
-                    {"gamma": p.gamma.tolist(), "eigenvalues": pairs(p.eigenvalues), "kind": p.kind}
-                    for p in points
+                    {
+                        "gamma": p.gamma.tolist(),
+                        "eigenvalues": pairs(p.eigenvalues),
+                        "kind": p.kind,
+                        "contact_speed": c.speed,
+                        "contact_turning": c.turning,
+                    }
+                    for p, c in zip(points, circles, strict=True)
                 ],
                 "limit_cycles": [
                     {

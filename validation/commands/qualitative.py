@@ -181,8 +181,8 @@ class Equilibria:
         circles = [contact_path(ball, point.gamma) for point in points]
         for point, circle in zip(points, circles, strict=True):
             # Beyond that, what bends the line is rounding.
-            line = circle.radius > 1e9 * scene.ball.radius
-            path = "straight line" if line else f"circle of {circle.radius:.4g} m"
+            straight = circle.radius > 1e9 * scene.ball.radius
+            path = "straight line" if straight else f"circle of {circle.radius:.4g} m"
             kind = f"{point.kind},\n{path}"
             table.add_row("fixed", row(point.gamma), row(point.eigenvalues), kind)
         for cycle in cycles:

@@ -29,7 +29,7 @@ def test_a_motion_agrees_with_itself_exactly() -> None:
     assert agreement.path_error == 0
     assert agreement.gamma_error == 0
     assert agreement.momentum_drift is not None
-    assert agreement.momentum_drift < 3e-15  # measured 6e-16: rounding of two changes of axes
+    assert agreement.momentum_drift < 5e-15  # measured 1.4e-15: rounding of two changes of axes
     assert agreement.agrees
 
 
@@ -47,7 +47,7 @@ def test_gamma_error_is_an_angle() -> None:
     """An attitude turned by 1e-6 rad about X is off by that angle."""
     turn = np.array([np.cos(5e-7), np.sin(5e-7), 0.0, 0.0])
     turned = multiply(turn, rb.integrate(SCENE).attitude)
-    # Measured 3e-16 rad off: the angle is from a cross product, which loses nothing when small.
+    # Measured 2.3e-16 rad off: the angle is from a cross product, which loses nothing when small.
     assert agreement_with(attitude=turned).gamma_error == pytest.approx(1e-6, abs=3e-15)
 
 

@@ -91,8 +91,8 @@ def test_forces_and_torques_are_the_mechanics_own(name: str) -> None:
     axes = rotation_matrix(multiply(motion.attitude, scene.principal_quaternion))
     expected = loads_of(scene, motion.times, axes, motion.angular_velocity @ scene.principal_axes)
     weight = scene.ball.mass * scene.gravity
-    # Measured 3.3e-10, 3.1e-10 and 2.2e-10 of the weight, on forces as large as it: the weak damping
-    # of what slip there is. The normal force is the weight to rounding, 2.2e-15.
+    # Measured 3.3e-10, 3.1e-10 and 2.2e-10 of the weight, on forces as large as it: the weak
+    # damping of what slip there is. The normal force is the weight to rounding, 2.2e-15.
     assert np.abs(motion.loads.contact_force - expected.contact_force).max() < 1e-9 * weight
     assert np.abs(motion.loads.spin_torque - expected.spin_torque).max() < 1e-9 * weight
     assert np.abs(motion.loads.motor_torques - expected.motor_torques).max() < 1e-9 * weight

@@ -96,11 +96,6 @@ class Scene:
             raise InputError(f"{self.name}: the drives change in time; use parameters_at(t)")
         return self.parameters_at(0.0)
 
-    @cached_property
-    def start_angular_velocity(self) -> Array:
-        """The frame's angular velocity ω (3,) at the start, in frame axes [rad/s]."""
-        return self.angular_velocity_at(self.start)
-
     def angular_velocity_at(self, start: Start) -> Array:
         """ω (3,) in frame axes of this ball at any start [rad/s]."""
         to_principal = self.principal_axes.T @ rotation_matrix(start.attitude).T

@@ -109,7 +109,7 @@ def test_every_form_of_a_start_gives_the_same_start(write: Write, text: str) -> 
     R = rotation_matrix(scene.start.attitude)
     alpha, gamma = vector(R[0]), vector(R[2])
     attitude, momentum = vector(scene.start.attitude), vector(R.T @ scene.start.momentum)
-    omega = vector(scene.start_angular_velocity)
+    omega = vector(scene.angular_velocity_at(scene.start))
     attitudes = f"attitude = {attitude}", f"gamma = {gamma}\nalpha = {alpha}"
     momenta = (
         f"momentum = {momentum}",
@@ -432,7 +432,7 @@ def test_any_file_is_a_scene_or_one_line(tmp_path: Path, content: bytes) -> None
     accepted, message = True, ""
     try:
         scene = rb.load_scene(path)
-        assert np.all(np.isfinite(scene.start_angular_velocity))
+        assert np.all(np.isfinite(scene.angular_velocity_at(scene.start)))
     except rb.InputError as error:
         message = str(error)
         accepted = False

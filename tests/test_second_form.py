@@ -45,7 +45,7 @@ def integrate_full(scene: rb.Scene, times: Array) -> FullMotion:
         velocity = eq.contact_velocity(alpha, beta, omega, p.Omega, p.a)
         return np.array([*omega_rate, *axes, *velocity])
 
-    omega = scene.principal_axes.T @ scene.start_angular_velocity
+    omega = scene.principal_axes.T @ scene.angular_velocity_at(scene.start)
     axes = rotation_matrix(scene.start.attitude) @ scene.principal_axes
     start = np.concatenate([omega, axes.ravel(), np.zeros(2)])
     solution = solve_ivp(

@@ -166,8 +166,8 @@ def test_rubber_shell_that_spins_on_the_spot_is_refused() -> None:
 
 @pytest.mark.parametrize("name", FOUR)
 def test_start_rolls_as_its_angular_velocity_says(name: str) -> None:
-    """A scene's start_angular_velocity is the ω with which `integrate` sets out."""
+    """A scene's angular velocity at its start is the ω with which `integrate` sets out."""
     scene = rb.load_scene(name)
     motion = rb.integrate(scene, np.array([0.0, 0.01]))
-    assert gap(motion.angular_velocity[0], scene.start_angular_velocity) < ROUNDING
+    assert gap(motion.angular_velocity[0], scene.angular_velocity_at(scene.start)) < ROUNDING
     assert gap(motion.momentum[0], scene.start.momentum) < ROUNDING

@@ -31,7 +31,7 @@ class Diagnostics:
     faults           what went wrong, the earliest first; empty for a sound run
     timestep         s, the longest step taken
     steps            taken
-    seconds          of wall time that they took, set-up excluded
+    seconds          of processor time that they took, set-up excluded
     """
 
     slip: Array

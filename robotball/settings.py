@@ -2,6 +2,7 @@
 
 import difflib
 from dataclasses import dataclass
+from typing import Any, Literal
 
 from robotball.drives import Servo
 from robotball.errors import InputError
@@ -19,13 +20,16 @@ class Settings:
     """How MuJoCo is to run a scene; None leaves a choice at MuJoCo's own default.
 
     promise is the largest path error and momentum drift, both relative, that the settings are
-    held to over 10 s on the scenes of the catalog; every other field goes into the MJCF.
+    held to over 10 s on the scenes of the catalog. The integrator is one of MuJoCo's, or DOP853:
+    scipy's, of order 8, driving MuJoCo's forward dynamics in steps whose error it holds to rtol
+    and which are no longer than the timestep, if there is one. The rest goes into the MJCF.
     """
 
     name: str
     promise: float
     timestep: float | None = None  # s
     integrator: str | None = None
+    rtol: float | None = None  # DOP853's alone: the error allowed in one step, relative
     solver: str | None = None
     jacobian: str | None = None
     iterations: int | None = None
@@ -39,23 +43,37 @@ class Settings:
     solref: tuple[float, float] | None = None
     solimp: tuple[float, float, float, float, float] | None = None
     solreffriction: tuple[float, float] | None = None
+    # The contact's dimension; None is what the rolling model needs: 4 for rubber, 3 for classical.
+    condim: int | None = None
     sliding_friction: float = 1.0  # MuJoCo's default
     torsional_friction: float = 0.005  # m, MuJoCo's default
+    rolling_friction: float = 1e-4  # m, MuJoCo's default; in force where condim is 6
+    # The body with the free joint; the other one hangs on it by the frame's hinge.
+    root: Literal["shell", "frame"] = "shell"
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
     # False starts just touching.
     start_in_equilibrium: bool = False
     drive: Servo | Prescribed
 
+    @property
+    def adaptive(self) -> bool:
+        """Whether the steps are chosen by their error, not by the timestep alone."""
+        return self.integrator == ADAPTIVE
 
+
+ADAPTIVE = "DOP853"
 NAIVE = Settings(name="naive", promise=1e-2, drive=Servo(gain=10.0))
 
 
-def _recipe(name: str, timestep: float, promise: float) -> Settings:
+def recipe(name: str, promise: float, **steps: Any) -> Settings:
+    """What makes MuJoCo roll as the equations do, to the error of its steps.
+
+    steps: the fields timestep, integrator and rtol; the integrator is RK4 if not given.
+    """
     return Settings(
         name=name,
         promise=promise,
-        timestep=timestep,
-        integrator="RK4",
+        **{"integrator": "RK4", **steps},
         solver="PGS",
         jacobian="dense",
         iterations=3,
@@ -81,9 +99,10 @@ PRESETS: dict[str, Settings] = {
     settings.name: settings
     for settings in (
         NAIVE,
-        _recipe("fast", timestep=20e-3, promise=5e-4),
-        _recipe("balanced", timestep=5e-3, promise=5e-6),
-        _recipe("accurate", timestep=1e-3, promise=1e-8),
+        recipe("fast", 5e-4, timestep=20e-3),
+        recipe("balanced", 5e-6, timestep=5e-3),
+        recipe("accurate", 1e-8, timestep=1e-3),
+        recipe("adaptive", 1e-10, integrator=ADAPTIVE, rtol=1e-13),
     )
 }
 

@@ -3,15 +3,16 @@
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
-import mujoco
 import numpy as np
 
 from robotball.bodies import imbalance
-from robotball.contact.control import Control, controlled
+from robotball.contact.adaptive import by_forward
+from robotball.contact.control import controlled
 from robotball.contact.model import Model, build
 from robotball.contact.readings import Readings
-from robotball.contact.timing import Stretch, longest_step, stretches
+from robotball.contact.stepping import by_steps
 from robotball.contact.watch import find_faults
 from robotball.errors import SceneWarning
 from robotball.motion import Diagnostics, Fault, Motion
@@ -52,8 +53,7 @@ def run(
 
     start: where to begin, if not at the scene's own start.
     """
-    timestep = float(model.compiled.opt.timestep)
-    rows, faults, steps, seconds = _run(model, times, progress, start)
+    rows, record = _run(model, times, progress, start)
     readings = Readings(model, rows)
     return Motion(
         times=times[: len(rows)],
@@ -70,60 +70,54 @@ def run(
             depth=model.scene.ball.radius - readings.centre[:, 2],
             friction_used=readings.friction_used,
             hinge_rate_error=readings.hinge_rate_error(model.hinges),
-            faults=tuple(sorted(faults, key=lambda fault: fault.time)),
-            timestep=longest_step(times, model.scene.breakpoints, timestep),
-            steps=steps,
-            seconds=seconds,
+            faults=tuple(sorted(record.faults.values(), key=lambda fault: fault.time)),
+            timestep=record.longest,
+            steps=record.steps,
+            seconds=record.seconds,
         ),
     )
 
 
+@dataclass
+class _Record:
+    """What a run leaves besides its rows: the first fault of each cause, and what it took."""
+
+    faults: dict[str, Fault] = field(default_factory=dict)
+    steps: int = 0
+    longest: float = 0.0
+    seconds: float = 0.0
+
+    @property
+    def ended(self) -> float:
+        """When the run broke off [s]; infinite if it did not."""
+        return min((fault.time for fault in self.faults.values() if fault.fatal), default=np.inf)
+
+
 def _run(
     model: Model, times: Array, progress: Progress | None, start: Start | None
-) -> tuple[Array, list[Fault], int, float]:
-    """Sensor rows at the times (fewer if the run broke off), faults, steps and their seconds."""
-    compiled, data = model.compiled, model.start_data(start)
-    first_of: dict[str, Fault] = {}
-    sampled: list[Array] = []
-    steps, seconds, last_time = 0, 0.0, -np.inf
+) -> tuple[Array, _Record]:
+    """Sensor rows at the times, fewer if the run broke off, and its record."""
+    record, sampled, last_time = _Record(), [], -np.inf
+    data = model.start_data(start)
+    march = by_forward if model.settings.adaptive else by_steps
     with controlled(model) as control:
-        for stretch in stretches(times, model.scene.breakpoints, compiled.opt.timestep):
-            began = time.perf_counter()
-            rows = _step(model, data, stretch, control)
-            seconds += time.perf_counter() - began
-            steps += len(rows)
-            readings = Readings(model, rows)
-            faults = find_faults(readings, last_time)
-            for fault in faults:
-                first_of.setdefault(fault.cause, fault)
-            sampled.append(rows[stretch.samples])
-            if any(fault.fatal for fault in faults):
+        portions = march(control, data, times)
+        while True:
+            began = time.thread_time()
+            portion = next(portions, None)
+            record.seconds += time.thread_time() - began
+            if portion is None:
+                break
+            readings = Readings(model, portion.rows)
+            for fault in find_faults(readings, last_time, portion.failure):
+                record.faults.setdefault(fault.cause, fault)
+            sampled.append(portion.rows[portion.sampled])
+            record.steps += portion.steps
+            record.longest = max(record.longest, portion.longest)
+            if record.ended < np.inf:
                 break
             last_time = float(readings.time[-1])
             if progress is not None:
                 progress(last_time / times[-1])
-        else:
-            control.span = (times[-1], times[-1])
-            mujoco.mj_forward(compiled, data)
-            sampled.append(np.concatenate([data.sensordata, data.warning.number])[None])
     rows = np.concatenate(sampled)
-    ended = min((fault.time for fault in first_of.values() if fault.fatal), default=np.inf)
-    return rows[Readings(model, rows).time < ended], list(first_of.values()), steps, seconds
-
-
-def _step(model: Model, data: mujoco.MjData, stretch: Stretch, control: Control) -> Array:
-    """Rows for Readings, one a step of the stretch, each of the state before its step."""
-    compiled, sensors, warned = model.compiled, data.sensordata, data.warning.number
-    option, timestep = compiled.opt, compiled.opt.timestep
-    rows = np.empty((int(stretch.counts.sum()), len(sensors) + len(warned)))
-    sensor_columns, warning_columns = rows[:, : len(sensors)], rows[:, len(sensors) :]
-    row = 0
-    for span, length, count in stretch:
-        option.timestep, control.span = length, span
-        for _ in range(count):
-            mujoco.mj_step(compiled, data)
-            sensor_columns[row] = sensors
-            warning_columns[row] = warned
-            row += 1
-    option.timestep = timestep
-    return rows
+    return rows[Readings(model, rows).time < record.ended], record

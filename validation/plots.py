@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +14,7 @@ from validation.agreement import Agreement
 from validation.results import replacing
 
 # Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
-STYLES = (":", "-.", "--", "-")
+STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
 INCHES = (8.0, 7.0)
 
 
@@ -35,7 +36,12 @@ def path_picture(agreements: Sequence[Agreement]) -> Figure:
     theory = agreements[0].theory
     paths.plot(*theory.contact_point.T, color=THEORY, linewidth=5, alpha=0.6, label="equations")
     for agreement, style in _styled(agreements):
-        paths.plot(*agreement.engine.contact_point.T, style, color=ENGINE, label=_label(agreement))
+        paths.plot(
+            *agreement.engine.contact_point.T,
+            linestyle=style,
+            color=ENGINE,
+            label=_label(agreement),
+        )
         _log_line(errors, agreement, agreement.path_errors, style)
     paths.set(xlabel="X [m]", ylabel="Y [m]", title="contact point on the plane")
     errors.set(xlabel="time [s]", ylabel="distance of the\ncontact points [m]")
@@ -53,7 +59,7 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
         _beside(components, names, value)
     for agreement, style in _styled(agreements):
         lines = components.plot(
-            agreement.engine.times, agreement.engine.momentum, style, color=ENGINE
+            agreement.engine.times, agreement.engine.momentum, linestyle=style, color=ENGINE
         )
         lines[0].set_label(_label(agreement))
         _log_line(drifts, agreement, agreement.momentum_drifts, style)
@@ -75,19 +81,20 @@ def _two_panels(agreements: Sequence[Agreement]) -> tuple[Figure, Axes, Axes]:
     return figure, above, below
 
 
-def _styled(agreements: Sequence[Agreement]) -> list[tuple[Agreement, str]]:
-    return [(each, STYLES[(i - len(agreements)) % 4]) for i, each in enumerate(agreements)]
+def _styled(agreements: Sequence[Agreement]) -> list[tuple[Agreement, Any]]:
+    last = len(agreements)
+    return [(each, STYLES[(i - last) % len(STYLES)]) for i, each in enumerate(agreements)]
 
 
 def _label(agreement: Agreement) -> str:
     return f"MuJoCo, {agreement.settings.name}"
 
 
-def _log_line(axes: Axes, agreement: Agreement, values: Array, style: str) -> None:
+def _log_line(axes: Axes, agreement: Agreement, values: Array, style: Any) -> None:
     """A line on a log axis, without the exact zero that it starts from, named at its end."""
-    axes.plot(agreement.engine.times[1:], values[1:], style, color=ENGINE)
+    axes.plot(agreement.engine.times[1:], values[1:], linestyle=style, color=ENGINE)
     if agreement.finished:
-        _beside(axes, agreement.settings.name, values[-1])
+        _beside(axes, agreement.settings.name, values.max())
 
 
 def _beside(axes: Axes, text: str, height: float) -> None:

@@ -117,7 +117,7 @@ def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
     ]
     for each in map(record, agreements):
         errors = (each[name] for name in ("path_error", "gamma_error", "momentum_drift"))
-        cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:g} ms"]
+        cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:.3g} ms"]
         cells += ["-" if error is None else f"{error:.1e}" for error in errors]
         cells += [f"{each['realtime_factor']:.0f}"]
         lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")

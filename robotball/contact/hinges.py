@@ -1,6 +1,7 @@
 """Which hinges a model needs, and how each is driven."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -8,7 +9,27 @@ from robotball.drives import Constant, Drive, Servo, turns
 from robotball.scene import Scene
 from robotball.settings import Prescribed, Settings
 
-SHELL, FRAME = "shell/", "shell/frame/"  # their bodies in the MJCF
+
+@dataclass(frozen=True)
+class Tree:
+    """Where shell and frame stand in the MJCF: one is the root, with the free joint, and the other
+    hangs on it by the frame's hinge.
+    """
+
+    root: Literal["shell", "frame"]
+
+    @property
+    def shell(self) -> str:
+        return "shell/" if self.root == "shell" else "frame/shell/"
+
+    @property
+    def frame(self) -> str:
+        return "shell/frame/" if self.root == "shell" else "frame/"
+
+    @property
+    def child(self) -> str:
+        """The one on the hinge."""
+        return self.frame if self.root == "shell" else self.shell
 
 
 @dataclass(frozen=True)
@@ -16,12 +37,14 @@ class Hinge:
     """A hinge of the model.
 
     index  its place among the scene's drives: 0 the frame's, then the rotors'
+    joint  the MJCF name of its joint and of the body that it turns
     by     a servo, or the armature that lets its rate be prescribed
     real   whether the servo is the scene's own motor, whose error belongs to the motion
     largest_rate  that the drive asks for during the scene, by which errors are measured [rad/s]
     """
 
     index: int
+    joint: str
     drive: Drive
     by: Servo | Prescribed
     real: bool
@@ -30,11 +53,6 @@ class Hinge:
     @property
     def body(self) -> str:
         return f"rotor{self.index}" if self.index else "frame"
-
-    @property
-    def joint(self) -> str:
-        """The MJCF name of its joint and of the body that it turns."""
-        return f"{FRAME}{self.body}/" if self.index else FRAME
 
     @property
     def actuated(self) -> bool:
@@ -49,10 +67,12 @@ class Hinge:
 
 def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
     """The hinges that turn; any other body is fixed to its parent."""
+    tree = Tree(settings.root)
     motors = scene.motors or (None,) * len(scene.drives)
     return tuple(
         Hinge(
             index,
+            f"{tree.frame}rotor{index}/" if index else tree.child,
             drive,
             by=motor or settings.drive,
             real=motor is not None,

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
 
-from robotball.contact.hinges import FRAME, SHELL, Hinge, hinges_of
+from robotball.contact.hinges import Hinge, Tree, hinges_of
 from robotball.drives import Servo
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 from robotball.scene import Scene
@@ -29,7 +29,6 @@ START = "start"  # the keyframe that a run begins from
 
 OPTIONS = (
     "timestep",
-    "integrator",
     "solver",
     "jacobian",
     "iterations",
@@ -42,6 +41,7 @@ OPTIONS = (
 )
 PICTURE_ONLY = ("light", "material", "texture", "mesh")
 PAIR_OPTIONS = ("solref", "solimp", "solreffriction")
+FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Model:
         data = mujoco.MjData(self.compiled)
         mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
         if start is not None:
-            data.qpos, data.qvel = _state_at(self.scene, start, self.hinges)
+            data.qpos, data.qvel = _state_at(self.scene, self.settings, start, self.hinges)
         return data
 
 
@@ -88,43 +88,52 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tup
     root.option.gravity = [0, 0, -scene.gravity]
     for name in OPTIONS:
         _set(root.option, name, getattr(settings, name))
+    # DOP853 is not MuJoCo's; RK4 is what comes nearest for whoever steps the MJCF without it.
+    _set(root.option, "integrator", "RK4" if settings.adaptive else settings.integrator)
     _set(root.option.flag, "warmstart", settings.warmstart)
     # A diverged run must end as one, not begin again from time 0.
     root.option.flag.autoreset = "disable"
 
-    # The shell is the root: contact rows have no J̇v term, and only on it is that term zero.
-    shell_part, frame_part = _bare("shell"), _bare("frame")
+    # With the shell as root the contact rows' J̇v term, which MuJoCo leaves out, is zero.
+    parts = {"shell": _bare("shell"), "frame": _bare("frame")}
+    shell_part, frame_part = parts["shell"], parts["frame"]
+    root_part = parts.pop(settings.root)
+    (child_part,) = parts.values()
     shell_part.find("geom", "sphere").size = [ball.radius]
-    shell = root.attach(shell_part)
-    shell.add("freejoint")
-    _inertial(shell, ball.shell.mass, ball.shell.inertia)
-    frame = shell_part.attach(frame_part)
-    _inertial(frame, ball.frame.mass, ball.frame.inertia, ball.frame.centre)
-    frame_part.find("site", "hinge").quat = z_along(ball.shell.axis)
-    turning = [(frame, ball.shell.axis)]
+    body = {root_part: root.attach(root_part)}
+    body[root_part].add("freejoint")
+    body[child_part] = root_part.attach(child_part)
+    _inertial(body[shell_part], ball.shell.mass, ball.shell.inertia)
+    _inertial(body[frame_part], ball.frame.mass, ball.frame.inertia, ball.frame.centre)
+    # The frame turns about this axis in the shell; a shell on a hinge of the frame the other way.
+    axis = ball.shell.axis if child_part is frame_part else -ball.shell.axis
+    root_part.find("site", "hinge").remove()
+    child_part.find("site", "hinge").quat = z_along(axis)
+    turning = [(body[child_part], axis)]
     for i, rotor in enumerate(ball.rotors, start=1):
         rotor_part = _bare("rotor")
         rotor_part.model = f"rotor{i}"
-        body = frame_part.attach(rotor_part)
-        body.pos, body.quat = rotor.centre, z_along(rotor.axis)
+        spinning = frame_part.attach(rotor_part)
+        spinning.pos, spinning.quat = rotor.centre, z_along(rotor.axis)
         across, along = rotor.transverse_inertia, rotor.axial_inertia
-        _inertial(body, rotor.mass, np.diag([across, across, along]))
-        turning.append((body, Z))
+        _inertial(spinning, rotor.mass, np.diag([across, across, along]))
+        turning.append((spinning, Z))
     for hinge in hinges:
         _add_hinge(root, hinge, *turning[hinge.index])
 
+    tree, condim = Tree(settings.root), _condim(scene, settings)
     pair = root.contact.add(
         "pair",
         name="contact",
         geom1="floor",
-        geom2="shell/sphere",
-        condim=4 if scene.rolling == "rubber" else 3,
-        friction=_friction(scene, settings),
+        geom2=f"{tree.shell}sphere",
+        condim=condim,
+        friction=_friction(settings)[: FRICTIONS[condim]],
     )
     for name in PAIR_OPTIONS:
         _set(pair, name, getattr(settings, name))
-    _add_sensors(root, hinges)
-    root.keyframe.add("key", name=START, **_start_state(scene, hinges))
+    _add_sensors(root, tree, hinges)
+    root.keyframe.add("key", name=START, **_start_state(scene, settings, hinges))
     return root, pair
 
 
@@ -163,9 +172,20 @@ def z_along(axis: Array) -> Array:
     return from_matrix(np.stack([side, np.cross(axis, side), axis], axis=1))
 
 
-def _friction(scene: Scene, settings: Settings) -> list[float]:
-    slide = [settings.sliding_friction] * 2
-    return [*slide, settings.torsional_friction] if scene.rolling == "rubber" else slide
+def _condim(scene: Scene, settings: Settings) -> int:
+    if settings.condim is not None:
+        return settings.condim
+    return 4 if scene.rolling == "rubber" else 3
+
+
+def _friction(settings: Settings) -> list[float]:
+    """MuJoCo's five coefficients of a pair, of which a contact takes as many as it has rows."""
+    slide, spin, roll = (
+        settings.sliding_friction,
+        settings.torsional_friction,
+        settings.rolling_friction,
+    )
+    return [slide, slide, spin, roll, roll]
 
 
 def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
@@ -183,20 +203,21 @@ def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
         root.actuator.add("motor", name=hinge.body, joint=joint, gear=[hinge.by.armature])
 
 
-def _add_sensors(root: Any, hinges: tuple[Hinge, ...]) -> None:
+def _add_sensors(root: Any, tree: Tree, hinges: tuple[Hinge, ...]) -> None:
     """What a Motion needs, and nothing else; readings.py knows them by name."""
     add = root.sensor.add
     add("clock", name="time")
-    add("framepos", name="centre", objtype="xbody", objname=SHELL)
-    add("framequat", name="attitude", objtype="xbody", objname=FRAME)
-    add("frameangvel", name="angular_velocity", objtype="xbody", objname=FRAME)
-    add("subtreelinvel", name="velocity", body=SHELL)
-    add("subtreeangmom", name="angular_momentum", body=SHELL)
+    add("framepos", name="centre", objtype="xbody", objname=tree.shell)
+    add("framequat", name="attitude", objtype="xbody", objname=tree.frame)
+    add("frameangvel", name="angular_velocity", objtype="xbody", objname=tree.frame)
+    whole = f"{tree.root}/"
+    add("subtreelinvel", name="velocity", body=whole)
+    add("subtreeangmom", name="angular_momentum", body=whole)
     add(
         "contact",
         name="contact",
         geom1="floor",
-        geom2="shell/sphere",
+        geom2=f"{tree.shell}sphere",
         data="found force torque normal tangent linvel angvel",
     )
     for hinge in hinges:
@@ -205,23 +226,26 @@ def _add_sensors(root: Any, hinges: tuple[Hinge, ...]) -> None:
         add("torque", name=f"{hinge.body}_torque", site=f"{hinge.joint}hinge")
 
 
-def _start_state(scene: Scene, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
+def _start_state(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
     """The start's qpos, qvel and ctrl."""
-    qpos, qvel = _state_at(scene, scene.start, hinges)
+    qpos, qvel = _state_at(scene, settings, scene.start, hinges)
     ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
     return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
 
 
-def _state_at(scene: Scene, start: Start, hinges: tuple[Hinge, ...]) -> tuple[Array, Array]:
+def _state_at(
+    scene: Scene, settings: Settings, start: Start, hinges: tuple[Hinge, ...]
+) -> tuple[Array, Array]:
     """qpos and qvel of a start on the constraints, hinges at angle zero and at their rates."""
     shell = scene.ball.shell
     # At the start frame and shell axes coincide; the free joint's angular velocity is local.
-    frame_rate = float(scene.drives[0].rate(0.0))
-    shell_turning = scene.angular_velocity_at(start) - frame_rate * shell.axis
+    frame_turning = scene.angular_velocity_at(start)
+    shell_turning = frame_turning - float(scene.drives[0].rate(0.0)) * shell.axis
     velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
+    root_turning = shell_turning if settings.root == "shell" else frame_turning
     rates = np.array([float(hinge.drive.rate(0.0)) for hinge in hinges])
     qpos = np.concatenate([[0.0, 0.0, shell.radius], start.attitude, np.zeros(len(hinges))])
-    return qpos, np.concatenate([velocity, shell_turning, rates])
+    return qpos, np.concatenate([velocity, root_turning, rates])
 
 
 def _equilibrium_depth(xml: str) -> float:

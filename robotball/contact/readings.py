@@ -96,9 +96,10 @@ class Readings:
     def friction_used(self) -> Array:
         """(m,): the contact force's place in the friction cone, 1 on its surface, 0 in flight."""
         compiled = self.model.compiled
-        slide, torsion = compiled.pair_friction[0, 0], compiled.pair_friction[0, 2]
+        slide, _, spin, roll, _ = compiled.pair_friction[0]
         normal, *tangential = self.contact_force.T
-        demand = np.array([*tangential, self.spin_torque * slide / torsion]) / slide
+        torques = self.column("contact")[:, 4:7].T / np.array([[spin], [roll], [roll]])
+        demand = np.concatenate([tangential, torques * slide]) / slide
         if compiled.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL:
             needed = np.abs(demand).sum(axis=0)
         else:

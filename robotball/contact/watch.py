@@ -19,10 +19,11 @@ WARNINGS = {
 }
 
 
-def find_faults(readings: Readings, last_time: float) -> list[Fault]:
-    """The first of each kind of fault in the readings of one stretch of a run.
+def find_faults(readings: Readings, last_time: float, failure: str | None = None) -> list[Fault]:
+    """The first of each kind of fault in the readings of one portion of a run.
 
     last_time: the time of the row before [s]; it tells a reset, which MuJoCo makes silently.
+    failure: why the integrator could not go on after the last row, if so.
     """
     sound = np.isfinite(readings.rows) & (np.abs(readings.rows) < DIVERGED)
     diverged = ~sound.all(axis=1)
@@ -45,11 +46,14 @@ def find_faults(readings: Readings, last_time: float) -> list[Fault]:
             for i, name in WARNINGS.items()
         ),
     ]
-    return [
+    faults = [
         Fault(_time_of(readings.time, int(np.argmax(mask)), last_time), cause, fatal)
         for mask, cause, fatal in kinds
         if mask.any()
     ]
+    if failure is not None and not any(fault.fatal for fault in faults):
+        faults.append(Fault(_time_of(readings.time, len(readings.time), last_time), failure, True))
+    return faults
 
 
 def _time_of(times: Array, row: int, last_time: float) -> float:

@@ -13,6 +13,7 @@ from functools import partial
 
 from validation.sweeps.attempt import attempt
 from validation.sweeps.cells import Cell, Work
+from validation.sweeps.limit import too_long
 from validation.sweeps.pool import DIED, Pool
 
 WATCH = 0.5
@@ -49,7 +50,10 @@ def local_pool(work: Work, limit: float | None, workers: int) -> Iterator[Pool]:
     def death(error: BaseException) -> str | None:
         if not isinstance(error, TerminatedWorkerError):
             return None
-        return ": ".join([DIED, *re.findall(r"\w+\(-?\d+\)", str(error))[:1]])
+        status = re.findall(r"\w+\(-?\d+\)", str(error))[:1]
+        if limit is not None and status == [f"SIGALRM({-signal.SIGALRM})"]:
+            return too_long(limit)
+        return ": ".join([DIED, *status])
 
     try:
         yield Pool("the local cores", 2 * workers, submit, death)

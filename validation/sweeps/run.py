@@ -1,6 +1,6 @@
 """A sweep: every cell's result, in spite of cells that fail and of being killed."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, closing
 from functools import partial
@@ -90,7 +90,7 @@ def _pool(
 
 def _lines(
     pools: Callable[[int], AbstractContextManager[Pool]], cells: Sequence[Cell]
-) -> Iterator[str]:
+) -> Generator[str, None, None]:
     """The cells' results as lines, each as soon as it is known; pools: for so many cells.
 
     When a process dies nobody knows which of the cells handed in was to blame, so each of them is

@@ -6,10 +6,11 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
+from typing import Any
 
 from validation.sweeps.attempt import attempt
 from validation.sweeps.cells import Cell, Work
@@ -33,7 +34,7 @@ def local_pool(work: Work, limit: float | None, workers: int) -> Iterator[Pool]:
     from joblib.externals.loky.process_executor import TerminatedWorkerError
     from joblib.parallel import ParallelBackendBase
 
-    def executor() -> Executor:
+    def executor() -> Any:
         """The one there is, or a new one if its processes died."""
         return get_reusable_executor(
             workers,

@@ -36,9 +36,9 @@ def integrate(
     M is constant in space, so the state is one unit quaternion q and the contact point:
     dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; the scene's own if None.
     rtol: the error allowed in one step, from 1e-13 on; max_steps: a limit for motions that turn
-    too often, some minutes' work if None. Raises InputError on unusable times, for a ball that is not balanced, where the
-    limit is met or a step shrinks to nothing, and where a number would overflow: a motion that is
-    returned is finite.
+    too often, some minutes' work if None. Raises InputError on unusable times, for a ball that is
+    not balanced, where the limit is met or a step shrinks to nothing, and where a number would
+    overflow: a motion that is returned is finite.
     """
     times = scene.times if times is None else check_times(times)
     if not TOLERANCE <= rtol < 1:

@@ -122,7 +122,7 @@ def test_a_long_motion_is_that_of_many_short_ones() -> None:
 def test_on_the_family_of_straight_motions_the_ball_rolls_straight() -> None:
     """γ across Ω and M = γ×K, the family Σ¹: ω is 0 and the point runs at a|Ω|.
 
-    Rounding of M = γ×K: measured STRAIGHT rad/s.
+    Rounding of M = γ×K: measured 1.3e-16 rad/s, and 1.3e-15 of the way.
     """
     scene = scene_of("rubber", EQUAL, (0.0, 0.0, 0.0))
     p = scene.parameters
@@ -133,16 +133,16 @@ def test_on_the_family_of_straight_motions_the_ball_rolls_straight() -> None:
     M = np.cross(gamma, K)
     start = along_momentum(axes @ gamma, axes @ M)
     motion = rb.integrate(replace(scene, start=start), np.array([0.0, 0.5, 1.0]))
-    assert np.abs(motion.angular_velocity).max() < 1e-13
+    assert np.abs(motion.angular_velocity).max() < 1e-15
     way = np.linalg.norm(np.diff(motion.contact_point, axis=0), axis=1)
-    assert np.abs(way / (0.5 * np.linalg.norm(Omega)) - 1).max() < 1e-12
+    assert np.abs(way / (0.5 * np.linalg.norm(Omega)) - 1).max() < 1e-14
 
 
 @pytest.mark.parametrize("exponent", [-3, -9, -15, -40])
 def test_the_classical_denominator_does_not_cancel(exponent: int) -> None:
     """ω(M, γ) of a ball whose I is 10^exponent of d, against 60 digits of 1/d - (Aγ,γ).
 
-    As far as M - K and Ω, known to rounding, determine it: measured MPERR of the largest term.
+    As far as M - K and Ω, known to rounding, determine it: measured 4.9e-16 of the largest term.
     """
     rng = np.random.default_rng(3)
     with mpmath.workdps(120):
@@ -168,7 +168,7 @@ def test_the_classical_denominator_does_not_cancel(exponent: int) -> None:
             error = max(abs(o - e) for o, e in zip(ours, exact, strict=True))
             size = max(abs(e) for e in exact)
             # What is left cancels in (A(M - K) - Ω, γ), whose terms have the size of 1.
-            assert error < 1e-14 * size * max(1, 1 / abs(top))
+            assert error < 2e-15 * size * max(1, 1 / abs(top))
 
 
 def test_a_motion_that_turns_too_often_ends_at_the_step_limit() -> None:
@@ -176,7 +176,7 @@ def test_a_motion_that_turns_too_often_ends_at_the_step_limit() -> None:
     fast = scene_of("rubber", EQUAL, (1e6, 2e6, 0.0))
     words = (
         r"1000 steps reach t = 0\.000\d+ s of 2: the ball turns at 1\.\d+e\+06 rad/s, and the "
-        r"whole needs some \d\.\de\+06 steps; shorten the motion or raise max_steps"
+        r"whole needs some \d\.\de\+07 steps; shorten the motion or raise max_steps"
     )
     with pytest.raises(rb.InputError, match=words):
         rb.integrate(fast, max_steps=1000)
@@ -268,7 +268,7 @@ def any_scene(draw: st.DrawFn) -> rb.Scene:
 
 
 @settings(
-    max_examples=300,
+    max_examples=900,
     deadline=None,
     derandomize=True,
     phases=[Phase.generate],
@@ -278,7 +278,7 @@ def any_scene(draw: st.DrawFn) -> rb.Scene:
 def test_any_scene_gives_finite_numbers_or_one_line(data: st.DataObject) -> None:
     """No traceback, no warning, no number that is not finite, whatever the scene.
 
-    HOWMANY of the examples finish; the others are refused, most by the step limit.
+    A third of the examples finish; the step limit ends another third, and the rest are refused.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -288,4 +288,11 @@ def test_any_scene_gives_finite_numbers_or_one_line(data: st.DataObject) -> None
         except rb.InputError as error:
             message = str(error)
         else:
-    
+            loads = motion.loads
+            needs = (loads.sliding_friction, loads.torsional_friction, motion.motor_powers)
+            for numbers in (motion.contact_point, motion.angular_velocity, *needs):
+                assert np.isfinite(numbers).all()
+            assert length_error(motion) < 2e-15
+            message = "finished"
+    event(message[:20])
+    assert len(message.splitlines()) == 1

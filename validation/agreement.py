@@ -115,7 +115,9 @@ class Agreement:
             return None
         if self.momentum_drift is None or not self.momentum_drift <= self.settings.promise:
             return None  # M is constant however sensitive the motion is: the engine lost it
-        return sensitivity(self.scene, self.settings, self.theory, self.path_errors)
+        return sensitivity(
+            self.scene, self.settings, self.theory, self.path_errors, self.path_scale
+        )
 
     @property
     def sensitive(self) -> bool:

@@ -268,7 +268,7 @@ def any_scene(draw: st.DrawFn) -> rb.Scene:
 
 
 @settings(
-    max_examples=900,
+    max_examples=500,
     deadline=None,
     derandomize=True,
     phases=[Phase.generate],

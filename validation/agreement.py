@@ -12,6 +12,7 @@ from robotball.contact.check import warn
 from robotball.contact.model import build
 from robotball.rotations import Array
 from robotball.simulate import run
+from validation.sensitivity import Sensitivity, sensitivity
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,18 @@ class Agreement:
 
     @property
     def path_error(self) -> float | None:
-        """The largest contact-point error over the length of the equations' path."""
+        """The largest contact-point error over the length of the equations' path.
+
+        Over the ball's radius where that path is shorter: a ball that turns on the spot has none.
+        """
         if not self.finished:
             return None
-        return float(self.path_errors.max() / self.theory.path_length)
+        return float(self.path_errors.max() / self.path_scale)
+
+    @cached_property
+    def path_scale(self) -> float:
+        """What path errors are measured by: the path's length or the radius, the longer [m]."""
+        return max(self.theory.path_length, self.scene.ball.radius)
 
     @property
     def gamma_error(self) -> float | None:
@@ -89,11 +98,32 @@ class Agreement:
             value is not None and value <= self.settings.promise for value in measured
         )
 
+    @cached_property
+    def sensitivity(self) -> Sensitivity | None:
+        """What the motion itself makes of small errors, where the path alone is off; else None.
+
+        None too where it is not known: see `validation.sensitivity`. It takes a few short runs.
+        """
+        if self.faults or self.agrees or not self.finished:
+            return None
+        if self.momentum_drift is None or not self.momentum_drift <= self.settings.promise:
+            return None  # M is constant however sensitive the motion is: the engine lost it
+        return sensitivity(
+            self.scene, self.settings, self.theory, self.path_errors, self.path_scale
+        )
+
+    @property
+    def sensitive(self) -> bool:
+        """Whether the motion's own sensitivity explains why the engines do not agree."""
+        return self.sensitivity is not None and self.sensitivity.explains
+
     @property
     def verdict(self) -> str:
         """One line: agrees, or why not."""
         if self.faults:
             return "; ".join(str(fault) for fault in self.faults)
+        if self.sensitive:
+            return str(self.sensitivity)
         return "agrees" if self.agrees else f"off by more than {self.settings.promise:g}"
 
 

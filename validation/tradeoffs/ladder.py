@@ -79,9 +79,7 @@ class Ladder:
     def rows(self) -> list[dict[str, Any]]:
         """A row of plain numbers for every rung; those of a run that broke off are None."""
         directions = (("up", self.up), ("undone", self.undone))
-        return [
-            self._row(direction, rung) for direction, rungs in directions for rung in rungs
-        ]
+        return [self._row(direction, rung) for direction, rungs in directions for rung in rungs]
 
     def _row(self, direction: str, rung: Rung) -> dict[str, Any]:
         cost = self.times_naive(rung)

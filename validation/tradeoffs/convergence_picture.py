@@ -10,6 +10,7 @@ from robotball.palette import ENGINE, INK, THEORY
 from robotball.settings import ADAPTIVE
 from validation.tradeoffs.convergence import FIXED, Convergence, Reference
 from validation.tradeoffs.convergence_table import order_text
+from validation.tradeoffs.order import Order
 
 INCHES = (11.0, 6.6)
 # Of several that make the same error all can be seen: a large mark holds the smaller ones.
@@ -26,7 +27,7 @@ TITLES: dict[Reference, str] = {
     "own": "against the contact model's own limit",
     "equations": "against the reduced equations",
 }
-APART = 0.35  # decades of error: slopes nearer than that get one label
+NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
 def convergence_picture(study: Convergence) -> Figure:
@@ -37,7 +38,7 @@ def convergence_picture(study: Convergence) -> Figure:
     limit = study.limit
     lines: tuple[tuple[Reference, float, str], ...] = (
         ("own", limit.known_to, "the limit is known to this"),
-        ("equations", limit.model_error, "distance of the limit from the equations"),
+        ("equations", limit.model_error, "the limit is this far off"),
     )
     for axes, (against, level, words) in zip(panels, lines, strict=True):
         _draw(axes, study, against)
@@ -55,12 +56,12 @@ def convergence_picture(study: Convergence) -> Figure:
 
 
 def _draw(axes: Axes, study: Convergence, against: Reference) -> None:
-    labelled: list[float] = []
+    labelled: list[Order] = []
     for name, points in study.by_name.items():
         order = study.order(name, against)
         drawn = [(p.step * 1e3, e) for p in points if p.step and (e := p.error(against))]
-        power = "in rtol" if name == ADAPTIVE else "in step"
-        label = f"{name}: {order_text(order)} {power}" if order else f"{name}: no order"
+        words = f"{name}, of rtol" if name == ADAPTIVE else name
+        label = f"{words}: {order_text(order)}" if order else f"{name}: no order"
         axes.plot(
             *np.array(drawn).reshape(-1, 2).T,
             linestyle="", markerfacecolor="none", label=label, **MARKS[name],
@@ -69,9 +70,8 @@ def _draw(axes: Axes, study: Convergence, against: Reference) -> None:
             continue
         ends = np.array([order.shortest, order.longest])
         axes.plot(ends * 1e3, order.error_at(ends), "--", color=MARKS[name]["color"], linewidth=1)
-        decade = order.ln_error / np.log(10)
-        if all(abs(decade - other) > APART for other in labelled):
-            labelled.append(decade)
+        if not any(_near(order, other) for other in labelled):
+            labelled.append(order)
             axes.annotate(
                 f"slope {order.order:.2f}",
                 (np.exp(order.ln_step) * 1e3, np.exp(order.ln_error)),
@@ -79,3 +79,8 @@ def _draw(axes: Axes, study: Convergence, against: Reference) -> None:
                 textcoords="offset points",
                 fontsize=9,
             )
+
+
+def _near(order: Order, other: Order) -> bool:
+    apart = (order.ln_step - other.ln_step, order.ln_error - other.ln_error)
+    return max(map(abs, apart)) < NEAR

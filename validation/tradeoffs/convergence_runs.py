@@ -149,7 +149,7 @@ def _stepped(model: Model, method: Method) -> Model:
 def _limit(runs: _Runs, finest: Method) -> Limit:
     """The limit of short steps: DOP853's where the motion is smooth enough, or else RK4's."""
     assert finest.step is not None
-    # Errors of DOP853 fall with its tolerance; of RK4, where all else fails, with its step at least.
+    # Errors of DOP853 fall with its tolerance; those of RK4, the last resort, with its step.
     candidates = [
         *((Method(ADAPTIVE, None, r), Method(ADAPTIVE, None, 10 * r), 10) for r in LIMITS),
         (finest, replace(finest, step=2 * finest.step), 2),
@@ -161,8 +161,8 @@ def _limit(runs: _Runs, finest: Method) -> Limit:
             off = runs.distance(best.path, runs.theory.contact_point)
             return Limit(method, best.path, known_to, off)
     raise InputError(
-        f"{runs.model.scene.name}: the contact model breaks off even at steps of {finest.step:g} s; "
-        "there is no limit to converge to"
+        f"{runs.model.scene.name}: the contact model breaks off even at steps of "
+        f"{finest.step:g} s; there is no limit to converge to"
     )
 
 

@@ -9,10 +9,11 @@ from validation.tradeoffs.convergence import ORDERS, REFERENCES, Convergence, Re
 from validation.tradeoffs.order import Order
 
 NOTE = (
-    "Errors are of the path, over its length. own limit: what this contact model tends to as steps "
-    "shrink;\nRichardson's estimate of that error comes from a run and the one at the next longer "
-    "step alone.\nequations: that error and the contact model's own. DOP853 with steps of its own: "
-    "its power of rtol.\nstalls at: where shorter steps make no smaller error."
+    "Errors are of the path, over its length. own limit: what the contact model tends\n"
+    "to as steps shrink. Richardson: an estimate of that error from a run and the one at\n"
+    "the next longer step. equations: that error and the contact model's own.\n"
+    "points: of the line. stalls at: where shorter steps make no smaller error.\n"
+    "DOP853 alone chooses its steps: the order is its power of rtol."
 )
 
 
@@ -21,10 +22,10 @@ def show_convergence(study: Convergence, console: Console) -> None:
     console.print(_runs(study))
     console.print(_orders(study))
     console.print(NOTE)
-    limit = study.limit
+    limit, name = study.limit, f"{study.scene.name}, {study.settings.name}"
     console.print(
-        f"{study.scene.name}, {study.settings.name}: the own limit, by {limit.method} and known to "
-        f"{limit.known_to:.1e},\nis {limit.model_error:.1e} of the path off the equations."
+        f"{name}: the own limit is {limit.model_error:.1e} of the path off the equations;\n"
+        f"it is by {limit.method}, and known to {limit.known_to:.1e}."
     )
 
 
@@ -50,15 +51,7 @@ def _runs(study: Convergence) -> Table:
 def _orders(study: Convergence) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     table.add_column("integrator", no_wrap=True)
-    headings = [
-        "order\nclaimed",
-        "own limit",
-        "points",
-        "stalls at",
-        "equations",
-        "points",
-        "stalls at",
-    ]
+    headings = ["claim", "own limit", "points", "stalls", "equations", "points", "stalls"]
     for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     for name in study.by_name:

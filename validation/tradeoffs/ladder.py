@@ -22,6 +22,7 @@ from validation.tradeoffs.choices import BOTTOM, CHOICES, TOP, adopt, undo
 from validation.tradeoffs.timing import Cost, measure_costs, simulated_second
 
 TIMED = 2.0  # s of the motion over which cost is measured; it hardly changes along the way
+ROUNDS = 5  # of timing, all rungs in turn
 
 
 def climb() -> tuple[Settings, ...]:
@@ -112,7 +113,7 @@ class Ladder:
 def measure_ladder(
     scene: Scene,
     times: Array | None = None,
-    rounds: int = 5,
+    rounds: int = ROUNDS,
     show: Callable[[float, str], None] | None = None,
 ) -> Ladder:
     """All rungs of a scene over `times` (n,) [s] from 0, the scene's own if None.

@@ -1,7 +1,9 @@
 """The error budget as a picture: bars each way, rung beside rung."""
 
 from collections.abc import Sequence
+from typing import Any
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -12,8 +14,14 @@ from validation.table import scientific
 from validation.tradeoffs.ladder import Ladder, Rung
 
 INCHES = (11.0, 6.2)
-FAULTY, SOUND = "#FFFFFF", ENGINE  # a faulty bar is hollow and hatched
-DIAMOND = {"marker": "D", "color": INK, "markerfacecolor": "w", "linestyle": "", "markersize": 5}
+SOUND, FAULTY, HATCH = ENGINE, "white", "////"
+DIAMOND: dict[str, Any] = {
+    "marker": "D",
+    "color": INK,
+    "markerfacecolor": "w",
+    "linestyle": "",
+    "markersize": 5,
+}
 
 
 def ladder_picture(ladder: Ladder) -> Figure:
@@ -26,17 +34,13 @@ def ladder_picture(ladder: Ladder) -> Figure:
     left.set_title("from naive to the recipe: one choice more", loc="left", fontsize=11)
     right.set_title("the recipe with one choice undone", loc="left", fontsize=11)
     left.set_xlim(*_ends((*ladder.up, *ladder.undone)))
-    figure.legend(
-        handles=[
-            Patch(facecolor=SOUND, edgecolor=INK, label="path error"),
-            Patch(facecolor=FAULTY, edgecolor=INK, hatch="////", label="path error, faulty run"),
-            Line2D([], [], **DIAMOND, label="drift of M"),
-            Line2D([], [], color=INK, linestyle=":", label="path error of the recipe"),
-        ],
-        loc="outside lower center",
-        ncols=4,
-        frameon=False,
-    )
+    handles: list[Artist] = [
+        Patch(facecolor=SOUND, edgecolor=INK, label="path error"),
+        Patch(facecolor=FAULTY, edgecolor=INK, hatch=HATCH, label="path error, faulty run"),
+        Line2D([], [], **DIAMOND, label="drift of M"),
+        Line2D([], [], color=INK, linestyle=":", label="path error of the recipe"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
@@ -50,8 +54,11 @@ def _panel(axes: Axes, ladder: Ladder, rungs: Sequence[Rung], sign: str) -> None
     for row, rung in enumerate(rungs):
         error, drift = rung.agreement.path_error, rung.agreement.momentum_drift
         if error is not None:
-            look = {"color": FAULTY, "hatch": "////"} if rung.agreement.faults else {"color": SOUND}
-            axes.barh(row, error, height=0.62, edgecolor=INK, **look)
+            faulty = bool(rung.agreement.faults)
+            axes.barh(
+                row, error, height=0.62, edgecolor=INK,
+                color=FAULTY if faulty else SOUND, hatch=HATCH if faulty else None,
+            )  # fmt: skip
         if drift is not None:
             axes.plot([drift], [row], **DIAMOND)
         _beside(axes, row, scientific(error), 1.02)

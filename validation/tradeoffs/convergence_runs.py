@@ -149,15 +149,15 @@ def _stepped(model: Model, method: Method) -> Model:
 def _limit(runs: _Runs, finest: Method) -> Limit:
     """The limit of short steps: DOP853's where the motion is smooth enough, or else RK4's."""
     assert finest.step is not None
-    # Errors of DOP853 fall with its tolerance; those of RK4, the last resort, with its step.
+    # What ten times the tolerance, or twice the step, changes is more than what is still wrong.
     candidates = [
-        *((Method(ADAPTIVE, None, r), Method(ADAPTIVE, None, 10 * r), 10) for r in LIMITS),
-        (finest, replace(finest, step=2 * finest.step), 2),
+        *((Method(ADAPTIVE, None, rtol), Method(ADAPTIVE, None, 10 * rtol)) for rtol in LIMITS),
+        (finest, replace(finest, step=2 * finest.step)),
     ]
-    for method, coarser, fall in candidates:
+    for method, coarser in candidates:
         best, near = runs.of(method), runs.of(coarser)
         if best is not None and near is not None:
-            known_to = runs.distance(best.path, near.path) / (fall - 1)
+            known_to = runs.distance(best.path, near.path)
             off = runs.distance(best.path, runs.theory.contact_point)
             return Limit(method, best.path, known_to, off)
     raise InputError(

@@ -30,9 +30,10 @@ CHOICES = (
     Choice("solver", ("solver", "jacobian", "iterations", "warmstart"), "PGS and few iterations"),
     Choice("timestep", ("timestep",), "shorter than MuJoCo's own"),
 )
-# A newcomer hangs the shell on the body that it is built around.
-BOTTOM = replace(NAIVE, root="frame")
-TOP = preset("accurate")
+# A newcomer hangs the shell on the body that it is built around. A faulty run goes on at both
+# ends, so that there is an error to tell.
+BOTTOM = replace(NAIVE, root="frame", stop_at_fault=False)
+TOP = replace(preset("accurate"), stop_at_fault=False)
 
 
 def adopt(settings: Settings, choice: Choice, of: Settings = TOP) -> Settings:

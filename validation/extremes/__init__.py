@@ -1,0 +1,1 @@
+"""Where it breaks: runs at the extremes."""

@@ -21,10 +21,12 @@ from validation.commands.pictures import Figures, Section
 from validation.commands.qualitative import Basins, Equilibria, Lyapunov
 from validation.commands.replay import Replay
 from validation.commands.scenes import Compare, Demo, Model, Scenes, Video
+from validation.commands.tradeoffs import Convergence, Ladder
 
 Command = (
     Scenes | Compare | Video | Replay | Model | Design | Demo
     | Figures | Section | Lyapunov | Basins | Equilibria | Paper
+    | Ladder | Convergence
 )  # fmt: skip
 
 

@@ -64,14 +64,16 @@ def _portion(
         lengths.append(solver.t - began)
         solver.y[QUATERNION] /= np.linalg.norm(solver.y[QUATERNION])
         # A sample at the end of a span but the last is the first of the next.
-        done = int(np.searchsorted(pending, solver.t, "right" if last else "left"))
+        inside = last or solver.status == "running"
+        done = int(np.searchsorted(pending, solver.t, "right" if inside else "left"))
+        sampled_end = done > 0 and pending[done - 1] == solver.t
         if done:
             dense = solver.dense_output()
             sampled += range(len(rows), len(rows) + done)
             for t in pending[:done].tolist():
                 read(t, dense(t))
             pending = pending[done:]
-        if solver.status == "running":
+        if solver.status == "running" and not sampled_end:
             read(solver.t, solver.y)
     spans = np.tile(control.span, (len(rows), 1))
     portion = Portion(

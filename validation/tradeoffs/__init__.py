@@ -1,0 +1,1 @@
+"""What accuracy costs: every choice of the recipe, its error and its time."""

@@ -101,10 +101,18 @@ def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
 
 def write_csv(path: Path, agreements: Sequence[Agreement]) -> None:
     """The table of the agreements, a row each."""
+    write_rows(path, [record(agreement) for agreement in agreements], TABLE_COLUMNS)
+
+
+def write_rows(
+    path: Path, rows: Sequence[Mapping[str, Any]], columns: Sequence[str] | None = None
+) -> None:
+    """A table as CSV, with these columns of the rows, or those of the first; None is empty."""
     text = io.StringIO()
-    table = csv.DictWriter(text, TABLE_COLUMNS, extrasaction="ignore", lineterminator="\n")
+    columns = list(rows[0]) if columns is None else columns
+    table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
     table.writeheader()
-    table.writerows(record(agreement) for agreement in agreements)
+    table.writerows(rows)
     with replacing(path) as temporary:
         temporary.write_text(text.getvalue())
 

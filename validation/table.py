@@ -24,9 +24,9 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
             each.scene.rolling,
             each.settings.name,
             f"{each.diagnostics.timestep * 1e3:.3g}",
-            _scientific(each.path_error),
-            _scientific(each.gamma_error),
-            _scientific(each.momentum_drift),
+            scientific(each.path_error),
+            scientific(each.gamma_error),
+            scientific(each.momentum_drift),
             f"{each.realtime_factor:.0f}",
             "agrees" if each.agrees else "faulty" if each.faults else "off",
             style="" if each.agrees else "yellow",
@@ -39,5 +39,6 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
             )
 
 
-def _scientific(value: float | None) -> str:
+def scientific(value: float | None) -> str:
+    """A number in two digits; a dash where a run that broke off has none."""
     return "-" if value is None else f"{value:.1e}"

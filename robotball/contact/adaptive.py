@@ -54,13 +54,15 @@ def _portion(
         lengths.append(solver.t - began)
         solver.y[QUATERNION] /= np.linalg.norm(solver.y[QUATERNION])
         # A sample at the end of a span but the last is the first of the next.
-        done = int(np.searchsorted(pending, solver.t, "right" if last else "left"))
+        inside = last or solver.status == "running"
+        done = int(np.searchsorted(pending, solver.t, "right" if inside else "left"))
+        sampled_end = done > 0 and pending[done - 1] == solver.t
         if done:
             dense = solver.dense_output()
             sampled += range(len(rows), len(rows) + done)
             rows += [_read(control, data, t, dense(t)) for t in pending[:done].tolist()]
             pending = pending[done:]
-        if solver.status == "running":
+        if solver.status == "running" and not sampled_end:
             rows.append(_read(control, data, solver.t, solver.y))
     longest = max(lengths, default=0.0)
     return Portion(

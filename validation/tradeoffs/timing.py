@@ -50,6 +50,11 @@ class Cost:
         """Processor time [s] at the baseline's median speed."""
         return self.ratio * self.baseline
 
+    def over(self, other: "Cost") -> "Cost":
+        """The same work by the side of another's of the same rounds, which is now the baseline."""
+        ratios = zip(self.ratios, other.ratios, strict=True)
+        return Cost(tuple(ours / theirs for ours, theirs in ratios), other.seconds)
+
 
 class BareLoop:
     """mj_step over and over, with nothing read, watched or kept."""

@@ -8,7 +8,7 @@ choices meet.
 import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
-from itertools import product
+from itertools import chain, product
 from typing import Any
 
 from robotball import PRESETS, Settings
@@ -24,7 +24,8 @@ INTERVAL = 0.1  # s, between samples; no step is longer
 
 # s; a power of two apart, so that few make a slope. Nothing is left to gain for RK4 below 1 ms.
 LINE = tuple(INTERVAL / 2**k for k in range(10))
-STAR = (20e-3, 5e-3, 1e-3)
+STEPS = (20e-3, 5e-3, 1e-3)
+FINE_STEPS = (5e-3, 1e-3, 0.2e-3)  # where first order has its slope
 RTOLS = tuple(10.0**-k for k in range(4, 14))
 SAMPLE = 120  # random combinations
 SEED = 4
@@ -68,15 +69,16 @@ CHOICES: Mapping[str, Sequence[Options]] = {
 def configurations(quick: bool = False) -> list[Settings]:
     """The study's settings, each once, the presets first; the quick form has a few of each kind."""
     if quick:
-        every = [*PRESETS.values(), *_lines((RECIPE,), LINE[2:6:2], ("RK4", "Euler"))]
-        every += [*_line_of_tolerances(RTOLS[2::4]), *_star(RECIPE, STAR[1:2], ("RK4",))]
+        every = [*PRESETS.values(), *_lines((RECIPE,), LINE[3:6], ("RK4", "Euler"))]
+        every += [*_line_of_tolerances(RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
     else:
         every = [
             *PRESETS.values(),
             *_lines((RECIPE, NAIVE), LINE, INTEGRATORS),
             *_line_of_tolerances(RTOLS),
-            *_star(RECIPE, STAR, INTEGRATORS),
-            *_star(NAIVE, STAR[1:], INTEGRATORS),
+            *_star(RECIPE, STEPS, ("RK4",)),
+            *_star(RECIPE, FINE_STEPS, FIRST_ORDER),
+            *_star(NAIVE, STEPS[1:], INTEGRATORS),
             *_sample(),
         ]
     distinct: dict[str, Settings] = {}
@@ -90,7 +92,7 @@ def _lines(
 ) -> Iterator[Settings]:
     """The bases at all steps."""
     for base, integrator, step in product(bases, integrators, steps):
-        yield replace(base, name=base.name, integrator=integrator, timestep=step)
+        yield replace(base, integrator=integrator, timestep=step)
 
 
 def _line_of_tolerances(rtols: Sequence[float]) -> Iterator[Settings]:
@@ -102,11 +104,9 @@ def _star(
     base: Settings, steps: Sequence[float], integrators: Sequence[str]
 ) -> Iterator[Settings]:
     """The base with every single choice made otherwise."""
-    for factor, levels in CHOICES.items():
-        for level in levels:
-            changed = replace(base, name=f"{base.name}, other {factor}", **level)
-            if changed != replace(base, name=changed.name):
-                yield from _lines((changed,), steps, integrators)
+    for level in chain.from_iterable(CHOICES.values()):
+        if (changed := replace(base, **level)) != base:
+            yield from _lines((changed,), steps, integrators)
 
 
 def _sample() -> Iterator[Settings]:
@@ -114,12 +114,12 @@ def _sample() -> Iterator[Settings]:
     pick = random.Random(SEED).choice
     for _ in range(SAMPLE):
         level = {name: value for levels in CHOICES.values() for name, value in pick(levels).items()}
-        yield replace(
-            RECIPE, name="mixed", integrator=pick(INTEGRATORS), timestep=pick(STAR), **level
-        )
+        yield replace(RECIPE, integrator=pick(INTEGRATORS), timestep=pick(STEPS), **level)
 
 
 _NOT_OPTIONS = ("name", "promise")
+_STEPS = (*_NOT_OPTIONS, "integrator", "timestep", "rtol")
+FEW = 3  # changes that are named
 _DEFAULTS = {field.name: field.default for field in fields(Settings)}
 
 
@@ -132,10 +132,36 @@ def options_of(settings: Settings) -> Options:
     return options
 
 
-def settings_of(options: Mapping[str, Any], name: str = "") -> Settings:
+def describe(options: Mapping[str, Any]) -> str:
+    """The recipe or the naive model, whichever is nearer, and what is otherwise but the steps."""
+    name, changes = min(
+        ((base.name, _changes(options, options_of(base))) for base in (RECIPE, NAIVE)),
+        key=lambda each: len(each[1]),
+    )
+    return ", ".join([name, *changes]) if len(changes) <= FEW else f"{name}, {len(changes)} changes"
+
+
+def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
+    """What to say of the options that differ."""
+    changed = []
+    for name in _DEFAULTS:
+        value = options.get(name)
+        if name not in _STEPS and value != base.get(name):
+            said = "default" if value is None else value
+            if isinstance(value, dict):  # a drive
+                said = " ".join(f"{key} {number:g}" for key, number in value.items() if number)
+            elif isinstance(value, list):
+                said = " ".join(f"{number:g}" for number in value)
+            elif isinstance(value, float):
+                said = f"{value:g}"
+            changed.append(f"{name} {said}")
+    return changed
+
+
+def settings_of(options: Mapping[str, Any]) -> Settings:
     """The settings with these options; keys that are none are left out."""
     known = {key: value for key, value in options.items() if key in _DEFAULTS}
     values = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
     drive = dict(values.pop("drive"))
     kind = Servo if "gain" in drive else Prescribed
-    return Settings(**{**values, "name": name, "promise": RECIPE.promise, "drive": kind(**drive)})
+    return Settings(**{**values, "name": describe(options), "promise": RECIPE.promise, "drive": kind(**drive)})

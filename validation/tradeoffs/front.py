@@ -3,7 +3,7 @@
 import hashlib
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -21,13 +21,16 @@ from validation.tradeoffs.configurations import (
     FIRST_ORDER,
     INTERVAL,
     Options,
+    describe,
     options_of,
     settings_of,
 )
 from validation.tradeoffs.timing import measure_costs, simulated_second
 
 TARGET = 1e-6  # the path error at which first order and the front are compared
-ORDER = 1.25  # the most that a line counts for first order: beyond it, errors cancelled
+# A path so much better than the momentum is one whose errors cancelled; sound ones reach 20.
+CANCELLED = 100
+ORDER = 1.25  # of a line that is taken for first order: the steeper ones cancel as well
 TIMED = 0.05  # s of processor time that is timed at every turn
 FEWEST = 3  # points that make a line
 
@@ -47,7 +50,7 @@ def cells_of(
 ) -> list[Cell]:
     """A run and its timing for each of the settings, as plain data with all their options."""
     shared = {**scene_cell(scene, duration), "rounds": rounds}
-    return [{**shared, "kind": each.name, **options_of(each)} for each in settings]
+    return [{**shared, **options_of(each)} for each in settings]
 
 
 def measure(cell: Cell) -> dict[str, Any]:
@@ -95,7 +98,6 @@ class Point:
     trouble       its faults, or why it failed; empty for a sound run
     """
 
-    kind: str
     options: Options
     error: float | None
     drift: float | None
@@ -106,18 +108,26 @@ class Point:
 
     @property
     def sound(self) -> bool:
-        return not self.trouble and self.error is not None
+        """Whether it is a result: no trouble, and no path that is good by accident."""
+        if self.trouble or self.error is None or self.drift is None:
+            return False
+        return self.drift <= CANCELLED * self.error
 
     @property
     def integrator(self) -> str:
         return str(self.options.get("integrator", "Euler"))  # MuJoCo's default
 
     @property
+    def timestep(self) -> float:
+        """s, of an integrator that has one; MuJoCo's default where none is set."""
+        return float(self.options.get("timestep", 2e-3))
+
+    @property
     def steps(self) -> str:
         """The timestep, or the tolerance of steps that are chosen."""
         if "rtol" in self.options:
             return f"rtol {self.options['rtol']:.0e}"
-        return f"{self.options.get('timestep', 2e-3) * 1e3:.3g} ms"
+        return f"{self.timestep * 1e3:.3g} ms"
 
     @property
     def preset(self) -> str | None:
@@ -126,7 +136,7 @@ class Point:
 
     @property
     def title(self) -> str:
-        return self.preset or f"{self.kind}, {self.integrator} {self.steps}"
+        return self.preset or f"{self.integrator} {self.steps}, {describe(self.options)}"
 
 
 _PRESETS = {repr(sorted(options_of(s).items())): name for name, s in PRESETS.items()}
@@ -143,12 +153,11 @@ def points_of(results: Sequence[Result]) -> tuple[list[Point], float]:
 
 def _point(result: Result, baseline: float) -> Point:
     options = options_of(settings_of(result.cell))
-    kind, record = str(result.cell["kind"]), result.record
+    record = result.record
     if record is None:
         reason = result.failure or ""
-        return Point(kind, options, None, None, math.nan, (math.nan, math.nan), math.nan, reason)
+        return Point(options, None, None, math.nan, (math.nan, math.nan), math.nan, reason)
     return Point(
-        kind,
         options,
         record["path_error"],
         record["momentum_drift"],
@@ -169,38 +178,99 @@ def front_of(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
 
 
 def sound_front(points: Sequence[Point]) -> list[Point]:
-    """The front of the sound ones whose momentum is as good as their path.
-
-    Where only the path is good, errors of two kinds have cancelled.
-    """
-    sound = [p for p in points if p.sound]
-    errors = [max(p.error or 0.0, p.drift or 0.0) for p in sound]
-    return [sound[i] for i in front_of(errors, [p.cost for p in sound])]
+    """The front of path error against cost, of the sound ones, the cheapest first."""
+    sound = [point for point in points if point.sound]
+    errors = [point.error or 0.0 for point in sound]
+    return [sound[i] for i in front_of(errors, [point.cost for point in sound])]
 
 
 @dataclass(frozen=True)
 class Line:
-    """First-order configurations that differ in the timestep alone, the coarsest first.
+    """Configurations that differ in the timestep alone, the finest first.
 
-    cost ∝ error^-order between them; at_target: what the target would cost, by that law from the
-    finest, which is extrapolated where the finest does not reach it.
+    order: of their error in the timestep, through the finest FEWEST.
     """
 
     points: tuple[Point, ...]
     order: float
-    at_target: float
+
+    @property
+    def nearest(self) -> Point:
+        """The one whose error is nearest to the target's."""
+        return min(self.points, key=lambda p: abs(math.log((p.error or 0.0) / TARGET)))
+
+    @property
+    def at_target(self) -> float:
+        """The cost of the target [s per simulated s]: from the nearest, at its cost of a step."""
+        near = self.nearest
+        return near.cost * ((near.error or 0.0) / TARGET) ** (1 / self.order)
 
     @property
     def extrapolated(self) -> bool:
         return all((p.error or 0.0) > TARGET for p in self.points)
 
 
-def power_law(errors: Sequence[float], costs: Sequence[float]) -> float:
-    """The p of cost ∝ error^(-1/p) through the points: the order that a cost's increase buys."""
-    slope = np.polyfit(np.log(costs), np.log(errors), 1)[0]
-    return float(-slope)
+def power_law(steps: Sequence[float], errors: Sequence[float]) -> float:
+    """The order p of error ∝ step^p, by least squares over the logarithms."""
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
 
-def cost_at(error: float, known: tuple[float, float], order: float) -> float:
-    """The cost at an error, of a line of this order through a `known` (error, cost)."""
-    return known[1] * float((known[0] / error) ** (1 / order))
+def first_order_lines(points: Sequence[Point]) -> list[Line]:
+    """Every line of a first-order integrator that is one: sound, and no steeper than its order."""
+    groups: dict[str, list[Point]] = {}
+    for point in points:
+        if point.sound and point.integrator in FIRST_ORDER:
+            rest = {k: v for k, v in point.options.items() if k != "timestep"}
+            groups.setdefault(repr(sorted(rest.items())), []).append(point)
+    lines = []
+    for group in groups.values():
+        group.sort(key=lambda point: point.timestep)
+        if len(group) >= FEWEST:
+            finest = group[:FEWEST]
+            order = power_law([p.timestep for p in finest], [p.error or 0.0 for p in finest])
+            if 0 < order <= ORDER:
+                lines.append(Line(tuple(group), order))
+    return lines
+
+
+@dataclass(frozen=True)
+class Tradeoff:
+    """The study of one scene: all points, their front, and first order beside it.
+
+    baseline: processor time of the bare loop's simulated second [s], by which costs are seconds;
+    best: the front's cheapest that reaches the target; first_order: the cheapest line there.
+    """
+
+    scene: Scene
+    points: tuple[Point, ...]
+    baseline: float
+    front: tuple[Point, ...]
+    best: Point | None
+    first_order: Line | None
+
+    @property
+    def ratio(self) -> float | None:
+        """How many times less than first order the front costs at the target."""
+        if self.best is None or self.first_order is None:
+            return None
+        return self.first_order.at_target / self.best.cost
+
+    @property
+    def presets(self) -> dict[str, Point]:
+        return {point.preset: point for point in self.points if point.preset}
+
+
+def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Tradeoff:
+    """The study of the results of `measure`."""
+    points, baseline = points_of(results)
+    front = sound_front(points)
+    reached = [point for point in front if (point.error or 0.0) <= TARGET]
+    lines = first_order_lines(points)
+    return Tradeoff(
+        scene,
+        tuple(points),
+        baseline,
+        tuple(front),
+        min(reached, key=lambda point: point.cost, default=None),
+        min(lines, key=lambda line: line.at_target, default=None),
+    )

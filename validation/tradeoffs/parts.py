@@ -13,10 +13,10 @@ from robotball.contact.hinges import hinges_of
 from robotball.contact.model import build
 from robotball.drives import Servo
 from robotball.settings import NAIVE
+from validation.tradeoffs.friction import LEAST_FRICTION
 from validation.tradeoffs.timing import Cost, measure_costs, one_step
 
 MINIMAL = PRESETS["accurate"]
-LEAST_FRICTION = 1e-5  # m: MuJoCo's own limit from below, next to no friction
 SPLIT = 3  # rotors for each of the scene's
 ITERATIONS = 100  # MuJoCo's default
 SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc", "frameangacc")

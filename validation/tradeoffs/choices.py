@@ -45,10 +45,14 @@ def undo(settings: Settings, choice: Choice) -> Settings:
     return adopt(settings, choice, BOTTOM)
 
 
-def choices_named(names: Iterable[str]) -> tuple[Choice, ...]:
-    """The choices of the names; raises InputError for a name that none has."""
+def without(settings: Settings, names: Iterable[str]) -> Settings:
+    """`settings` with the choices of the names undone, and named so.
+
+    Raises InputError for a name that no choice has.
+    """
     known = {choice.name: choice for choice in CHOICES}
     for name in names:
         if name not in known:
             raise InputError(f"no choice is called {name!r}; there are {', '.join(known)}")
-    return tuple(known[name] for name in names)
+        settings = replace(undo(settings, known[name]), name=f"{settings.name} - {name}")
+    return settings

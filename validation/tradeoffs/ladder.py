@@ -22,6 +22,7 @@ from validation.tradeoffs.choices import BOTTOM, CHOICES, TOP, adopt, undo
 from validation.tradeoffs.timing import Cost, measure_costs, simulated_second
 
 TIMED = 2.0  # s of the motion over which cost is measured; it hardly changes along the way
+ROUNDS = 5  # of timing, all rungs in turn
 
 
 def climb() -> tuple[Settings, ...]:
@@ -79,9 +80,7 @@ class Ladder:
     def rows(self) -> list[dict[str, Any]]:
         """A row of plain numbers for every rung; those of a run that broke off are None."""
         directions = (("up", self.up), ("undone", self.undone))
-        return [
-            self._row(direction, rung) for direction, rungs in directions for rung in rungs
-        ]
+        return [self._row(direction, rung) for direction, rungs in directions for rung in rungs]
 
     def _row(self, direction: str, rung: Rung) -> dict[str, Any]:
         cost = self.times_naive(rung)
@@ -114,7 +113,7 @@ class Ladder:
 def measure_ladder(
     scene: Scene,
     times: Array | None = None,
-    rounds: int = 5,
+    rounds: int = ROUNDS,
     show: Callable[[float, str], None] | None = None,
 ) -> Ladder:
     """All rungs of a scene over `times` (n,) [s] from 0, the scene's own if None.

@@ -1,7 +1,9 @@
 """The error budget as a picture: bars each way, rung beside rung."""
 
 from collections.abc import Sequence
+from typing import Any
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -12,8 +14,14 @@ from validation.table import scientific
 from validation.tradeoffs.ladder import Ladder, Rung
 
 INCHES = (11.0, 6.2)
-FAULTY, SOUND = "#FFFFFF", ENGINE  # a faulty bar is hollow and hatched
-LEAST = 1e-13  # the bars' left end: below the least that double precision lets MuJoCo reach here
+SOUND, FAULTY, HATCH = ENGINE, "white", "////"
+DIAMOND: dict[str, Any] = {
+    "marker": "D",
+    "color": INK,
+    "markerfacecolor": "w",
+    "linestyle": "",
+    "markersize": 5,
+}
 
 
 def ladder_picture(ladder: Ladder) -> Figure:
@@ -23,37 +31,34 @@ def ladder_picture(ladder: Ladder) -> Figure:
     left, right = figure.subplots(1, 2, sharex=True)
     _panel(left, ladder, ladder.up, "+ ")
     _panel(right, ladder, ladder.undone, "− ")
-    left.set_title("from the naive model up: one choice more a bar", fontsize=11)
-    right.set_title("the recipe with one choice undone", fontsize=11)
-    figure.legend(
-        handles=[
-            Patch(facecolor=SOUND, edgecolor=INK, label="path error"),
-            Patch(facecolor=FAULTY, edgecolor=INK, hatch="////", label="path error, faulty run"),
-            Line2D([], [], **DIAMOND, label="drift of M"),
-            Line2D([], [], color=INK, linestyle=":", label="path error of the recipe"),
-        ],
-        loc="outside lower center",
-        ncols=4,
-        frameon=False,
-    )
+    left.set_title("from naive to the recipe: one choice more", loc="left", fontsize=11)
+    right.set_title("the recipe with one choice undone", loc="left", fontsize=11)
+    left.set_xlim(*_ends((*ladder.up, *ladder.undone)))
+    handles: list[Artist] = [
+        Patch(facecolor=SOUND, edgecolor=INK, label="path error"),
+        Patch(facecolor=FAULTY, edgecolor=INK, hatch=HATCH, label="path error, faulty run"),
+        Line2D([], [], **DIAMOND, label="drift of M"),
+        Line2D([], [], color=INK, linestyle=":", label="path error of the recipe"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return figure
-
-
-DIAMOND = {"marker": "D", "color": INK, "markerfacecolor": "w", "linestyle": "", "markersize": 5}
 
 
 def _panel(axes: Axes, ladder: Ladder, rungs: Sequence[Rung], sign: str) -> None:
     names = [f"{sign if i else ''}{rung.name}" for i, rung in enumerate(rungs)]
     axes.set_yticks(range(len(rungs)), names)
-    axes.set(xscale="log", xlim=(LEAST, 1e4), xlabel="relative error")
+    axes.set(xscale="log", xlabel="path error over path length, |M - M(0)| over |M(0)|")
     axes.invert_yaxis()
     axes.grid(axis="x", alpha=0.3)
     axes.set_axisbelow(True)
     for row, rung in enumerate(rungs):
         error, drift = rung.agreement.path_error, rung.agreement.momentum_drift
         if error is not None:
-            look = {"color": FAULTY, "hatch": "////"} if rung.agreement.faults else {"color": SOUND}
-            axes.barh(row, error - LEAST, left=LEAST, height=0.62, edgecolor=INK, **look)
+            faulty = bool(rung.agreement.faults)
+            axes.barh(
+                row, error, height=0.62, edgecolor=INK,
+                color=FAULTY if faulty else SOUND, hatch=HATCH if faulty else None,
+            )  # fmt: skip
         if drift is not None:
             axes.plot([drift], [row], **DIAMOND)
         _beside(axes, row, scientific(error), 1.02)
@@ -62,6 +67,13 @@ def _panel(axes: Axes, ladder: Ladder, rungs: Sequence[Rung], sign: str) -> None
     _beside(axes, -1, "CPU,\n× naive", 1.2)
     if (best := ladder.recipe.agreement.path_error) is not None:
         axes.axvline(best, color=INK, linestyle=":")
+
+
+def _ends(rungs: Sequence[Rung]) -> tuple[float, float]:
+    """Ends of the axis, with room beyond all that is drawn; bars begin at the left one."""
+    each = [(rung.agreement.path_error, rung.agreement.momentum_drift) for rung in rungs]
+    drawn = [value for pair in each for value in pair if value]
+    return min(drawn) / 20, max(drawn) * 20
 
 
 def _beside(axes: Axes, row: float, text: str, place: float) -> None:

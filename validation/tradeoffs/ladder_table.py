@@ -9,11 +9,11 @@ from rich.table import Table
 from validation.table import scientific
 from validation.tradeoffs.ladder import Ladder, Rung, fault_of
 
-UP = "Going up: every choice made so far. The worst of those to come hides what is done already."
-UNDONE = "At the top: the recipe with one choice undone, which is what that choice is worth."
+UP = "Going up, every choice made so far: the worst one to come hides what is done."
+UNDONE = "At the top, one choice undone: what it is worth by itself."
 NOTE = (
-    "slip: sliding velocity, root mean square, over the rolling speed. CPU: of a simulated second.\n"
-    "× naive: the median of rounds in turn, ± the one farthest from it.\n"
+    "slip: sliding velocity, root mean square, over the rolling speed.\n"
+    "CPU: of a simulated second; × naive: median of rounds, ± the one farthest from it.\n"
     "A run with a fault is no rolling ball, whatever its numbers."
 )
 
@@ -42,7 +42,7 @@ def _table(ladder: Ladder, rungs: Sequence[Rung], sign: str) -> Table:
             scientific(rung.agreement.momentum_drift),
             scientific(rung.slip),
             f"{rung.cost.seconds * 1e3:.1f}",
-            f"{cost.ratio:.2f} ±{max(abs(end - cost.ratio) for end in cost.spread):.2f}",
+            f"{cost.ratio:.1f} ±{max(abs(end - cost.ratio) for end in cost.spread):.1f}",
             fault_of(rung),
             style="yellow" if rung.agreement.faults else "",
         )

@@ -100,9 +100,7 @@ def _line_of_tolerances(rtols: Sequence[float]) -> Iterator[Settings]:
         yield replace(RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol)
 
 
-def _star(
-    base: Settings, steps: Sequence[float], integrators: Sequence[str]
-) -> Iterator[Settings]:
+def _star(base: Settings, steps: Sequence[float], integrators: Sequence[str]) -> Iterator[Settings]:
     """The base with every single choice made otherwise."""
     for level in chain.from_iterable(CHOICES.values()):
         if (changed := replace(base, **level)) != base:
@@ -161,7 +159,8 @@ def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
 def settings_of(options: Mapping[str, Any]) -> Settings:
     """The settings with these options; keys that are none are left out."""
     known = {key: value for key, value in options.items() if key in _DEFAULTS}
-    values = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
+    values: Options = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
     drive = dict(values.pop("drive"))
     kind = Servo if "gain" in drive else Prescribed
-    return Settings(**{**values, "name": describe(options), "promise": RECIPE.promise, "drive": kind(**drive)})
+    values |= {"name": describe(options), "promise": RECIPE.promise, "drive": kind(**drive)}
+    return Settings(**values)

@@ -9,6 +9,7 @@ from robotball import Motion, Scene, Settings
 from robotball.contact.model import build
 from robotball.parameters import Rolling
 from robotball.rotations import Array, rotation_matrix
+from robotball.scene import SAMPLE_INTERVAL
 from robotball.simulate import run
 from validation.agreement import Agreement
 from validation.sweeps import Cell
@@ -24,7 +25,7 @@ LEAST_FRICTION = 1e-5  # m: MuJoCo's own limit from below, next to no friction
 # Rolling rows are softer than the sliding ones by (μ_slide/μ_roll)²: under the recipe they give
 # way long before their limit. So they are studied as stiff as the normal force as well.
 SOFT, HARD = "as in the recipe", "as stiff as the normal force"
-STIFF = {
+STIFF: dict[str, Any] = {
     "solver": "Newton",
     "iterations": 20,
     "noslip_iterations": None,
@@ -57,7 +58,7 @@ def _lengths(ends: tuple[float, float], per_decade: int) -> list[float]:
 
 def friction_run(cell: Cell) -> dict[str, Any]:
     """The recipe with one friction otherwise: its errors, and how fast it loses |M|."""
-    scene, theory = reference(cell["scene"], cell["duration"])
+    scene, theory = reference(cell["scene"], cell["duration"], SAMPLE_INTERVAL)
     settings = friction_settings(scene.rolling, cell)
     agreement = Agreement(scene, settings, theory, run(build(scene, settings), theory.times))
     engine = agreement.engine
@@ -71,7 +72,9 @@ def friction_run(cell: Cell) -> dict[str, Any]:
         "left": float(sizes[-1] / sizes[0]),
         "loss": float((sizes[0] - sizes[until]) / engine.times[until]),
         "most_loss": cell["length"] * weight,
-        "expected_loss": cell["length"] * weight * float(np.mean(_lever(scene, engine)[:until + 1])),
+        "expected_loss": cell["length"]
+        * weight
+        * float(np.mean(_lever(scene, engine)[: until + 1])),
         "until": float(engine.times[until]),
         "relative_spin": float(np.abs(agreement.diagnostics.spin).max() / speed),
         "faults": [str(fault) for fault in agreement.faults],

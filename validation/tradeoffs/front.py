@@ -25,6 +25,7 @@ from validation.tradeoffs.configurations import (
     options_of,
     settings_of,
 )
+from validation.tradeoffs.order import fit_order
 from validation.tradeoffs.timing import measure_costs, simulated_second
 
 TARGET = 1e-6  # the path error at which first order and the front are compared
@@ -32,7 +33,6 @@ TARGET = 1e-6  # the path error at which first order and the front are compared
 CANCELLED = 100
 ORDER = 1.25  # of a line that is taken for first order: the steeper ones cancel as well
 TIMED = 0.05  # s of processor time that is timed at every turn
-FEWEST = 3  # points that make a line
 
 
 def scene_cell(scene: str, duration: float) -> dict[str, Any]:
@@ -45,9 +45,7 @@ def scene_cell(scene: str, duration: float) -> dict[str, Any]:
     return {"scene": scene, "digest": digest, "duration": duration}
 
 
-def cells_of(
-    scene: str, settings: Sequence[Settings], duration: float, rounds: int
-) -> list[Cell]:
+def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: int) -> list[Cell]:
     """A run and its timing for each of the settings, as plain data with all their options."""
     shared = {**scene_cell(scene, duration), "rounds": rounds}
     return [{**shared, **options_of(each)} for each in settings]
@@ -82,25 +80,27 @@ def _worth(seconds: float, whole: float, times: Array) -> Array:
 
 
 @cache
-def reference(name: str, duration: float) -> tuple[Scene, Motion]:
-    """A scene and its motion by the equations, once a process."""
+def reference(name: str, duration: float, interval: float = INTERVAL) -> tuple[Scene, Motion]:
+    """A scene and its motion by the equations at samples so far apart [s], once a process."""
     scene = load_scene(name)
-    return scene, integrate(scene, sample_times(duration, INTERVAL))
+    return scene, integrate(scene, sample_times(duration, interval))
 
 
 @dataclass(frozen=True)
 class Point:
     """A configuration that was run, or why it could not be.
 
-    error, drift  path error and momentum drift; None where there is none
+    error, drift  path error and momentum drift
     ratio         cost of a simulated second, relative to the bare loop's; spread: least and most
     cost          the same as processor time [s per simulated s], at the study's baseline
     trouble       its faults, or why it failed; empty for a sound run
+
+    Where a run broke off or failed, what it has not is NaN.
     """
 
     options: Options
-    error: float | None
-    drift: float | None
+    error: float
+    drift: float
     ratio: float
     spread: tuple[float, float]
     cost: float
@@ -109,9 +109,7 @@ class Point:
     @property
     def sound(self) -> bool:
         """Whether it is a result: no trouble, and no path that is good by accident."""
-        if self.trouble or self.error is None or self.drift is None:
-            return False
-        return self.drift <= CANCELLED * self.error
+        return not self.trouble and self.drift <= CANCELLED * self.error
 
     @property
     def integrator(self) -> str:
@@ -138,6 +136,18 @@ class Point:
     def title(self) -> str:
         return self.preset or f"{self.integrator} {self.steps}, {describe(self.options)}"
 
+    def record(self) -> dict[str, Any]:
+        """The point as plain data."""
+        numbers = {name: known(getattr(self, name)) for name in ("error", "drift", "ratio", "cost")}
+        return {
+            "title": self.title,
+            "sound": self.sound,
+            **numbers,
+            "spread": [known(end) for end in self.spread],
+            "trouble": self.trouble,
+            "options": self.options,
+        }
+
 
 _PRESETS = {repr(sorted(options_of(s).items())): name for name, s in PRESETS.items()}
 
@@ -156,11 +166,15 @@ def _point(result: Result, baseline: float) -> Point:
     record = result.record
     if record is None:
         reason = result.failure or ""
-        return Point(options, None, None, math.nan, (math.nan, math.nan), math.nan, reason)
+        return Point(options, math.nan, math.nan, math.nan, (math.nan,) * 2, math.nan, reason)
+    error, drift = (
+        math.nan if record[name] is None else float(record[name])
+        for name in ("path_error", "momentum_drift")
+    )
     return Point(
         options,
-        record["path_error"],
-        record["momentum_drift"],
+        error,
+        drift,
         record["ratio"],
         (record["ratio_least"], record["ratio_most"]),
         record["ratio"] * baseline,
@@ -168,8 +182,16 @@ def _point(result: Result, baseline: float) -> Point:
     )
 
 
+def known(number: float) -> float | None:
+    """The number, or None where it is none."""
+    return None if math.isnan(number) else number
+
+
 def front_of(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
-    """Which points no other beats: as good and cheaper, or as cheap and better. By error, falling."""
+    """Which points no other beats, being as good and cheaper or as cheap and better.
+
+    The cheapest first.
+    """
     front: list[int] = []
     for i in sorted(range(len(errors)), key=lambda i: (costs[i], errors[i])):
         if not front or errors[i] < errors[front[-1]]:
@@ -180,16 +202,13 @@ def front_of(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
 def sound_front(points: Sequence[Point]) -> list[Point]:
     """The front of path error against cost, of the sound ones, the cheapest first."""
     sound = [point for point in points if point.sound]
-    errors = [point.error or 0.0 for point in sound]
+    errors = [point.error for point in sound]
     return [sound[i] for i in front_of(errors, [point.cost for point in sound])]
 
 
 @dataclass(frozen=True)
 class Line:
-    """Configurations that differ in the timestep alone, the finest first.
-
-    order: of their error in the timestep, through the finest FEWEST.
-    """
+    """Configurations that differ in the timestep alone, and the order of their error in it."""
 
     points: tuple[Point, ...]
     order: float
@@ -197,22 +216,17 @@ class Line:
     @property
     def nearest(self) -> Point:
         """The one whose error is nearest to the target's."""
-        return min(self.points, key=lambda p: abs(math.log((p.error or 0.0) / TARGET)))
+        return min(self.points, key=lambda p: abs(math.log(p.error / TARGET)))
 
     @property
     def at_target(self) -> float:
         """The cost of the target [s per simulated s]: from the nearest, at its cost of a step."""
         near = self.nearest
-        return near.cost * ((near.error or 0.0) / TARGET) ** (1 / self.order)
+        return near.cost * (near.error / TARGET) ** (1 / self.order)
 
     @property
     def extrapolated(self) -> bool:
-        return all((p.error or 0.0) > TARGET for p in self.points)
-
-
-def power_law(steps: Sequence[float], errors: Sequence[float]) -> float:
-    """The order p of error ∝ step^p, by least squares over the logarithms."""
-    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+        return all(p.error > TARGET for p in self.points)
 
 
 def first_order_lines(points: Sequence[Point]) -> list[Line]:
@@ -224,12 +238,9 @@ def first_order_lines(points: Sequence[Point]) -> list[Line]:
             groups.setdefault(repr(sorted(rest.items())), []).append(point)
     lines = []
     for group in groups.values():
-        group.sort(key=lambda point: point.timestep)
-        if len(group) >= FEWEST:
-            finest = group[:FEWEST]
-            order = power_law([p.timestep for p in finest], [p.error or 0.0 for p in finest])
-            if 0 < order <= ORDER:
-                lines.append(Line(tuple(group), order))
+        fit = fit_order([p.timestep for p in group], [p.error for p in group])
+        if fit is not None and fit.order <= ORDER:
+            lines.append(Line(tuple(sorted(group, key=lambda p: p.timestep)), fit.order))
     return lines
 
 
@@ -255,6 +266,26 @@ class Tradeoff:
             return None
         return self.first_order.at_target / self.best.cost
 
+    def record(self) -> dict[str, Any]:
+        """The study as plain data; what has no number is None."""
+        line = self.first_order
+        return {
+            "scene": self.scene.name,
+            "target": TARGET,
+            "ratio": self.ratio,
+            "baseline": self.baseline,
+            "best": self.best and self.best.record(),
+            "first_order": line
+            and {
+                "order": line.order,
+                "extrapolated": line.extrapolated,
+                "cost_at_target": line.at_target,
+                "nearest": line.nearest.record(),
+            },
+            "front": [point.record() for point in self.front],
+            "points": [point.record() for point in self.points],
+        }
+
     @property
     def presets(self) -> dict[str, Point]:
         return {point.preset: point for point in self.points if point.preset}
@@ -264,7 +295,7 @@ def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Tradeoff:
     """The study of the results of `measure`."""
     points, baseline = points_of(results)
     front = sound_front(points)
-    reached = [point for point in front if (point.error or 0.0) <= TARGET]
+    reached = [point for point in front if point.error <= TARGET]
     lines = first_order_lines(points)
     return Tradeoff(
         scene,

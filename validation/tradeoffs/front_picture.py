@@ -1,5 +1,6 @@
 """The trade-off as a picture: path error across, processor time up, the front below them all."""
 
+import math
 from collections.abc import Sequence
 
 from matplotlib.axes import Axes
@@ -13,6 +14,8 @@ FAINT = "#B4B9BF"
 # High order is filled, first order hollow.
 MARKERS = {"DOP853": "^", "RK4": "o", "Euler": "s", "implicit": "D", "implicitfast": "v"}
 MARKERS |= {"discrete": "P"}
+WILD = 1e3  # a path error from where on a run is not drawn
+ABOVE = ("adaptive",)  # its place is the left end of the front
 HIGH_ORDER = ("DOP853", "RK4")
 
 
@@ -31,7 +34,7 @@ def tradeoff_picture(study: Tradeoff) -> Figure:
         _prolong(axes, study.first_order)
     _compare(axes, study)
     for name, point in study.presets.items():
-        if point.error is not None:
+        if not math.isnan(point.error):
             _name(axes, name, (point.error, point.cost))
     low, high = axes.get_xlim()
     axes.set_xlim(low / 3, high * 3)
@@ -41,7 +44,7 @@ def tradeoff_picture(study: Tradeoff) -> Figure:
 
 
 def _scatter(axes: Axes, points: Sequence[Point]) -> None:
-    faulty = [p for p in points if not p.sound and p.error and p.error < 1e3]
+    faulty = [p for p in points if not p.sound and p.error < WILD]
     axes.plot(
         [p.error for p in faulty],
         [p.cost for p in faulty],
@@ -69,7 +72,7 @@ def _scatter(axes: Axes, points: Sequence[Point]) -> None:
 
 def _prolong(axes: Axes, line: Line) -> None:
     """The best line of first order, on to the target."""
-    points = [(p.error or 0.0, p.cost) for p in line.points]
+    points = [(p.error, p.cost) for p in line.points]
     axes.plot(*zip(*points, strict=True), color=THEORY, linewidth=1.4, label="first order, best")
     if line.extrapolated:
         axes.plot(
@@ -103,15 +106,16 @@ def _compare(axes: Axes, study: Tradeoff) -> None:
 
 
 def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
-    """A preset's ring and its name, below the front where nothing else is."""
+    """A preset's ring and its name, on the side where nothing else is."""
+    above = name in ABOVE
     axes.plot(*place, "o", color=INK, markerfacecolor="none", markersize=11, zorder=4)
     axes.annotate(
         name,
         place,
-        xytext=(0, -12),
+        xytext=(0, 10 if above else -12),
         textcoords="offset points",
         ha="center",
-        va="top",
+        va="bottom" if above else "top",
         color=INK,
         zorder=5,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85},

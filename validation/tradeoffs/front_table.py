@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from validation.table import scientific
-from validation.tradeoffs.front import TARGET, Point, Tradeoff
+from validation.tradeoffs.front import TARGET, Point, Tradeoff, known
 
 NOTE = (
     "CPU: of a simulated second. × bare: the same, relative to a bare loop of mj_step on\n"
@@ -59,8 +59,8 @@ def _table(points: Iterable[Point]) -> Table:
         least, most = point.spread
         table.add_row(
             point.title,
-            scientific(point.error),
-            scientific(point.drift),
+            scientific(known(point.error)),
+            scientific(known(point.drift)),
             f"{point.cost * 1e3:.2f}",
             f"{point.ratio:.3f} ({least:.3f}-{most:.3f})",
             point.trouble.split("; ")[0],

@@ -51,7 +51,7 @@ class Tradeoff:
         from validation.tradeoffs.front_picture import tradeoff_picture
         from validation.tradeoffs.front_table import show_tradeoff
 
-        rounds = 1 if self.sweep.quick else ROUNDS
+        rounds = 2 if self.sweep.quick else ROUNDS
         settings = configurations(self.sweep.quick)
         cells = cells_of(self.scene, settings, self._seconds(scene), rounds)
         results = self._sweep(measure, cells, "tradeoff", scene)
@@ -83,8 +83,9 @@ class Tradeoff:
         parts, rounds = parts_of(scene), 3 if self.sweep.quick else 15
         with progress_bar((rounds + 1) * len(parts)) as show:
             costs = measure_parts(parts, rounds, lambda done: show(done, f"{scene.name}: parts"))
-        table = Table("the minimal model with", box=box.SIMPLE_HEAD)
-        table.add_column("a step costs (least-most)", justify="right")
+        table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+        table.add_column("the minimal model with", no_wrap=True)
+        table.add_column("a step costs", justify="right", no_wrap=True)
         for name in ("bodies", "dofs", "sensors", "geoms"):
             table.add_column(name, justify="right")
         rows = []

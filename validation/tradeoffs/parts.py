@@ -9,6 +9,7 @@ import mujoco
 
 from robotball import PRESETS, Scene, Settings
 from robotball.bodies import Rotor
+from robotball.contact.explain import DEFAULT_ITERATIONS
 from robotball.contact.hinges import hinges_of
 from robotball.contact.model import build
 from robotball.drives import Servo
@@ -18,7 +19,6 @@ from validation.tradeoffs.timing import Cost, measure_costs, one_step
 
 MINIMAL = PRESETS["accurate"]
 SPLIT = 3  # rotors for each of the scene's
-ITERATIONS = 100  # MuJoCo's default
 SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc", "frameangacc")
 
 
@@ -39,20 +39,20 @@ def parts_of(scene: Scene) -> list[Part]:
     servos: dict[str, Any] = {"drive": NAIVE.drive} if prescribed else {}
     parts = [_part("minimal", scene, MINIMAL)]
     if scene.ball.rotors:
-        parts.append(_part("three rotor bodies for each", split(scene), MINIMAL))
+        parts.append(_part("three rotors for each", split(scene), MINIMAL))
     if classical:
         parts.append(_part("condim 4", scene, replace(MINIMAL, condim=4, **spin)))
     parts += [
         _part("condim 6", scene, replace(MINIMAL, **roll)),
-        _part("geoms, textures and lights", scene, MINIMAL, dressed=True),
+        _part("geoms, textures, lights", scene, MINIMAL, dressed=True),
         _part("sensors of every body", scene, MINIMAL, sensors=True),
         *(
-            [_part("servos, not prescribed rates", scene, replace(MINIMAL, **servos))]
+            [_part("servos for the rates", scene, replace(MINIMAL, **servos))]
             if prescribed
             else []
         ),
         _part("Newton for PGS", scene, replace(MINIMAL, solver="Newton")),
-        _part(f"{ITERATIONS} iterations", scene, replace(MINIMAL, iterations=ITERATIONS)),
+        _part(f"{DEFAULT_ITERATIONS} iterations", scene, replace(MINIMAL, iterations=DEFAULT_ITERATIONS)),
         _part(
             "all of it",
             split(scene),

@@ -46,13 +46,13 @@ def parts_of(scene: Scene) -> list[Part]:
         _part("condim 6", scene, replace(MINIMAL, **roll)),
         _part("geoms, textures, lights", scene, MINIMAL, dressed=True),
         _part("sensors of every body", scene, MINIMAL, sensors=True),
-        *(
-            [_part("servos for the rates", scene, replace(MINIMAL, **servos))]
-            if prescribed
-            else []
-        ),
+        *([_part("servos for the rates", scene, replace(MINIMAL, **servos))] if prescribed else []),
         _part("Newton for PGS", scene, replace(MINIMAL, solver="Newton")),
-        _part(f"{DEFAULT_ITERATIONS} iterations", scene, replace(MINIMAL, iterations=DEFAULT_ITERATIONS)),
+        _part(
+            f"{DEFAULT_ITERATIONS} iterations",
+            scene,
+            replace(MINIMAL, iterations=DEFAULT_ITERATIONS),
+        ),
         _part(
             "all of it",
             split(scene),

@@ -41,4 +41,6 @@ def left_out(scene: Scene, settings: Settings) -> list[str]:
         )
     if settings.warmstart == "disable":
         lines.append("the warm start: so few iterations need no guess, and a state has one motion")
+    if settings.island == "disable":
+        lines.append("the search for islands of contacts: there is one contact")
     return lines

@@ -40,6 +40,7 @@ OPTIONS = (
     "cone",
     "impratio",
 )
+FLAGS = ("warmstart", "island")
 PICTURE_ONLY = ("light", "material", "texture", "mesh")
 PAIR_OPTIONS = ("solref", "solimp", "solreffriction")
 FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
@@ -96,7 +97,8 @@ def _compose(
         _set(root.option, name, getattr(settings, name))
     # DOP853 is not MuJoCo's; RK4 is what comes nearest for whoever steps the MJCF without it.
     _set(root.option, "integrator", "RK4" if settings.adaptive else settings.integrator)
-    _set(root.option.flag, "warmstart", settings.warmstart)
+    for name in FLAGS:
+        _set(root.option.flag, name, getattr(settings, name))
     # A diverged run must end as one, not begin again from time 0.
     root.option.flag.autoreset = "disable"
 

@@ -40,7 +40,7 @@ _EXACT = {"tolerance": 0.0, "jacobian": "dense"}  # of any solver with hinges of
 CHOICES: Mapping[str, Sequence[Options]] = {
     "solver": (
         *_both(
-            "solver", "iterations", "tolerance", "ls_tolerance", "jacobian", "warmstart",
+            "solver", "iterations", "tolerance", "ls_tolerance", "jacobian", "warmstart", "island",
         ),
         {"solver": "PGS", "iterations": 1, "warmstart": "disable", **_EXACT},
         {"solver": "PGS", "iterations": 30, "warmstart": None, **_EXACT},

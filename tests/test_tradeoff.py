@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import robotball as rb
 from robotball import Settings
+from robotball.contact.explain import left_out
 from robotball.contact.model import build
 from robotball.drives import Servo
 from robotball.settings import NAIVE, recipe
@@ -228,3 +229,23 @@ def test_one_study_at_a_time(capsys: pytest.CaptureFixture[str]) -> None:
     """Two at once are refused."""
     assert tradeoff("fig12", "--parts", "--friction") == 2
     assert "give one of parts and friction" in capsys.readouterr().err
+
+
+def test_what_the_parts_switch_on_is_what_the_model_says_it_leaves_out() -> None:
+    """`model --explain` names every part of `tradeoff --parts`, and where their cost stands."""
+    for name in ("fig12", "classical_regular"):
+        said = " ".join(left_out(rb.load_scene(name), rb.preset("balanced")))
+        named = ["rotor bodies", "condim 6", "geoms", "lights", "textures", "sensors", "actuator"]
+        named += ["Newton", "100 iterations"]
+        named += ["condim 4"] if name == "classical_regular" else []
+        assert all(word in said for word in named)
+
+
+def test_islands_of_contacts_make_no_difference() -> None:
+    """The flag that saves their search leaves the motion as it is, to the last bit."""
+    scene, times = rb.load_scene("fig12"), rb.sample_times(1.0)
+    balanced = rb.preset("balanced")
+    with_search = run(build(scene, replace(balanced, island=None)), times)
+    without = run(build(scene, balanced), times)
+    assert np.array_equal(with_search.contact_point, without.contact_point)
+    assert np.array_equal(with_search.momentum, without.momentum)

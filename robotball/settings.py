@@ -51,6 +51,7 @@ class Settings:
     cone: str | None = None
     impratio: float | None = None
     warmstart: str | None = None
+    island: str | None = None
     solref: tuple[float, float] | None = None
     solimp: tuple[float, float, float, float, float] | None = None
     solreffriction: tuple[float, float] | None = None
@@ -195,6 +196,8 @@ def recipe(name: str, promise: float, **steps: Any) -> Settings:
         noslip_tolerance=0.0,
         cone="elliptic",
         warmstart="disable",
+        # One contact is one island; the search for others would take a twelfth of a step.
+        island="disable",
         # At least twice every timestep, or MuJoCo would raise it in silence.
         solref=(0.04, 1.0),
         solimp=(0.9999, 0.9999, 0.001, 0.5, 1.0),

@@ -21,12 +21,13 @@ from validation.commands.pictures import Figures, Section
 from validation.commands.qualitative import Basins, Equilibria, Lyapunov
 from validation.commands.replay import Replay
 from validation.commands.scenes import Compare, Demo, Model, Scenes, Video
+from validation.commands.tradeoff import Tradeoff
 from validation.commands.tradeoffs import Convergence, Ladder
 
 Command = (
     Scenes | Compare | Video | Replay | Model | Design | Demo
     | Figures | Section | Lyapunov | Basins | Equilibria | Paper
-    | Ladder | Convergence
+    | Ladder | Convergence | Tradeoff
 )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -41,6 +42,7 @@ OPTIONS = (
     "cone",
     "impratio",
 )
+FLAGS = ("warmstart", "island")
 PICTURE_ONLY = ("light", "material", "texture", "mesh")
 PAIR_OPTIONS = ("solref", "solimp", "solreffriction")
 FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
@@ -77,13 +79,14 @@ class Model:
         return data
 
 
-def build(scene: Scene, settings: Settings) -> Model:
+def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
     """The model of `scene` under `settings`, at its start; frames and shapes as in Scene.
 
+    dressed: with what only a picture needs, in radii of the ball: geoms, materials, lights.
     Raises InputError where MuJoCo refuses it, or cannot hold the ball up at the start.
     """
     hinges = hinges_of(scene, settings)
-    root, pair = _compose(scene, settings, hinges)
+    root, pair = _compose(scene, settings, hinges, part if dressed else _bare)
     if settings.start_in_equilibrium:
         pair.margin = _equilibrium_depth(root.to_xml_string(precision=PRECISION))
     model = Model(scene, settings, root.to_xml_string(precision=PRECISION), hinges)
@@ -91,21 +94,24 @@ def build(scene: Scene, settings: Settings) -> Model:
     return model
 
 
-def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tuple[Any, Any]:
-    """The MJCF tree and its contact pair."""
+def _compose(
+    scene: Scene, settings: Settings, hinges: tuple[Hinge, ...], take: Callable[[str], Any]
+) -> tuple[Any, Any]:
+    """The MJCF tree and its contact pair, of the parts that `take` gives by their names."""
     ball = scene.ball
-    root = _bare("floor")
+    root = take("floor")
     root.option.gravity = [0, 0, -scene.gravity]
     for name in OPTIONS:
         _set(root.option, name, getattr(settings, name))
     # DOP853 is not MuJoCo's; RK4 is what comes nearest for whoever steps the MJCF without it.
     _set(root.option, "integrator", "RK4" if settings.adaptive else settings.integrator)
-    _set(root.option.flag, "warmstart", settings.warmstart)
+    for name in FLAGS:
+        _set(root.option.flag, name, getattr(settings, name))
     # A diverged run must end as one, not begin again from time 0.
     root.option.flag.autoreset = "disable"
 
     # With the shell as root the contact rows' J̇v term, which MuJoCo leaves out, is zero.
-    parts = {"shell": _bare("shell"), "frame": _bare("frame")}
+    parts = {"shell": take("shell"), "frame": take("frame")}
     shell_part, frame_part = parts["shell"], parts["frame"]
     root_part = parts.pop(settings.root)
     (child_part,) = parts.values()
@@ -121,7 +127,7 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tup
     child_part.find("site", "hinge").quat = z_along(axis)
     turning = [(body[child_part], axis)]
     for i, rotor in enumerate(ball.rotors, start=1):
-        rotor_part = _bare("rotor")
+        rotor_part = take("rotor")
         rotor_part.model = f"rotor{i}"
         spinning = frame_part.attach(rotor_part)
         spinning.pos, spinning.quat = rotor.centre, z_along(rotor.axis)

@@ -138,6 +138,7 @@ class Model:
         if self.explain:
             print(f"{scene.name}, {settings.name}: not in the model:")
             print(*(f"  {line}" for line in left_out(scene, settings)), sep="\n")
+            print(f"What it would cost: robotball tradeoff {self.scene} --parts")
             return AGREES
         xml = build(scene, settings).xml
         if self.out is None:

@@ -27,7 +27,11 @@ CHOICES = (
     Choice("start", ("start_in_equilibrium",), "at the depth that carries the weight"),
     Choice("softness", ("solref", "solimp", "solreffriction"), "a stiff contact"),
     Choice("noslip", ("noslip_iterations", "noslip_tolerance"), "slip is solved for"),
-    Choice("solver", ("solver", "jacobian", "iterations", "warmstart"), "PGS and few iterations"),
+    Choice(
+        "solver",
+        ("solver", "jacobian", "iterations", "warmstart", "island"),
+        "PGS and few iterations",
+    ),
     Choice("timestep", ("timestep",), "shorter than MuJoCo's own"),
 )
 # A newcomer hangs the shell on the body that it is built around. At both ends a faulty run goes

@@ -1,0 +1,86 @@
+"""One cell of a map: the case is run by MuJoCo and judged by the equations."""
+
+import time
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from robotball import InputError, Motion, SceneWarning, Settings
+from robotball.rotations import Array
+from validation.agreement import compare
+from validation.extremes.maps import DURATION, MAPS, TIMESTEP, Case, case
+from validation.extremes.outcome import Outcome, classify
+from validation.extremes.reference import path_length, reference, speed_scale
+
+TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
+STEPS = 50  # at least, for an instability to grow in
+SAMPLES = 100  # at most, at which the two motions are compared
+AMPLE = 3.0  # times the motion's demand
+
+
+def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """The record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
+
+    outcome: an Outcome's name; path_error, momentum_drift: relative, gamma_error: rad, None where
+    the run broke off; faults and warnings: as a user would see them; seconds: CPU time.
+    """
+    began = time.process_time()
+    try:
+        record = _measured(
+            case(MAPS[cell["map"]], *(cell[key] for key in ("rolling", "integrator", "x", "y")))
+        )
+    except InputError as error:
+        record = {"outcome": Outcome.REFUSED.name, "refusal": str(error)}
+    return {**record, "seconds": time.process_time() - began}
+
+
+def _measured(this: Case) -> dict[str, Any]:
+    times = sample_times(this)
+    theory = reference(this.scene, times)
+    settings = ample(this.settings, theory) if this.ample else this.settings
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", SceneWarning)
+        agreement = compare(this.scene, settings, theory=theory)
+    path_error = gamma_error = momentum_drift = error = None
+    if agreement.finished:
+        path_error = float(agreement.path_errors.max() / path_length(this.scene, theory))
+        gamma_error, momentum_drift = agreement.gamma_error, agreement.momentum_drift
+        assert momentum_drift is not None
+        error = max(path_error, momentum_drift)
+    faults = agreement.faults
+    return {
+        "outcome": classify(faults, error).name,
+        "path_error": path_error,
+        "momentum_drift": momentum_drift,
+        "gamma_error": gamma_error,
+        "faults": [str(fault) for fault in faults],
+        "warnings": [str(each.message) for each in caught],
+        "steps": agreement.diagnostics.steps,
+    }
+
+
+def sample_times(this: Case) -> Array:
+    """The times (n,) of a case, whole timesteps apart [s]: a few turns of the ball, unless it has
+    a duration, and in enough steps of a fixed length.
+    """
+    step = this.settings.timestep or TIMESTEP
+    duration = this.duration or min(DURATION, TURNING / speed_scale(this.scene))
+    if not this.settings.adaptive and this.duration is None:
+        duration = max(duration, STEPS * step)
+    interval = step * max(1.0, np.ceil(duration / step / SAMPLES))
+    if this.settings.adaptive:
+        interval = duration / SAMPLES
+    return interval * np.arange(max(2, round(duration / interval) + 1))
+
+
+def ample(settings: Settings, theory: Motion) -> Settings:
+    """The settings with friction AMPLE times what the motion demands, where it is less."""
+    loads = theory.loads
+    return replace(
+        settings,
+        sliding_friction=max(settings.sliding_friction, AMPLE * loads.sliding_friction.max()),
+        torsional_friction=max(settings.torsional_friction, AMPLE * loads.torsional_friction.max()),
+    )

@@ -1,24 +1,17 @@
 """Agreement: how far apart the two engines' motions of one scene are."""
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
-from robotball import (
-    Diagnostics,
-    Fault,
-    Motion,
-    Scene,
-    SceneWarning,
-    Settings,
-    integrate,
-    preset,
-    simulate,
-)
+from robotball import Diagnostics, Fault, Motion, Scene, Settings, integrate, preset
+from robotball.contact.check import warn
+from robotball.contact.model import build
 from robotball.rotations import Array
+from robotball.simulate import run
 
 
 @dataclass(frozen=True)
@@ -110,32 +103,19 @@ def compare(
     times: Array | None = None,
     *,
     theory: Motion | None = None,
+    strict: bool = False,
+    dump: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Agreement:
     """Both engines' motions of `scene`, compared.
 
     settings: a preset's name or Settings; times: (n,) s from 0, the scene's own if None; theory:
-    the equations' motion at those times, where it is known already. Raises InputError as
-    integrate and simulate do, and warns where the settings' friction is less than
-    the motion needs.
+    the equations' motion at those times, where it is known already. Raises InputError and warns as
+    integrate and simulate do; friction is held against what the whole motion needs.
+    strict, dump, progress: as in simulate.
     """
     settings = preset(settings) if isinstance(settings, str) else settings
     theory = integrate(scene, times) if theory is None else theory
-    _warn_of_friction(scene, settings, theory)
-    engine = simulate(scene, theory.times, settings, progress=progress)
+    warn(scene, settings, theory.times, theory.loads, strict=strict)
+    engine = run(build(scene, settings), theory.times, progress, dump=dump)
     return Agreement(scene, settings, theory, engine)
-
-
-def _warn_of_friction(scene: Scene, settings: Settings, theory: Motion) -> None:
-    kinds = [("sliding", settings.sliding_friction, theory.loads.sliding_friction.max(), "")]
-    if scene.rolling == "rubber":
-        needed = theory.loads.torsional_friction.max()
-        kinds.append(("torsional", settings.torsional_friction, needed, " m"))
-    for kind, given, needed, unit in kinds:
-        if needed > given:
-            warnings.warn(
-                f"{scene.name} needs {kind} friction {needed:.4g}{unit}, and the {settings.name} "
-                f"settings give {given:g}{unit}",
-                SceneWarning,
-                stacklevel=3,
-            )

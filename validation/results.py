@@ -5,8 +5,7 @@ import io
 import json
 import os
 import platform
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from robotball import InputError, Motion
+from robotball.files.replacing import replacing as replacing
 from validation.agreement import Agreement
 
 PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
@@ -123,23 +123,6 @@ def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
         lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")
     with replacing(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n")
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when the block ends well.
-
-    The folder is made if need be. Raises InputError where nothing can be written.
-    """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def writable_folder(path: Path) -> Path:

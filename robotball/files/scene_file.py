@@ -64,10 +64,18 @@ def load_scene(name: str | Path) -> Scene:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:  # a null byte in the name
         raise InputError(f"{path}: {error}") from None
+    scene = read_scene(path, text)
+    for line in beyond_the_shell(scene.ball):
+        warnings.warn(f"{scene.name}: {line}", SceneWarning, stacklevel=2)
+    return scene
+
+
+def read_scene(path: Path, text: bytes | str) -> Scene:
+    """The scene of the text of a TOML file, whose path gives it its name; raises InputError."""
     try:
         table = msgspec.toml.decode(text, type=SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
-        scene = _scene(path, table)
+        return _scene(path, table)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {_explained(str(error))}") from None
     except InputError as error:
@@ -76,9 +84,6 @@ def load_scene(name: str | Path) -> Scene:
     # many brackets.
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not TOML: {error}") from None
-    for line in beyond_the_shell(scene.ball):
-        warnings.warn(f"{scene.name}: {line}", SceneWarning, stacklevel=2)
-    return scene
 
 
 def _check_numbers(key: str, value: object) -> None:

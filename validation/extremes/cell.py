@@ -1,5 +1,6 @@
 """One cell of a map: the case is run by MuJoCo and judged by the equations."""
 
+import logging
 import time
 import warnings
 from collections.abc import Mapping
@@ -8,13 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from robotball import InputError, Motion, SceneWarning, Settings
+from robotball import InputError, Motion, Settings
+from robotball.contact.check import check
+from robotball.contact.edge import Case as EdgeCase
+from robotball.contact.grip import EDGES as GRIP
+from robotball.contact.model import build
+from robotball.contact.stability import EDGES as STABILITY
 from robotball.rotations import Array
-from validation.agreement import compare
+from robotball.simulate import run
+from validation.agreement import Agreement
 from validation.extremes.maps import DURATION, MAPS, TIMESTEP, Case, case
 from validation.extremes.outcome import Outcome, classify
 from validation.extremes.reference import path_length, reference, speed_scale
 
+PREDICTIONS = (*STABILITY, *GRIP)
 TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
 STEPS = 50  # at least, for an instability to grow in
 SAMPLES = 100  # at most, at which the two motions are compared
@@ -25,40 +33,56 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
     """The record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
 
     outcome: an Outcome's name; path_error, momentum_drift: relative, gamma_error: rad, None where
-    the run broke off; faults and warnings: as a user would see them; seconds: CPU time.
+    the run broke off; faults: what the watch saw during the run; foretold: the edges that the check
+    before it finds crossed; nearness: of each edge; seconds: CPU time.
     """
     began = time.process_time()
-    try:
-        record = _measured(
-            case(MAPS[cell["map"]], *(cell[key] for key in ("rolling", "integrator", "x", "y")))
-        )
-    except InputError as error:
-        record = {"outcome": Outcome.REFUSED.name, "refusal": str(error)}
+    # In a process of its own nothing else keeps MuJoCo and NumPy quiet about what is recorded.
+    logging.getLogger("absl").setLevel(logging.ERROR)
+    place = (cell[key] for key in ("rolling", "integrator", "x", "y"))
+    with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
+        try:
+            record = _measured(case(MAPS[cell["map"]], *place))
+        except InputError as error:
+            record = {"outcome": Outcome.REFUSED.name, "refusal": str(error)}
     return {**record, "seconds": time.process_time() - began}
 
 
 def _measured(this: Case) -> dict[str, Any]:
-    times = sample_times(this)
-    theory = reference(this.scene, times)
+    scene, times = this.scene, sample_times(this)
+    theory = reference(scene, times)
     settings = ample(this.settings, theory) if this.ample else this.settings
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", SceneWarning)
-        agreement = compare(this.scene, settings, theory=theory)
+    engine = run(build(scene, settings), times)
+    agreement = Agreement(scene, settings, theory, engine)
     path_error = gamma_error = momentum_drift = error = None
     if agreement.finished:
-        path_error = float(agreement.path_errors.max() / path_length(this.scene, theory))
+        path_error = float(agreement.path_errors.max() / path_length(scene, theory))
         gamma_error, momentum_drift = agreement.gamma_error, agreement.momentum_drift
         assert momentum_drift is not None
         error = max(path_error, momentum_drift)
-    faults = agreement.faults
     return {
-        "outcome": classify(faults, error).name,
+        "outcome": classify(agreement.faults, error).name,
         "path_error": path_error,
         "momentum_drift": momentum_drift,
         "gamma_error": gamma_error,
-        "faults": [str(fault) for fault in faults],
-        "warnings": [str(each.message) for each in caught],
+        "faults": [str(fault) for fault in agreement.faults],
+        # What a user is told before the run, who does not know the motion yet.
+        "foretold": [edge.what for edge in check(scene, settings, times)],
+        "nearness": nearness(EdgeCase(scene, settings, float(times[-1]), theory.loads)),
         "steps": agreement.diagnostics.steps,
+    }
+
+
+def nearness(case: EdgeCase) -> dict[str, float | None]:
+    """How much of each predicted edge's limit is used, by the name of its prediction.
+
+    What is used without end is None.
+    """
+    edges = {predict.__name__: predict(case) for predict in PREDICTIONS}
+    return {
+        name: edge.nearness if np.isfinite(edge.nearness) else None
+        for name, edge in edges.items()
+        if edge is not None
     }
 
 

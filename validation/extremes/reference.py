@@ -5,7 +5,6 @@ import numpy as np
 from robotball import Motion, Scene
 from robotball.compiled.kernels import orbit, start_of
 from robotball.loads import loads_of
-from robotball.parameters import as_vector
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 
 

@@ -3,7 +3,7 @@
 It loads what it needs when it runs: compiled code and plots take a while to come.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Annotated
 
 from rich import box
@@ -22,7 +22,7 @@ class Extremes:
 
     maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...")]] = ()
     """Which maps; all of them if none is given."""
-    sweep: SweepOptions = Sweep()
+    sweep: SweepOptions = field(default_factory=Sweep)
     json: File = None
     """Also write how many cells have which outcome, and the measured edges."""
 

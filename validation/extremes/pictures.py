@@ -19,7 +19,7 @@ from robotball.palette import ENGINE, INK, THEORY
 from robotball.rotations import Array
 from validation.extremes.atlas import foretold, missed, noticed, outcome_of
 from validation.extremes.cell import PREDICTIONS
-from validation.extremes.maps import Map
+from validation.extremes.maps import PROMISE, Map
 from validation.extremes.outcome import Outcome
 from validation.results import replacing
 from validation.sweeps import Result
@@ -62,12 +62,12 @@ def picture(chosen: Map, results: Sequence[Result]) -> Figure:
     crossed = _crossed(results)
     styles = dict(zip(crossed, LINES * (1 + len(crossed) // len(LINES)), strict=False))
     rows = len(rollings)
-    below = 1.9 + 0.19 * len(crossed)
-    size = (max(9.0, PANEL * len(integrators) + 1.0), PANEL * rows + 0.9 + below)
+    below = 1.75 + 0.19 * (len(crossed) + bool(crossed))
+    size = (max(9.0, PANEL * len(integrators) + 1.2), PANEL * rows + 0.9 + below)
     figure = Figure(figsize=size)
     panels = figure.subplots(rows, len(integrators), squeeze=False)
     figure.subplots_adjust(
-        left=0.9 / size[0],
+        left=1.05 / size[0],
         right=1 - 0.15 / size[0],
         top=1 - 0.85 / size[1],
         bottom=below / size[1],
@@ -143,8 +143,14 @@ def _draw_edge(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
     inside = nearness[np.isfinite(nearness)]
     if min(nearness.shape) < 2 or not len(inside) or not inside.min() < 0 < inside.max():
         return
+    rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
     lines = axes.contour(
-        np.ma.masked_invalid(nearness), levels=[0.0], colors=[colour], linewidths=1.8
+        columns,
+        rows,
+        np.ma.masked_invalid(np.pad(nearness, 1, mode="edge")),
+        levels=[0.0],
+        colors=[colour],
+        linewidths=1.8,
     )
     lines.set_linestyle(dashes)
     lines.set_path_effects([patheffects.withStroke(linewidth=3.2, foreground="white")])
@@ -182,15 +188,27 @@ def _legend(figure: Figure, styles: Mapping[str, Any], size: tuple[float, float]
                label="circle: wrong, and neither")
     )  # fmt: skip
     edges = [
-        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8,
-               label=f"predicted: {SENTENCES[name]}")
+        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=SENTENCES[name])
         for name, (colour, dashes) in styles.items()
     ]  # fmt: skip
     x = 0.15 / size[0]
     common = {"loc": "lower left", "frameon": False, "fontsize": 8, "borderaxespad": 0.0}
+    above = 0.1
     if edges:
-        figure.legend(handles=edges, bbox_to_anchor=(x, 0.06 / size[1]), **common)
-    above = (0.12 + 0.19 * len(edges)) / size[1]
+        title = f"lines: edges predicted for an error of {PROMISE:g}"
+        figure.legend(
+            handles=edges,
+            bbox_to_anchor=(x, 0.06 / size[1]),
+            title=title,
+            title_fontsize=8,
+            alignment="left",
+            **common,
+        )
+        above = 0.35 + 0.19 * len(edges)
     figure.legend(
-        handles=[*outcomes, *marks], ncols=3, bbox_to_anchor=(x, above), columnspacing=1.5, **common
+        handles=[*outcomes, *marks],
+        ncols=3,
+        bbox_to_anchor=(x, above / size[1]),
+        columnspacing=1.5,
+        **common,
     )

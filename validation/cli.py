@@ -16,6 +16,7 @@ import tyro
 from robotball import InputError, SceneWarning
 from validation.commands.arguments import BAD_INPUT
 from validation.commands.design import Design
+from validation.commands.extremes import Extremes
 from validation.commands.paper import Paper
 from validation.commands.pictures import Figures, Section
 from validation.commands.qualitative import Basins, Equilibria, Lyapunov
@@ -23,7 +24,7 @@ from validation.commands.scenes import Compare, Demo, Model, Scenes, Video
 
 Command = (
     Scenes | Compare | Video | Model | Design | Demo
-    | Figures | Section | Lyapunov | Basins | Equilibria | Paper
+    | Figures | Section | Lyapunov | Basins | Equilibria | Paper | Extremes
 )  # fmt: skip
 
 

@@ -1,8 +1,8 @@
-"""The atlas: every cell of the maps swept, and what they say together."""
+"""The atlas: which cells the maps have, and the sweep over them."""
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +10,7 @@ import numpy as np
 from robotball.settings import ADAPTIVE
 from validation.commands.arguments import Sweep
 from validation.extremes.cell import measure
-from validation.extremes.maps import INTEGRATORS, PROMISE, Axis, Map
-from validation.extremes.outcome import WRONG, Outcome
+from validation.extremes.maps import INTEGRATORS, Axis, Map
 from validation.runs import Show
 from validation.sweeps import Cell, Result, sweep
 
@@ -67,92 +66,11 @@ def survey(
             workers=options.workers,
             cluster=options.cluster,
             limit=each.limit,
-            show=lambda part, words, done=done, name=each.name: show(  # type: ignore[misc]
-                done + part, f"{name}: {words}"
-            ),
+            show=partial(_show, show, done, each.name),
         )
         done += len(cells)
     return results
 
 
-def outcome_of(result: Result) -> Outcome:
-    """The outcome of a cell, also of one that the sweep had to give up."""
-    if result.record is not None:
-        return Outcome[result.record["outcome"]]
-    assert result.failure is not None
-    return Outcome.UNFINISHED if "took longer" in result.failure else Outcome.FAILED
-
-
-def foretold(result: Result) -> bool:
-    """Whether the check before the run warned of it."""
-    return bool(result.record and result.record.get("foretold"))
-
-
-def noticed(result: Result) -> bool:
-    """Whether the watch found a fault during the run."""
-    return bool(result.record and result.record.get("faults"))
-
-
-def error_of(result: Result) -> float | None:
-    """The larger of path error and drift of M, relative; None where there is none."""
-    record = result.record or {}
-    path, drift = record.get("path_error"), record.get("momentum_drift")
-    return None if path is None or drift is None else max(path, drift)
-
-
-def missed(result: Result) -> bool:
-    """Whether a run is wrong, and neither the check nor the watch said so."""
-    error = error_of(result)
-    return error is not None and error > WRONG and not (foretold(result) or noticed(result))
-
-
-def tally(results: Iterable[Result]) -> Counter[Outcome]:
-    """How many cells have each outcome."""
-    return Counter(map(outcome_of, results))
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A predicted edge beside the measured one, both in parts of the predicted limit.
-
-    kept: the farthest that a run went and still kept its promise; broken: the nearest at which one
-    did not and no other edge was nearer. A prediction is right where both are 1; 0 for none.
-    """
-
-    edge: str
-    kept: float
-    broken: float | None
-    cells: int
-
-
-def measured_edges(results: Sequence[Result]) -> Iterator[Measured]:
-    """The edges that some of the cells are beyond, as those cells tell."""
-    known = [each for each in results if each.record and "nearness" in each.record]
-    names = dict.fromkeys(name for each in known for name in _nearness(each))
-    for name in names:
-        beyond = [each for each in known if _nearness(each).get(name, 0.0) > 1]
-        if not beyond:
-            continue
-        kept = [_nearness(each)[name] for each in known if _keeps(each) and name in _nearness(each)]
-        broken = [
-            near[name]
-            for each in known
-            if not _keeps(each)
-            and name in (near := _nearness(each))
-            and near[name] == max(near.values())
-        ]
-        yield Measured(name, max(kept, default=0.0), min(broken, default=None), len(beyond))
-
-
-def _nearness(result: Result) -> dict[str, float]:
-    assert result.record is not None
-    return {
-        name: np.inf if value is None else value
-        for name, value in result.record["nearness"].items()
-    }
-
-
-def _keeps(result: Result) -> bool:
-    """Whether the run has no fault and an error within the promise that it was held to."""
-    error = error_of(result)
-    return error is not None and error <= PROMISE and not noticed(result)
+def _show(show: Show, done: int, name: str, part: float, words: str) -> None:
+    show(done + part, f"{name}: {words}")

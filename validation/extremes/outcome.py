@@ -28,36 +28,42 @@ class Outcome(Enum):
         self.sentence = sentence
 
     @property
-    def sound(self) -> bool:
-        """Whether the run is a result."""
-        return self in (Outcome.ACCURATE, Outcome.DEGRADED)
+    def words(self) -> str:
+        """Its name as a heading."""
+        return self.name.lower().replace("_", " ")
 
 
-# The worst first: a run that lost its contact has mostly slipped before.
 BY_FAULT = (
     ("max_steps", Outcome.UNFINISHED),
     ("contact lost", Outcome.LOST_CONTACT),
     ("friction cone saturated", Outcome.SLIPPED),
     ("slipped over", Outcome.SLIPPED),
+    ("hinge rate off", Outcome.OFF_RATE),
+    ("torque limit", Outcome.OFF_RATE),
+    ("M off", Outcome.WRONG),
 )
-# What these cost is in the error.
-BY_ERROR = ("hinge rate off", "torque limit", "M off")
+# What these cost is in the error, and may be little.
+BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
 
 
 def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
-    """The outcome of a run with these faults and this error; None where it broke off."""
-    causes = [fault.cause for fault in faults]
-    by_fault = [outcome for words, outcome in BY_FAULT if any(words in cause for cause in causes)]
-    known = (*BY_ERROR, *(words for words, _ in BY_FAULT))
-    unknown = [cause for cause in causes if not any(words in cause for words in known)]
-    if unknown or (error is None and Outcome.UNFINISHED not in by_fault):
+    """The outcome of a run with these faults, the earliest first, and this error.
+
+    The error is None where the run broke off. One that goes on is called by its first fault, from
+    which the others follow: a ball that slips may well lose its contact later.
+    """
+    kinds = [
+        next((outcome for words, outcome in BY_FAULT if words in fault.cause), Outcome.DIVERGED)
+        for fault in faults
+    ]
+    if Outcome.DIVERGED in kinds or (error is None and Outcome.UNFINISHED not in kinds):
         return Outcome.DIVERGED
-    if by_fault:
-        return by_fault[0]
-    assert error is not None
-    if error <= ACCURATE:
-        return Outcome.ACCURATE
-    if error <= WRONG:
-        return Outcome.DEGRADED
-    off_rate = any(not cause.startswith("M off") for cause in causes)
-    return Outcome.OFF_RATE if off_rate else Outcome.WRONG
+    if error is None:
+        return Outcome.UNFINISHED
+    grave = [kind for kind in kinds if kind not in BY_ERROR]
+    if error > WRONG:
+        first = [kind for kind in kinds if kind is not Outcome.WRONG]
+        return first[0] if first else Outcome.WRONG
+    if grave:
+        return grave[0]
+    return Outcome.ACCURATE if error <= ACCURATE else Outcome.DEGRADED

@@ -17,10 +17,10 @@ from matplotlib.patches import Patch, Rectangle
 
 from robotball.palette import ENGINE, INK, THEORY
 from robotball.rotations import Array
-from validation.extremes.atlas import foretold, missed, noticed, outcome_of
 from validation.extremes.cell import PREDICTIONS
 from validation.extremes.maps import PROMISE, Map
 from validation.extremes.outcome import Outcome
+from validation.extremes.summary import foretold, missed, noticed, outcome_of
 from validation.results import replacing
 from validation.sweeps import Result
 
@@ -192,7 +192,12 @@ def _legend(figure: Figure, styles: Mapping[str, Any], size: tuple[float, float]
         for name, (colour, dashes) in styles.items()
     ]  # fmt: skip
     x = 0.15 / size[0]
-    common = {"loc": "lower left", "frameon": False, "fontsize": 8, "borderaxespad": 0.0}
+    common: dict[str, Any] = {
+        "loc": "lower left",
+        "frameon": False,
+        "fontsize": 8,
+        "borderaxespad": 0.0,
+    }
     above = 0.1
     if edges:
         title = f"lines: edges predicted for an error of {PROMISE:g}"

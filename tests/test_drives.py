@@ -136,7 +136,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     ),
     "no frequency": (
         lambda: rb.Sine(amplitude=1.0, frequency=0.0),
-        r"a sine's frequency must be positive, not 0 Hz",
+        r"a sine's frequency must be positive and finite, not 0 Hz",
     ),
     "no gain": (lambda: rb.Servo(gain=0.0), r"a servo's gain must be positive"),
     "too few motors": (

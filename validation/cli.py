@@ -20,10 +20,11 @@ from validation.commands.extremes import Extremes
 from validation.commands.paper import Paper
 from validation.commands.pictures import Figures, Section
 from validation.commands.qualitative import Basins, Equilibria, Lyapunov
+from validation.commands.replay import Replay
 from validation.commands.scenes import Compare, Demo, Model, Scenes, Video
 
 Command = (
-    Scenes | Compare | Video | Model | Design | Demo
+    Scenes | Compare | Video | Replay | Model | Design | Demo
     | Figures | Section | Lyapunov | Basins | Equilibria | Paper | Extremes
 )  # fmt: skip
 

@@ -22,7 +22,7 @@ from robotball.files.scene_file import read_scene
 from robotball.files.scene_writer import scene_toml
 from robotball.rotations import Array
 from robotball.scene import Scene
-from robotball.settings import Prescribed, Settings
+from robotball.settings import ADAPTIVE, Prescribed, Settings
 
 AROUND = 20  # steps on either side of the first bad one
 Numbers = list[list[float | None]]  # null where a number is not finite
@@ -101,9 +101,15 @@ class Dump(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
                 f"{self.name}: MuJoCo refuses the model of the dump: {error}"
             ) from None
 
+    def coordinates(self, row: int) -> tuple[list[float | None], list[float | None]]:
+        """qpos and qvel of a row, None where not finite."""
+        model = self.model
+        after_time = self.states[row][1 : 1 + model.nq + model.nv]
+        return after_time[: model.nq], after_time[model.nq :]
+
     @property
     def adaptive(self) -> bool:
-        return self.settings.get("integrator") == "DOP853"
+        return self.settings.get("integrator") == ADAPTIVE
 
 
 def write(path: Path, model: Model, window: Window) -> None:
@@ -173,8 +179,7 @@ def replay(dump: Dump) -> Replayed:
     scene = read_scene(Path(f"{dump.name}.toml"), dump.scene)
     settings = _settings(dump.settings)
     model = Model(scene, settings, dump.xml, hinges_of(scene, settings))
-    compiled = dump.model
-    model.__dict__["compiled"] = compiled
+    compiled = model.compiled
     states, rows = _array(dump.states), _array(dump.rows)
     data = mujoco.MjData(compiled)
     shape = (mujoco.mj_stateSize(compiled, STATE), len(read_row(data)))

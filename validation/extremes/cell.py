@@ -12,6 +12,7 @@ import numpy as np
 from robotball import InputError, Motion, Settings
 from robotball.contact.check import check
 from robotball.contact.edge import Case as EdgeCase
+from robotball.contact.edge import momentum_scale
 from robotball.contact.grip import EDGES as GRIP
 from robotball.contact.model import build
 from robotball.contact.stability import EDGES as STABILITY
@@ -32,9 +33,10 @@ AMPLE = 3.0  # times the motion's demand
 def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
     """The record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
 
-    outcome: an Outcome's name; path_error, momentum_drift: relative, gamma_error: rad, None where
-    the run broke off; faults: what the watch saw during the run; foretold: the edges that the check
-    before it finds crossed; nearness: of each edge; seconds: CPU time.
+    outcome: an Outcome's name; path_error, momentum_drift: relative to the path's length and to
+    the watch's scale of M, gamma_error: rad, None where the run broke off; faults: what the watch
+    saw during the run; foretold: the edges that the check before it finds crossed; nearness: of
+    each edge; seconds: CPU time.
     """
     began = time.process_time()
     # In a process of its own nothing else keeps MuJoCo and NumPy quiet about what is recorded.
@@ -57,8 +59,8 @@ def _measured(this: Case) -> dict[str, Any]:
     path_error = gamma_error = momentum_drift = error = None
     if agreement.finished:
         path_error = float(agreement.path_errors.max() / path_length(scene, theory))
-        gamma_error, momentum_drift = agreement.gamma_error, agreement.momentum_drift
-        assert momentum_drift is not None
+        gamma_error = agreement.gamma_error
+        momentum_drift = float(_drift(engine.momentum) / momentum_scale(scene))
         error = max(path_error, momentum_drift)
     return {
         "outcome": classify(agreement.faults, error).name,
@@ -71,6 +73,11 @@ def _measured(this: Case) -> dict[str, Any]:
         "nearness": nearness(EdgeCase(scene, settings, float(times[-1]), theory.loads)),
         "steps": agreement.diagnostics.steps,
     }
+
+
+def _drift(momentum: Array) -> float:
+    """The largest change of M (n, 3) from its first value [kg m²/s]."""
+    return float(np.linalg.norm(momentum - momentum[:1], axis=1).max())
 
 
 def nearness(case: EdgeCase) -> dict[str, float | None]:

@@ -6,15 +6,19 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
+from typing import Any
 
 from validation.sweeps.attempt import attempt
 from validation.sweeps.cells import Cell, Work
+from validation.sweeps.limit import too_long
 from validation.sweeps.pool import DIED, Pool
 
+IDLE = 60.0
+"""How long [s] a process waits for the next cell, or for the next sweep, before it ends."""
 WATCH = 0.5
 """How often [s] a process looks whether the one that started it still lives."""
 
@@ -23,17 +27,18 @@ WATCH = 0.5
 def local_pool(work: Work, limit: float | None, workers: int) -> Iterator[Pool]:
     """So many processes, each with one thread, started when first needed.
 
-    They outlive the block by some idle seconds, to serve the next sweep; an exception in the block
-    ends them, and so does the death of this process.
+    They outlive the block a while, to serve the next sweep; an exception in the block ends them,
+    and so does the end of this process.
     """
     from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.process_executor import TerminatedWorkerError
     from joblib.parallel import ParallelBackendBase
 
-    def executor() -> Executor:
+    def executor() -> Any:
         """The one there is, or a new one if its processes died."""
         return get_reusable_executor(
             workers,
+            timeout=IDLE,
             env=dict.fromkeys(ParallelBackendBase.MAX_NUM_THREADS_VARS, "1"),
             initializer=_live_with,
             initargs=(os.getpid(),),
@@ -49,12 +54,15 @@ def local_pool(work: Work, limit: float | None, workers: int) -> Iterator[Pool]:
     def death(error: BaseException) -> str | None:
         if not isinstance(error, TerminatedWorkerError):
             return None
-        return ": ".join([DIED, *re.findall(r"\w+\(-?\d+\)", str(error))[:1]])
+        status = re.findall(r"\w+\(-?\d+\)", str(error))[:1]
+        if limit is not None and status == [f"SIGALRM({-signal.SIGALRM})"]:
+            return too_long(limit)
+        return ": ".join([DIED, *status])
 
     try:
         yield Pool("the local cores", 2 * workers, submit, death)
     except BaseException:
-        get_reusable_executor(workers).shutdown(kill_workers=True)
+        executor().shutdown(kill_workers=True)
         raise
 
 

@@ -1,9 +1,9 @@
 """A sweep: every cell's result, in spite of cells that fail and of being killed."""
 
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, closing
+from functools import partial
 from pathlib import Path
 
 from robotball import InputError
@@ -13,7 +13,6 @@ from validation.sweeps.attempt import reason
 from validation.sweeps.cells import Cell, Result, Work, identity, to_line
 from validation.sweeps.cluster import cluster_pool
 from validation.sweeps.journal import journal
-from validation.sweeps.limit import patience, too_long
 from validation.sweeps.local import local_pool
 from validation.sweeps.pool import Pool
 from validation.sweeps.progress import Progress
@@ -53,13 +52,12 @@ def sweep(
         check_positive("limit", limit, "s")
     with journal(file, work) as kept:
         missing = [cell for key, cell in distinct.items() if key not in kept.results]
-        progress = Progress(
-            show, [kept.results[key] for key in distinct if key in kept.results], len(cells)
-        )
-        if missing:
-            with _pool(work, limit, workers, cluster, len(missing)) as pool:
-                for line in _lines(pool, missing, limit):
-                    progress.add(kept.add(line))
+        there = [kept.results[key] for key in distinct if key in kept.results]
+        progress = Progress(show, there, len(cells))
+        pools = partial(_pool, work, limit, workers, cluster)
+        with closing(_lines(pools, missing)) as lines:
+            for line in lines:
+                progress.add(kept.add(line))
         return [kept.results[key] for key in distinct]
 
 
@@ -90,26 +88,30 @@ def _pool(
     return local_pool(work, limit, min(chosen, count))
 
 
-def _lines(pool: Pool, cells: Sequence[Cell], limit: float | None) -> Iterator[str]:
-    """The cells' results as lines, each as soon as it is known.
+def _lines(
+    pools: Callable[[int], AbstractContextManager[Pool]], cells: Sequence[Cell]
+) -> Generator[str, None, None]:
+    """The cells' results as lines, each as soon as it is known; pools: for so many cells.
 
     When a process dies nobody knows which of the cells handed in was to blame, so each of them is
     run again with no other beside it.
     """
+    if not cells:
+        return
     suspects = []
-    for cell, future in pool.run(cells, pool.window):
-        line, death = _outcome(pool, future)
-        if death:
-            suspects.append(cell)
-        else:
-            yield line
-    start = time.monotonic()
-    for cell, future in pool.run(suspects, 1):
-        line, death = _outcome(pool, future)
-        seconds, start = time.monotonic() - start, time.monotonic()
-        if death and limit is not None and seconds > patience(limit):
-            death = too_long(limit)
-        yield to_line(cell, None, death) if death else line
+    with pools(len(cells)) as pool:
+        for cell, future in pool.run(cells, pool.window):
+            line, death = _outcome(pool, future)
+            if death:
+                suspects.append(cell)
+            else:
+                yield line
+    if not suspects:
+        return
+    with pools(1) as pool:
+        for cell, future in pool.run(suspects, 1):
+            line, death = _outcome(pool, future)
+            yield to_line(cell, None, death) if death else line
 
 
 def _outcome(pool: Pool, future: "Future[str]") -> tuple[str, str | None]:

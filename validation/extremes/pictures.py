@@ -20,7 +20,14 @@ from robotball.rotations import Array
 from validation.extremes.cell import PREDICTIONS
 from validation.extremes.maps import PROMISE, Map
 from validation.extremes.outcome import Outcome
-from validation.extremes.summary import foretold, missed, noticed, outcome_of
+from validation.extremes.summary import (
+    Measured,
+    foretold,
+    measured_edges,
+    missed,
+    noticed,
+    outcome_of,
+)
 from validation.results import replacing
 from validation.sweeps import Result
 
@@ -92,7 +99,7 @@ def picture(chosen: Map, results: Sequence[Result]) -> Figure:
                 axes.set_ylabel(f"{rolling}\n{chosen.y.label}", size=9)
             else:
                 axes.set_yticklabels([])
-    _legend(figure, styles, size)
+    _legend(figure, styles, {each.edge: each for each in measured_edges(results)}, size)
     return figure
 
 
@@ -147,7 +154,7 @@ def _draw_edge(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
     lines = axes.contour(
         columns,
         rows,
-        np.ma.masked_invalid(np.pad(nearness, 1, mode="edge")),
+        np.ma.masked_invalid(_to_the_borders(nearness)),
         levels=[0.0],
         colors=[colour],
         linewidths=1.8,
@@ -156,12 +163,25 @@ def _draw_edge(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
     lines.set_path_effects([patheffects.withStroke(linewidth=3.2, foreground="white")])
 
 
+def _to_the_borders(grid: Array) -> Array:
+    """The grid with one value more on every side, half a cell on by its slope.
+
+    A line that no two cells show is not made by that.
+    """
+    for _ in range(2):
+        ends, slopes = grid[[0, -1]], np.diff(grid, axis=0)[[0, -1]] / 2
+        beyond = ends + slopes * [[-1.0], [1.0]]
+        beyond = np.where(np.sign(beyond) == np.sign(ends), beyond, ends)
+        grid = np.concatenate([beyond[:1], grid, beyond[1:]]).T
+    return grid
+
+
 def _label(
     axes: Axes, chosen: Map, results: Sequence[Result], integrator: str, *, last: bool
 ) -> None:
     for axis, key in ((axes.xaxis, "x"), (axes.yaxis, "y")):
         values = _values(results, key)
-        places = np.unique(np.linspace(0, len(values) - 1, TICKS).round().astype(int))
+        places = range(0, len(values), max(1, -(-(len(values) - 1) // (TICKS - 1))))
         axis.set_ticks(places, [f"{values[place]:.2g}" for place in places], size=7.5)
     if last:
         axes.set_xlabel(chosen.x_of(integrator).label, size=9)
@@ -169,7 +189,18 @@ def _label(
         axes.set_xticklabels([])
 
 
-def _legend(figure: Figure, styles: Mapping[str, Any], size: tuple[float, float]) -> None:
+def _sentence(edge: Measured) -> str:
+    """The prediction, and what it has come to."""
+    words = f"{SENTENCES[edge.edge]}; kept to {edge.kept:.2g}"
+    return words if edge.broken is None else f"{words}, broken from {edge.broken:.2g} of it"
+
+
+def _legend(
+    figure: Figure,
+    styles: Mapping[str, Any],
+    measured: Mapping[str, Measured],
+    size: tuple[float, float],
+) -> None:
     """What the cells mean, then what the dots and the lines do."""
     outcomes = [
         Patch(
@@ -188,9 +219,11 @@ def _legend(figure: Figure, styles: Mapping[str, Any], size: tuple[float, float]
                label="circle: wrong, and neither")
     )  # fmt: skip
     edges = [
-        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=SENTENCES[name])
-        for name, (colour, dashes) in styles.items()
-    ]  # fmt: skip
+        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=label)
+        for (colour, dashes), label in zip(
+            styles.values(), (_sentence(measured[name]) for name in styles), strict=True
+        )
+    ]
     x = 0.15 / size[0]
     common: dict[str, Any] = {
         "loc": "lower left",
@@ -200,7 +233,7 @@ def _legend(figure: Figure, styles: Mapping[str, Any], size: tuple[float, float]
     }
     above = 0.1
     if edges:
-        title = f"lines: edges predicted for an error of {PROMISE:g}"
+        title = f"lines: edges predicted for an error of {PROMISE:g}, and what was measured"
         figure.legend(
             handles=edges,
             bbox_to_anchor=(x, 0.06 / size[1]),

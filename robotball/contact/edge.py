@@ -64,6 +64,7 @@ def _mujocos_own() -> tuple[Any, Any]:
 
 
 SMALL = 0.1  # of |K| + d|Ω|: M below it is not what turns the ball
+DRIVES_SEEN = 9  # times over the run at which drives in time are looked at
 CONES = ("pyramidal", "elliptic")
 SOLVERS = ("PGS", "CG", "Newton")
 
@@ -211,9 +212,16 @@ class Case:
 
         ω itself, about which all vectors turn in the frame, and the eigenvalues of ∂(dω/dt)/∂ω
         from (2.4), (2.5): the nutation, of about |A K| where fast rotors rule. The rotors' own
-        rates don't count: their hinges turn evenly.
+        rates don't count: their hinges turn evenly. At the start's attitude, with the drives as
+        they are at a few times.
         """
-        parameters, gamma = self.parameters, as_vector(self.axes[2])
+        times = [0.0] if self.scene.steady else np.linspace(0.0, self.duration, DRIVES_SEEN)
+        return max(self._rotation_rate_at(float(t)) for t in times)
+
+    def _rotation_rate_at(self, t: float) -> float:
+        parameters, gamma = self.scene.parameters_at(t), as_vector(self.axes[2])
+        M = as_vector(self.axes.T @ self.scene.start.momentum)
+        omega = np.array(parameters.angular_velocity(M, gamma))
 
         def acceleration(omega: Array) -> Array:
             rate, _ = eq.full_angular_acceleration(
@@ -222,7 +230,6 @@ class Case:
             )  # fmt: skip
             return np.array(rate)
 
-        omega = self.angular_velocity
         size = float(np.linalg.norm(omega))
         # Quadratic in ω: the central difference is exact at any step.
         step = size or 1.0

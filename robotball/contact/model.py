@@ -1,5 +1,6 @@
 """Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs."""
 
+import contextlib
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
@@ -287,11 +288,11 @@ def _equilibrium_depth(xml: str) -> float:
     # A ball that slips from the start is held up by the normal force all the same.
     for friction in (model.pair_friction.copy(), 0.0):
         model.pair_friction = friction
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
             warnings.simplefilter("ignore")
             found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
-        if found.converged and 0 < found.root < np.inf:
-            return float(found.root)
+            if found.converged and 0 < found.root < np.inf:
+                return float(found.root)
     raise InputError(
         f"the contact cannot carry the ball at any depth (solref {reference:g}): "
         "take another solref, or start_in_equilibrium off"

@@ -105,7 +105,8 @@ class Readings:
     def friction_used(self) -> Array:
         """(m,): the contact force's place in the friction cone, 1 on its surface, 0 in flight."""
         compiled = self.model.compiled
-        slide, _, spin, roll, _ = compiled.pair_friction[0]
+        # MuJoCo has no smaller coefficient.
+        slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
         normal, *tangential = self.contact_force.T
         torques = self.column("contact")[:, 4:7].T / np.array([[spin], [roll], [roll]])
         demand = np.concatenate([tangential, torques * slide]) / slide

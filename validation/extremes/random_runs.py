@@ -15,6 +15,7 @@ from robotball.rotations import Array
 from robotball.settings import ADAPTIVE, MUJOCOS_INTEGRATORS, Prescribed, recipe
 from robotball.start import Start
 
+LONGEST = 100.0  # s
 STEPS, TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its fastest rotation
 MOST_STEPS = 4000
 SAMPLES = 100
@@ -58,7 +59,7 @@ def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) 
     case = Case(scene, settings, scene.duration)
     timestep = case.timestep if np.isfinite(case.timestep) else 0.02
     turns = TURNS * random.uniform(0.2, 1.0) / max(case.rotation_rate, 1e-6)
-    duration = max(min(turns, STEPS * timestep, 1e5), 10 * timestep)
+    duration = min(max(min(turns, STEPS * timestep, LONGEST), 10 * timestep), LONGEST)
     return np.linspace(0.0, duration, SAMPLES + 1)
 
 

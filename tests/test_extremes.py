@@ -12,6 +12,7 @@ import pytest
 
 import robotball as rb
 from robotball.settings import ADAPTIVE
+from validation import compare
 from validation.cli import main
 from validation.extremes.atlas import QUICK, Cut, cells_of
 from validation.extremes.balls import gyrostat, momentum_of, redistributed, scaled
@@ -163,6 +164,24 @@ def test_an_edge_is_measured_between_the_last_sound_and_the_first_broken_cell() 
     cells = [result(0.5, 0, 1e-9), result(0.9, 0, 1e-9), result(1.2, 0, 0.5), result(0.1, 0.2, 0.5)]
     (edge,) = measured_edges(cells)
     assert (edge.edge, edge.kept, edge.broken, edge.cells) == ("edge", 0.9, 1.2, 1)
+
+
+@pytest.mark.parametrize("rolling", ROLLINGS)
+@pytest.mark.parametrize(("gravity", "constant"), [(1e-9, 0.01), (9.81, 0.04), (1e6, 10.0)])
+def test_the_margin_carries_the_weight_at_any_depth(
+    rolling: str, gravity: float, constant: float
+) -> None:
+    """From 1e-17 to 1e4 radii deep the error is that of the timestep, to four digits."""
+    scene = replace(base(rolling), gravity=gravity)
+    enough = max(20.0, 60.0 / gravity)
+    settings = replace(
+        rb.preset("balanced"),
+        solref=(constant, 1.0),
+        sliding_friction=enough,
+        torsional_friction=enough,
+    )
+    error = compare(scene, settings, rb.sample_times(2.0)).path_error
+    assert error == pytest.approx(7.4804e-10 if rolling == "rubber" else 4.7482e-9, rel=1e-4)
 
 
 def test_friction_breaks_where_it_is_predicted() -> None:

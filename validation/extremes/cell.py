@@ -20,7 +20,7 @@ from robotball.rotations import Array
 from robotball.simulate import run
 from validation.agreement import Agreement
 from validation.extremes.maps import DURATION, MAPS, TIMESTEP, Case, case
-from validation.extremes.outcome import Outcome, classify
+from validation.extremes.outcome import Outcome, classify, largest_error
 from validation.extremes.reference import path_length, reference, speed_scale
 
 PREDICTIONS = (*STABILITY, *GRIP)
@@ -55,29 +55,35 @@ def _measured(this: Case) -> dict[str, Any]:
     theory = reference(scene, times)
     settings = ample(this.settings, theory) if this.ample else this.settings
     engine = run(build(scene, settings), times)
-    agreement = Agreement(scene, settings, theory, engine)
-    path_error = gamma_error = momentum_drift = error = None
-    if agreement.finished:
-        path_error = float(agreement.path_errors.max() / path_length(scene, theory))
-        gamma_error = agreement.gamma_error
-        momentum_drift = float(_drift(engine.momentum) / momentum_scale(scene))
-        error = max(path_error, momentum_drift)
+    errors = errors_of(Agreement(scene, settings, theory, engine))
+    diagnostics = engine.diagnostics
+    assert diagnostics is not None  # MuJoCo's motions have them
     return {
-        "outcome": classify(agreement.faults, error).name,
-        "path_error": path_error,
-        "momentum_drift": momentum_drift,
-        "gamma_error": gamma_error,
-        "faults": [str(fault) for fault in agreement.faults],
+        "outcome": classify(diagnostics.faults, largest_error(errors)).name,
+        **errors,
+        "faults": [str(fault) for fault in diagnostics.faults],
         # What a user is told before the run, who does not know the motion yet.
         "foretold": [edge.what for edge in check(scene, settings, times)],
         "nearness": nearness(EdgeCase(scene, settings, float(times[-1]), theory.loads)),
-        "steps": agreement.diagnostics.steps,
+        "steps": diagnostics.steps,
     }
 
 
-def _drift(momentum: Array) -> float:
-    """The largest change of M (n, 3) from its first value [kg m²/s]."""
-    return float(np.linalg.norm(momentum - momentum[:1], axis=1).max())
+def errors_of(agreement: Agreement) -> dict[str, float | None]:
+    """The errors of a record, by their names; None where there is no number."""
+    names = ("path_error", "momentum_drift", "gamma_error")
+    if not agreement.finished:
+        return dict.fromkeys(names)
+    scene, momentum = agreement.scene, agreement.engine.momentum
+    values = (
+        agreement.path_errors.max() / path_length(scene, agreement.theory),
+        np.linalg.norm(momentum - momentum[:1], axis=1).max() / momentum_scale(scene),
+        agreement.gamma_error,
+    )
+    return {
+        name: float(value) if np.isfinite(value) else None
+        for name, value in zip(names, values, strict=True)
+    }
 
 
 def nearness(case: EdgeCase) -> dict[str, float | None]:

@@ -1,7 +1,8 @@
 """What became of a cell's run: one of a few outcomes, by the faults and the true error."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
+from typing import Any
 
 from robotball import Fault
 
@@ -44,6 +45,13 @@ BY_FAULT = (
 )
 # What these cost is in the error, and may be little.
 BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
+
+
+def largest_error(record: Mapping[str, Any]) -> float | None:
+    """The larger of path error and drift of M; None where the run has none."""
+    errors = [record.get(name) for name in ("path_error", "momentum_drift")]
+    known = [error for error in errors if error is not None]
+    return max(known) if len(known) == len(errors) else None
 
 
 def classify(faults: Sequence[Fault], error: float | None) -> Outcome:

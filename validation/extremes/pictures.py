@@ -43,7 +43,7 @@ GREYS = {
     Outcome.UNFINISHED: 1.0,
     Outcome.FAILED: 0.1,
 }
-PANEL = 2.45  # inches
+PANEL, MARGIN, LINE = 2.45, 0.15, 0.19  # inches; LINE is one of the legend's
 TICKS = 4  # at most, on an axis
 LINES = [
     (colour, dashes)
@@ -68,21 +68,10 @@ def picture(chosen: Map, results: Sequence[Result]) -> Figure:
     integrators = list(dict.fromkeys(each.cell["integrator"] for each in results))
     crossed = _crossed(results)
     styles = dict(zip(crossed, LINES * (1 + len(crossed) // len(LINES)), strict=False))
-    rows = len(rollings)
-    below = 1.75 + 0.19 * (len(crossed) + bool(crossed))
-    size = (max(9.0, PANEL * len(integrators) + 1.2), PANEL * rows + 0.9 + below)
-    figure = Figure(figsize=size)
-    panels = figure.subplots(rows, len(integrators), squeeze=False)
-    figure.subplots_adjust(
-        left=1.05 / size[0],
-        right=1 - 0.15 / size[0],
-        top=1 - 0.85 / size[1],
-        bottom=below / size[1],
-        wspace=0.12,
-        hspace=0.12,
-    )
-    figure.text(0.15 / size[0], 1 - 0.3 / size[1], chosen.title, size=14, weight="bold")
-    figure.text(0.15 / size[0], 1 - 0.52 / size[1], f"held: {chosen.held}", size=9)
+    figure, panels = _panels(len(rollings), len(integrators), lines=len(crossed))
+    width, height = figure.get_size_inches()
+    figure.text(MARGIN / width, 1 - 0.3 / height, chosen.title, size=14, weight="bold")
+    figure.text(MARGIN / width, 1 - 0.52 / height, f"held: {chosen.held}", size=9)
     for row, rolling in enumerate(rollings):
         for column, integrator in enumerate(integrators):
             axes = panels[row, column]
@@ -92,15 +81,32 @@ def picture(chosen: Map, results: Sequence[Result]) -> Figure:
                 if (each.cell["rolling"], each.cell["integrator"]) == (rolling, integrator)
             ]
             _panel(axes, cells, styles)
-            _label(axes, chosen, cells, integrator, last=row == rows - 1)
+            _label(axes, chosen, cells, integrator, last=rolling == rollings[-1])
             if row == 0:
                 axes.set_title(integrator, size=10)
             if column == 0:
                 axes.set_ylabel(f"{rolling}\n{chosen.y.label}", size=9)
             else:
                 axes.set_yticklabels([])
-    _legend(figure, styles, {each.edge: each for each in measured_edges(results)}, size)
+    _legend(figure, styles, {each.edge: each for each in measured_edges(results)})
     return figure
+
+
+def _panels(rows: int, columns: int, lines: int) -> tuple[Figure, Any]:
+    """A figure of panels (rows, columns) with room below for a legend with so many lines."""
+    below = 1.75 + LINE * (lines + bool(lines))
+    width, height = max(9.0, PANEL * columns + 1.2), PANEL * rows + 0.9 + below
+    figure = Figure(figsize=(width, height))
+    panels = figure.subplots(rows, columns, squeeze=False)
+    figure.subplots_adjust(
+        left=1.05 / width,
+        right=1 - MARGIN / width,
+        top=1 - 0.85 / height,
+        bottom=below / height,
+        wspace=0.12,
+        hspace=0.12,
+    )
+    return figure, panels
 
 
 def _values(results: Sequence[Result], key: str) -> list[float]:
@@ -199,7 +205,6 @@ def _legend(
     figure: Figure,
     styles: Mapping[str, Any],
     measured: Mapping[str, Measured],
-    size: tuple[float, float],
 ) -> None:
     """What the cells mean, then what the dots and the lines do."""
     outcomes = [
@@ -224,7 +229,8 @@ def _legend(
             styles.values(), (_sentence(measured[name]) for name in styles), strict=True
         )
     ]
-    x = 0.15 / size[0]
+    width, height = figure.get_size_inches()
+    x = MARGIN / width
     common: dict[str, Any] = {
         "loc": "lower left",
         "frameon": False,
@@ -236,17 +242,17 @@ def _legend(
         title = f"lines: edges predicted for an error of {PROMISE:g}, and what was measured"
         figure.legend(
             handles=edges,
-            bbox_to_anchor=(x, 0.06 / size[1]),
+            bbox_to_anchor=(x, 0.06 / height),
             title=title,
             title_fontsize=8,
             alignment="left",
             **common,
         )
-        above = 0.35 + 0.19 * len(edges)
+        above = 0.35 + LINE * len(edges)
     figure.legend(
         handles=[*outcomes, *marks],
         ncols=3,
-        bbox_to_anchor=(x, above / size[1]),
+        bbox_to_anchor=(x, above / height),
         columnspacing=1.5,
         **common,
     )

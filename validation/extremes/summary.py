@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation.extremes.maps import PROMISE
-from validation.extremes.outcome import WRONG, Outcome
+from validation.extremes.outcome import WRONG, Outcome, largest_error
 from validation.sweeps import Result
 
 # Beyond these a step makes the state grow, and a run soon has none.
@@ -34,9 +34,7 @@ def noticed(result: Result) -> bool:
 
 def error_of(result: Result) -> float | None:
     """The larger of path error and drift of M, relative; None where there is none."""
-    record = result.record or {}
-    path, drift = record.get("path_error"), record.get("momentum_drift")
-    return None if path is None or drift is None else max(path, drift)
+    return largest_error(result.record or {})
 
 
 def missed(result: Result) -> bool:

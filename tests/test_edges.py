@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -202,7 +203,8 @@ def test_the_friction_demand_at_the_start_is_the_mechanics(
     """3 % above the demand nothing slips in the first 10 ms; 3 % below the cone is saturated."""
     demand = the_edge(predict, scene, FAST, 1.0).limit
     for factor in (0.97, 1.03):
-        settings = replace(FAST, timestep=2e-3, **{field: factor * demand})
+        friction: dict[str, Any] = {field: factor * demand}
+        settings = replace(FAST, timestep=2e-3, **friction)
         assert the_edge(predict, scene, settings, 1.0).crossed == (factor < 1)
         faults = [fault.cause for fault in run(scene, settings, 0.01).faults]
         assert ("friction cone saturated" in faults) == (factor < 1)

@@ -63,7 +63,7 @@ def _mujocos_own() -> tuple[Any, Any]:
     return mujoco.MjModel.from_xml_string("<mujoco/>").opt, mujoco.MjSpec().default.pair
 
 
-SMALL = 0.1  # of |K| + d|Ω|: M below it is not what turns the ball
+SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 DRIVES_SEEN = 9  # times over the run at which drives in time are looked at
 CONES = ("pyramidal", "elliptic")
 SOLVERS = ("PGS", "CG", "Newton")

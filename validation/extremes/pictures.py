@@ -114,12 +114,14 @@ def _values(results: Sequence[Result], key: str) -> list[float]:
 
 
 def _crossed(results: Sequence[Result]) -> list[str]:
-    """The edges on which there are cells on both sides, so that there is a line to draw."""
-    sides: dict[str, set[bool]] = {}
+    """The edges with cells on both sides in some panel, so that there is a line to draw."""
+    sides: dict[tuple[str, ...], set[bool]] = {}
     for each in results:
+        panel = (each.cell["rolling"], each.cell["integrator"])
         for name, value in (each.record or {}).get("nearness", {}).items():
-            sides.setdefault(name, set()).add(value is None or value > 1)
-    return [name for name in SENTENCES if len(sides.get(name, ())) == 2]
+            sides.setdefault((name, *panel), set()).add(value is None or value > 1)
+    crossed = {name for (name, *_), both in sides.items() if len(both) == 2}
+    return [name for name in SENTENCES if name in crossed]
 
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:

@@ -1,1 +1,1 @@
-"""Where it breaks: runs at the extremes."""
+"""Where MuJoCo's ball breaks: failure maps over pairs of axes, and random runs far out."""

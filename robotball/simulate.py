@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from robotball.accuracy import Reached, asked, reach
 from robotball.bodies import imbalance
 from robotball.contact.adaptive import by_forward
 from robotball.contact.control import controlled
@@ -18,7 +19,7 @@ from robotball.errors import SceneWarning
 from robotball.motion import Diagnostics, Fault, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene, check_times
-from robotball.settings import Settings, preset
+from robotball.settings import Settings
 from robotball.start import Start
 
 Progress = Callable[[float], None]
@@ -27,23 +28,52 @@ Progress = Callable[[float], None]
 def simulate(
     scene: Scene,
     times: Array | None = None,
-    settings: Settings | str = "balanced",
+    settings: Settings | str | None = None,
     *,
+    accuracy: float | None = None,
     progress: Progress | None = None,
 ) -> Motion:
     """The motion of the ball as MuJoCo's contact model rolls it, with diagnostics.
 
     times: (n,) s, increasing from 0; the scene's own if None. Steps end on them, and are never
-    longer than the settings' timestep. settings: a preset's name or Settings. progress is called
-    with the simulated fraction. A run that diverges ends there, with fewer times and the fault.
-    Raises InputError on unusable times or an unknown preset, and warns of a ball that is not
+    longer than the settings' timestep. settings: a preset's name or Settings, balanced if None.
+    accuracy: instead of settings, the path error to reach, relative to the path's length.
+    progress is called with the simulated fraction. A run that diverges ends there, with fewer
+    times and the fault. Raises InputError on unusable times, an unknown preset or an accuracy that
+    rounding forbids, and warns of an accuracy that is not reached, and of a ball that is not
     balanced: it rolls, but there are no equations to compare it with.
     """
+    return simulate_with(scene, times, asked(settings, accuracy), progress=progress).motion
+
+
+def simulate_with(
+    scene: Scene,
+    times: Array | None,
+    wanted: Settings | float,
+    *,
+    progress: Progress | None = None,
+) -> Reached:
+    """`simulate` by settings or to an accuracy, with the settings that were run in the end."""
     times = scene.times if times is None else check_times(times)
     if offset := imbalance(scene.ball):
-        warnings.warn(f"{offset}; no equations describe it", SceneWarning, stacklevel=2)
-    settings = preset(settings) if isinstance(settings, str) else settings
-    return run(build(scene, settings), times, progress)
+        warnings.warn(f"{offset}; no equations describe it", SceneWarning, stacklevel=3)
+    if isinstance(wanted, float):
+        part = 1.0  # of the work left before each run; none knows how many follow it
+
+        def another(settings: Settings, at: Array) -> Motion:
+            nonlocal part
+            part /= 2
+            return run(build(scene, settings), at, _told(progress, 1 - 2 * part, part))
+
+        return reach(scene, times, wanted, another)
+    motion = run(build(scene, wanted), times, progress)
+    assert motion.diagnostics is not None
+    return Reached(wanted, motion, motion.diagnostics.seconds)
+
+
+def _told(progress: Progress | None, done: float, part: float) -> Progress | None:
+    """Progress of a run that is a part of the whole."""
+    return None if progress is None else lambda fraction: progress(done + part * fraction)
 
 
 def run(

@@ -15,10 +15,10 @@ from robotball import (
     SceneWarning,
     Settings,
     integrate,
-    preset,
-    simulate,
 )
+from robotball.accuracy import asked
 from robotball.rotations import Array
+from robotball.simulate import simulate_with
 
 
 @dataclass(frozen=True)
@@ -89,9 +89,11 @@ class Agreement:
     def agrees(self) -> bool:
         """No fault, and path and momentum both within the settings' promise.
 
-        The path alone is not enough: errors of two kinds can cancel in it.
+        The path alone is not enough, as errors of two kinds can cancel in it, unless its error
+        was estimated as well: then it alone was promised.
         """
-        measured = (self.path_error, self.momentum_drift)
+        estimated = self.diagnostics.estimated_error is not None
+        measured = (self.path_error,) if estimated else (self.path_error, self.momentum_drift)
         return not self.faults and all(
             value is not None and value <= self.settings.promise for value in measured
         )
@@ -106,24 +108,25 @@ class Agreement:
 
 def compare(
     scene: Scene,
-    settings: Settings | str = "balanced",
+    settings: Settings | str | None = None,
     times: Array | None = None,
     *,
+    accuracy: float | None = None,
     theory: Motion | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Agreement:
     """Both engines' motions of `scene`, compared.
 
-    settings: a preset's name or Settings; times: (n,) s from 0, the scene's own if None; theory:
-    the equations' motion at those times, where it is known already. Raises InputError as
-    integrate and simulate do, and warns where the settings' friction is less than
-    the motion needs.
+    settings: a preset's name or Settings, balanced if None; times: (n,) s from 0, the scene's own
+    if None; accuracy: instead of settings, the path error to reach; theory: the equations' motion
+    at those times, where it is known already. Raises InputError as integrate and simulate do, and
+    warns where the settings' friction is less than the motion needs.
     """
-    settings = preset(settings) if isinstance(settings, str) else settings
+    wanted = asked(settings, accuracy)
     theory = integrate(scene, times) if theory is None else theory
-    _warn_of_friction(scene, settings, theory)
-    engine = simulate(scene, theory.times, settings, progress=progress)
-    return Agreement(scene, settings, theory, engine)
+    reached = simulate_with(scene, theory.times, wanted, progress=progress)
+    _warn_of_friction(scene, reached.settings, theory)
+    return Agreement(scene, reached.settings, theory, reached.motion)
 
 
 def _warn_of_friction(scene: Scene, settings: Settings, theory: Motion) -> None:

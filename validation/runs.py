@@ -15,17 +15,23 @@ from validation.results import replacing
 
 
 def compare_all(
-    scenes: Sequence[Scene], settings: Sequence[Settings], times: Array | None = None
+    scenes: Sequence[Scene],
+    settings: Sequence[Settings | float],
+    times: Array | None = None,
 ) -> list[Agreement]:
-    """Every scene at all of the settings; the equations are integrated once a scene."""
+    """Every scene at all of the settings, or to all of the accuracies; the equations are
+    integrated once a scene.
+    """
     agreements: list[Agreement] = []
     with progress_bar(len(scenes) * len(settings)) as show:
         for scene in scenes:
             show(len(agreements), f"{scene.name}: equations")
             theory = integrate(scene, times)
             for each in settings:
-                report = partial(_report, show, len(agreements), f"{scene.name}: {each.name}")
-                agreements.append(compare(scene, each, theory=theory, progress=report))
+                by = {"accuracy": each} if isinstance(each, float) else {"settings": each}
+                what = f"to {each:g}" if isinstance(each, float) else each.name
+                report = partial(_report, show, len(agreements), f"{scene.name}: {what}")
+                agreements.append(compare(scene, theory=theory, progress=report, **by))
     return agreements
 
 

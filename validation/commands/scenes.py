@@ -8,10 +8,21 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import Positional, arg
 
-from robotball import InputError, catalog, load_scene, preset, sample_times
+from robotball import InputError, catalog, load_scene, preset
+from robotball.accuracy import asked
 from robotball.contact.explain import left_out
 from robotball.contact.model import build
-from validation.commands.arguments import AGREES, DISAGREES, OUT, Duration, File, SceneName
+from validation.commands.arguments import (
+    AGREES,
+    DISAGREES,
+    OUT,
+    Accuracy,
+    Duration,
+    File,
+    Preset,
+    SceneName,
+    times_of,
+)
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
 from validation.runs import compare_all, film
 from validation.table import show
@@ -36,8 +47,11 @@ class Compare:
 
     scenes: Positional[Annotated[tuple[str, ...], arg(metavar="SCENE...")]]
     """Names from the catalog, or paths to TOML files."""
-    preset: tuple[str, ...] = ("balanced",)
-    """MuJoCo settings to run each scene with: naive, fast, balanced, accurate."""
+    preset: tuple[str, ...] = ()
+    """MuJoCo settings to run each scene with: naive, fast, balanced, accurate, adaptive; balanced
+    if not given."""
+    accuracy: Accuracy = None
+    """Instead of a preset, the path error to reach: settings are chosen for it."""
     duration: Duration = None
     """Simulated time; each scene's own if not given."""
     out: Path = OUT
@@ -53,13 +67,12 @@ class Compare:
         if not self.scenes:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
         scenes = [load_scene(name) for name in self.scenes]
-        settings = [preset(name) for name in self.preset]
-        times = None if self.duration is None else sample_times(self.duration)
+        settings = [asked(name, self.accuracy) for name in self.preset or (None,)]
         for path in filter(None, (self.json, self.csv)):
             writable_file(path)
         if self.plots:
             writable_folder(self.out)
-        agreements = compare_all(scenes, settings, times)
+        agreements = compare_all(scenes, settings, times_of(self.duration))
         if self.json:
             write_json(self.json, agreements)
         if self.csv:
@@ -79,16 +92,18 @@ class Video:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
-    preset: str = "balanced"
-    """MuJoCo settings to run it with."""
+    preset: Preset = None
+    """MuJoCo settings to run it with; balanced if not given."""
+    accuracy: Accuracy = None
+    """Instead of a preset, the path error to reach: settings are chosen for it."""
     duration: Duration = None
     """Simulated time; the scene's own if not given."""
     out: Path = OUT
     """Folder for the video."""
 
     def run(self) -> int:
-        scene, settings = load_scene(self.scene), preset(self.preset)
-        times = None if self.duration is None else sample_times(self.duration)
+        scene, settings = load_scene(self.scene), asked(self.preset, self.accuracy)
+        times = times_of(self.duration)
         path = writable_folder(self.out) / f"{scene.name}.mp4"
         (agreement,) = compare_all([scene], [settings], times)
         film(path, agreement)

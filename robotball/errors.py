@@ -19,3 +19,10 @@ def check_positive(what: str, value: float, unit: str) -> None:
     """Raises InputError unless `value` is positive and finite."""
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{what} must be positive and finite, not {value:g} {unit}")
+
+
+def check_count(name: str, value: int, least: int) -> int:
+    """`value`; raises InputError where it is below `least`."""
+    if value < least:
+        raise InputError(f"{name} must be at least {least}, not {value}")
+    return value

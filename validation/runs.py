@@ -1,5 +1,6 @@
 """Long work with its progress shown: many comparisons, a video."""
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -56,16 +57,33 @@ def _report(show: Show, done: int, what: str, part: float) -> None:
     show(done + part, what)
 
 
+LINE_EVERY = 30.0
+"""How often [s] a line says how far the work is, where there is no terminal for a bar."""
+
+
 @contextmanager
 def progress_bar(total: float) -> Iterator[Show]:
     """A bar on standard error; call it with the work done and what is being done now.
 
-    Where no one watches, as in a pipe, there is none.
+    Where that is no terminal, as in a log file, it is a line now and then.
     """
     console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _lines_now_and_then(console, total)
+        return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=total)
         yield lambda done, what: bar.update(task, completed=done, description=what)
+
+
+def _lines_now_and_then(console: Console, total: float) -> Show:
+    last = time.monotonic()
+
+    def show(done: float, what: str) -> None:
+        nonlocal last
+        if time.monotonic() - last >= LINE_EVERY:
+            last = time.monotonic()
+            console.print(f"{done / total:.0%}: {what}", soft_wrap=True, highlight=False)
+
+    return show

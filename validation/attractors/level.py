@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from robotball import InputError, Scene
+from robotball import Scene
+from robotball.errors import check_count
 from robotball.rotations import Array, multiply
 
 
@@ -23,10 +24,3 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
     # The rubber model's M is horizontal by (3.1).
     c = float(M[2]) if scene.rolling == "classical" else 0.0
     return section_starts(L, random.uniform(-np.pi, np.pi, count), f, g, c)
-
-
-def check_count(name: str, value: int, least: int) -> int:
-    """`value`; raises InputError where it is below `least`."""
-    if value < least:
-        raise InputError(f"{name} must be at least {least}, not {value}")
-    return value

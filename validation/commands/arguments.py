@@ -1,9 +1,10 @@
 """What the commands share: exit statuses, and arguments of the same kind and name."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import DisallowNone, Positional, arg
+from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, arg
 
 from robotball import sample_times
 from robotball.rotations import Array
@@ -16,6 +17,23 @@ Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS")]]
 Accuracy = DisallowNone[Annotated[float | None, arg(metavar="ERROR")]]
 File = DisallowNone[Annotated[Path | None, arg(metavar="FILE")]]
 Preset = DisallowNone[Annotated[str | None, arg(metavar="PRESET")]]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Options of a study that sweeps over many runs."""
+
+    workers: DisallowNone[Annotated[int | None, arg(metavar="N")]] = None
+    """Processes on this machine; as many as it has cores if not given."""
+    cluster: DisallowNone[Annotated[str | None, arg(metavar="tcp://HOST:PORT")]] = None
+    """The scheduler of a dask cluster to run on instead."""
+    quick: bool = False
+    """A coarse form of the study, under a minute."""
+    out: Path = OUT
+    """Folder for everything; started again after a break, the study goes on with what is there."""
+
+
+SweepOptions = OmitArgPrefixes[Sweep]
 
 
 def times_of(duration: float | None) -> Array | None:

@@ -11,7 +11,8 @@ import numpy as np
 from tyro.conf import Positional, arg
 
 from robotball import load_scene, preset
-from validation.attractors.level import check_count, level_starts
+from robotball.errors import check_count
+from validation.attractors.level import level_starts
 from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName
 from validation.results import replacing, writable_folder, write_record
 from validation.runs import progress_bar

@@ -12,8 +12,9 @@ from rich.console import Console
 from rich.table import Table
 
 from robotball import load_scene, preset
+from robotball.errors import check_count
 from robotball.rotations import Array, rotation_matrix
-from validation.attractors.level import check_count, level_starts
+from validation.attractors.level import level_starts
 from validation.commands.arguments import AGREES, File, Preset, SceneName
 from validation.results import write_record
 from validation.runs import progress_bar

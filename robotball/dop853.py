@@ -1,0 +1,65 @@
+"""scipy's DOP853, its state summed so that rounding does not grow with the number of steps."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from robotball.rotations import Array
+
+Rate = Callable[[float, Array], Array]
+LEAST_RTOL = 100 * float(np.finfo(float).eps)  # scipy's, of a displacement
+
+
+class Compensated:
+    """A motion from a state (n,) over a span of time, in steps of an error within `tolerance`.
+
+    rate(t, state) is its derivative; tolerance (n,) is absolute; max_step is the longest step.
+    DOP853 integrates the displacement from a base. Before every step the base takes it over, but
+    for what rounding cuts off the sum, which is where the next displacement begins (Kahan).
+    """
+
+    def __init__(
+        self,
+        rate: Rate,
+        span: Sequence[float],
+        state: Array,
+        tolerance: Array,
+        max_step: float = np.inf,
+    ) -> None:
+        self._base = np.array(state, dtype=float)
+        solver: Callable[..., DOP853] = DOP853  # its types want complex functions, a float atol
+        self._solver = solver(
+            lambda t, displacement: rate(t, self._base + displacement),
+            span[0],
+            np.zeros_like(self._base),
+            span[1],
+            max_step=max_step,
+            rtol=LEAST_RTOL,
+            atol=tolerance,
+        )
+
+    @property
+    def t(self) -> float:
+        return float(self._solver.t)
+
+    @property
+    def running(self) -> bool:
+        """Whether the end of the span is still to come."""
+        return self._solver.status == "running"
+
+    @property
+    def state(self) -> Array:
+        """(n,) at time `t`."""
+        return self._base + self._solver.y
+
+    def step(self) -> str | None:
+        """Take one; returns why it could not be taken, if so."""
+        displacement, before = self._solver.y, self._base
+        self._base = before + displacement
+        displacement += before - self._base
+        return self._solver.step()
+
+    def within(self, times: Array) -> Array:
+        """States (m, n) at times (m,) in the last step."""
+        return self._base + self._solver.dense_output()(times).T

@@ -212,7 +212,9 @@ class _Search:
         """What DOP853 at an rtol will take, with the run that it is compared with."""
         duration, seconds = float(self.times[-1]), 0.0
         for each, samples in ((rtol, len(self.times)), (rtol * LOOSER, duration / SPARSE)):
-            steps = FRONT.density * self.rate * duration * (1e-11 / each) ** FRONT.growth
+            per_second = FRONT.density * self.rate * (1e-11 / each) ** FRONT.growth
+            # However small the error, a servo's own rate limits the steps.
+            steps = duration * max(per_second, servo_rate(self.scene) / STABLE)
             seconds += steps * (FRONT.adaptive_step + DOP853_EVALUATIONS * self.control)
             seconds += samples * (FRONT.sample + self.control)
         return seconds

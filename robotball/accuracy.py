@@ -151,7 +151,7 @@ class _Search:
         timestep = _timestep(fine) * self.finer(error, FRONT.order)
         rtol = self.rtol(error, _timestep(fine))
         if self.adaptive_seconds(rtol) < self.rk4_seconds(timestep):
-            return self.by_rtol(rtol)
+            return self.by_rtol(rtol, error / _drift(fine))
         return self.by_timestep(timestep, fine)
 
     def by_timestep(self, timestep: float, before: Motion) -> Reached:
@@ -166,14 +166,19 @@ class _Search:
             before, timestep = motion, _timestep(motion) * self.finer(error, FRONT.order)
         return self.reached(settings, motion, error)
 
-    def by_rtol(self, rtol: float) -> Reached:
-        """DOP853 at an rtol, with smaller ones as long as the estimate asks for them."""
+    def by_rtol(self, rtol: float, magnified: float) -> Reached:
+        """DOP853 at an rtol, with smaller ones as long as the estimate asks for them.
+
+        magnified: the path error for a drift of M, by RK4. Errors of adaptive steps scatter about
+        their law; M, which every run shows to drift, is a second witness.
+        """
         looser = rtol * LOOSER
         before = self.made(self.settings(integrator=ADAPTIVE, rtol=looser), apart=SPARSE)
         for _ in range(1 + CORRECTIONS):
             settings = self.settings(integrator=ADAPTIVE, rtol=rtol)
             motion = self.made(settings)
-            error = self.error(before, motion, looser / rtol, FRONT.rtol_order)
+            by_steps = self.error(before, motion, looser / rtol, FRONT.rtol_order)
+            error = max(by_steps, magnified * _drift(motion))
             if error <= self.accuracy or rtol <= FINEST_RTOL:
                 break
             before, looser = motion, rtol
@@ -258,6 +263,11 @@ def reach(scene: Scene, times: Array, accuracy: float, run: Run) -> Reached:
 def _timestep(motion: Motion) -> float:
     assert motion.diagnostics is not None
     return motion.diagnostics.timestep
+
+
+def _drift(motion: Motion) -> float:
+    """The largest change of M [kg m²/s]."""
+    return float(np.linalg.norm(motion.momentum - motion.momentum[:1], axis=1).max())
 
 
 def _thinned(times: Array, apart: float) -> Array:

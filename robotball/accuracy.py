@@ -51,10 +51,11 @@ class Front:
 FRONT = Front()
 PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
 STABLE = 1.5  # of a servo's rate in a step of the pilot run: RK4 diverges not far above it
-AIM = 0.9  # of the error asked for, at which steps are aimed
+AIM = 0.9  # of the error asked for, at which steps are aimed by a measured error
+CAUTIOUS = 0.2  # of it, at which the first rtol is aimed, by the front alone
 APART = 0.01  # path lengths; no law of errors holds between runs that are farther apart
 FINEST_RTOL, COARSEST_RTOL = 1e-13, 1e-7  # with looser ones the contact may be lost
-LOOSER = 300.0  # times rtol, of the run that DOP853 is compared with
+LOOSER = 300.0  # times rtol, of the run that DOP853's first is compared with, if one is
 SPARSE = 0.1  # s, between the samples of that run
 RK4_EVALUATIONS, DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejected steps included
 CORRECTIONS = 2
@@ -151,7 +152,7 @@ class _Search:
         timestep = _timestep(fine) * self.finer(error, FRONT.order)
         rtol = self.rtol(error, _timestep(fine))
         if self.adaptive_seconds(rtol) < self.rk4_seconds(timestep):
-            return self.by_rtol(rtol, error / _drift(fine))
+            return self.by_rtol(rtol, error / _drift(fine) if error <= APART else np.inf)
         return self.by_timestep(timestep, fine)
 
     def by_timestep(self, timestep: float, before: Motion) -> Reached:
@@ -169,21 +170,31 @@ class _Search:
     def by_rtol(self, rtol: float, magnified: float) -> Reached:
         """DOP853 at an rtol, with smaller ones as long as the estimate asks for them.
 
-        magnified: the path error for a drift of M, by RK4. Errors of adaptive steps scatter about
-        their law; M, which every run shows to drift, is a second witness.
+        magnified: the path error for a drift of M, as RK4 showed it. With it the drift of M, which
+        every run tells, is an estimate; two runs give theirs as well, and the larger one counts.
         """
-        looser = rtol * LOOSER
-        before = self.made(self.settings(integrator=ADAPTIVE, rtol=looser), apart=SPARSE)
+        before, looser = None, rtol
+        if not np.isfinite(magnified):
+            looser = rtol * LOOSER
+            before = self.made(self.settings(integrator=ADAPTIVE, rtol=looser), apart=SPARSE)
         for _ in range(1 + CORRECTIONS):
             settings = self.settings(integrator=ADAPTIVE, rtol=rtol)
             motion = self.made(settings)
-            by_steps = self.error(before, motion, looser / rtol, FRONT.rtol_order)
-            error = max(by_steps, magnified * _drift(motion))
+            error = self.by_drift(motion, magnified)
+            if before is not None:
+                doubled = self.error(before, motion, looser / rtol, FRONT.rtol_order)
+                error = max(error, doubled)
             if error <= self.accuracy or rtol <= FINEST_RTOL:
                 break
             before, looser = motion, rtol
             rtol = max(FINEST_RTOL, rtol * self.finer(error, FRONT.rtol_order))
         return self.reached(settings, motion, error)
+
+    def by_drift(self, motion: Motion, magnified: float) -> float:
+        """The path error of a whole run by the drift of its M; 0 if RK4 told nothing of that."""
+        if len(motion.times) < len(self.times):
+            return np.inf
+        return magnified * _drift(motion) if np.isfinite(magnified) else 0.0
 
     def error(self, coarse: Motion, fine: Motion, ratio: float, order: float) -> float:
         """The path error of the fine run, by its difference from one of steps `ratio` as long."""
@@ -206,23 +217,20 @@ class _Search:
         """DOP853's rtol for the accuracy, by RK4's error at a timestep [s]."""
         stiffness = error / (self.rate * timestep) ** 4
         gain = FRONT.gain * stiffness**FRONT.power if np.isfinite(stiffness) else np.inf
-        return float(np.clip(AIM * self.accuracy / gain, FINEST_RTOL, COARSEST_RTOL / LOOSER))
+        return float(np.clip(CAUTIOUS * self.accuracy / gain, FINEST_RTOL, COARSEST_RTOL))
 
     def rk4_seconds(self, timestep: float) -> float:
-        """What RK4 at a timestep will take, which is compared with runs that are made already."""
+        """What RK4 at a timestep will take."""
         steps = step_count(self.times, self.scene.breakpoints, timestep)
         return steps * (FRONT.step + RK4_EVALUATIONS * self.control)
 
     def adaptive_seconds(self, rtol: float) -> float:
-        """What DOP853 at an rtol will take, with the run that it is compared with."""
-        duration, seconds = float(self.times[-1]), 0.0
-        for each, samples in ((rtol, len(self.times)), (rtol * LOOSER, duration / SPARSE)):
-            per_second = FRONT.density * self.rate * (1e-11 / each) ** FRONT.growth
-            # However small the error, a servo's own rate limits the steps.
-            steps = duration * max(per_second, servo_rate(self.scene) / STABLE)
-            seconds += steps * (FRONT.adaptive_step + DOP853_EVALUATIONS * self.control)
-            seconds += samples * (FRONT.sample + self.control)
-        return seconds
+        """What DOP853 at an rtol will take."""
+        per_second = FRONT.density * self.rate * (1e-11 / rtol) ** FRONT.growth
+        # However small the error, a servo's own rate limits the steps.
+        steps = float(self.times[-1]) * max(per_second, servo_rate(self.scene) / STABLE)
+        of_steps = steps * (FRONT.adaptive_step + DOP853_EVALUATIONS * self.control)
+        return of_steps + len(self.times) * (FRONT.sample + self.control)
 
     @property
     def control(self) -> float:

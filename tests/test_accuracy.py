@@ -140,7 +140,7 @@ def test_rounding_is_told_on_a_ball_that_magnifies_it() -> None:
 
 
 def test_motors_of_the_scene_are_no_error_of_the_steps() -> None:
-    """The steps' error is small, the motors' 1 % of the path after 1 s remains, and both are told."""
+    """The steps' error is small, what the motors miss remains, and both are told."""
     scene = rb.load_scene("servo_motors")
     with pytest.warns(rb.SceneWarning, match="servo_motors has motors of its own"):
         agreement = compare(scene, times=rb.sample_times(1.0), accuracy=1e-6)
@@ -161,11 +161,12 @@ def test_tighter_accuracies_cost_more_and_no_more_than_they_need() -> None:
 
 def test_the_rate_of_a_scene_is_of_its_numbers() -> None:
     """Twice K, Ω and M is twice the rate; a changing drive counts at its largest."""
+    M, rates = FIG12.start.momentum, [float(drive.rate(0.0)) for drive in FIG12.drives]
     twice = replace(
         FIG12,
-        frame_rate=2 * FIG12.frame_rate,
-        rotor_rates=tuple(2 * rate for rate in FIG12.rotor_rates),
-        start=replace(FIG12.start, momentum=2 * FIG12.start.momentum),
+        frame_rate=2 * rates[0],
+        rotor_rates=(2 * rates[1],),
+        start=replace(FIG12.start, momentum=2 * M),
     )
     assert scene_rate(twice) == pytest.approx(2 * scene_rate(FIG12), rel=1e-12)
     with pytest.warns(rb.SceneWarning, match="outside the shell"):

@@ -79,6 +79,7 @@ def _run(scene: Scene, theory: Motion, settings: Settings) -> dict[str, Any]:
     return {
         "size": settings.rtol if settings.adaptive else settings.timestep,
         "error": agreement.path_error,
+        "drift": agreement.momentum_drift,
         "sound": not agreement.faults,
         "steps": diagnostics.steps,
         "seconds": diagnostics.seconds,

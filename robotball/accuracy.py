@@ -2,7 +2,8 @@
 
 Two families of the recipe are known: MuJoCo's RK4 at a timestep, and DOP853 at an rtol. Two cheap
 runs of RK4 measure the scene's own error; the measured front says what each family then costs.
-Every estimate compares two runs of different steps and needs no reference.
+An estimate needs no reference: it compares two runs of different steps, or takes the drift of M,
+which should be none, as many times as those two runs say that the path shows it.
 """
 
 import warnings
@@ -35,7 +36,7 @@ class Front:
     order: float = 3.8
     rtol_order: float = 0.85
     # DOP853's error, as its drift of M tells it, over rtol is
-    # gain * (RK4's error / (rate * timestep)^4)^power, within a factor of 3 for two scenes of three.
+    # gain * (RK4's error / (rate * timestep)^4)^power, within a factor of 3 for most scenes.
     gain: float = 400.0
     power: float = 0.64
     # It takes density * rate * duration * (1e-11 / rtol)^growth steps.
@@ -56,6 +57,7 @@ AIM = 0.9  # of the error asked for, at which steps are aimed by a measured erro
 CAUTIOUS = 0.33  # of it, at which the first rtol is aimed, by the front alone
 APART = 0.01  # path lengths; no law of errors holds between runs that are farther apart
 FINEST_RTOL, COARSEST_RTOL = 1e-13, 1e-7  # with looser ones the contact may be lost
+ROUNDING = 1e-11  # of the path: to errors below it rounding may add what M does not show
 LOOSER = 300.0  # times rtol, of the run that DOP853's first is compared with, if one is
 SPARSE = 0.1  # s, between the samples of that run
 RK4_EVALUATIONS, DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejected steps included
@@ -153,7 +155,8 @@ class _Search:
         timestep = _timestep(fine) * self.finer(error, FRONT.order)
         rtol = self.rtol(error, _timestep(fine))
         if self.adaptive_seconds(rtol) < self.rk4_seconds(timestep):
-            return self.by_rtol(rtol, error / _drift(fine) if error <= APART else np.inf)
+            drift = _drift(fine)
+            return self.by_rtol(rtol, error / drift if drift > 0 and error <= APART else np.inf)
         return self.by_timestep(timestep, fine)
 
     def by_timestep(self, timestep: float, before: Motion) -> Reached:
@@ -175,7 +178,7 @@ class _Search:
         every run tells, is an estimate; two runs give theirs as well, and the larger one counts.
         """
         before, looser = None, rtol
-        if not np.isfinite(magnified):
+        if not np.isfinite(magnified) or self.accuracy < ROUNDING:
             looser = rtol * LOOSER
             before = self.made(self.settings(integrator=ADAPTIVE, rtol=looser), apart=SPARSE)
         for _ in range(1 + CORRECTIONS):

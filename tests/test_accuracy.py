@@ -29,7 +29,11 @@ def reached_by(scene: rb.Scene, target: float, times: Array | None = None) -> Ag
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("scene", ["fig12", "wobbling_drive", "spin_up_from_rest", 6, 14])
 def test_the_accuracy_asked_for_is_reached(scene: str | int, target: float) -> None:
-    """Steady and changing drives, two random balls; no more is claimed than is true."""
+    """Steady and changing drives, two random balls, one of which magnifies errors 20 times.
+
+    The estimate is 1.01 to 1.24 times the true error by RK4's steps, 3.1 to 14 times it where the
+    drift of M tells DOP853's.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         loaded = rb.load_scene(scene) if isinstance(scene, str) else random_scene(scene)
@@ -40,6 +44,8 @@ def test_the_accuracy_asked_for_is_reached(scene: str | int, target: float) -> N
     assert estimate is not None
     assert agreement.path_error <= target
     assert estimate <= target
+    most = 20 if agreement.settings.adaptive else 1.4
+    assert 0.95 < estimate / agreement.path_error < most
 
 
 @pytest.mark.parametrize(
@@ -120,11 +126,11 @@ def test_an_error_that_does_not_fall_is_told(target: float) -> None:
 def test_runs_far_apart_give_no_estimate_by_a_law() -> None:
     """Where two runs differ by over a hundredth of the path, the difference is the estimate."""
     signs = iter([0, 1] * 10)
-    _, run = faked(lambda h: 0.3 * next(signs))
+    _, run = faked(lambda h: 0.02 * next(signs))
     with pytest.warns(rb.SceneWarning, match="not reached"):
         reached = reach(FIG12, FIG12.times, 1e-3, run)
     assert reached.motion.diagnostics is not None
-    assert reached.motion.diagnostics.estimated_error == pytest.approx(0.3, rel=0.05)
+    assert reached.motion.diagnostics.estimated_error == pytest.approx(0.02, rel=0.05)
 
 
 def test_rounding_is_told_on_a_ball_that_magnifies_it() -> None:
@@ -150,7 +156,7 @@ def test_motors_of_the_scene_are_no_error_of_the_steps() -> None:
 
 
 def test_tighter_accuracies_cost_more_and_no_more_than_they_need() -> None:
-    """Steps of the last run on fig12: 500, 500, SOME."""
+    """Steps of the last run on fig12: 20 ms is enough for 1e-6, a third of it for 1e-8."""
     taken = []
     for target in (1e-4, 1e-6, 1e-8):
         diagnostics = simulate_with(FIG12, None, target).motion.diagnostics

@@ -32,6 +32,7 @@ class Diagnostics:
     timestep         s, the longest step taken
     steps            taken
     seconds          of processor time that they took, set-up excluded
+    estimated_error  of the path, over its length; where an accuracy was asked for, else None
     """
 
     slip: Array
@@ -43,6 +44,7 @@ class Diagnostics:
     timestep: float
     steps: int
     seconds: float
+    estimated_error: float | None = None
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,8 @@ class Settings:
     """How MuJoCo is to run a scene; None leaves a choice at MuJoCo's own default.
 
     promise is the largest path error and momentum drift, both relative, that the settings are
-    held to over 10 s on the scenes of the catalog. The integrator is one of MuJoCo's, or DOP853:
+    held to over 10 s on the scenes of the catalog; accuracy is the path error that they were chosen
+    for, if they were. The integrator is one of MuJoCo's, or DOP853:
     scipy's, of order 8, driving MuJoCo's forward dynamics in steps whose error it holds to rtol
     and which are no longer than the timestep, if there is one. Raises InputError for what MuJoCo
     or scipy would refuse, or would replace in silence.
@@ -38,6 +39,7 @@ class Settings:
 
     name: str
     promise: float
+    accuracy: float | None = None
     timestep: float | None = None  # s
     integrator: str | None = None
     rtol: float | None = None  # DOP853's alone: the error allowed in one step, relative

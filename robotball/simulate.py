@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robotball.accuracy import Reached, asked, reach
 from robotball.bodies import imbalance
 from robotball.contact.adaptive import by_forward
 from robotball.contact.check import check_length, warn
@@ -18,10 +19,10 @@ from robotball.contact.readings import Readings
 from robotball.contact.stepping import Portion, by_steps
 from robotball.contact.watch import Found, Watch
 from robotball.errors import SceneWarning
-from robotball.motion import Diagnostics, Fault, Motion
+from robotball.motion import Diagnostics, Fault, Loads, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene, check_times
-from robotball.settings import Settings, preset
+from robotball.settings import Settings
 from robotball.start import Start
 
 Progress = Callable[[float], None]
@@ -30,8 +31,9 @@ Progress = Callable[[float], None]
 def simulate(
     scene: Scene,
     times: Array | None = None,
-    settings: Settings | str = "balanced",
+    settings: Settings | str | None = None,
     *,
+    accuracy: float | None = None,
     strict: bool = False,
     dump: Path | None = None,
     progress: Progress | None = None,
@@ -39,20 +41,60 @@ def simulate(
     """The motion of the ball as MuJoCo's contact model rolls it, with diagnostics.
 
     times: (n,) s, increasing from 0; the scene's own if None. Steps end on them, and are never
-    longer than the settings' timestep. settings: a preset's name or Settings. A run that faults
-    ends there, with fewer times; with stop_at_fault off, only one that has no state any more does.
-    dump: where a window of states around the first fault goes, if there is one, for
-    `robotball replay`. progress is called with the simulated fraction. Warns of a ball that is not
-    balanced: it rolls, but there are no equations to compare it with; and of settings that are
-    predicted to fail, which are an InputError if `strict`. Raises InputError on unusable times, an
-    unknown preset and a run of more steps than the settings allow.
+    longer than the settings' timestep. settings: a preset's name or Settings, balanced if None.
+    accuracy: instead of settings, the path error to reach, relative to the path's length. A run
+    that faults ends there, with fewer times; with stop_at_fault off, only one that has no state
+    any more does. dump: where a window of states around the first fault goes, if there is one, for
+    `robotball replay`. progress is called with the simulated fraction.
+
+    Warns of an accuracy that is not reached; of a ball that is not balanced: it rolls, but there
+    are no equations to compare it with; and of settings that are predicted to fail, which are an
+    InputError if `strict`. Raises InputError on unusable times, an unknown preset, an accuracy that
+    rounding forbids and a run of more steps than the settings allow.
+    """
+    wanted = asked(settings, accuracy)
+    return simulate_with(scene, times, wanted, strict=strict, dump=dump, progress=progress).motion
+
+
+def simulate_with(
+    scene: Scene,
+    times: Array | None,
+    wanted: Settings | float,
+    *,
+    loads: Loads | None = None,
+    strict: bool = False,
+    dump: Path | None = None,
+    progress: Progress | None = None,
+) -> Reached:
+    """`simulate` by settings or to an accuracy, with the settings that were run in the end.
+
+    loads: of the whole motion, where they are known, for the check of the friction.
     """
     times = scene.times if times is None else check_times(times)
     if offset := imbalance(scene.ball):
-        warnings.warn(f"{offset}; no equations describe it", SceneWarning, stacklevel=2)
-    settings = preset(settings) if isinstance(settings, str) else settings
-    warn(scene, settings, times, strict=strict)
-    return run(build(scene, settings), times, progress, dump=dump)
+        warnings.warn(f"{offset}; no equations describe it", SceneWarning, stacklevel=3)
+    if not isinstance(wanted, float):
+        warn(scene, wanted, times, loads, strict=strict)
+        motion = run(build(scene, wanted), times, progress, dump=dump)
+        assert motion.diagnostics is not None
+        return Reached(wanted, motion, motion.diagnostics.seconds)
+    part = 1.0  # of the work left before each run; none knows how many follow it
+
+    def another(settings: Settings, at: Array) -> Motion:
+        nonlocal part
+        part /= 2
+        told = _told(progress, 1 - 2 * part, part)
+        # The pilot runs are coarse, and go on whatever they find.
+        return run(build(scene, settings), at, told, dump=dump if settings.stop_at_fault else None)
+
+    reached = reach(scene, times, wanted, another)
+    warn(scene, reached.settings, times, loads, strict=strict)
+    return reached
+
+
+def _told(progress: Progress | None, done: float, part: float) -> Progress | None:
+    """Progress of a run that is a part of the whole."""
+    return None if progress is None else lambda fraction: progress(done + part * fraction)
 
 
 def run(

@@ -12,9 +12,9 @@ from robotball.contact import grip, stability
 from robotball.contact.check import check, edges
 from robotball.contact.edge import Case, Edge
 from robotball.settings import Prescribed, recipe
-from tests.test_any_ball import random_scene
 from validation import Agreement, compare
 from validation.extremes.random_runs import rescaled
+from validation.random_scenes import random_scene
 
 FIG12, REGULAR = rb.load_scene("fig12"), rb.load_scene("classical_regular")
 FAST = replace(rb.preset("fast"), stop_at_fault=False)

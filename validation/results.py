@@ -59,6 +59,7 @@ def record(agreement: Agreement) -> dict[str, Any]:
         "samples": len(agreement.theory.times),
         "path_length": agreement.theory.path_length,
         "path_error": agreement.path_error,
+        "estimated_error": diagnostics.estimated_error,
         "gamma_error": agreement.gamma_error,
         "momentum_drift": agreement.momentum_drift,
         "friction_used": float(diagnostics.friction_used.max(initial=0.0)),

@@ -5,11 +5,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from robotball import Scene, Settings, integrate
+from robotball.accuracy import accuracy_name
 from robotball.rotations import Array
 from validation.agreement import Agreement, compare
 from validation.results import replacing
@@ -17,33 +19,40 @@ from validation.results import replacing
 
 def compare_all(
     scenes: Sequence[Scene],
-    settings: Sequence[Settings],
+    wanted: Sequence[Settings | float],
     times: Array | None = None,
     *,
     strict: bool = False,
     dumps: Path | None = None,
 ) -> list[Agreement]:
-    """Every scene at all of the settings; the equations are integrated once a scene.
+    """Every scene at all of the settings, or to all of the accuracies; the equations are
+    integrated once a scene.
 
     strict: as in simulate; dumps: the folder for the states around each run's first fault.
     """
     agreements: list[Agreement] = []
-    with progress_bar(len(scenes) * len(settings)) as show:
+    with progress_bar(len(scenes) * len(wanted)) as show:
         for scene in scenes:
             show(len(agreements), f"{scene.name}: equations")
             theory = integrate(scene, times)
-            for each in settings:
-                report = partial(_report, show, len(agreements), f"{scene.name}: {each.name}")
-                dump = None if dumps is None else dump_path(dumps, scene, each)
+            for each in wanted:
+                by: dict[str, Any]
+                by, name = (
+                    ({"accuracy": each}, accuracy_name(each))
+                    if isinstance(each, float)
+                    else ({"settings": each}, each.name)
+                )
+                report = partial(_report, show, len(agreements), f"{scene.name}: {name}")
+                dump = None if dumps is None else dump_path(dumps, scene, name)
                 agreements.append(
-                    compare(scene, each, theory=theory, strict=strict, dump=dump, progress=report)
+                    compare(scene, theory=theory, strict=strict, dump=dump, progress=report, **by)
                 )
     return agreements
 
 
-def dump_path(folder: Path, scene: Scene, settings: Settings) -> Path:
-    """Where the states around the first fault of a run go."""
-    return folder / f"{scene.name}-{settings.name}-fault.json"
+def dump_path(folder: Path, scene: Scene, settings: str) -> Path:
+    """Where the states around the first fault of a run go, by the name of its settings."""
+    return folder / f"{scene.name}-{settings.replace(' ', '-')}-fault.json"
 
 
 def film(path: Path, agreement: Agreement) -> None:

@@ -6,11 +6,15 @@ from typing import Annotated
 
 from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, arg
 
+from robotball import sample_times
+from robotball.rotations import Array
+
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
 OUT = Path("out")
 
 SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
 Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS")]]
+Accuracy = DisallowNone[Annotated[float | None, arg(metavar="ERROR")]]
 File = DisallowNone[Annotated[Path | None, arg(metavar="FILE")]]
 Preset = DisallowNone[Annotated[str | None, arg(metavar="PRESET")]]
 
@@ -30,3 +34,8 @@ class Sweep:
 
 
 SweepOptions = OmitArgPrefixes[Sweep]
+
+
+def times_of(duration: float | None) -> Array | None:
+    """Sample times of a duration [s]; None, each scene's own, where none is given."""
+    return None if duration is None else sample_times(duration)

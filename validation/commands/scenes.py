@@ -9,11 +9,22 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import Positional, arg
 
-from robotball import InputError, Settings, catalog, load_scene, preset, sample_times
+from robotball import InputError, Settings, catalog, load_scene, preset
+from robotball.accuracy import asked
 from robotball.contact.explain import left_out
 from robotball.contact.model import build
 from validation.agreement import Agreement
-from validation.commands.arguments import AGREES, DISAGREES, OUT, Duration, File, SceneName
+from validation.commands.arguments import (
+    AGREES,
+    DISAGREES,
+    OUT,
+    Accuracy,
+    Duration,
+    File,
+    Preset,
+    SceneName,
+    times_of,
+)
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
 from validation.runs import compare_all, dump_path, film
 from validation.table import show
@@ -38,8 +49,11 @@ class Compare:
 
     scenes: Positional[Annotated[tuple[str, ...], arg(metavar="SCENE...")]]
     """Names from the catalog, or paths to TOML files."""
-    preset: tuple[str, ...] = ("balanced",)
-    """MuJoCo settings to run each scene with: naive, fast, balanced, accurate."""
+    preset: tuple[str, ...] = ()
+    """MuJoCo settings to run each scene with: naive, fast, balanced, accurate, adaptive; balanced
+    if not given."""
+    accuracy: Accuracy = None
+    """Instead of a preset, the path error to reach: settings are chosen for it."""
     duration: Duration = None
     """Simulated time; each scene's own if not given."""
     out: Path = OUT
@@ -59,12 +73,12 @@ class Compare:
         if not self.scenes:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
         scenes = [load_scene(name) for name in self.scenes]
-        settings = [_preset(name, self.keep_going) for name in self.preset]
-        times = None if self.duration is None else sample_times(self.duration)
+        wanted = [_wanted(name, self.accuracy, self.keep_going) for name in self.preset or (None,)]
         for path in filter(None, (self.json, self.csv)):
             writable_file(path)
         writable_folder(self.out)
-        agreements = compare_all(scenes, settings, times, strict=self.strict, dumps=self.out)
+        times = times_of(self.duration)
+        agreements = compare_all(scenes, wanted, times, strict=self.strict, dumps=self.out)
         if self.json:
             write_json(self.json, agreements)
         if self.csv:
@@ -85,8 +99,10 @@ class Video:
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
-    preset: str = "balanced"
-    """MuJoCo settings to run it with."""
+    preset: Preset = None
+    """MuJoCo settings to run it with; balanced if not given."""
+    accuracy: Accuracy = None
+    """Instead of a preset, the path error to reach: settings are chosen for it."""
     duration: Duration = None
     """Simulated time; the scene's own if not given."""
     out: Path = OUT
@@ -97,10 +113,11 @@ class Video:
     """Go on after a fault, as long as there is a state."""
 
     def run(self) -> int:
-        scene, settings = load_scene(self.scene), _preset(self.preset, self.keep_going)
-        times = None if self.duration is None else sample_times(self.duration)
+        scene = load_scene(self.scene)
+        wanted = _wanted(self.preset, self.accuracy, self.keep_going)
+        times = times_of(self.duration)
         path = writable_folder(self.out) / f"{scene.name}.mp4"
-        agreements = compare_all([scene], [settings], times, strict=self.strict, dumps=self.out)
+        agreements = compare_all([scene], [wanted], times, strict=self.strict, dumps=self.out)
         (agreement,) = agreements
         film(path, agreement)
         print(path)
@@ -108,15 +125,20 @@ class Video:
         return AGREES if agreement.agrees else DISAGREES
 
 
-def _preset(name: str, keep_going: bool) -> Settings:
-    settings = preset(name)
-    return replace(settings, stop_at_fault=False) if keep_going else settings
+def _wanted(name: str | None, accuracy: float | None, keep_going: bool) -> Settings | float:
+    """The settings or the path error that the options ask for."""
+    wanted = asked(name, accuracy)
+    if not keep_going:
+        return wanted
+    if isinstance(wanted, float):
+        raise InputError("a run with a fault reaches no accuracy: give --keep-going with a preset")
+    return replace(wanted, stop_at_fault=False)
 
 
 def _tell_dumps(agreements: Sequence[Agreement], folder: Path) -> None:
     for each in agreements:
         if each.faults:
-            path = dump_path(folder, each.scene, each.settings)
+            path = dump_path(folder, each.scene, each.settings.name)
             print(f"robotball replay {path}", "steps through its first fault")
 
 

@@ -1,0 +1,213 @@
+"""The front that `robotball.accuracy` predicts by, measured again, and how well that goes.
+
+Every scene of the catalog and random balls at both families of the recipe; the coefficients fitted
+to them beside those in use; and for four accuracies what was reached, how honest the estimate was
+and what it all took, against the cheapest of the searched configurations.
+"""
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from robotball.accuracy import FRONT, LOOSER, RK4_EVALUATIONS
+from robotball.rotations import Array
+from validation.bench.front_scene import TARGETS, best_seconds, cells, measure
+from validation.results import write_record
+from validation.runs import progress_bar
+from validation.sweeps import sweep
+
+Record = Mapping[str, Any]
+WIDTH = 130  # characters, which the table of cases needs
+ROUNDING = 1e-11  # errors below this multiple of it no longer show an order
+
+
+def main() -> None:
+    """Measure what is missing, and print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("out"))
+    parser.add_argument("--workers", type=int)
+    given = parser.parse_args()
+    everything = cells()
+    with progress_bar(len(everything)) as show:
+        results = sweep(
+            measure, everything, given.out / "front.jsonl", workers=given.workers, show=show
+        )
+    console = Console(width=WIDTH)
+    for result in results:
+        if result.failure:
+            console.print(f"{result.cell}: {result.failure}", style="yellow")
+    records = [result.record for result in results if result.record is not None]
+    console.print(coefficient_table(records))
+    console.print(case_table(records))
+    write_record(given.out / "front.json", {"coefficients": coefficients(records)})
+
+
+def coefficients(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
+    """Each field of Front as measured: the value, and the scatter of single scenes about it.
+
+    Orders are low percentiles, for an estimate to be too small only rarely. Scatter is
+    a factor for gain, density and step, and absolute for the others.
+    """
+    records = [record for record in records if not record["motors"]]
+    steady = [record for record in records if record["steady"]]
+    order = np.array([each for record in records for each in _orders(record)])
+    rtol_order = np.array([each for record in records for each in _rtol_orders(record)])
+    stiffness = np.array([_stiffness(record) for record in records])
+    gain = np.array([_gain(record) for record in records])
+    power, log_gain = np.polyfit(np.log(stiffness), np.log(gain), 1)
+    growth, density = np.array([_density(record) for record in records]).T
+    step = np.array([_per_step(record) for record in steady])
+    adaptive_step, sample = np.array([_per_adaptive_step(record) for record in steady]).T
+    control = [
+        (_per_step(record) - np.median(step)) / RK4_EVALUATIONS
+        for record in records
+        if not record["steady"]
+    ]
+    return {
+        "order": (float(np.percentile(order, 3)), float(order.std())),
+        "rtol_order": (float(np.percentile(rtol_order, 10)), float(rtol_order.std())),
+        "gain": (float(np.exp(log_gain)), _factor(gain / stiffness**power)),
+        "power": (float(power), 0.0),
+        "density": (float(np.median(density)), _factor(density)),
+        "growth": (float(np.median(growth)), float(growth.std())),
+        "step": (float(np.median(step)), _factor(step)),
+        "adaptive_step": (float(np.median(adaptive_step)), float(adaptive_step.std())),
+        "sample": (float(np.median(sample)), float(sample.std())),
+        "control": (float(np.median(control)), float(np.std(control))),
+    }
+
+
+def _orders(record: Record) -> list[float]:
+    """Of the error, from the longest step of RK4 to each shorter one."""
+    first, *others = record["rk4"]
+    return [
+        float(np.log(first["error"] / each["error"]) / np.log(first["size"] / each["size"]))
+        for each in others
+        if each["error"] > ROUNDING
+    ]
+
+
+def _rtol_orders(record: Record) -> list[float]:
+    """Of the error, between rtols LOOSER apart, at the end that accuracy uses."""
+    runs = record["adaptive"]
+    apart = round(np.log(LOOSER) / np.log(runs[0]["size"] / runs[1]["size"]))
+    return [
+        float(np.log(loose["error"] / tight["error"]) / np.log(loose["size"] / tight["size"]))
+        for loose, tight in zip(runs, runs[apart:], strict=False)
+        if tight["error"] > ROUNDING and loose["sound"]
+    ]
+
+
+def _stiffness(record: Record) -> float:
+    """RK4's error where the scene turns by a radian in a step, along its fourth order."""
+    run = record["rk4"][0]
+    return float(run["error"] / (record["rate"] * run["size"]) ** 4)
+
+
+def _gain(record: Record) -> float:
+    """DOP853's error over rtol as its drift of M tells it, by RK4's of both: a geometric mean."""
+    first = record["rk4"][0]
+    drifts = [
+        run["drift"] / run["size"] for run in record["adaptive"] if 1e-12 < run["size"] < 2e-9
+    ]
+    return float(np.exp(np.mean(np.log(drifts)))) * first["error"] / first["drift"]
+
+
+def _density(record: Record) -> tuple[float, float]:
+    """The power of 1/rtol with which steps grow, and their number at 1e-11 a radian."""
+    runs = [run for run in record["adaptive"] if run["size"] < 2e-9]
+    sizes, steps = (np.log([run[key] for run in runs]) for key in ("size", "steps"))
+    slope, at_one = np.polyfit(sizes, steps, 1)
+    turned = record["rate"] * record["duration"]
+    return -float(slope), float(np.exp(at_one + slope * np.log(1e-11)) / turned)
+
+
+def _per_step(record: Record) -> float:
+    return float(np.median([run["seconds"] / run["steps"] for run in record["rk4"]]))
+
+
+def _per_adaptive_step(record: Record) -> Array:
+    """Seconds of a step of DOP853 and of a sample."""
+    runs = record["adaptive"]
+    seconds = np.array([run["seconds"] for run in runs])
+    counts = np.array([[run["steps"], record["samples"]] for run in runs])
+    return np.linalg.lstsq(counts / seconds[:, None], np.ones(len(runs)), rcond=None)[0]
+
+
+def _factor(values: Array) -> float:
+    """The standard deviation of the logarithm, as a factor."""
+    return float(np.exp(np.std(np.log(values))))
+
+
+def coefficient_table(records: Sequence[Record]) -> Table:
+    """The coefficients measured now beside those in use."""
+    table = Table(title="the front", title_justify="left", box=box.SIMPLE_HEAD)
+    for heading in ("coefficient", "in use", "measured", "scatter"):
+        table.add_column(heading, justify="left" if heading == "coefficient" else "right")
+    for name, (value, scatter) in coefficients(records).items():
+        table.add_row(name, f"{getattr(FRONT, name):.3g}", f"{value:.3g}", f"{scatter:.2g}")
+    return table
+
+
+def case_table(records: Sequence[Record]) -> Table:
+    """A row an accuracy: how many reached it, how honest the estimates were, what it took."""
+    table = Table(title="accuracies asked for", title_justify="left", box=box.SIMPLE_HEAD)
+    for heading in (
+        "asked", "cases", "reached", "told", "silent", "estimate\n< half", "DOP853",
+        "CPU / best\nmedian", "90 %", "largest", "over 2", "last run\nmedian", "largest",
+    ):  # fmt: skip
+        table.add_column(heading, justify="right")
+    for target in (*TARGETS, None):
+        cases = _cases(records, target)
+        whole = np.array([each["ratio"] for each in cases if np.isfinite(each["ratio"])])
+        last = np.array([each["last_ratio"] for each in cases if np.isfinite(each["ratio"])])
+        missed = [each for each in cases if not each["within"]]
+
+        def count(which: Callable[[Record], bool], of: Sequence[Record] = cases) -> str:
+            return str(sum(map(which, of)))
+
+        table.add_row(
+            "all" if target is None else f"{target:g}",
+            str(len(cases)),
+            str(len(cases) - len(missed)),
+            count(lambda each: each["told"], missed),
+            count(lambda each: not each["told"], missed),
+            count(lambda each: each["dishonest"]),
+            count(lambda each: each["adaptive"]),
+            f"{np.median(whole):.2f}",
+            f"{np.percentile(whole, 90):.2f}",
+            f"{whole.max():.2f}",
+            str(int((whole > 2).sum())),
+            f"{np.median(last):.2f}",
+            f"{last.max():.2f}",
+        )
+    return table
+
+
+def _cases(records: Sequence[Record], target: float | None) -> list[dict[str, Any]]:
+    """The cases of a target, or all, with what is made of them."""
+    cases = []
+    for record in records:
+        for case in record["cases"]:
+            if target in (None, case["target"]):
+                best = best_seconds(record, case["target"])
+                error, estimate = case["error"], case["estimate"]
+                cases.append({
+                    **case,
+                    "scene": record["scene"],
+                    "within": error is not None and error <= case["target"],
+                    "dishonest": None not in (error, estimate) and estimate < error / 2,
+                    "ratio": case["seconds"] / best,
+                    "last_ratio": case["last_seconds"] / best,
+                })  # fmt: skip
+    return cases
+
+
+if __name__ == "__main__":
+    main()

@@ -212,6 +212,21 @@ def test_a_tolerance_that_cannot_be_judged_is_refused() -> None:
         rb.integrate(EDGES["M = 0"], rtol=0.0)
 
 
+@pytest.mark.parametrize(
+    ("A", "K", "message"),
+    [
+        ((1e-140, 1e-140, 1e-140), 1.0, r"A must lie between 1e-50 and 1e\+50 1/\(kg m²\), not at"),
+        ((1.0, 1.0, 1.0), 1e170, r"K must be finite and at most 1e\+50 in size, not 1e\+170"),
+    ],
+)
+def test_numbers_beyond_any_ball_are_not_designed(
+    A: tuple[float, float, float], K: float, message: str
+) -> None:
+    """A design is asked for in the same range as a ball is given in."""
+    with pytest.raises(rb.InputError, match=message):
+        rb.design(A, (0.0, 0.0, 1.0), (K, 0.0, 0.0), radius=1.0)
+
+
 # Anything -----------------------------------------------------------------------------------
 
 

@@ -31,7 +31,7 @@ from robotball.designing.feasibility import (
     masses_allowed,
     refusal,
 )
-from robotball.errors import InputError
+from robotball.errors import InputError, check_positive, check_size
 from robotball.rotations import Array
 
 # A frame that cannot lie within its radius may reach this much farther than it must.
@@ -172,6 +172,8 @@ def _symmetric_positive(A: ArrayLike) -> Array:
     least = float(np.linalg.eigvalsh(matrix)[0])
     if not least > 0:
         raise InputError(f"A is not positive: its least eigenvalue is {least:.6g} 1/(kg m²)")
+    for value in (least, float(np.abs(matrix).max())):
+        check_positive("A", value, "1/(kg m²)")
     return matrix
 
 
@@ -179,6 +181,8 @@ def _vector(name: str, v: ArrayLike) -> Array:
     vector = np.asarray(v, dtype=float)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
         raise InputError(f"{name} must be 3 finite numbers, not {np.asarray(v).tolist()}")
+    for value in vector.tolist():
+        check_size(name, value)
     return vector
 
 

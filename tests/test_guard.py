@@ -213,7 +213,7 @@ CHANGES = st.dictionaries(st.sampled_from(sorted(FIELD_VALUES)), st.none(), max_
 SCENES = [rb.load_scene(name) for name in ("fig12", "classical_regular", "chaplygin_ball")]
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(
     changes=CHANGES,
     scene=st.sampled_from(SCENES),

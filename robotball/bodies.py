@@ -1,15 +1,17 @@
 """The ball's bodies and the few numbers of them that the equations know (Appendix A)."""
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from robotball.errors import InputError, check_positive
+from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.rotations import Array
 
 # How far, relative to its largest part, an inertia may miss a condition by rounding alone.
 ROUNDING = 1e-12
+LARGEST_MOMENT = LARGEST**3  # kg m²; the least is as far below 1
 
 
 def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
@@ -19,7 +21,7 @@ def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
 
 def thin_shell_inertia(radius: float, mass: float) -> float:
     """2/3 m a², the inertia of a spherical shell of no thickness about any diameter [kg m²]."""
-    return 2 / 3 * mass * radius**2
+    return 2 / 3 * mass * radius * radius
 
 
 def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
@@ -35,7 +37,7 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
     b = 1 - thickness / radius
     # (1 - b⁵)/(1 - b³) without the 1 - b that both have.
     ratio = (1 + b + b**2 + b**3 + b**4) / (1 + b + b**2)
-    return 2 / 5 * mass * radius**2 * ratio
+    return 2 / 5 * mass * radius * radius * ratio
 
 
 @dataclass(frozen=True)
@@ -102,13 +104,16 @@ class Ball:
         check_positive("the shell's radius", self.shell.radius, "m")
         for name, body in self.named_bodies:
             check_positive(f"{name}'s mass", body.mass, "kg")
+            for coordinate in _centre(body).tolist():
+                check_size(f"{name}'s centre", coordinate, "m")
+            if not isinstance(body, Frame):
+                _check_unit(f"{name}'s axis", body.axis)
+                _check_entries(name, np.array([body.axial_inertia, body.transverse_inertia]))
             if isinstance(body, Rotor):
                 _check_no_flatter_than_a_disk(name, body)
             check_inertia(name, body.inertia)
-            if not np.all(np.isfinite(_centre(body))):
-                raise InputError(f"{name}'s centre is not finite: {_centre(body).tolist()}")
-            if not isinstance(body, Frame):
-                _check_unit(f"{name}'s axis", body.axis)
+        # Of a needle in turned axes the least moment may be lost to rounding.
+        check_inertia("the ball", self.inertia)
 
     @property
     def named_bodies(self) -> tuple[tuple[str, Shell | Frame | Rotor], ...]:
@@ -202,14 +207,18 @@ def _about_the_shells(body: Shell | Frame | Rotor) -> Array:
 
 def check_inertia(name: str, inertia: Array) -> None:
     """Raises InputError unless the tensor (3, 3) is one that a rigid body can have."""
-    if not np.all(np.isfinite(inertia)):
-        raise InputError(f"{name}'s inertia has an entry that is not finite: {inertia.tolist()}")
+    _check_entries(name, inertia)
     if np.abs(inertia - inertia.T).max() > ROUNDING * np.abs(inertia).max():
         raise InputError(f"{name}'s inertia is not symmetric: {inertia.tolist()}")
     small, middle, large = np.linalg.eigvalsh(inertia)
     if small <= 0:
         raise InputError(
             f"{name}'s inertia is not positive: its smallest principal moment is {small:.6g} kg m²"
+        )
+    if small < 1 / LARGEST_MOMENT:
+        raise InputError(
+            f"{name}'s smallest principal moment must be at least {1 / LARGEST_MOMENT:g}, not "
+            f"{small:.6g} kg m²"
         )
     if large - small - middle > ROUNDING * large:
         raise InputError(
@@ -218,8 +227,14 @@ def check_inertia(name: str, inertia: Array) -> None:
         )
 
 
+def _check_entries(name: str, inertia: Array) -> None:
+    if not np.all(np.isfinite(inertia)):
+        raise InputError(f"{name}'s inertia has an entry that is not finite: {inertia.tolist()}")
+    check_size(f"{name}'s inertia", float(np.abs(inertia).max()), "kg m²", LARGEST_MOMENT)
+
+
 def _check_unit(what: str, axis: Array) -> None:
-    length = float(np.linalg.norm(axis))
+    length = math.hypot(*axis.tolist())  # overflows nowhere
     if not abs(length - 1) <= ROUNDING:
         raise InputError(f"{what} must be a unit vector; its length is {length:.17g}")
 

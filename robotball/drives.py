@@ -1,7 +1,7 @@
 """How a hinge turns: its rate over time, with the derivative and the integral of it.
 
 A drive is smooth between its breakpoints and continuous at them; both engines stop there.
-Times are scalars or columns, in s from the start of the motion; SI units.
+Times are scalars or increasing columns, in s from the start of the motion; SI units.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from typing import Any, Literal, Protocol
 import msgspec
 import numpy as np
 
-from robotball.errors import InputError, check_positive
+from robotball.errors import LARGEST, InputError, check_positive, check_size
 
 Time = Any  # a float, or a column (n,)
 
@@ -20,6 +20,7 @@ STENCIL = 2e-3  # s, between the points of a difference: rounding and truncation
 JUMP_WIDTH = 1e-9  # s, around a breakpoint
 JUMP = 1e-4  # of 1 rad/s and the rate: more is no slope but a jump
 PANEL = 0.25  # s, at most, of a quadrature by eight points
+MOST_PANELS = 4e5  # 1e5 s: a quarter of a minute for a cheap function
 
 
 class Drive(Protocol):
@@ -98,6 +99,9 @@ class Ramp(
                 f"a ramp must start at 0 or later and end after that, not from "
                 f"{self.start:g} to {self.end:g} s"
             )
+        check_positive("the time that a ramp takes", self.end - self.start, "s")
+        check_size("a ramp's initial rate", self.initial, "rad/s")
+        check_size("a ramp's final rate", self.final, "rad/s")
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
@@ -141,8 +145,10 @@ class Sine(
     phase: float = 0.0  # rad
 
     def __post_init__(self) -> None:
-        if not self.frequency > 0:
-            raise InputError(f"a sine's frequency must be positive, not {self.frequency:g} Hz")
+        check_positive("a sine's frequency", self.frequency, "Hz")
+        check_size("a sine's amplitude", self.amplitude, "rad/s")
+        check_size("a sine's mean", self.mean, "rad/s")
+        check_size("a sine's phase", self.phase, "rad")
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
@@ -179,12 +185,22 @@ class Custom:
         return _each(self._acceleration, t)
 
     def angle(self, t: Time) -> Any:
-        return _each(self._angle, t)
+        ends = np.atleast_1d(np.asarray(t, dtype=float))
+        if not ends[-1] / PANEL < MOST_PANELS:
+            raise InputError(
+                f"a drive's function can be integrated to t = {PANEL * MOST_PANELS:g} s at most, "
+                f"not to {ends[-1]:g} s; a number, a Ramp or a Sine has no such limit"
+            )
+        angles = np.cumsum([self._turn(a, b) for a, b in pairwise([0.0, *ends.tolist()])])
+        return angles if np.ndim(t) else float(angles[0])
 
     def _rate(self, t: float) -> float:
         value = float(self.function(t))
-        if not np.isfinite(value):
-            raise InputError(f"a drive's function gives {value} at t = {t:g} s; it must be finite")
+        if not abs(value) <= LARGEST:
+            raise InputError(
+                f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
+                f"{LARGEST:g} rad/s"
+            )
         return value
 
     def _acceleration(self, t: float) -> float:
@@ -198,8 +214,8 @@ class Custom:
             np.polynomial.Polynomial.fit(nodes, [self._rate(s) for s in nodes], 4).deriv()(t)
         )
 
-    def _angle(self, t: float) -> float:
-        edges = [0.0, *(b for b in self.breakpoints if 0 < b < t), t]
+    def _turn(self, begin: float, end: float) -> float:
+        edges = [begin, *(b for b in self.breakpoints if begin < b < end), end]
         panels = [np.linspace(a, b, 2 + int((b - a) / PANEL)) for a, b in pairwise(edges)]
         parts = np.concatenate(panels)
         x, weights = np.polynomial.legendre.leggauss(8)
@@ -224,8 +240,7 @@ def as_drive(rate: Rate) -> Drive:
         _check_continuous(drive)
     else:
         drive = Constant(float(rate))
-    if not np.isfinite(drive.rate(0.0)):
-        raise InputError(f"a drive's rate must be finite, not {drive.rate(0.0)} at t = 0 s")
+    check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
     return drive
 
 

@@ -2,6 +2,9 @@
 
 import math
 
+# In SI units, beyond any ball; products of a few such numbers do not overflow.
+LARGEST = 1e50
+
 
 class InputError(ValueError):
     """Input that cannot be used; the message is one line: the value, the limit, what to do."""
@@ -15,10 +18,30 @@ class SceneWarning(UserWarning):
     """A scene that runs, but not as its author may think; one line."""
 
 
+def too_many_steps(taken: int, reached: float, end: float, speed: float) -> InputError:
+    """What to raise where so many steps reach `reached` s of `end` s, turning at `speed` rad/s."""
+    needed = f"some {taken * end / reached:.2g}" if reached > 0 else "endlessly many"
+    return InputError(
+        f"{taken} steps reach t = {reached:.4g} s of {end:g}: the ball turns at {speed:.3g} rad/s, "
+        f"and the whole needs {needed} steps; shorten the motion or raise max_steps"
+    )
+
+
 def check_positive(what: str, value: float, unit: str) -> None:
-    """Raises InputError unless `value` is positive and finite."""
+    """Raises InputError unless `value` is positive and finite, and neither tiny nor huge."""
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{what} must be positive and finite, not {value:g} {unit}")
+    if not 1 / LARGEST <= value <= LARGEST:
+        raise InputError(
+            f"{what} must lie between {1 / LARGEST:g} and {LARGEST:g} {unit}, not at {value:g}"
+        )
+
+
+def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST) -> None:
+    """Raises InputError unless `value` is finite and at most `largest` in size."""
+    if not abs(value) <= largest:
+        line = f"{what} must be finite and at most {largest:g} in size, not {value:g} {unit}"
+        raise InputError(line.rstrip())
 
 
 def check_count(name: str, value: int, least: int) -> int:

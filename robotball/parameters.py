@@ -1,5 +1,6 @@
 """The numbers that the reduced equations know of a ball: all that is left of its bodies."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -9,6 +10,7 @@ import numpy as np
 from robotball import equations as eq
 from robotball.bodies import Ball
 from robotball.equations import Scalar, Vector
+from robotball.errors import LARGEST, InputError
 from robotball.rotations import Array
 
 Rolling = Literal["rubber", "classical"]
@@ -71,6 +73,29 @@ def parameters_of(ball: Ball, rolling: Rolling, rates: Sequence[float]) -> Param
         Omega=as_vector(axes.T @ Omega),
         K=as_vector(axes.T @ (k - ball.d * Omega)),
     )
+
+
+def speed_bound(parameters: Parameters, size: Array) -> Array:
+    """What |ω| (n,) cannot exceed where |M| = size (n,), by (3.2) or (3.3) term by term [rad/s]."""
+    A, I = np.array(parameters.A), np.array(parameters.I)
+    Omega, K = math.hypot(*parameters.Omega), math.hypot(*parameters.K)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if parameters.rolling == "rubber":
+            Z = (Omega + A.max() * K) / A.min()
+            return A.max() * (size * A.max() / A.min() + K + Z)
+        Z = (A.max() * (size + K) + Omega) * parameters.d / (I * A).min()
+        return A.max() * (size + K + Z)
+
+
+def check_speed(parameters: Parameters, size: Array) -> None:
+    """Raises InputError where |M| = size (n,) may turn the ball faster than numbers can follow."""
+    fastest = float(speed_bound(parameters, size).max())
+    if not fastest <= LARGEST:
+        raise InputError(
+            f"the ball may turn at {fastest:.3g} rad/s, of at most {LARGEST:g}: its momentum "
+            f"{float(size.max()):.3g} or K {math.hypot(*parameters.K):.3g} kg m²/s is too large "
+            f"for moments I + d from {1 / max(parameters.A):.3g} kg m² on"
+        )
 
 
 def as_vector(v: Array) -> Vector:

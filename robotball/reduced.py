@@ -1,44 +1,62 @@
 """Scene → Motion by the paper's equations: one rotation, integrated to round-off."""
 
-from collections.abc import Callable, Iterable
-from itertools import repeat
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853
 
 from robotball import equations as eq
 from robotball.bodies import imbalance
-from robotball.errors import InputError
+from robotball.errors import InputError, too_many_steps
 from robotball.loads import loads_of
 from robotball.motion import Motion
-from robotball.parameters import Parameters, as_vector
+from robotball.parameters import as_vector, check_speed, speed_bound
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
 
 TOLERANCE = 1e-13  # of one step, relative; near the least that double precision can judge
+# Longer motions at steady rates, in rad by the bound on |ω|, are left to the compiled step, which
+# takes a hundredth of the time: so much takes some seconds here.
+LONG = 1e4
+# What takes one to three minutes: at the usual rates a day here, and a month by compiled steps.
+MAX_STEPS, MAX_COMPILED_STEPS = 1_000_000, 100_000_000
 
 
-def integrate(scene: Scene, times: Array | None = None, rtol: float = TOLERANCE) -> Motion:
+def integrate(
+    scene: Scene,
+    times: Array | None = None,
+    rtol: float = TOLERANCE,
+    max_steps: int | None = None,
+) -> Motion:
     """The motion of the ball by (3.2) or (3.3).
 
     M is constant in space, so the state is one unit quaternion q and the contact point:
     dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; the scene's own if None.
-    rtol: the error allowed in one step. Raises InputError on unusable times, for a ball that is
-    not balanced, and where the equations run into a singularity.
+    rtol: the error allowed in one step, from 1e-13 on; max_steps: a limit for motions that turn
+    too often, some minutes' work if None. Raises InputError on unusable times, for a ball that is
+    not balanced, where the limit is met or a step shrinks to nothing, and where a number would
+    overflow: a motion that is returned is finite.
     """
     times = scene.times if times is None else check_times(times)
+    if not TOLERANCE <= rtol < 1:
+        raise InputError(f"rtol must be at least {TOLERANCE:g} and less than 1, not {rtol:g}")
     if offset := imbalance(scene.ball):
         raise InputError(f"{offset}, where the equations need it; MuJoCo alone can roll it")
-    states = _solve(scene, times, rtol)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        motion = _motion(scene, times, _states(scene, times, rtol, max_steps))
+    _check_finite(scene, motion)
+    return motion
+
+
+def _motion(scene: Scene, times: Array, states: Array) -> Motion:
+    """The motion whose states (n, 6), of any length of q, are given."""
     attitude = states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True)
     axes = rotation_matrix(attitude)
     M = axes.transpose(0, 2, 1) @ scene.start.momentum
-    omega = np.array(
-        [
-            parameters.angular_velocity(as_vector(M_now), as_vector(axes_now[2]))
-            for parameters, M_now, axes_now in zip(_parameters(scene, times), M, axes, strict=True)
-        ]
-    )
+    omega = _angular_velocity(scene, times, M, axes[:, 2])
     return Motion(
         times=times,
         contact_point=states[:, 4:],
@@ -51,11 +69,30 @@ def integrate(scene: Scene, times: Array | None = None, rtol: float = TOLERANCE)
     )
 
 
-def _parameters(scene: Scene, times: Array) -> Iterable[Parameters]:
-    """The numbers of the equations at each of the times."""
+def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Array:
+    """ω (n, 3) at n times, all in principal axes."""
     if scene.steady:
-        return repeat(scene.parameters, len(times))
-    return map(scene.parameters_at, times.tolist())
+        return np.stack(scene.parameters.angular_velocity(tuple(M.T), tuple(gamma.T)), axis=1)
+    return np.array(
+        [
+            scene.parameters_at(t).angular_velocity(as_vector(M_now), as_vector(gamma_now))
+            for t, M_now, gamma_now in zip(times.tolist(), M, gamma, strict=True)
+        ]
+    )
+
+
+def _check_finite(scene: Scene, motion: Motion) -> None:
+    """Raises InputError, with the first number that overflowed, unless all are finite."""
+    for part in (motion, motion.loads):
+        for field in fields(part):
+            value = getattr(part, field.name)
+            if isinstance(value, np.ndarray) and not np.isfinite(value).all():
+                i = int(np.argmin(np.isfinite(value).reshape(len(value), -1).all(axis=1)))
+                raise InputError(
+                    f"{scene.name}: the {field.name.replace('_', ' ')} exceeds "
+                    f"{np.finfo(float).max:.2g}, the largest number that there is, at "
+                    f"t = {motion.times[i]:g} s; bring the bodies or the rates nearer to 1"
+                )
 
 
 def right_hand_side(scene: Scene) -> Callable[[float, Array], Array]:
@@ -76,41 +113,67 @@ def right_hand_side(scene: Scene) -> Callable[[float, Array], Array]:
     return rate
 
 
-def _solve(scene: Scene, times: Array, rtol: float) -> Array:
+def _states(scene: Scene, times: Array, rtol: float, max_steps: int | None) -> Array:
+    """States (n, 6) at the times, with q from principal axes to world."""
+    at_start = scene.parameters_at(0.0)
+    size = np.array([math.hypot(*scene.start.momentum.tolist())])
+    check_speed(at_start, size)
+    if scene.steady and speed_bound(at_start, size)[0] * times[-1] > LONG:
+        from robotball.compiled.kernels import orbit, start_of
+
+        parameters, attitudes, momenta = start_of(scene)
+        limit = MAX_COMPILED_STEPS if max_steps is None else max_steps
+        states = orbit(parameters, attitudes[0], momenta[0], times, rtol / 10, limit)
+        return np.concatenate(states, axis=1)
+    return _solve(scene, times, rtol, MAX_STEPS if max_steps is None else max_steps)
+
+
+@dataclass
+class _Stepper:
+    """DOP853 along a motion, which may have so many steps in all."""
+
+    rate: Callable[[float, Array], Array]
+    rtol: float
+    atol: float | Array
+    end: float
+    max_steps: int
+    steps: int = 0
+
+    def piece(self, span: tuple[float, float], state: Array, times: Array) -> tuple[Array, Array]:
+        """The state (6,) at the end of a smooth span and those (n, 6) at times in it."""
+        states = np.empty((len(times), 6))
+        tolerances: dict[str, Any] = {"rtol": self.rtol, "atol": self.atol}
+        solver = DOP853(self.rate, span[0], state, span[1], **tolerances)
+        done = 0
+        while solver.status == "running":
+            if self.steps >= self.max_steps:
+                speed = 2 * math.hypot(*solver.f[:4].tolist())  # dq/dt = q∘ω/2
+                raise too_many_steps(self.max_steps, float(solver.t), self.end, speed)
+            message = solver.step()
+            self.steps += 1
+            if message is not None:
+                raise InputError(
+                    f"the equations could not be integrated past t = {solver.t:g} s: {message}"
+                )
+            reached = int(np.searchsorted(times, solver.t, side="right"))
+            if reached > done:
+                states[done:reached] = solver.dense_output()(times[done:reached]).T
+                done = reached
+            solver.y[:4] /= np.linalg.norm(solver.y[:4])
+        return solver.y, states
+
+
+def _solve(scene: Scene, times: Array, rtol: float, max_steps: int) -> Array:
     """States (n, 6) at the times, integrated anew from every breakpoint of the drives."""
-    rate = right_hand_side(scene)
+    # X and Y are only quadratures of q: an absolute tolerance keeps them from setting the step
+    # where they pass zero.
+    atol = rtol * np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
+    stepper = _Stepper(right_hand_side(scene), rtol, atol, float(times[-1]), max_steps)
     states = np.empty((len(times), 6))
     states[0] = (*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0)
     state, begin = states[0], 0.0
     for end in (*(t for t in scene.breakpoints if t < times[-1]), times[-1]):
         inside = (times > begin) & (times <= end)
-        state, states[inside] = _solve_piece(rate, state, (begin, end), times[inside], rtol)
+        state, states[inside] = stepper.piece((begin, end), state, times[inside])
         begin = end
     return states
-
-
-def _solve_piece(
-    rate: Callable[[float, Array], Array],
-    state: Array,
-    span: tuple[float, float],
-    times: Array,
-    rtol: float,
-) -> tuple[Array, Array]:
-    """The state (6,) at the end of a smooth span and those (n, 6) at times in it, by DOP853."""
-    states = np.empty((len(times), 6))
-    # X and Y are only quadratures of q: an absolute tolerance keeps them from setting the step
-    # where they pass zero.
-    solver = DOP853(rate, span[0], state, span[1], rtol=rtol, atol=rtol)
-    done = 0
-    while solver.status == "running":
-        message = solver.step()
-        if message is not None:
-            raise InputError(
-                f"the equations could not be integrated past t = {solver.t:g} s: {message}"
-            )
-        reached = int(np.searchsorted(times, solver.t, side="right"))
-        if reached > done:
-            states[done:reached] = solver.dense_output()(times[done:reached]).T
-            done = reached
-        solver.y[:4] /= np.linalg.norm(solver.y[:4])
-    return solver.y, states

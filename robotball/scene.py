@@ -7,13 +7,14 @@ import numpy as np
 
 from robotball.bodies import Ball
 from robotball.drives import Constant, Drive, Rate, Servo, as_drive
-from robotball.errors import InputError, check_positive
+from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
-from robotball.start import Start
+from robotball.start import Start, horizontal, unit
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
+MOST_SAMPLES = 1e7  # of a motion: some 300 bytes each
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,11 @@ class Scene:
             raise InputError(
                 f"{len(self.drives)} hinges need as many motors, or none, not {len(self.motors)}"
             )
-        if not np.all(np.isfinite((*self.start.attitude, *self.start.momentum))):
-            raise InputError("the start's attitude or its momentum is not finite")
+        unit("attitude", self.start.attitude)
+        for part in self.start.momentum.tolist():
+            check_size("the start's momentum", part, "kg m²/s", LARGEST**3)
+        if self.rolling == "rubber":
+            horizontal(self.start.momentum)
 
     @cached_property
     def times(self) -> Array:
@@ -107,9 +111,14 @@ class Scene:
 def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
     """Equal times (n,) from 0 to `duration`, at most `interval` apart [s].
 
-    Raises InputError unless the duration is positive and finite.
+    Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
     """
     check_positive("duration", duration, "s")
+    if not duration / interval < MOST_SAMPLES:
+        raise InputError(
+            f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
+            f"at most {MOST_SAMPLES:g}; give times of your own"
+        )
     intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
     return np.linspace(0.0, duration, intervals + 1)
 
@@ -121,6 +130,7 @@ def check_times(times: Array) -> Array:
         raise InputError(f"times must be a list of at least two, not of shape {times.shape}")
     if not np.all(np.isfinite(times)):
         raise InputError("times must be finite")
+    check_size("the last of the times", float(times[-1]), "s")
     if times[0] != 0:
         raise InputError(f"times must start at 0, not at {times[0]:g}")
     late = np.flatnonzero(np.diff(times) <= 0)

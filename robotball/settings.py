@@ -1,11 +1,18 @@
 """Settings of a MuJoCo run, and the presets: every number of the recipe, once."""
 
 import difflib
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from robotball.drives import Servo
-from robotball.errors import InputError
+from robotball.errors import InputError, check_positive
+
+ADAPTIVE = "DOP853"
+MUJOCOS_INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
+LEAST_RTOL = 2.3e-14  # below 100 units of rounding scipy judges no step
+MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
 
 
 @dataclass(frozen=True)
@@ -13,6 +20,9 @@ class Prescribed:
     """Hinges that keep their rates by a huge reflected inertia [kg m²], with no actuator."""
 
     armature: float
+
+    def __post_init__(self) -> None:
+        check_positive("the armature", self.armature, "kg m²")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +32,8 @@ class Settings:
     promise is the largest path error and momentum drift, both relative, that the settings are
     held to over 10 s on the scenes of the catalog. The integrator is one of MuJoCo's, or DOP853:
     scipy's, of order 8, driving MuJoCo's forward dynamics in steps whose error it holds to rtol
-    and which are no longer than the timestep, if there is one. The rest goes into the MJCF.
+    and which are no longer than the timestep, if there is one. Raises InputError for what MuJoCo
+    or scipy would refuse, or would replace in silence.
     """
 
     name: str
@@ -54,7 +65,18 @@ class Settings:
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
     # False starts just touching.
     start_in_equilibrium: bool = False
+    # End the run at its first fault; otherwise it goes on as long as it has a state.
+    stop_at_fault: bool = True
+    max_steps: int = MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
     drive: Servo | Prescribed
+
+    def __post_init__(self) -> None:
+        for name, (fits, wanted) in FIELDS.items():
+            value = getattr(self, name)
+            if value is not None and not _fits(fits, value):
+                raise InputError(f"{name} must be {wanted}, not {value!r}")
+        if self.adaptive and self.rtol is None:
+            raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
 
     @property
     def adaptive(self) -> bool:
@@ -62,8 +84,98 @@ class Settings:
         return self.integrator == ADAPTIVE
 
 
-ADAPTIVE = "DOP853"
-NAIVE = Settings(name="naive", promise=1e-2, drive=Servo(gain=10.0))
+class Field(NamedTuple):
+    """What a value of a field has to satisfy, and how that is said."""
+
+    fits: Callable[[Any], bool]
+    wanted: str
+
+
+def _fits(fits: Callable[[Any], bool], value: Any) -> bool:
+    try:
+        return fits(value)
+    except (TypeError, ValueError):  # of another type altogether
+        return False
+
+
+def _finite(*values: float) -> bool:
+    return all(map(math.isfinite, values))
+
+
+def _positive(value: float) -> bool:
+    return math.isfinite(value) and value > 0
+
+
+def _not_negative(value: float) -> bool:
+    return math.isfinite(value) and value >= 0
+
+
+def _count(least: int) -> Callable[[Any], bool]:
+    return lambda value: int(value) == value and least <= value < 2**31
+
+
+def _one_of(*names: object) -> Field:
+    return Field(lambda value: value in names, f"one of {', '.join(map(str, names))}")
+
+
+def _reference(value: tuple[float, float]) -> bool:
+    """Both positive (time constant, damping ratio), or both not (-stiffness, -damping)."""
+    first, second = value
+    return _finite(first, second) and ((first > 0) == (second > 0))
+
+
+def _impedance(value: tuple[float, float, float, float, float]) -> bool:
+    least, most, width, midpoint, power = value
+    return (
+        _finite(*value)
+        and all(0 < each < 1 for each in (least, most, midpoint))
+        and width > 0
+        and power >= 1
+    )
+
+
+REFERENCE = Field(
+    _reference, "two finite numbers: a positive time constant and ratio, or neither positive"
+)
+FRICTION = Field(_not_negative, "finite and not negative")
+# What is not None must fit; MuJoCo's own choices are named as it names them.
+FIELDS = {
+    "name": Field(lambda value: isinstance(value, str) and "\0" not in value, "a text"),
+    "promise": Field(_positive, "positive and finite"),
+    "timestep": Field(_positive, "positive and finite [s]"),
+    "integrator": _one_of(*MUJOCOS_INTEGRATORS, ADAPTIVE),
+    "rtol": Field(
+        lambda value: LEAST_RTOL <= value < math.inf, f"finite and {LEAST_RTOL:g} at least"
+    ),
+    "solver": _one_of("PGS", "CG", "Newton"),
+    "jacobian": _one_of("dense", "sparse", "auto"),
+    "iterations": Field(_count(1), "a whole number, 1 at least"),
+    "tolerance": Field(_not_negative, "finite and not negative"),
+    "ls_tolerance": Field(_not_negative, "finite and not negative"),
+    "noslip_iterations": Field(_count(0), "a whole number, 0 at least"),
+    "noslip_tolerance": Field(_not_negative, "finite and not negative"),
+    "cone": _one_of("pyramidal", "elliptic"),
+    "impratio": Field(_positive, "positive and finite"),
+    "warmstart": _one_of("enable", "disable"),
+    "solref": REFERENCE,
+    "solreffriction": REFERENCE,
+    "solimp": Field(
+        _impedance,
+        "dmin, dmax, width, midpoint, power: the first two and the "
+        "midpoint between 0 and 1, the width positive, the power 1 at least",
+    ),
+    "condim": _one_of(3, 4, 6),
+    "sliding_friction": FRICTION,
+    "torsional_friction": FRICTION,
+    "rolling_friction": FRICTION,
+    "root": _one_of("shell", "frame"),
+    "start_in_equilibrium": _one_of(True, False),
+    "stop_at_fault": _one_of(True, False),
+    "max_steps": Field(_count(1), "a whole number, 1 at least"),
+    "drive": Field(lambda value: isinstance(value, Servo | Prescribed), "a Servo or Prescribed"),
+}
+# It is there to show how wrong a newcomer's model gets, so it goes on.
+NAIVE = Settings(name="naive", promise=1e-2, stop_at_fault=False, drive=Servo(gain=10.0))
 
 
 def recipe(name: str, promise: float, **steps: Any) -> Settings:

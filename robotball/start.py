@@ -1,5 +1,6 @@
 """Where a motion starts: the attitude and the momentum, from the forms the paper uses."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,7 +73,7 @@ def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
 
 def unit(name: str, v: Array) -> Array:
     """`v` (n,) at length one exactly; raises InputError if it is not a unit vector already."""
-    length = float(np.linalg.norm(v))
+    length = math.hypot(*v.tolist())  # overflows nowhere
     if not abs(length - 1) <= TOLERANCE:
         raise InputError(f"{name} is not of unit length: |{name}| = {length:.6g}")
     return normalised(v)
@@ -83,7 +84,7 @@ def horizontal(M: Array) -> Array:
 
     Raises InputError where that part is not rounding.
     """
-    size, vertical = float(np.linalg.norm(M)), float(M[2])
+    size, vertical = math.hypot(*M.tolist()), float(M[2])
     if not abs(vertical) <= TOLERANCE * size:
         raise InputError(
             f"M is not horizontal, as the rubber model's is by (3.1): (M, gamma) = {vertical:.6g} "

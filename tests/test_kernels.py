@@ -11,12 +11,12 @@ import robotball as rb
 from robotball import equations as eq
 from robotball.compiled.duals import along, slopes
 from robotball.compiled.flatten import Tape, at, lane_function
-from robotball.compiled.kernels import Starts, orbit, orbits, speed_bound, start_of
+from robotball.compiled.kernels import Starts, orbit, orbits, start_of
 from robotball.compiled.marching import COLLAPSED, TOO_MANY_STEPS
 from robotball.compiled.steppers import dop853
 from robotball.compiled.systems import PATH, Level, State
 from robotball.errors import InputError
-from robotball.parameters import Parameters, as_vector
+from robotball.parameters import Parameters, as_vector, speed_bound
 from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array, rotation_matrix
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F

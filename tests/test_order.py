@@ -29,11 +29,11 @@ def test_the_line_stops_at_the_floor(order: float, floor: float, at_once: float,
         # Three points make a line, but the floor bends what is just above it.
         assert above < 4
         return
-    # Measured at most 6.1 % off over 60 000 draws, 14 % where few points are clear of the floor,
+    # Measured at most 6.1 % off over 60 000 draws, 15 % where few points are clear of the floor,
     # which bends the line at its lower end.
     assert abs(found.order - order) < (0.08 if above >= 4 else 0.2) * order
-    # Measured 0.3 at least.
-    assert at_once * found.shortest**order > 0.2 * floor
+    # Measured 0.51 at least.
+    assert at_once * found.shortest**order > 0.3 * floor
 
 
 @given(order=st.floats(0.9, 8.0), floor=st.floats(1e-12, 1e-6))

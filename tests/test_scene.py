@@ -44,15 +44,15 @@ def test_sample_times_need_a_duration(duration: float) -> None:
         ({"duration": 0.0}, "duration must be positive and finite, not 0 s"),
         ({"gravity": -9.81}, r"gravity must be positive and finite, not -9\.81 m/s²"),
         ({"rotor_rates": ()}, "1 rotors need as many rates, not 0"),
-        ({"frame_rate": NAN}, "a drive's rate must be finite, not nan at t = 0 s"),
-        ({"rotor_rates": (NAN,)}, "a drive's rate must be finite, not nan at t = 0 s"),
+        ({"frame_rate": NAN}, "a drive's rate at t = 0 s must be finite and .*not nan rad/s"),
+        ({"rotor_rates": (NAN,)}, "a drive's rate at t = 0 s must be finite and .*not nan rad/s"),
         (
             {"start": Start(np.array([1.0, 0.0, 0.0, NAN]), np.zeros(3))},
-            "the start's attitude or its momentum is not finite",
+            "attitude is not of unit length: .attitude. = nan",
         ),
         (
             {"start": Start(np.array([1.0, 0.0, 0.0, 0.0]), np.array([NAN, 0.0, 0.0]))},
-            "the start's attitude or its momentum is not finite",
+            "the start's momentum must be finite",
         ),
     ],
 )

@@ -10,6 +10,7 @@ import robotball as rb
 from robotball.contact.model import build
 from robotball.loads import loads_of
 from robotball.rotations import multiply, rotation_matrix
+from robotball.settings import recipe
 from tests.scenes import FOUR
 from validation import Agreement, compare
 
@@ -132,6 +133,16 @@ def test_far_apart_samples_take_the_same_steps_as_near_ones() -> None:
     assert np.abs(near.contact_point[-1] - far.contact_point[-1]).max() < 1e-12
     assert far.diagnostics is not None
     assert far.diagnostics.steps == 6000
+
+
+@pytest.mark.parametrize("timestep", [0.02, 0.01, 0.005])
+def test_samples_may_fall_on_the_steps_of_dop853(timestep: float) -> None:
+    """Steps that end on sample times are read once, and time does not seem to stand still."""
+    settings = recipe("fixed", 1e-9, integrator="DOP853", timestep=timestep, rtol=1.0)
+    agreement = compare(rb.load_scene("fig12"), settings, rb.sample_times(1.0))
+    assert agreement.faults == ()
+    assert agreement.path_error is not None
+    assert agreement.path_error < 1e-12  # measured 1.9e-13, rounding
 
 
 def test_prescribed_hinges_keep_their_rates() -> None:

@@ -1,24 +1,18 @@
 """Agreement: how far apart the two engines' motions of one scene are."""
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
-from robotball import (
-    Diagnostics,
-    Fault,
-    Motion,
-    Scene,
-    SceneWarning,
-    Settings,
-    integrate,
-    preset,
-    simulate,
-)
+from robotball import Diagnostics, Fault, Motion, Scene, Settings, integrate, preset
+from robotball.contact.check import warn
+from robotball.contact.model import build
 from robotball.rotations import Array
+from robotball.simulate import run
+from validation.sensitivity import Sensitivity, sensitivity
 
 
 @dataclass(frozen=True)
@@ -52,10 +46,18 @@ class Agreement:
 
     @property
     def path_error(self) -> float | None:
-        """The largest contact-point error over the length of the equations' path."""
+        """The largest contact-point error over the length of the equations' path.
+
+        Over the ball's radius where that path is shorter: a ball that turns on the spot has none.
+        """
         if not self.finished:
             return None
-        return float(self.path_errors.max() / self.theory.path_length)
+        return float(self.path_errors.max() / self.path_scale)
+
+    @cached_property
+    def path_scale(self) -> float:
+        """What path errors are measured by: the path's length or the radius, the longer [m]."""
+        return max(self.theory.path_length, self.scene.ball.radius)
 
     @property
     def gamma_error(self) -> float | None:
@@ -96,11 +98,32 @@ class Agreement:
             value is not None and value <= self.settings.promise for value in measured
         )
 
+    @cached_property
+    def sensitivity(self) -> Sensitivity | None:
+        """What the motion itself makes of small errors, where the path alone is off; else None.
+
+        None too where it is not known: see `validation.sensitivity`. It takes a few short runs.
+        """
+        if self.faults or self.agrees or not self.finished:
+            return None
+        if self.momentum_drift is None or not self.momentum_drift <= self.settings.promise:
+            return None  # M is constant however sensitive the motion is: the engine lost it
+        return sensitivity(
+            self.scene, self.settings, self.theory, self.path_errors, self.path_scale
+        )
+
+    @property
+    def sensitive(self) -> bool:
+        """Whether the motion's own sensitivity explains why the engines do not agree."""
+        return self.sensitivity is not None and self.sensitivity.explains
+
     @property
     def verdict(self) -> str:
         """One line: agrees, or why not."""
         if self.faults:
             return "; ".join(str(fault) for fault in self.faults)
+        if self.sensitive:
+            return str(self.sensitivity)
         return "agrees" if self.agrees else f"off by more than {self.settings.promise:g}"
 
 
@@ -110,32 +133,19 @@ def compare(
     times: Array | None = None,
     *,
     theory: Motion | None = None,
+    strict: bool = False,
+    dump: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Agreement:
     """Both engines' motions of `scene`, compared.
 
     settings: a preset's name or Settings; times: (n,) s from 0, the scene's own if None; theory:
-    the equations' motion at those times, where it is known already. Raises InputError as
-    integrate and simulate do, and warns where the settings' friction is less than
-    the motion needs.
+    the equations' motion at those times, where it is known already. Raises InputError and warns as
+    integrate and simulate do; friction is held against what the whole motion needs.
+    strict, dump, progress: as in simulate.
     """
     settings = preset(settings) if isinstance(settings, str) else settings
     theory = integrate(scene, times) if theory is None else theory
-    _warn_of_friction(scene, settings, theory)
-    engine = simulate(scene, theory.times, settings, progress=progress)
+    warn(scene, settings, theory.times, theory.loads, strict=strict)
+    engine = run(build(scene, settings), theory.times, progress, dump=dump)
     return Agreement(scene, settings, theory, engine)
-
-
-def _warn_of_friction(scene: Scene, settings: Settings, theory: Motion) -> None:
-    kinds = [("sliding", settings.sliding_friction, theory.loads.sliding_friction.max(), "")]
-    if scene.rolling == "rubber":
-        needed = theory.loads.torsional_friction.max()
-        kinds.append(("torsional", settings.torsional_friction, needed, " m"))
-    for kind, given, needed, unit in kinds:
-        if needed > given:
-            warnings.warn(
-                f"{scene.name} needs {kind} friction {needed:.4g}{unit}, and the {settings.name} "
-                f"settings give {given:g}{unit}",
-                SceneWarning,
-                stacklevel=3,
-            )

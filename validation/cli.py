@@ -16,17 +16,19 @@ import tyro
 from robotball import InputError, SceneWarning
 from validation.commands.arguments import BAD_INPUT
 from validation.commands.design import Design
+from validation.commands.extremes import Extremes
 from validation.commands.paper import Paper
 from validation.commands.pictures import Figures, Section
 from validation.commands.qualitative import Basins, Equilibria, Lyapunov
+from validation.commands.replay import Replay
 from validation.commands.scenes import Compare, Demo, Model, Scenes, Video
 from validation.commands.tradeoff import Tradeoff
 from validation.commands.tradeoffs import Convergence, Ladder
 
 Command = (
-    Scenes | Compare | Video | Model | Design | Demo
+    Scenes | Compare | Video | Replay | Model | Design | Demo
     | Figures | Section | Lyapunov | Basins | Equilibria | Paper
-    | Ladder | Convergence | Tradeoff
+    | Ladder | Convergence | Tradeoff | Extremes
 )  # fmt: skip
 
 

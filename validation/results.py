@@ -3,10 +3,10 @@
 import csv
 import io
 import json
+import math
 import os
 import platform
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from robotball import InputError, Motion
+from robotball.files.replacing import replacing as replacing
 from validation.agreement import Agreement
+from validation.sensitivity import Sensitivity
 
 PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
 TABLE_COLUMNS = (
@@ -46,7 +48,7 @@ def record(agreement: Agreement) -> dict[str, Any]:
     settings = {
         name: value for name, value in asdict(agreement.settings).items() if value is not None
     }
-    diagnostics = agreement.diagnostics
+    diagnostics, sensitivity = agreement.diagnostics, agreement.sensitivity
     return {
         "scene": agreement.scene.name,
         "rolling": agreement.scene.rolling,
@@ -66,9 +68,18 @@ def record(agreement: Agreement) -> dict[str, Any]:
         "agrees": agreement.agrees,
         "faults": [asdict(fault) for fault in agreement.faults],
         "verdict": agreement.verdict,
+        # What the motion makes of small errors; None unless that was asked and is known.
+        "sensitivity": None if sensitivity is None else _plain(sensitivity),
         "seed": None,  # nothing in a comparison is random
         "versions": versions(),
     }
+
+
+def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
+    """Its numbers, those that are not finite as None, and whether it explains the error."""
+    numbers = asdict(sensitivity).items()
+    plain = {name: value if math.isfinite(value) else None for name, value in numbers}
+    return {**plain, "explains": sensitivity.explains}
 
 
 def needs(motion: Motion) -> dict[str, Any]:
@@ -131,23 +142,6 @@ def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
         lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")
     with replacing(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n")
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when the block ends well.
-
-    The folder is made if need be. Raises InputError where nothing can be written.
-    """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def writable_folder(path: Path) -> Path:

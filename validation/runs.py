@@ -16,9 +16,17 @@ from validation.results import replacing
 
 
 def compare_all(
-    scenes: Sequence[Scene], settings: Sequence[Settings], times: Array | None = None
+    scenes: Sequence[Scene],
+    settings: Sequence[Settings],
+    times: Array | None = None,
+    *,
+    strict: bool = False,
+    dumps: Path | None = None,
 ) -> list[Agreement]:
-    """Every scene at all of the settings; the equations are integrated once a scene."""
+    """Every scene at all of the settings; the equations are integrated once a scene.
+
+    strict: as in simulate; dumps: the folder for the states around each run's first fault.
+    """
     agreements: list[Agreement] = []
     with progress_bar(len(scenes) * len(settings)) as show:
         for scene in scenes:
@@ -26,8 +34,16 @@ def compare_all(
             theory = integrate(scene, times)
             for each in settings:
                 report = partial(_report, show, len(agreements), f"{scene.name}: {each.name}")
-                agreements.append(compare(scene, each, theory=theory, progress=report))
+                dump = None if dumps is None else dump_path(dumps, scene, each)
+                agreements.append(
+                    compare(scene, each, theory=theory, strict=strict, dump=dump, progress=report)
+                )
     return agreements
+
+
+def dump_path(folder: Path, scene: Scene, settings: Settings) -> Path:
+    """Where the states around the first fault of a run go."""
+    return folder / f"{scene.name}-{settings.name}-fault.json"
 
 
 def film(path: Path, agreement: Agreement) -> None:

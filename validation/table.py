@@ -28,7 +28,7 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
             scientific(each.gamma_error),
             scientific(each.momentum_drift),
             f"{each.realtime_factor:.0f}",
-            "agrees" if each.agrees else "faulty" if each.faults else "off",
+            _word(each),
             style="" if each.agrees else "yellow",
         )
     console.print(table)
@@ -37,6 +37,14 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
             console.print(
                 f"{each.scene.name}, {each.settings.name}: {each.verdict}", style="yellow"
             )
+
+
+def _word(agreement: Agreement) -> str:
+    if agreement.agrees:
+        return "agrees"
+    if agreement.faults:
+        return "faulty"
+    return "sensitive" if agreement.sensitive else "off"
 
 
 def scientific(value: float | None) -> str:

@@ -3,6 +3,7 @@
 All axes named "frame" here are the principal axes of the ball's inertia, as in Parameters.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +12,9 @@ from numpy.typing import NDArray
 from robotball.compiled import marching
 from robotball.compiled.steppers import row_of, stepper
 from robotball.compiled.systems import PATH, System
-from robotball.errors import InputError
-from robotball.parameters import Parameters
-from robotball.rotations import Array, multiply
+from robotball.errors import InputError, too_many_steps
+from robotball.parameters import Parameters, as_vector, check_speed, speed_bound
+from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
 
 # Of one step, in the unit quaternion: near the least that double precision can judge.
@@ -24,6 +25,7 @@ STATUS = {
     marching.COLLAPSED: "given up: the step length fell to nothing",
 }
 STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
+MOST_STEPS = 2**62  # what a counter holds
 
 Integers = NDArray[np.int64]
 
@@ -74,23 +76,31 @@ def orbit(
     momentum: Array,
     times: Array,
     tolerance: float = TOLERANCE,
+    max_steps: int | None = None,
 ) -> tuple[Array, Array]:
     """Attitudes (m, 4) and contact points (m, 2) of one motion, for times (m,) close together.
 
-    As `orbits`, for a single start (4,) and (3,); raises InputError where it would be given up.
+    As `orbits`, for a single start (4,) and (3,); raises InputError where it would be given up,
+    or needs more than max_steps.
     """
     times = check_times(times)
     starts = Starts(parameters, attitude[None], momentum[None])
     row = np.concatenate([starts.rows[0], starts.attitudes[0], np.zeros(2)])
     states = np.empty((len(times), PATH.size))
     states[0] = row[-PATH.size :]
-    length, limit = starts.first_lengths(times[-1], tolerance)[0], starts.step_limit(times[-1])
+    length = starts.first_lengths(times[-1], tolerance)[0]
+    limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
     step = stepper(PATH, parameters.rolling)
-    status = marching.follow(
+    status, reached = marching.follow(
         step, row, length, times[1:], tolerance, limit + len(times), states[1:]
     )
+    if status == marching.TOO_MANY_STEPS:
+        to_frame = rotation_matrix(attitude).T
+        M, gamma = as_vector(to_frame @ momentum), as_vector(to_frame[:, 2])
+        speed = math.hypot(*parameters.angular_velocity(M, gamma))
+        raise too_many_steps(limit, reached, times[-1], speed)
     if status != marching.DONE:
-        raise InputError(f"the orbit was {STATUS[status]}")
+        raise InputError(f"the orbit was {STATUS[status]} at t = {reached:g} s")
     return starts.to_world(states[None, :, :4])[0], starts.turned_back(states[None, :, 4:])[0]
 
 
@@ -115,6 +125,7 @@ class Starts:
         check_starts(parameters, attitudes, momenta)
         self.parameters = parameters
         self.size = np.linalg.norm(momenta, axis=1)
+        check_speed(parameters, self.size)
         across = np.hypot(momenta[:, 0], momenta[:, 1])
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
         self.attitudes = multiply(about_vertical(-self.turns), attitudes)
@@ -153,7 +164,7 @@ class Starts:
     def step_limit(self, duration: float) -> int:
         """More steps than any orbit needs, so that none can hang the others."""
         turns = float(speed_bound(self.parameters, self.size).max()) * duration / (2 * np.pi)
-        return int(1000 + STEPS_PER_TURN * turns)
+        return int(min(1000 + STEPS_PER_TURN * turns, MOST_STEPS))
 
     def to_world(self, attitudes: Array) -> Array:
         """Attitudes (n, m, 4) in world axes."""
@@ -181,17 +192,6 @@ def about_vertical(angles: Array) -> Array:
     """Quaternions (n, 4) of turns (n,) about the vertical [rad]."""
     zero = np.zeros_like(angles)
     return np.stack([np.cos(angles / 2), zero, zero, np.sin(angles / 2)], axis=-1)
-
-
-def speed_bound(parameters: Parameters, size: Array) -> Array:
-    """What |ω| (n,) cannot exceed where |M| = size (n,), by (3.2) or (3.3) term by term [rad/s]."""
-    A, I = np.array(parameters.A), np.array(parameters.I)
-    Omega, K = np.linalg.norm(parameters.Omega), np.linalg.norm(parameters.K)
-    if parameters.rolling == "rubber":
-        Z = (Omega + A.max() * K) / A.min()
-        return A.max() * (size * A.max() / A.min() + K + Z)
-    Z = (A.max() * (size + K) + Omega) * parameters.d / (I * A).min()
-    return A.max() * (size + K + Z)
 
 
 def check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:

@@ -142,12 +142,13 @@ def march(
                 running -= 1
 
 
-@compiled(f"i8({STEP}, f8[::1], f8, f8[::1], f8, i8, f8[:, ::1])")
+@compiled(f"Tuple((i8, f8))({STEP}, f8[::1], f8, f8[::1], f8, i8, f8[:, ::1])")
 def follow(
     step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, states: Any
-) -> int:
-    """States (m, size) of one orbit at m times, all after 0 and increasing; returns the status.
+) -> tuple[int, float]:
+    """States (m, size) of one orbit at m times, all after 0 and increasing.
 
+    Returns the status and the time that it reached.
     Lane 0 marches; the others look for the outputs within the step that it took before.
     """
     size = states.shape[1]
@@ -172,7 +173,7 @@ def follow(
                 states[sample + k, j] = w[(new + j) * LANES + 1 + k]
         sample += helping
         if sample == len(times):
-            return DONE
+            return DONE, w[TIME * LANES]
         if w[flag * LANES] == MARCHED:
             for lane in range(1, LANES):
                 w[TIME * LANES + lane] = before
@@ -181,5 +182,5 @@ def follow(
             while reached < len(times) and times[reached] <= w[TIME * LANES]:
                 reached += 1
         elif w[flag * LANES] == REJECTED and collapsed(w, 0):
-            return COLLAPSED
-    return TOO_MANY_STEPS
+            return COLLAPSED, w[TIME * LANES]
+    return TOO_MANY_STEPS, w[TIME * LANES]

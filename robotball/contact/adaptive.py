@@ -9,7 +9,7 @@ from scipy.integrate import DOP853
 
 from robotball import equations as eq
 from robotball.contact.control import Control
-from robotball.contact.stepping import Portion, read_row
+from robotball.contact.stepping import Portion, Steps, read_row, state_of
 from robotball.rotations import Array
 
 LOOK = 64  # steps between two looks at the run
@@ -26,12 +26,13 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
     model = control.model
     inside = [t for t in model.scene.breakpoints if t < times[-1]]
     state = np.concatenate([data.qpos, data.qvel])
-    pending = times
+    pending, left = times, model.settings.max_steps
     for span in pairwise((0.0, *inside, times[-1])):
         solver = _solver(control, data, state, span)
         last = span[1] == times[-1]
         while solver.status == "running":
-            portion, pending = _portion(control, data, solver, pending, last)
+            portion, pending = _portion(control, data, solver, pending, last, left)
+            left -= portion.steps
             yield portion
             if portion.failure is not None:
                 return
@@ -39,14 +40,23 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
 
 
 def _portion(
-    control: Control, data: mujoco.MjData, solver: DOP853, pending: Array, last: bool
+    control: Control, data: mujoco.MjData, solver: DOP853, pending: Array, last: bool, left: int
 ) -> tuple[Portion, Array]:
-    """The next steps of a smooth span, and the sample times left after them."""
+    """The next steps of a smooth span, `left` at most, and the sample times left after them."""
     rows: list[Array] = []
+    states: list[Array] = []
     sampled: list[int] = []
     lengths: list[float] = []
     failure = None
+
+    def read(t: float, state: Array) -> None:
+        rows.append(_read(control, data, t, state))
+        states.append(state_of(data))
+
     while solver.status == "running" and len(lengths) < LOOK and failure is None:
+        if len(lengths) == left:
+            failure = f"max_steps = {control.model.settings.max_steps} are taken"
+            break
         began = solver.t
         if (message := solver.step()) is not None:
             failure = f"the steps became too short ({message})"
@@ -60,18 +70,21 @@ def _portion(
         if done:
             dense = solver.dense_output()
             sampled += range(len(rows), len(rows) + done)
-            rows += [_read(control, data, t, dense(t)) for t in pending[:done].tolist()]
+            for t in pending[:done].tolist():
+                read(t, dense(t))
             pending = pending[done:]
         if solver.status == "running" and not sampled_end:
-            rows.append(_read(control, data, solver.t, solver.y))
-    longest = max(lengths, default=0.0)
-    return Portion(
+            read(solver.t, solver.y)
+    spans = np.tile(control.span, (len(rows), 1))
+    portion = Portion(
         np.array(rows).reshape(len(rows), len(read_row(data))),
         np.array(sampled, dtype=int),
         len(lengths),
-        longest,
+        max(lengths, default=0.0),
+        lambda: Steps(np.array(states), np.zeros(len(states)), spans),
         failure,
-    ), pending
+    )
+    return portion, pending
 
 
 def _read(control: Control, data: mujoco.MjData, t: float, state: Array) -> Array:

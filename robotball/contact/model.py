@@ -1,5 +1,6 @@
 """Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs."""
 
+import contextlib
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from scipy.optimize import root_scalar
 
 from robotball.contact.hinges import Hinge, Tree, hinges_of
 from robotball.drives import Servo
+from robotball.errors import InputError
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 from robotball.scene import Scene
 from robotball.settings import Settings
@@ -57,8 +59,11 @@ class Model:
 
     @cached_property
     def compiled(self) -> mujoco.MjModel:
-        """A fresh MjModel; one a Model, so that a run may set its timestep."""
-        return mujoco.MjModel.from_xml_string(self.xml)
+        """A fresh MjModel; one a Model, so that a run may set its timestep.
+
+        Raises InputError where MuJoCo refuses it.
+        """
+        return compiled_model(self.xml)
 
     @property
     def actuated(self) -> tuple[Hinge, ...]:
@@ -78,12 +83,15 @@ def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
     """The model of `scene` under `settings`, at its start; frames and shapes as in Scene.
 
     dressed: with what only a picture needs, in radii of the ball: geoms, materials, lights.
+    Raises InputError where MuJoCo refuses it, or cannot hold the ball up at the start.
     """
     hinges = hinges_of(scene, settings)
     root, pair = _compose(scene, settings, hinges, part if dressed else _bare)
     if settings.start_in_equilibrium:
         pair.margin = _equilibrium_depth(root.to_xml_string(precision=PRECISION))
-    return Model(scene, settings, root.to_xml_string(precision=PRECISION), hinges)
+    model = Model(scene, settings, root.to_xml_string(precision=PRECISION), hinges)
+    assert model.compiled is not None  # refused here, if at all
+    return model
 
 
 def _compose(
@@ -256,11 +264,21 @@ def _state_at(
     return qpos, np.concatenate([velocity, root_turning, rates])
 
 
+def compiled_model(xml: str) -> Any:
+    """The MjModel of an MJCF text; raises InputError where MuJoCo refuses it."""
+    try:
+        return mujoco.MjModel.from_xml_string(xml)
+    except (ValueError, mujoco.FatalError) as error:
+        raise InputError(f"MuJoCo refuses the model: {error}") from None
+
+
 def _equilibrium_depth(xml: str) -> float:
     """The depth [m] at which the contact carries the weight: as the pair's margin it lets the
     ball start at rest vertically with its centre at the height of its radius.
+
+    Raises InputError where there is no such depth, as where the contact has no stiffness.
     """
-    model = mujoco.MjModel.from_xml_string(xml)
+    model = compiled_model(xml)
     data = mujoco.MjData(model)
 
     def vertical_acceleration(margin: float) -> float:
@@ -269,8 +287,19 @@ def _equilibrium_depth(xml: str) -> float:
         mujoco.mj_forward(model, data)
         return float(data.qacc[2])
 
-    scale = -float(model.opt.gravity[2]) * model.pair_solref[0, 0] ** 2
-    with warnings.catch_warnings():
-        # It warns where the acceleration changes no more: that is the last digit.
-        warnings.simplefilter("ignore", RuntimeWarning)
-        return float(root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16).root)
+    # The acceleration is nearly linear in the depth: g is about k times it.
+    reference = float(model.pair_solref[0, 0])
+    per_depth = reference**-2 if reference > 0 else -reference
+    scale = -float(model.opt.gravity[2]) / per_depth if per_depth else np.inf
+    # A ball that slips from the start is held up by the normal force all the same.
+    for friction in (model.pair_friction.copy(), 0.0):
+        model.pair_friction = friction
+        with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
+            warnings.simplefilter("ignore")
+            found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
+            if found.converged and 0 < found.root < np.inf:
+                return float(found.root)
+    raise InputError(
+        f"the contact cannot carry the ball at any depth (solref {reference:g}): "
+        "take another solref, or start_in_equilibrium off"
+    )

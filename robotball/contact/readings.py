@@ -12,6 +12,15 @@ from robotball.drives import Servo
 from robotball.motion import Loads
 from robotball.rotations import Array, Mask, rotation_matrix
 
+STATE_SENSORS = [
+    mujoco.mjtSensor.mjSENS_FRAMEPOS,
+    mujoco.mjtSensor.mjSENS_FRAMEQUAT,
+    mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
+    mujoco.mjtSensor.mjSENS_SUBTREELINVEL,
+    mujoco.mjtSensor.mjSENS_JOINTPOS,
+    mujoco.mjtSensor.mjSENS_JOINTVEL,
+]
+
 
 @dataclass(frozen=True)
 class Readings:
@@ -96,7 +105,8 @@ class Readings:
     def friction_used(self) -> Array:
         """(m,): the contact force's place in the friction cone, 1 on its surface, 0 in flight."""
         compiled = self.model.compiled
-        slide, _, spin, roll, _ = compiled.pair_friction[0]
+        # MuJoCo has no smaller coefficient.
+        slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
         normal, *tangential = self.contact_force.T
         torques = self.column("contact")[:, 4:7].T / np.array([[spin], [roll], [roll]])
         demand = np.concatenate([tangential, torques * slide]) / slide
@@ -105,6 +115,17 @@ class Readings:
         else:
             needed = np.linalg.norm(demand, axis=0)
         return np.divide(needed, normal, out=np.zeros_like(needed), where=normal > 0)
+
+    def sound(self, limit: float) -> Mask:
+        """(m,): whether all is finite, and coordinates and velocities below `limit` in size.
+
+        Forces and momenta may be as large as a heavy ball makes them.
+        """
+        compiled = self.model.compiled
+        state = np.repeat(np.isin(compiled.sensor_type, STATE_SENSORS), compiled.sensor_dim)
+        finite = np.isfinite(self.rows).all(axis=1)
+        small = (np.abs(self.rows[:, : compiled.nsensordata][:, state]) < limit).all(axis=1)
+        return np.asarray(finite & small)
 
     def _of_hinges(self, sensor: str, component: int = 0) -> Array:
         """(m, h) over the scene's hinges of a sensor that each turning one has; else 0."""

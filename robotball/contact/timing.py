@@ -56,6 +56,12 @@ def longest_step(times: Array, breakpoints: tuple[float, ...], timestep: float) 
     return float(_spans(times, breakpoints, timestep)[1].max())
 
 
+def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
+    """How many steps such a run takes."""
+    with np.errstate(over="ignore"):
+        return float(_spans(times, breakpoints, timestep)[2].sum())
+
+
 def _spans(
     times: Array, breakpoints: tuple[float, ...], timestep: float
 ) -> tuple[Array, Array, Array]:

@@ -19,7 +19,7 @@ from robotball.bodies import (
 )
 from robotball.designing.design import Design, design
 from robotball.drives import Rate, Servo, as_drive
-from robotball.errors import InputError, SceneWarning
+from robotball.errors import InputError, SceneWarning, check_size
 from robotball.files.mjcf_body import frame_of_mjcf
 from robotball.files.scene_start import start_of
 from robotball.files.scene_table import (
@@ -37,7 +37,6 @@ from robotball.rotations import Array, normalised
 from robotball.scene import Scene
 
 CATALOG = Path(__file__).parent.parent / "scenes"
-LARGEST = 1e50  # in SI units, beyond any ball; products of a few such numbers do not overflow
 
 
 def catalog() -> list[str]:
@@ -64,10 +63,18 @@ def load_scene(name: str | Path) -> Scene:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:  # a null byte in the name
         raise InputError(f"{path}: {error}") from None
+    scene = read_scene(path, text)
+    for line in beyond_the_shell(scene.ball):
+        warnings.warn(f"{scene.name}: {line}", SceneWarning, stacklevel=2)
+    return scene
+
+
+def read_scene(path: Path, text: bytes | str) -> Scene:
+    """The scene of the text of a TOML file, whose path gives it its name; raises InputError."""
     try:
         table = msgspec.toml.decode(text, type=SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
-        scene = _scene(path, table)
+        return _scene(path, table)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {_explained(str(error))}") from None
     except InputError as error:
@@ -76,15 +83,12 @@ def load_scene(name: str | Path) -> Scene:
     # many brackets.
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not TOML: {error}") from None
-    for line in beyond_the_shell(scene.ball):
-        warnings.warn(f"{scene.name}: {line}", SceneWarning, stacklevel=2)
-    return scene
 
 
 def _check_numbers(key: str, value: object) -> None:
     """Raises InputError, with the key, for a number of a TOML value that is NaN or too large."""
-    if isinstance(value, float) and not abs(value) <= LARGEST:
-        raise InputError(f"{key} must be finite and at most {LARGEST:g} in size, not {value:g}")
+    if isinstance(value, float):
+        check_size(key, value)
     if isinstance(value, dict):
         for name, inner in value.items():
             _check_numbers(f"{key}.{name}" if key else name, inner)

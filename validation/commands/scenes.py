@@ -1,6 +1,7 @@
 """The commands that run scenes: scenes, compare, video, model, demo."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -8,12 +9,13 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import Positional, arg
 
-from robotball import InputError, catalog, load_scene, preset, sample_times
+from robotball import InputError, Settings, catalog, load_scene, preset, sample_times
 from robotball.contact.explain import left_out
 from robotball.contact.model import build
+from validation.agreement import Agreement
 from validation.commands.arguments import AGREES, DISAGREES, OUT, Duration, File, SceneName
 from validation.results import replacing, writable_file, writable_folder, write_csv, write_json
-from validation.runs import compare_all, film
+from validation.runs import compare_all, dump_path, film
 from validation.table import show
 
 
@@ -41,7 +43,11 @@ class Compare:
     duration: Duration = None
     """Simulated time; each scene's own if not given."""
     out: Path = OUT
-    """Folder for the plots."""
+    """Folder for the plots, and for the states around a fault."""
+    strict: bool = False
+    """Refuse settings that are predicted to fail, in place of a warning."""
+    keep_going: bool = False
+    """Go on after a fault, as long as there is a state."""
     plots: bool = True
     """Draw each scene's paths and momentum into the output folder."""
     json: File = None
@@ -53,13 +59,12 @@ class Compare:
         if not self.scenes:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
         scenes = [load_scene(name) for name in self.scenes]
-        settings = [preset(name) for name in self.preset]
+        settings = [_preset(name, self.keep_going) for name in self.preset]
         times = None if self.duration is None else sample_times(self.duration)
         for path in filter(None, (self.json, self.csv)):
             writable_file(path)
-        if self.plots:
-            writable_folder(self.out)
-        agreements = compare_all(scenes, settings, times)
+        writable_folder(self.out)
+        agreements = compare_all(scenes, settings, times, strict=self.strict, dumps=self.out)
         if self.json:
             write_json(self.json, agreements)
         if self.csv:
@@ -70,6 +75,7 @@ class Compare:
             for scene in scenes:
                 draw([each for each in agreements if each.scene is scene], self.out)
         show(agreements, Console())
+        _tell_dumps(agreements, self.out)
         return AGREES if all(agreement.agrees for agreement in agreements) else DISAGREES
 
 
@@ -84,16 +90,34 @@ class Video:
     duration: Duration = None
     """Simulated time; the scene's own if not given."""
     out: Path = OUT
-    """Folder for the video."""
+    """Folder for the video, and for the states around a fault."""
+    strict: bool = False
+    """Refuse settings that are predicted to fail, in place of a warning."""
+    keep_going: bool = False
+    """Go on after a fault, as long as there is a state."""
 
     def run(self) -> int:
-        scene, settings = load_scene(self.scene), preset(self.preset)
+        scene, settings = load_scene(self.scene), _preset(self.preset, self.keep_going)
         times = None if self.duration is None else sample_times(self.duration)
         path = writable_folder(self.out) / f"{scene.name}.mp4"
-        (agreement,) = compare_all([scene], [settings], times)
+        agreements = compare_all([scene], [settings], times, strict=self.strict, dumps=self.out)
+        (agreement,) = agreements
         film(path, agreement)
         print(path)
+        _tell_dumps(agreements, self.out)
         return AGREES if agreement.agrees else DISAGREES
+
+
+def _preset(name: str, keep_going: bool) -> Settings:
+    settings = preset(name)
+    return replace(settings, stop_at_fault=False) if keep_going else settings
+
+
+def _tell_dumps(agreements: Sequence[Agreement], folder: Path) -> None:
+    for each in agreements:
+        if each.faults:
+            path = dump_path(folder, each.scene, each.settings)
+            print(f"robotball replay {path}", "steps through its first fault")
 
 
 @dataclass(frozen=True)

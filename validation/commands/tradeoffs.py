@@ -10,7 +10,7 @@ from typing import Annotated
 from rich.console import Console
 from tyro.conf import arg
 
-from robotball import load_scene, preset, sample_times
+from robotball import Scene, load_scene, preset, sample_times
 from validation.commands.arguments import AGREES, OUT, Duration, File, SceneName
 from validation.results import (
     replacing,
@@ -20,6 +20,8 @@ from validation.results import (
     write_rows,
 )
 from validation.runs import progress_bar
+
+QUICK = 1.0  # s, simulated by a quick form
 
 
 @dataclass(frozen=True)
@@ -45,11 +47,10 @@ class Ladder:
         from validation.tradeoffs.ladder_table import show_ladder
 
         scene = load_scene(self.scene)
-        duration = self.duration or (1.0 if self.quick else scene.duration)
+        times = sample_times(duration_of(self, scene))
         path = writable_folder(self.out) / f"{scene.name}-ladder.png"
         check_files(self.json, self.csv)
         with progress_bar(1) as show:
-            times = sample_times(duration)
             ladder = measure_ladder(scene, times, 2 if self.quick else ROUNDS, show)
         with replacing(path) as temporary:
             ladder_picture(ladder).savefig(temporary, dpi=120)
@@ -89,11 +90,11 @@ class Convergence:
         from validation.tradeoffs.convergence_table import show_convergence
 
         scene, settings = load_scene(self.scene), without(preset(self.preset), self.without)
-        duration = self.duration or (1.0 if self.quick else scene.duration)
+        times = sample_times(duration_of(self, scene))
         path = writable_folder(self.out) / f"{scene.name}-convergence.png"
         check_files(self.json, self.csv)
         with progress_bar(1) as show:
-            times, halvings = sample_times(duration), HALVINGS - 2 * self.quick
+            halvings = HALVINGS - 2 * self.quick
             study = measure_convergence(scene, settings, times, halvings, show)
         with replacing(path) as temporary:
             convergence_picture(study).savefig(temporary, dpi=120)
@@ -103,6 +104,13 @@ class Convergence:
         show_convergence(study, Console())
         print(path)
         return AGREES
+
+
+def duration_of(command: Ladder | Convergence, scene: Scene) -> float:
+    """The duration that is asked for [s], or what the command takes by itself."""
+    if command.duration is not None:
+        return command.duration
+    return QUICK if command.quick else scene.duration
 
 
 def check_files(*paths: Path | None) -> None:

@@ -34,9 +34,10 @@ CHOICES = (
     ),
     Choice("timestep", ("timestep",), "shorter than MuJoCo's own"),
 )
-# A newcomer hangs the shell on the body that it is built around.
-BOTTOM = replace(NAIVE, root="frame")
-TOP = preset("accurate")
+# A newcomer hangs the shell on the body that it is built around. At both ends a faulty run goes
+# on, so that there is an error to tell, and slip is a fault from the same size on.
+BOTTOM = replace(NAIVE, root="frame", stop_at_fault=False)
+TOP = replace(preset("accurate"), promise=NAIVE.promise, stop_at_fault=False)
 
 
 def adopt(settings: Settings, choice: Choice, of: Settings = TOP) -> Settings:

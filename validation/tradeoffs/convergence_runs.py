@@ -12,10 +12,9 @@ import mujoco
 import numpy as np
 
 from robotball import InputError, Motion, Scene, Settings, integrate
-from robotball.contact.adaptive import LOOK
 from robotball.contact.model import Model, build
 from robotball.rotations import Array
-from robotball.settings import ADAPTIVE
+from robotball.settings import ADAPTIVE, MOST_STEPS
 from robotball.simulate import run
 from validation.tradeoffs.convergence import (
     MUJOCO_ORDERS,
@@ -33,7 +32,7 @@ LONGEST, SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
 TOLERANCES = tuple(10.0**-n for n in range(4, 13))  # of DOP853 with steps of its own
 LIMITS = (1e-13, 1e-11, 1e-9)  # its tolerances for the limit: the first that comes to its end
 ANY = 1.0  # a tolerance that lets every step pass
-PATIENCE = 600  # steps a simulated second, after which a run of DOP853 is given up
+PATIENCE, LEAST_PATIENCE = 600, 64  # steps a second, and besides, before DOP853 is given up
 
 
 def measure_convergence(
@@ -52,7 +51,8 @@ def measure_convergence(
     theory = integrate(scene, times)
     interval = float(theory.times[1])
     finest = Method("RK4", interval / 2**halvings)
-    model = build(scene, replace(settings, integrator="RK4", timestep=finest.step, rtol=None))
+    contact = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
+    model = build(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
     methods = _methods(model, interval, halvings)
     runs = _Runs(model, theory, len(methods) + 1, show or (lambda part, what: None))
     limit = _limit(runs, finest)
@@ -104,19 +104,9 @@ class _Runs:
         return self.made[method]
 
     def _run(self, method: Method) -> _Run | None:
-        times, looks = self.theory.times, 0
-
-        def look(_: float) -> None:
-            nonlocal looks
-            looks += 1
-            if method.integrator == ADAPTIVE and looks * LOOK > PATIENCE * times[-1] + LOOK:
-                raise _GivenUpError
-
-        try:
-            with np.errstate(all="ignore"):  # a run that diverges says so itself
-                motion = run(_stepped(self.model, method), times, look)
-        except _GivenUpError:
-            return None
+        times = self.theory.times
+        with np.errstate(all="ignore"):  # a run that diverges says so itself
+            motion = run(_stepped(self.model, method, float(times[-1])), times)
         if len(motion.times) < len(times):
             return None
         assert motion.diagnostics is not None
@@ -128,36 +118,34 @@ class _Runs:
         return float(np.linalg.norm(one - other, axis=1).max()) / self.theory.path_length
 
 
-class _GivenUpError(Exception):
-    """A run takes too many steps: the motion is not smooth."""
-
-
-def _stepped(model: Model, method: Method) -> Model:
+def _stepped(model: Model, method: Method, duration: float) -> Model:
     """The same MJCF, compiled afresh, under another integrator."""
     settings = replace(
         model.settings, integrator=method.integrator, timestep=method.step, rtol=method.rtol
     )
+    if settings.adaptive:
+        patience = LEAST_PATIENCE + int(PATIENCE * duration)
+        return replace(model, settings=replace(settings, max_steps=patience))
+    assert method.step is not None
     same = replace(model, settings=settings)
-    if not settings.adaptive:
-        assert method.step is not None
-        member = f"mjINT_{method.integrator.upper()}"
-        same.compiled.opt.integrator = getattr(mujoco.mjtIntegrator, member)
-        same.compiled.opt.timestep = method.step
+    member = f"mjINT_{method.integrator.upper()}"
+    same.compiled.opt.integrator = getattr(mujoco.mjtIntegrator, member)
+    same.compiled.opt.timestep = method.step
     return same
 
 
 def _limit(runs: _Runs, finest: Method) -> Limit:
     """The limit of short steps: DOP853's where the motion is smooth enough, or else RK4's."""
     assert finest.step is not None
-    # Errors of DOP853 fall with its tolerance; those of RK4, the last resort, with its step.
+    # What ten times the tolerance, or twice the step, changes is more than what is still wrong.
     candidates = [
-        *((Method(ADAPTIVE, None, r), Method(ADAPTIVE, None, 10 * r), 10) for r in LIMITS),
-        (finest, replace(finest, step=2 * finest.step), 2),
+        *((Method(ADAPTIVE, None, rtol), Method(ADAPTIVE, None, 10 * rtol)) for rtol in LIMITS),
+        (finest, replace(finest, step=2 * finest.step)),
     ]
-    for method, coarser, fall in candidates:
+    for method, coarser in candidates:
         best, near = runs.of(method), runs.of(coarser)
         if best is not None and near is not None:
-            known_to = runs.distance(best.path, near.path) / (fall - 1)
+            known_to = runs.distance(best.path, near.path)
             off = runs.distance(best.path, runs.theory.contact_point)
             return Limit(method, best.path, known_to, off)
     raise InputError(

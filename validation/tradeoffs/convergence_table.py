@@ -9,10 +9,10 @@ from validation.tradeoffs.convergence import ORDERS, REFERENCES, Convergence, Re
 from validation.tradeoffs.order import Order
 
 NOTE = (
-    "Errors are of the path, over its length. own limit: what the contact model tends\n"
-    "to as steps shrink. Richardson: an estimate of that error from a run and the one at\n"
-    "the next longer step. equations: that error and the contact model's own.\n"
-    "points: of the line. stalls at: where shorter steps make no smaller error.\n"
+    "Errors are of the path, over its length. own limit: what the contact model\n"
+    "tends to as steps shrink. Richardson: an estimate of that error from a run and\n"
+    "the one at the next longer step. equations: that error and the model's own.\n"
+    "points: of the line. stalls: where shorter steps make no smaller error.\n"
     "DOP853 alone chooses its steps: the order is its power of rtol."
 )
 

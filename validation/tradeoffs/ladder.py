@@ -27,7 +27,7 @@ ROUNDS = 5  # of timing, all rungs in turn
 
 def climb() -> tuple[Settings, ...]:
     """The naive model, then settings that each make one choice more; each is named after it."""
-    rungs = [replace(BOTTOM, promise=TOP.promise)]
+    rungs = [BOTTOM]
     for choice in CHOICES:
         rungs.append(replace(adopt(rungs[-1], choice), name=choice.name))
     return tuple(rungs)

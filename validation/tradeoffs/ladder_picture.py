@@ -14,6 +14,7 @@ from validation.table import scientific
 from validation.tradeoffs.ladder import Ladder, Rung
 
 INCHES = (11.0, 6.2)
+ERROR_AT, COST_AT = 6, 58  # points right of a panel, where its numbers stand
 SOUND, FAULTY, HATCH = ENGINE, "white", "////"
 DIAMOND: dict[str, Any] = {
     "marker": "D",
@@ -31,8 +32,8 @@ def ladder_picture(ladder: Ladder) -> Figure:
     left, right = figure.subplots(1, 2, sharex=True)
     _panel(left, ladder, ladder.up, "+ ")
     _panel(right, ladder, ladder.undone, "− ")
-    left.set_title("from naive to the recipe: one choice more", loc="left", fontsize=11)
-    right.set_title("the recipe with one choice undone", loc="left", fontsize=11)
+    left.set_title("from naive up: one choice more", loc="left", fontsize=10.5)
+    right.set_title("the recipe with one choice undone", loc="left", fontsize=10.5)
     left.set_xlim(*_ends((*ladder.up, *ladder.undone)))
     handles: list[Artist] = [
         Patch(facecolor=SOUND, edgecolor=INK, label="path error"),
@@ -48,7 +49,7 @@ def _panel(axes: Axes, ladder: Ladder, rungs: Sequence[Rung], sign: str) -> None
     names = [f"{sign if i else ''}{rung.name}" for i, rung in enumerate(rungs)]
     axes.set_yticks(range(len(rungs)), names)
     axes.set(xscale="log", xlabel="path error over path length, |M - M(0)| over |M(0)|")
-    axes.invert_yaxis()
+    axes.set_ylim(len(rungs) - 0.4, -0.6)
     axes.grid(axis="x", alpha=0.3)
     axes.set_axisbelow(True)
     for row, rung in enumerate(rungs):
@@ -61,10 +62,10 @@ def _panel(axes: Axes, ladder: Ladder, rungs: Sequence[Rung], sign: str) -> None
             )  # fmt: skip
         if drift is not None:
             axes.plot([drift], [row], **DIAMOND)
-        _beside(axes, row, scientific(error), 1.02)
-        _beside(axes, row, f"{ladder.times_naive(rung).ratio:.1f}", 1.2)
-    _beside(axes, -1, "path\nerror", 1.02)
-    _beside(axes, -1, "CPU,\n× naive", 1.2)
+        _beside(axes, row, "broke off" if error is None else scientific(error), ERROR_AT)
+        _beside(axes, row, f"{ladder.times_naive(rung).ratio:.1f}", COST_AT)
+    _beside(axes, -1, "path\nerror", ERROR_AT)
+    _beside(axes, -1, "CPU,\n× naive", COST_AT)
     if (best := ladder.recipe.agreement.path_error) is not None:
         axes.axvline(best, color=INK, linestyle=":")
 
@@ -77,11 +78,13 @@ def _ends(rungs: Sequence[Rung]) -> tuple[float, float]:
 
 
 def _beside(axes: Axes, row: float, text: str, place: float) -> None:
-    """A text right of the axes, `place` axes' widths from their left."""
+    """A text `place` points right of the axes."""
     axes.annotate(
         text,
-        (place, row),
+        (1.0, row),
         xycoords=("axes fraction", "data"),
+        xytext=(place, 0),
+        textcoords="offset points",
         va="center",
         fontsize=9,
         annotation_clip=False,

@@ -9,11 +9,11 @@ from rich.table import Table
 from validation.table import scientific
 from validation.tradeoffs.ladder import Ladder, Rung, fault_of
 
-UP = "Going up, every choice made so far: the worst one to come hides what is done."
+UP = "Going up, every choice made so far: the worst to come hides what is done."
 UNDONE = "At the top, one choice undone: what it is worth by itself."
 NOTE = (
     "slip: sliding velocity, root mean square, over the rolling speed.\n"
-    "CPU: of a simulated second; × naive: median of rounds, ± the one farthest from it.\n"
+    "CPU: of a simulated second. × naive: median of rounds, ± the farthest from it.\n"
     "A run with a fault is no rolling ball, whatever its numbers."
 )
 

@@ -48,7 +48,7 @@ def fit_order(
     errors are known to, at least. Among parts of one length the one at shorter steps is taken.
     """
     h, e = _sound(steps, errors)
-    clear = e > CLEAR * max(floor, stalled_at(steps, errors) or 0.0)
+    clear = e > max(floor, CLEAR * (stalled_at(steps, errors) or 0.0))
     x, y = np.log(h[clear]), np.log(e[clear])
     for length in range(len(x), LEAST - 1, -1):
         for begin in range(len(x) - length, -1, -1):

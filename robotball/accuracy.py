@@ -17,7 +17,7 @@ from robotball.errors import InputError, SceneWarning
 from robotball.motion import Motion
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from robotball.settings import ADAPTIVE, PRESETS, Settings, preset, recipe
+from robotball.settings import ADAPTIVE, LEAST_RTOL, PRESETS, Settings, preset, recipe
 
 Run = Callable[[Settings, Array], Motion]
 
@@ -58,7 +58,7 @@ STABLE = 1.5  # of a servo's rate in a step of the pilot run: RK4 diverges not f
 AIM = 0.9  # of the error asked for, at which steps are aimed by a measured error
 CAUTIOUS = 0.33  # of it, at which the first rtol is aimed, by the front alone
 APART = 0.01  # path lengths; no law of errors holds between runs that are farther apart
-FINEST_RTOL, COARSEST_RTOL = 1e-13, 1e-7  # with looser ones the contact may be lost
+FINEST_RTOL, COARSEST_RTOL = LEAST_RTOL, 1e-7  # with looser ones the contact may be lost
 LOOSER = 300.0  # times rtol, of the run that DOP853's first is compared with, if one is
 SPARSE = 0.1  # s, between the samples of that run
 RK4_EVALUATIONS, DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejected steps included

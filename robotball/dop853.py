@@ -1,6 +1,7 @@
 """scipy's DOP853, its state summed so that rounding does not grow with the number of steps."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -12,11 +13,12 @@ LEAST_RTOL = 100 * float(np.finfo(float).eps)  # scipy's, of a displacement
 
 
 class Compensated:
-    """A motion from a state (n,) over a span of time, in steps of an error within `tolerance`.
+    """A motion from a state (n,) over a span of time, in steps of an error held to a tolerance.
 
-    rate(t, state) is its derivative; tolerance (n,) is absolute; max_step is the longest step.
-    DOP853 integrates the displacement from a base. Before every step the base takes it over, but
-    for what rounding cuts off the sum, which is where the next displacement begins (Kahan).
+    rate(t, state) is its derivative. A step's error in each number is held to rtol times its
+    scale (n,) and its size; max_step is the longest step. DOP853 integrates the displacement from
+    a base. Before every step the base takes it over, but for what rounding cuts off the sum, which
+    is where the next displacement begins (Kahan).
     """
 
     def __init__(
@@ -24,11 +26,13 @@ class Compensated:
         rate: Rate,
         span: Sequence[float],
         state: Array,
-        tolerance: Array,
+        rtol: float,
+        scale: Array,
         max_step: float = np.inf,
     ) -> None:
         self._base = np.array(state, dtype=float)
-        solver: Callable[..., DOP853] = DOP853  # its types want complex functions, a float atol
+        self._rtol, self._scale = rtol, scale
+        solver: Any = DOP853  # its types want complex functions and a float atol
         self._solver = solver(
             lambda t, displacement: rate(t, self._base + displacement),
             span[0],
@@ -36,7 +40,7 @@ class Compensated:
             span[1],
             max_step=max_step,
             rtol=LEAST_RTOL,
-            atol=tolerance,
+            atol=self._tolerance,
         )
 
     @property
@@ -53,13 +57,26 @@ class Compensated:
         """(n,) at time `t`."""
         return self._base + self._solver.y
 
+    @property
+    def derivative(self) -> Array:
+        """(n,) of the state at time `t`."""
+        return np.array(self._solver.f)
+
+    @property
+    def _tolerance(self) -> Array:
+        """(n,): what a displacement may be off by."""
+        return self._rtol * (self._scale + np.abs(self._base))
+
     def step(self) -> str | None:
         """Take one; returns why it could not be taken, if so."""
         displacement, before = self._solver.y, self._base
         self._base = before + displacement
         displacement += before - self._base
-        return self._solver.step()
+        self._solver.atol = self._tolerance
+        message: str | None = self._solver.step()
+        return message
 
     def within(self, times: Array) -> Array:
         """States (m, n) at times (m,) in the last step."""
-        return self._base + self._solver.dense_output()(times).T
+        displacements: Array = self._solver.dense_output()(times).T
+        return self._base + displacements

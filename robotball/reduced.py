@@ -1,15 +1,13 @@
 """Scene → Motion by the paper's equations: one rotation, integrated to round-off."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from robotball import equations as eq
 from robotball.bodies import imbalance
+from robotball.dop853 import Compensated, Rate
 from robotball.errors import InputError, too_many_steps
 from robotball.loads import loads_of
 from robotball.motion import Motion
@@ -17,7 +15,7 @@ from robotball.parameters import as_vector, check_speed, speed_bound
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
 
-TOLERANCE = 1e-13  # of one step, relative; near the least that double precision can judge
+TOLERANCE, LEAST_TOLERANCE = 1e-14, 1e-15  # of one step, relative; below it no step is better
 # Longer motions at steady rates, in rad by the bound on |ω|, are left to the compiled step, which
 # takes a hundredth of the time: so much takes some seconds here.
 LONG = 1e4
@@ -35,14 +33,14 @@ def integrate(
 
     M is constant in space, so the state is one unit quaternion q and the contact point:
     dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; the scene's own if None.
-    rtol: the error allowed in one step, from 1e-13 on; max_steps: a limit for motions that turn
+    rtol: the error allowed in one step, from 1e-15 on; max_steps: a limit for motions that turn
     too often, some minutes' work if None. Raises InputError on unusable times, for a ball that is
     not balanced, where the limit is met or a step shrinks to nothing, and where a number would
     overflow: a motion that is returned is finite.
     """
     times = scene.times if times is None else check_times(times)
-    if not TOLERANCE <= rtol < 1:
-        raise InputError(f"rtol must be at least {TOLERANCE:g} and less than 1, not {rtol:g}")
+    if not LEAST_TOLERANCE <= rtol < 1:
+        raise InputError(f"rtol must be at least {LEAST_TOLERANCE:g} and less than 1, not {rtol:g}")
     if offset := imbalance(scene.ball):
         raise InputError(f"{offset}, where the equations need it; MuJoCo alone can roll it")
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -95,7 +93,7 @@ def _check_finite(scene: Scene, motion: Motion) -> None:
                 )
 
 
-def right_hand_side(scene: Scene) -> Callable[[float, Array], Array]:
+def right_hand_side(scene: Scene) -> Rate:
     """d/dt of (q, X, Y): (6,) at time t, with q from principal axes to world, of any length."""
     MX, MY, MZ = as_vector(scene.start.momentum)
     parameters_at = (lambda _: scene.parameters) if scene.steady else scene.parameters_at
@@ -123,7 +121,9 @@ def _states(scene: Scene, times: Array, rtol: float, max_steps: int | None) -> A
 
         parameters, attitudes, momenta = start_of(scene)
         limit = MAX_COMPILED_STEPS if max_steps is None else max_steps
-        states = orbit(parameters, attitudes[0], momenta[0], times, rtol / 10, limit)
+        states = orbit(
+            parameters, attitudes[0], momenta[0], times, max(rtol / 10, LEAST_TOLERANCE), limit
+        )
         return np.concatenate(states, axis=1)
     return _solve(scene, times, rtol, MAX_STEPS if max_steps is None else max_steps)
 
@@ -132,9 +132,9 @@ def _states(scene: Scene, times: Array, rtol: float, max_steps: int | None) -> A
 class _Stepper:
     """DOP853 along a motion, which may have so many steps in all."""
 
-    rate: Callable[[float, Array], Array]
+    rate: Rate
     rtol: float
-    atol: float | Array
+    scale: Array
     end: float
     max_steps: int
     steps: int = 0
@@ -142,13 +142,12 @@ class _Stepper:
     def piece(self, span: tuple[float, float], state: Array, times: Array) -> tuple[Array, Array]:
         """The state (6,) at the end of a smooth span and those (n, 6) at times in it."""
         states = np.empty((len(times), 6))
-        tolerances: dict[str, Any] = {"rtol": self.rtol, "atol": self.atol}
-        solver = DOP853(self.rate, span[0], state, span[1], **tolerances)
+        solver = Compensated(self.rate, span, state, self.rtol, self.scale)
         done = 0
-        while solver.status == "running":
+        while solver.running:
             if self.steps >= self.max_steps:
-                speed = 2 * math.hypot(*solver.f[:4].tolist())  # dq/dt = q∘ω/2
-                raise too_many_steps(self.max_steps, float(solver.t), self.end, speed)
+                speed = 2 * math.hypot(*solver.derivative[:4].tolist())  # dq/dt = q∘ω/2
+                raise too_many_steps(self.max_steps, solver.t, self.end, speed)
             message = solver.step()
             self.steps += 1
             if message is not None:
@@ -157,18 +156,17 @@ class _Stepper:
                 )
             reached = int(np.searchsorted(times, solver.t, side="right"))
             if reached > done:
-                states[done:reached] = solver.dense_output()(times[done:reached]).T
+                states[done:reached] = solver.within(times[done:reached])
                 done = reached
-            solver.y[:4] /= np.linalg.norm(solver.y[:4])
-        return solver.y, states
+        return solver.state, states
 
 
 def _solve(scene: Scene, times: Array, rtol: float, max_steps: int) -> Array:
     """States (n, 6) at the times, integrated anew from every breakpoint of the drives."""
-    # X and Y are only quadratures of q: an absolute tolerance keeps them from setting the step
-    # where they pass zero.
-    atol = rtol * np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
-    stepper = _Stepper(right_hand_side(scene), rtol, atol, float(times[-1]), max_steps)
+    # X and Y are only quadratures of q: a scale of their own keeps them from setting the step where
+    # they pass zero.
+    scale = np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
+    stepper = _Stepper(right_hand_side(scene), rtol, scale, float(times[-1]), max_steps)
     states = np.empty((len(times), 6))
     states[0] = (*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0)
     state, begin = states[0], 0.0

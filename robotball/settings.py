@@ -11,7 +11,7 @@ from robotball.errors import LARGEST, InputError, check_positive
 
 ADAPTIVE = "DOP853"
 MUJOCOS_INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
-LEAST_RTOL = 2.3e-14  # below 100 units of rounding scipy judges no step
+LEAST_RTOL = 1e-15  # below it no step is better
 MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
 
 
@@ -220,7 +220,7 @@ PRESETS: dict[str, Settings] = {
         recipe("fast", 5e-4, timestep=20e-3),
         recipe("balanced", 5e-6, timestep=5e-3),
         recipe("accurate", 1e-8, timestep=1e-3),
-        recipe("adaptive", 1e-10, integrator=ADAPTIVE, rtol=1e-13),
+        recipe("adaptive", 1e-10, integrator=ADAPTIVE, rtol=LEAST_RTOL),
     )
 }
 

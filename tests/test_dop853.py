@@ -19,7 +19,7 @@ def on_circle(t: float) -> Array:
 
 
 def error_after(duration: float, tolerance: float, max_step: float = np.inf) -> float:
-    motion = Compensated(turn, (0.0, duration), CIRCLE, np.full(2, tolerance), max_step)
+    motion = Compensated(turn, (0.0, duration), CIRCLE, tolerance, np.ones(2), max_step)
     while motion.running:
         assert motion.step() is None
     return float(np.linalg.norm(motion.state - on_circle(duration)))
@@ -37,7 +37,9 @@ def test_a_long_sum_rounds_once() -> None:
     A plain sum is five places (5.8e-10) off there.
     """
     far = np.array([1e6])
-    path = Compensated(lambda t, _: np.array([np.cos(t)]), (0.0, 10.0), far, np.ones(1), 0.01)
+    path = Compensated(
+        lambda t, _: np.array([np.cos(t)]), (0.0, 10.0), far, 1.0, np.ones(1), max_step=0.01
+    )
     while path.running:
         path.step()
     assert abs(path.state[0] - (1e6 + np.sin(10.0))) <= np.spacing(1e6) / 2
@@ -45,7 +47,7 @@ def test_a_long_sum_rounds_once() -> None:
 
 def test_samples_within_a_step_are_as_good_as_its_ends() -> None:
     """The dense output is of order seven, and held to the same tolerance."""
-    motion = Compensated(turn, (0.0, 3.0), CIRCLE, np.full(2, 1e-12))
+    motion = Compensated(turn, (0.0, 3.0), CIRCLE, 1e-12, np.ones(2))
     while motion.running:
         began = motion.t
         motion.step()

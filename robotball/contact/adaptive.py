@@ -1,15 +1,15 @@
 """A model integrated by scipy's DOP853, with MuJoCo's forward dynamics as the right-hand side."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import mujoco
 import numpy as np
-from scipy.integrate import DOP853
 
 from robotball import equations as eq
 from robotball.contact.control import Control
 from robotball.contact.stepping import Portion, Steps, read_row, state_of
+from robotball.dop853 import Compensated, Rate
 from robotball.rotations import Array
 
 LOOK = 64  # steps between two looks at the run
@@ -30,17 +30,22 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
     for span in pairwise((0.0, *inside, times[-1])):
         solver = _solver(control, data, state, span)
         last = span[1] == times[-1]
-        while solver.status == "running":
+        while solver.running:
             portion, pending = _portion(control, data, solver, pending, last, left)
             left -= portion.steps
             yield portion
             if portion.failure is not None:
                 return
-        state = solver.y
+        state = solver.state
 
 
 def _portion(
-    control: Control, data: mujoco.MjData, solver: DOP853, pending: Array, last: bool, left: int
+    control: Control,
+    data: mujoco.MjData,
+    solver: Compensated,
+    pending: Array,
+    last: bool,
+    left: int,
 ) -> tuple[Portion, Array]:
     """The next steps of a smooth span, `left` at most, and the sample times left after them."""
     rows: list[Array] = []
@@ -53,7 +58,7 @@ def _portion(
         rows.append(_read(control, data, t, state))
         states.append(state_of(data))
 
-    while solver.status == "running" and len(lengths) < LOOK and failure is None:
+    while solver.running and len(lengths) < LOOK and failure is None:
         if len(lengths) == left:
             failure = f"max_steps = {control.model.settings.max_steps} are taken"
             break
@@ -62,19 +67,17 @@ def _portion(
             failure = f"the steps became too short ({message})"
             break
         lengths.append(solver.t - began)
-        solver.y[QUATERNION] /= np.linalg.norm(solver.y[QUATERNION])
         # A sample at the end of a span but the last is the first of the next.
-        inside = last or solver.status == "running"
+        inside = last or solver.running
         done = int(np.searchsorted(pending, solver.t, "right" if inside else "left"))
         sampled_end = done > 0 and pending[done - 1] == solver.t
         if done:
-            dense = solver.dense_output()
             sampled += range(len(rows), len(rows) + done)
-            for t in pending[:done].tolist():
-                read(t, dense(t))
+            for t, state in zip(pending.tolist(), solver.within(pending[:done]), strict=False):
+                read(t, state)
             pending = pending[done:]
-        if solver.status == "running" and not sampled_end:
-            read(solver.t, solver.y)
+        if solver.running and not sampled_end:
+            read(solver.t, solver.state)
     spans = np.tile(control.span, (len(rows), 1))
     portion = Portion(
         np.array(rows).reshape(len(rows), len(read_row(data))),
@@ -99,28 +102,26 @@ def _put(data: mujoco.MjData, t: float, state: Array) -> None:
     data.qpos, data.qvel = state[: len(data.qpos)], state[len(data.qpos) :]
 
 
-def _solver(control: Control, data: mujoco.MjData, state: Array, span: Sequence[float]) -> DOP853:
+def _solver(
+    control: Control, data: mujoco.MjData, state: Array, span: Sequence[float]
+) -> Compensated:
     settings, scene = control.model.settings, control.model.scene
     assert settings.rtol is not None
     control.span = span
     # Lengths are measured by the radius; angles and rates are of order one as they are.
     scale = np.ones_like(state)
     scale[:3] = scale[len(data.qpos) : len(data.qpos) + 3] = scene.ball.radius
-    solver: Callable[..., DOP853] = DOP853  # its types want complex functions and a float atol
-    return solver(
+    return Compensated(
         _right_hand_side(control.model.compiled, data),
-        span[0],
+        span,
         state,
-        span[1],
+        settings.rtol,
+        scale,
         max_step=settings.timestep or np.inf,
-        rtol=settings.rtol,
-        atol=settings.rtol * scale,
     )
 
 
-def _right_hand_side(
-    compiled: mujoco.MjModel, data: mujoco.MjData
-) -> Callable[[float, Array], Array]:
+def _right_hand_side(compiled: mujoco.MjModel, data: mujoco.MjData) -> Rate:
     """d/dt of (qpos, qvel) at time t [s], with a root quaternion of any length."""
     nq, nv = compiled.nq, compiled.nv
     qpos, qvel, qacc = data.qpos, data.qvel, data.qacc

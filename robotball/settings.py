@@ -160,6 +160,7 @@ FIELDS = {
     "cone": _one_of("pyramidal", "elliptic"),
     "impratio": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"),
     "warmstart": _one_of("enable", "disable"),
+    "island": _one_of("enable", "disable"),
     "solref": REFERENCE,
     "solreffriction": REFERENCE,
     "solimp": Field(

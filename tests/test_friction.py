@@ -31,11 +31,11 @@ def measured(
     ("scene", "length", "off"),
     [
         # Off by what the soft contact gives way; by more where the rolling is stopped with a jerk.
-        ("fig12", 1e-3, 0.02),  # measured -0.013
-        ("fig12", 1e-2, 0.06),  # measured 0.040
-        ("classical_regular", 1e-3, 0.045),  # measured -0.030
-        ("classical_regular", 1e-2, 0.004),  # measured -0.002
-        ("classical_regular", 1e-1, 0.015),  # measured 0.009
+        ("fig12", 1e-3, 0.025),  # measured 0.015
+        ("fig12", 1e-2, 0.003),  # measured -0.0015
+        ("classical_regular", 1e-3, 0.008),  # measured 0.0046
+        ("classical_regular", 1e-2, 0.008),  # measured -0.0046
+        ("classical_regular", 1e-1, 0.015),  # measured 0.0096
     ],
 )
 def test_rolling_friction_eats_momentum_at_its_length_times_the_weight(
@@ -44,15 +44,15 @@ def test_rolling_friction_eats_momentum_at_its_length_times_the_weight(
     """d|M|/dt = -μ_roll m g, as far as the rolling torque is along M."""
     record = measured(scene, ROLLING, length, HARD)
     assert record["loss"] / record["expected_loss"] == pytest.approx(1.0, abs=off)
-    # Measured 0.77 (classical_regular) to 0.93 (fig12): the part of the torque that is along M.
+    # Measured 0.78 (classical_regular) to 0.90 (fig12): the part of the torque that is along M.
     assert 0.7 * record["most_loss"] < record["loss"] < record["most_loss"]
 
 
 def test_high_rolling_friction_is_not_the_rubber_model() -> None:
     """At 1 m it stops the ball, which by the equations keeps all of its |M|."""
     record = measured("fig12", ROLLING, 1.0, HARD)
-    assert record["left"] < 0.5  # measured 0.42, after 2 s
-    assert record["path_error"] > 0.5  # measured 0.66
+    assert record["left"] < 0.5  # measured 0.45, after 2 s
+    assert record["path_error"] > 0.5  # measured 0.71
 
 
 def test_under_the_recipe_rolling_friction_gives_way_before_its_limit() -> None:
@@ -67,7 +67,7 @@ def test_torsional_friction_is_rubber_from_where_the_motion_needs_it() -> None:
     below = measured("fig12", TORSIONAL, 0.85 * needed, duration=10.0)
     above = measured("fig12", TORSIONAL, 1.02 * needed, duration=10.0)
     assert below["relative_spin"] > 0.05  # measured 0.13
-    assert below["path_error"] > 0.03  # measured 0.077
+    assert below["path_error"] > 0.03  # measured 0.070
     # Measured 1.33e-9 and 1.65e-9: RK4's error at 5 ms.
     assert above["relative_spin"] < 2e-9
     assert above["path_error"] < 2.5e-9

@@ -19,7 +19,8 @@ Options = dict[str, Any]
 
 FIRST_ORDER = ("Euler", "implicit", "implicitfast", "discrete")
 INTEGRATORS = ("RK4", *FIRST_ORDER)
-RECIPE = recipe("recipe", PRESETS["balanced"].promise, timestep=PRESETS["balanced"].timestep)
+NO_PROMISE = 1.0  # an error is what is measured here, so none is a fault
+RECIPE = recipe("recipe", NO_PROMISE, timestep=PRESETS["balanced"].timestep)
 INTERVAL = 0.1  # s, between samples; no step is longer
 
 # s; a power of two apart, so that few make a slope. Nothing is left to gain for RK4 below 1 ms.
@@ -115,7 +116,7 @@ def _sample() -> Iterator[Settings]:
         yield replace(RECIPE, integrator=pick(INTEGRATORS), timestep=pick(STEPS), **level)
 
 
-_NOT_OPTIONS = ("name", "promise")
+_NOT_OPTIONS = ("name", "promise", "stop_at_fault", "max_steps")  # what MuJoCo is not told
 _STEPS = (*_NOT_OPTIONS, "integrator", "timestep", "rtol")
 FEW = 3  # changes that are named
 _DEFAULTS = {field.name: field.default for field in fields(Settings)}
@@ -157,10 +158,11 @@ def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
 
 
 def settings_of(options: Mapping[str, Any]) -> Settings:
-    """The settings with these options; keys that are none are left out."""
+    """The settings with these options, that go on after a fault; other keys are left out."""
     known = {key: value for key, value in options.items() if key in _DEFAULTS}
     values: Options = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
     drive = dict(values.pop("drive"))
     kind = Servo if "gain" in drive else Prescribed
-    values |= {"name": describe(options), "promise": RECIPE.promise, "drive": kind(**drive)}
+    values |= {"name": describe(options), "promise": NO_PROMISE, "drive": kind(**drive)}
+    values["stop_at_fault"] = False
     return Settings(**values)

@@ -83,12 +83,13 @@ def friction_run(cell: Cell) -> dict[str, Any]:
 
 def friction_settings(rolling: Rolling, cell: Cell) -> Settings:
     """The recipe with the cell's friction; a classical ball spins freely all the same."""
+    goes_on = replace(RECIPE, stop_at_fault=False)
     if cell["friction"] == TORSIONAL:
-        return replace(RECIPE, condim=4, torsional_friction=cell["length"])
+        return replace(goes_on, condim=4, torsional_friction=cell["length"])
     changes: dict[str, Any] = {"condim": 6, "rolling_friction": cell["length"]}
     if rolling == "classical":
         changes["torsional_friction"] = LEAST_FRICTION
-    return replace(RECIPE, **changes, **(STIFF if cell["rows"] == HARD else {}))
+    return replace(goes_on, **changes, **(STIFF if cell["rows"] == HARD else {}))
 
 
 def _until(sizes: Array) -> int:

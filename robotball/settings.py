@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from robotball.drives import Servo
-from robotball.errors import InputError, check_positive
+from robotball.errors import LARGEST, InputError, check_positive
 
 ADAPTIVE = "DOP853"
 MUJOCOS_INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
@@ -97,16 +97,16 @@ def _fits(fits: Callable[[Any], bool], value: Any) -> bool:
         return False
 
 
-def _finite(*values: float) -> bool:
-    return all(map(math.isfinite, values))
+def _not_huge(*values: float) -> bool:
+    return all(abs(value) <= LARGEST for value in values)  # NaN is not
 
 
 def _positive(value: float) -> bool:
-    return math.isfinite(value) and value > 0
+    return 1 / LARGEST <= value <= LARGEST
 
 
 def _not_negative(value: float) -> bool:
-    return math.isfinite(value) and value >= 0
+    return 0 <= value <= LARGEST
 
 
 def _count(least: int) -> Callable[[Any], bool]:
@@ -120,13 +120,14 @@ def _one_of(*names: object) -> Field:
 def _reference(value: tuple[float, float]) -> bool:
     """Both positive (time constant, damping ratio), or both not (-stiffness, -damping)."""
     first, second = value
-    return _finite(first, second) and ((first > 0) == (second > 0))
+    both = _positive(first) and _positive(second)
+    return both or (_not_huge(first, second) and first <= 0 and second <= 0)
 
 
 def _impedance(value: tuple[float, float, float, float, float]) -> bool:
     least, most, width, midpoint, power = value
     return (
-        _finite(*value)
+        _not_huge(*value)
         and all(0 < each < 1 for each in (least, most, midpoint))
         and width > 0
         and power >= 1
@@ -136,12 +137,12 @@ def _impedance(value: tuple[float, float, float, float, float]) -> bool:
 REFERENCE = Field(
     _reference, "two finite numbers: a positive time constant and ratio, or neither positive"
 )
-FRICTION = Field(_not_negative, "finite and not negative")
+FRICTION = Field(_not_negative, f"finite and not negative, {LARGEST:g} at most")
 # What is not None must fit; MuJoCo's own choices are named as it names them.
 FIELDS = {
     "name": Field(lambda value: isinstance(value, str) and "\0" not in value, "a text"),
-    "promise": Field(_positive, "positive and finite"),
-    "timestep": Field(_positive, "positive and finite [s]"),
+    "promise": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"),
+    "timestep": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g} s"),
     "integrator": _one_of(*MUJOCOS_INTEGRATORS, ADAPTIVE),
     "rtol": Field(
         lambda value: LEAST_RTOL <= value < math.inf, f"finite and {LEAST_RTOL:g} at least"
@@ -149,12 +150,12 @@ FIELDS = {
     "solver": _one_of("PGS", "CG", "Newton"),
     "jacobian": _one_of("dense", "sparse", "auto"),
     "iterations": Field(_count(1), "a whole number, 1 at least"),
-    "tolerance": Field(_not_negative, "finite and not negative"),
-    "ls_tolerance": Field(_not_negative, "finite and not negative"),
+    "tolerance": Field(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
+    "ls_tolerance": Field(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
     "noslip_iterations": Field(_count(0), "a whole number, 0 at least"),
-    "noslip_tolerance": Field(_not_negative, "finite and not negative"),
+    "noslip_tolerance": Field(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
     "cone": _one_of("pyramidal", "elliptic"),
-    "impratio": Field(_positive, "positive and finite"),
+    "impratio": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"),
     "warmstart": _one_of("enable", "disable"),
     "solref": REFERENCE,
     "solreffriction": REFERENCE,

@@ -136,9 +136,9 @@ def test_a_run_of_too_many_steps_is_refused_with_the_numbers() -> None:
 
 BAD = {
     "integrator must be one of Euler, RK4, .*, not 'rk5'": {"integrator": "rk5"},
-    r"timestep must be positive and finite \[s\], not 0": {"timestep": 0.0},
-    r"timestep must be positive and finite \[s\], not nan": {"timestep": np.nan},
-    r"timestep must be positive and finite \[s\], not '1'": {"timestep": "1"},
+    r"timestep must be positive and finite, from 1e-50 to 1e\+50 s, not 0": {"timestep": 0.0},
+    r"timestep must be positive and finite, .*, not nan": {"timestep": np.nan},
+    r"timestep must be positive and finite, .*, not '1'": {"timestep": "1"},
     r"solref must be two finite numbers": {"solref": (0.02, -1.0)},
     r"solreffriction must be two finite numbers": {"solreffriction": (1.0,)},
     r"sliding_friction must be finite and not negative": {"sliding_friction": -1.0},
@@ -213,7 +213,7 @@ CHANGES = st.dictionaries(st.sampled_from(sorted(FIELD_VALUES)), st.none(), max_
 SCENES = [rb.load_scene(name) for name in ("fig12", "classical_regular", "chaplygin_ball")]
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(
     changes=CHANGES,
     scene=st.sampled_from(SCENES),

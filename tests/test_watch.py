@@ -60,7 +60,8 @@ def test_too_little_friction_is_reported_from_the_moment_it_slips() -> None:
     """
     demand = rb.simulate(FIG12, settings=FAST).loads.sliding_friction
     faults = faults_of(replace(KEEP_GOING, sliding_friction=1.0))
-    assert list(faults)[:2] == ["contact lost", "friction cone saturated"]
+    assert next(iter(faults)) == "contact lost"
+    assert "friction cone saturated" in faults
     assert faults["contact lost"] == pytest.approx(FIG12.times[np.argmax(demand > 1.0)])
     assert demand.max() == pytest.approx(1.3214, abs=1e-3)
 

@@ -11,6 +11,8 @@ import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
 
+from robotball.contact.edge import Case
+from robotball.contact.grip import equilibrium_depth
 from robotball.contact.hinges import Hinge, Tree, hinges_of
 from robotball.drives import Servo
 from robotball.errors import InputError
@@ -85,7 +87,7 @@ def build(scene: Scene, settings: Settings) -> Model:
     hinges = hinges_of(scene, settings)
     root, pair = _compose(scene, settings, hinges)
     if settings.start_in_equilibrium:
-        pair.margin = _equilibrium_depth(root.to_xml_string(precision=PRECISION))
+        pair.margin = _equilibrium_depth(scene, settings, root.to_xml_string(precision=PRECISION))
     model = Model(scene, settings, root.to_xml_string(precision=PRECISION), hinges)
     assert model.compiled is not None  # refused here, if at all
     return model
@@ -266,11 +268,11 @@ def compiled_model(xml: str) -> Any:
         raise InputError(f"MuJoCo refuses the model: {error}") from None
 
 
-def _equilibrium_depth(xml: str) -> float:
+def _equilibrium_depth(scene: Scene, settings: Settings, xml: str) -> float:
     """The depth [m] at which the contact carries the weight: as the pair's margin it lets the
     ball start at rest vertically with its centre at the height of its radius.
 
-    Raises InputError where there is no such depth, as where the contact has no stiffness.
+    Raises InputError where there is no such depth, for the contact has no stiffness.
     """
     model = compiled_model(xml)
     data = mujoco.MjData(model)
@@ -281,19 +283,18 @@ def _equilibrium_depth(xml: str) -> float:
         mujoco.mj_forward(model, data)
         return float(data.qacc[2])
 
+    case = Case(scene, settings, scene.duration)
+    if not 0 < case.normal_reference[0] < np.inf:
+        raise InputError(
+            f"the contact cannot carry the ball at any depth: solref {case.solref} has no "
+            "stiffness; give another, or start_in_equilibrium off"
+        )
     # The acceleration is nearly linear in the depth: g is about k times it.
-    reference = float(model.pair_solref[0, 0])
-    per_depth = reference**-2 if reference > 0 else -reference
-    scale = -float(model.opt.gravity[2]) / per_depth if per_depth else np.inf
-    # A ball that slips from the start is held up by the normal force all the same.
-    for friction in (model.pair_friction.copy(), 0.0):
-        model.pair_friction = friction
-        with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
-            warnings.simplefilter("ignore")
-            found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
-            if found.converged and 0 < found.root < np.inf:
-                return float(found.root)
-    raise InputError(
-        f"the contact cannot carry the ball at any depth (solref {reference:g}): "
-        "take another solref, or start_in_equilibrium off"
-    )
+    scale = scene.gravity / case.normal_reference[0]
+    with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
+        warnings.simplefilter("ignore")
+        found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
+        if found.converged and 0 < found.root < np.inf:
+            return float(found.root)
+    # A ball that slips from the start is thrown up at any depth; the normal force alone has one.
+    return equilibrium_depth(case)

@@ -102,9 +102,9 @@ class Video:
         path = writable_folder(self.out) / f"{scene.name}.mp4"
         agreements = compare_all([scene], [settings], times, strict=self.strict, dumps=self.out)
         (agreement,) = agreements
+        _tell_dumps(agreements, self.out)
         film(path, agreement)
         print(path)
-        _tell_dumps(agreements, self.out)
         return AGREES if agreement.agrees else DISAGREES
 
 

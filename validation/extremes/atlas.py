@@ -16,7 +16,7 @@ from validation.sweeps import Cell, Result, sweep
 
 QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
 QUICK_COUNT = 3  # values of an axis
-QUICK_DURATION = 100.0  # s, at most
+QUICK_DURATION = 10.0  # s, at most
 
 
 @dataclass(frozen=True)

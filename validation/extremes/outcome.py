@@ -28,11 +28,6 @@ class Outcome(Enum):
         self.sign = sign
         self.sentence = sentence
 
-    @property
-    def words(self) -> str:
-        """Its name as a heading."""
-        return self.name.lower().replace("_", " ")
-
 
 BY_FAULT = (
     ("max_steps", Outcome.UNFINISHED),

@@ -35,7 +35,7 @@ def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
 
 def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
     """Print how many cells have which outcome, then the edges as predicted and as measured."""
-    outcomes = _table("map", "integrator", *(each.words for each in Outcome), "missed")
+    outcomes = _table("map", "integrator", *(each.sign or "=" for each in Outcome), "missed")
     edges = _table("map", "integrator", "predicted edge", "kept up to", "broken from", "beyond")
     for each in records:
         place = (each["map"], each["integrator"])
@@ -45,13 +45,17 @@ def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
             numbers = (f"{edge[key]:.2g}" if edge[key] else "-" for key in ("kept", "broken"))
             edges.add_row(*place, edge["edge"], *numbers, str(edge["cells"]))
     console.print(outcomes)
+    for kind in Outcome:
+        console.print(f"  {kind.sign or '='}  {kind.sentence}")
+    console.print("  missed: wrong, with neither a warning before the run nor a fault in it\n")
     console.print(edges)
     console.print("kept up to, broken from: in parts of the predicted limit; beyond: cells past it")
 
 
 def _table(*headings: str) -> Table:
     # Eighty columns hold it.
-    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), show_edge=False)
     for i, heading in enumerate(headings):
-        table.add_column(heading.replace(" ", "\n"), justify="left" if i < 2 else "right")
+        left = i < 2 or "edge" in heading
+        table.add_column(heading, justify="left" if left else "right", no_wrap=True)
     return table

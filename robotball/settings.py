@@ -145,6 +145,7 @@ FRICTION = Field(_not_negative, f"finite and not negative, {LARGEST:g} at most")
 FIELDS = {
     "name": Field(lambda value: isinstance(value, str) and "\0" not in value, "a text"),
     "promise": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"),
+    "accuracy": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"),
     "timestep": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g} s"),
     "integrator": _one_of(*MUJOCOS_INTEGRATORS, ADAPTIVE),
     "rtol": Field(

@@ -144,7 +144,7 @@ BAD = {
     r"sliding_friction must be finite and not negative": {"sliding_friction": -1.0},
     r"condim must be one of 3, 4, 6, not 5": {"condim": 5},
     r"DOP853 needs an rtol": {"integrator": "DOP853"},
-    r"rtol must be finite and 2.3e-14 at least, not 1e-16": {"rtol": 1e-16},
+    r"rtol must be finite and 1e-15 at least, not 1e-16": {"rtol": 1e-16},
     r"iterations must be a whole number, 1 at least, not -1": {"iterations": -1},
     r"solimp must be dmin, dmax": {"solimp": (0.9, 1.5, 0.001, 0.5, 1.0)},
     r"cone must be one of pyramidal, elliptic, not 'round'": {"cone": "round"},

@@ -175,8 +175,8 @@ def test_a_motion_that_turns_too_often_ends_at_the_step_limit() -> None:
     """The error says how far it came, how fast it turns, what the whole needs, and what to do."""
     fast = scene_of("rubber", EQUAL, (1e6, 2e6, 0.0))
     words = (
-        r"1000 steps reach t = 0\.000\d+ s of 2: the ball turns at 1\.\d+e\+06 rad/s, and the "
-        r"whole needs some \d\.\de\+07 steps; shorten the motion or raise max_steps"
+        r"1000 steps reach t = \S+ s of 2: the ball turns at 1\.\d+e\+06 rad/s, and the "
+        r"whole needs some \S+e\+07 steps; shorten the motion or raise max_steps"
     )
     with pytest.raises(rb.InputError, match=words):
         rb.integrate(fast, max_steps=1000)
@@ -207,8 +207,8 @@ def test_samples_beyond_memory_are_refused() -> None:
 
 
 def test_a_tolerance_that_cannot_be_judged_is_refused() -> None:
-    """Below 1e-13 rounding would be taken for error."""
-    with pytest.raises(rb.InputError, match="rtol must be at least 1e-13 and less than 1, not 0"):
+    """Below 1e-15 rounding would be taken for error."""
+    with pytest.raises(rb.InputError, match="rtol must be at least 1e-15 and less than 1, not 0"):
         rb.integrate(EDGES["M = 0"], rtol=0.0)
 
 

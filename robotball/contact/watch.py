@@ -10,7 +10,7 @@ from robotball.bodies import imbalance
 from robotball.contact.edge import momentum_scale
 from robotball.contact.model import Model
 from robotball.contact.readings import Readings
-from robotball.contact.stability import allowed
+from robotball.contact.stability import LOOSEST, allowed
 from robotball.motion import Fault
 from robotball.rotations import Array, Mask
 
@@ -50,10 +50,14 @@ class Watch:
     last_centre: Array | None = None
     scale: float = field(init=False)
     balanced: bool = field(init=False)
+    promise: float = field(init=False)
 
     def __post_init__(self) -> None:
         self.scale = momentum_scale(self.model.scene)
         self.balanced = imbalance(self.model.scene.ball) is None
+        # The load of an unbalanced ball varies, and with it the depth and the lever arm.
+        least = 0.0 if self.balanced else LOOSEST
+        self.promise = max(self.model.settings.promise, least)
 
     def look(self, readings: Readings, failure: str | None = None) -> list[Found]:
         """The first of each kind of fault in the readings of the next portion, the earliest first.
@@ -112,7 +116,7 @@ class Watch:
         """The same by what has become of the momentum and of the path."""
         if not len(readings.rows):
             return []
-        scene, promise = self.model.scene, self.model.settings.promise
+        scene, promise = self.model.scene, self.promise
         slip = readings.slip
         if scene.rolling == "rubber":
             slip = slip + scene.ball.radius * np.abs(readings.spin)
@@ -134,7 +138,7 @@ class Watch:
         if self.momentum is None:
             self.momentum = momentum[0]
         drift = np.linalg.norm(momentum - self.momentum, axis=1) / self.scale
-        return drift > allowed(self.model.settings.promise, readings.time)
+        return drift > allowed(self.promise, readings.time)
 
 
 def _time_of(times: Array, row: int, last_time: float) -> float:

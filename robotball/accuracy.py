@@ -14,8 +14,9 @@ import numpy as np
 
 from robotball.contact.timing import step_count
 from robotball.errors import InputError, SceneWarning
+from robotball.front import FRONT, scene_rate, servo_rate
 from robotball.motion import Motion
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array
 from robotball.scene import Scene
 from robotball.settings import ADAPTIVE, LEAST_RTOL, PRESETS, Settings, preset, recipe
 
@@ -27,32 +28,6 @@ WATCHED, MOST_WATCHED = 100.0, 0.1
 LEAST = 1e-11  # a ball near an unstable motion magnifies the rounding of its start to half of it
 
 
-@dataclass(frozen=True)
-class Front:
-    """What was measured over the catalog and 30 random balls, 10 s each; rate is `scene_rate`.
-
-    `python -m validation.bench.front` measures it again, and says how far scenes scatter.
-    """
-
-    # A path error goes at least with this power of the timestep and of rtol.
-    order: float = 3.8
-    rtol_order: float = 0.85
-    # DOP853's error, as its drift of M tells it, over rtol is
-    # gain * (RK4's error / (rate * timestep)^4)^power, within a factor of 3 for most scenes.
-    gain: float = 400.0
-    power: float = 0.64
-    # It takes density * rate * duration * (1e-11 / rtol)^growth steps.
-    density: float = 2.95
-    growth: float = 0.12
-    # Seconds: a step of RK4, a step of DOP853, a sample between its steps; and of telling drives
-    # that change in time to each evaluation of the forces.
-    step: float = 17e-6
-    adaptive_step: float = 250e-6
-    sample: float = 27e-6
-    control: float = 8e-6
-
-
-FRONT = Front()
 PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
 STABLE = 1.5  # of a servo's rate in a step of the pilot run: RK4 diverges not far above it
 AIM = 0.9  # of the error asked for, at which steps are aimed by a measured error
@@ -94,31 +69,6 @@ def asked(settings: Settings | str | None, accuracy: float | None) -> Settings |
             f"not {accuracy:g}"
         )
     return float(accuracy)
-
-
-def scene_rate(scene: Scene) -> float:
-    """The rate by which the scene's errors scale [1/s], the largest while its drives change.
-
-    The root of |AK|² + |Ω|² + |AM|² + |ω|², at its start.
-    """
-    times = [0.0] if scene.steady else np.linspace(0.0, scene.duration, 50)
-    omega = scene.principal_axes.T @ scene.angular_velocity_at(scene.start)
-    M = scene.principal_axes.T @ rotation_matrix(scene.start.attitude).T @ scene.start.momentum
-    squares = []
-    for parameters in map(scene.parameters_at, times):
-        A = np.array(parameters.A)
-        rates = (A * parameters.K, parameters.Omega, A * M, omega)
-        squares.append(sum(float(np.dot(rate, rate)) for rate in rates))
-    return float(np.sqrt(max(squares)))
-
-
-def servo_rate(scene: Scene) -> float:
-    """The rate at which the fastest of the scene's own servos settles [1/s]; 0 without any."""
-    axis = scene.ball.shell.axis
-    of_frame = float(axis @ scene.ball.frame.inertia @ axis)
-    inertias = (of_frame, *(rotor.axial_inertia for rotor in scene.ball.rotors))
-    gains = [motor.gain if motor else 0.0 for motor in scene.motors]
-    return max((g / i for g, i in zip(gains, inertias, strict=False)), default=0.0)
 
 
 @dataclass

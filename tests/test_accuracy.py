@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.accuracy import LEAST, reach, scene_rate
+from robotball.accuracy import LEAST, reach
+from robotball.front import scene_rate
 from robotball.motion import Motion
 from robotball.rotations import Array
 from robotball.simulate import simulate_with

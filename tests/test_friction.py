@@ -16,7 +16,7 @@ from validation.tradeoffs.friction import (
     friction_cells,
     friction_run,
 )
-from validation.tradeoffs.front import scene_cell
+from validation.tradeoffs.front_runs import scene_cell
 
 
 def measured(

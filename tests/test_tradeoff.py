@@ -31,13 +31,12 @@ from validation.tradeoffs.configurations import (
 from validation.tradeoffs.front import (
     TARGET,
     Point,
-    cells_of,
     first_order_lines,
     front_of,
-    measure,
     sound_front,
     tradeoff_of,
 )
+from validation.tradeoffs.front_runs import cells_of, measure
 from validation.tradeoffs.parts import parts_of, split
 
 CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=40)

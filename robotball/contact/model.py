@@ -1,6 +1,5 @@
 """Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs."""
 
-import contextlib
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,13 +9,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.optimize import root_scalar
 
-from robotball.contact.edge import Case
-from robotball.contact.grip import equilibrium_depth
+from robotball.contact.equilibrium import carrying_depth, compiled_model
 from robotball.contact.hinges import Hinge, Tree, hinges_of
 from robotball.drives import Servo
-from robotball.errors import InputError
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 from robotball.scene import Scene
 from robotball.settings import Settings
@@ -90,7 +86,7 @@ def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
     hinges = hinges_of(scene, settings)
     root, pair = _compose(scene, settings, hinges, part if dressed else _bare)
     if settings.start_in_equilibrium:
-        pair.margin = _equilibrium_depth(scene, settings, root.to_xml_string(precision=PRECISION))
+        pair.margin = carrying_depth(scene, settings, root.to_xml_string(precision=PRECISION))
     model = Model(scene, settings, root.to_xml_string(precision=PRECISION), hinges)
     assert model.compiled is not None  # refused here, if at all
     return model
@@ -264,43 +260,3 @@ def _state_at(
     rates = np.array([float(hinge.drive.rate(0.0)) for hinge in hinges])
     qpos = np.concatenate([[0.0, 0.0, shell.radius], start.attitude, np.zeros(len(hinges))])
     return qpos, np.concatenate([velocity, root_turning, rates])
-
-
-def compiled_model(xml: str) -> Any:
-    """The MjModel of an MJCF text; raises InputError where MuJoCo refuses it."""
-    try:
-        return mujoco.MjModel.from_xml_string(xml)
-    except (ValueError, mujoco.FatalError) as error:
-        raise InputError(f"MuJoCo refuses the model: {error}") from None
-
-
-def _equilibrium_depth(scene: Scene, settings: Settings, xml: str) -> float:
-    """The depth [m] at which the contact carries the weight: as the pair's margin it lets the
-    ball start at rest vertically with its centre at the height of its radius.
-
-    Raises InputError where there is no such depth, for the contact has no stiffness.
-    """
-    model = compiled_model(xml)
-    data = mujoco.MjData(model)
-
-    def vertical_acceleration(margin: float) -> float:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-        model.pair_margin[0] = margin
-        mujoco.mj_forward(model, data)
-        return float(data.qacc[2])
-
-    case = Case(scene, settings, scene.duration)
-    if not 0 < case.normal_reference[0] < np.inf:
-        raise InputError(
-            f"the contact cannot carry the ball at any depth: solref {case.solref} has no "
-            "stiffness; give another, or start_in_equilibrium off"
-        )
-    # The acceleration is nearly linear in the depth: g is about k times it.
-    scale = scene.gravity / case.normal_reference[0]
-    with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
-        warnings.simplefilter("ignore")
-        found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
-        if found.converged and 0 < found.root < np.inf:
-            return float(found.root)
-    # A ball that slips from the start is thrown up at any depth; the normal force alone has one.
-    return equilibrium_depth(case)

@@ -15,7 +15,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from robotball.accuracy import FRONT, LOOSER, RK4_EVALUATIONS
+from robotball.accuracy import LOOSER, RK4_EVALUATIONS
+from robotball.front import FRONT
 from robotball.rotations import Array
 from validation.bench.front_scene import TARGETS, best_seconds, cells, measure
 from validation.results import write_record

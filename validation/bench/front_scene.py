@@ -15,8 +15,8 @@ from robotball import (
     integrate,
     load_scene,
 )
-from robotball.accuracy import scene_rate
 from robotball.contact.model import build
+from robotball.front import scene_rate
 from robotball.settings import ADAPTIVE, recipe
 from robotball.simulate import run, simulate_with
 from validation.agreement import Agreement

@@ -47,8 +47,9 @@ class Tradeoff:
 
     def _front(self, scene: Scene) -> Sequence[Path]:
         from validation.tradeoffs.configurations import configurations
-        from validation.tradeoffs.front import cells_of, measure, tradeoff_of
+        from validation.tradeoffs.front import tradeoff_of
         from validation.tradeoffs.front_picture import tradeoff_picture
+        from validation.tradeoffs.front_runs import cells_of, measure
         from validation.tradeoffs.front_table import show_tradeoff
 
         rounds = 2 if self.sweep.quick else ROUNDS

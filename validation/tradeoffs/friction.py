@@ -14,7 +14,7 @@ from robotball.simulate import run
 from validation.agreement import Agreement
 from validation.sweeps import Cell
 from validation.tradeoffs.configurations import RECIPE
-from validation.tradeoffs.front import reference, scene_cell
+from validation.tradeoffs.front_runs import reference, scene_cell
 
 ROLLING, TORSIONAL = "rolling", "torsional"
 ROLLING_LENGTHS = (1e-6, 1.0)  # m, the ends of the study

@@ -15,7 +15,7 @@ from robotball.parameters import as_vector, check_speed, speed_bound
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
 
-TOLERANCE, LEAST_TOLERANCE = 1e-14, 1e-15  # of one step, relative; below it no step is better
+TOLERANCE = 1e-15  # of one step, relative; below it no step is better
 # Longer motions at steady rates, in rad by the bound on |ω|, are left to the compiled step, which
 # takes a hundredth of the time: so much takes some seconds here.
 LONG = 1e4
@@ -39,8 +39,8 @@ def integrate(
     overflow: a motion that is returned is finite.
     """
     times = scene.times if times is None else check_times(times)
-    if not LEAST_TOLERANCE <= rtol < 1:
-        raise InputError(f"rtol must be at least {LEAST_TOLERANCE:g} and less than 1, not {rtol:g}")
+    if not TOLERANCE <= rtol < 1:
+        raise InputError(f"rtol must be at least {TOLERANCE:g} and less than 1, not {rtol:g}")
     if offset := imbalance(scene.ball):
         raise InputError(f"{offset}, where the equations need it; MuJoCo alone can roll it")
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -122,7 +122,7 @@ def _states(scene: Scene, times: Array, rtol: float, max_steps: int | None) -> A
         parameters, attitudes, momenta = start_of(scene)
         limit = MAX_COMPILED_STEPS if max_steps is None else max_steps
         states = orbit(
-            parameters, attitudes[0], momenta[0], times, max(rtol / 10, LEAST_TOLERANCE), limit
+            parameters, attitudes[0], momenta[0], times, max(rtol / 10, TOLERANCE), limit
         )
         return np.concatenate(states, axis=1)
     return _solve(scene, times, rtol, MAX_STEPS if max_steps is None else max_steps)

@@ -285,6 +285,20 @@ def test_a_ball_that_starts_just_touching_falls_as_deep_as_predicted() -> None:
     assert the_edge(grip.start_depth, FIG12, soft, 2.0).crossed
 
 
+@pytest.mark.parametrize("name", ["fig12", "classical_regular", "fig14"])
+def test_a_start_just_touching_slips_from_its_first_step_on(name: str) -> None:
+    """By about half of what the contact point's free acceleration makes of it."""
+    scene, dt = rb.load_scene(name), 5e-3
+    settings = replace(
+        rb.preset("balanced"), timestep=dt, start_in_equilibrium=False, stop_at_fault=False
+    )
+    edge = the_edge(grip.first_step, scene, settings, dt)
+    slip = run(scene, settings, dt).diagnostics.slip[-1]
+    speed = np.linalg.norm(Case(scene, settings, dt).rolling_velocity)
+    assert 0.35 < slip / (edge.value * speed) < 0.6  # measured 0.38 to 0.55
+    assert edge.crossed
+
+
 def test_a_start_in_equilibrium_holds_at_any_gravity() -> None:
     """The margin's depth has no end of its own: the path is right at 1e-3 and 1e9 of gravity."""
     for gravity in (1e-3, 1e9):

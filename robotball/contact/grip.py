@@ -182,20 +182,19 @@ def start_depth(case: Case) -> Edge | None:
 
 
 def first_step(case: Case) -> Edge | None:
-    """The slip that a start just touching begins with, over the speed: α dt.
+    """The slip that a start just touching begins with, α dt, over the speed that M is worth.
 
     MuJoCo finds no contact at depth zero, so for one step the contact point has the acceleration
     that friction should have taken from it, and slip dies out slowly. Measured 0.38 to 0.56 of it
-    on six scenes, in proportion to dt. Of a start from rest the speed is that of what turns inside.
+    on six scenes, in proportion to dt.
     """
     if case.settings.start_in_equilibrium or not case.balanced or not np.isfinite(case.timestep):
         return None
-    start = float(np.linalg.norm(case.loads.contact_force[0, :2]))
-    slip = start * inverse_inertia(case)[0, 0] * case.timestep
-    inside = momentum_scale(case.scene) * case.scene.ball.radius / case.scene.ball.d
+    force = float(np.linalg.norm(case.loads.contact_force[0, :2]))
+    slip = force * float(inverse_inertia(case)[0, 0]) * case.timestep
     return Edge(
         "the slip that the first step makes, over the speed",
-        _ratio(slip, max(float(np.linalg.norm(case.rolling_velocity)), inside)),
+        slip / (momentum_scale(case.scene) * case.scene.ball.radius / case.scene.ball.d),
         case.settings.promise,
         "set start_in_equilibrium",
     )

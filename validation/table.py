@@ -15,7 +15,7 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
     table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
     for heading in ("scene", "rolling", "preset"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("step\n[ms]", "path\nerror", "γ error\n[rad]", "M drift", "× real\ntime"):
+    for heading in ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M drift", "× real\ntime"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for each in agreements:

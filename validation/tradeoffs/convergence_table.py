@@ -32,7 +32,7 @@ def show_convergence(study: Convergence, console: Console) -> None:
 def _runs(study: Convergence) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     table.add_column("integrator", no_wrap=True)
-    for heading in ("step\n[ms]", "rtol", "own limit", "Richardson", "equations"):
+    for heading in ("step\n\\[ms]", "rtol", "own limit", "Richardson", "equations"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, points in study.by_name.items():
         for point in points:

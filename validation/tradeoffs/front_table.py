@@ -52,7 +52,7 @@ def verdict(study: Tradeoff) -> str:
 def _table(points: Iterable[Point]) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     table.add_column("configuration")
-    for heading in ("path\nerror", "M drift", "CPU\n[ms]", "× bare"):
+    for heading in ("path\nerror", "M drift", "CPU\n\\[ms]", "× bare"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("first fault")
     for point in points:

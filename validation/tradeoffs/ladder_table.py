@@ -31,7 +31,7 @@ def show_ladder(ladder: Ladder, console: Console) -> None:
 def _table(ladder: Ladder, rungs: Sequence[Rung], sign: str) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     table.add_column("choice", no_wrap=True)
-    for heading in ("path\nerror", "M drift", "slip", "CPU\n[ms]", "× naive"):
+    for heading in ("path\nerror", "M drift", "slip", "CPU\n\\[ms]", "× naive"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("first fault")
     for i, rung in enumerate(rungs):

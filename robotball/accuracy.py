@@ -191,7 +191,7 @@ class _Search:
 
     def adaptive_seconds(self, rtol: float) -> float:
         """What DOP853 at an rtol will take."""
-        per_second = FRONT.density * self.rate * (1e-11 / rtol) ** FRONT.growth
+        per_second = FRONT.steps_per_second(self.rate, rtol)
         # However small the error, a servo's own rate limits the steps.
         steps = float(self.times[-1]) * max(per_second, servo_rate(self.scene) / STABLE)
         of_steps = steps * (FRONT.adaptive_step + DOP853_EVALUATIONS * self.control)

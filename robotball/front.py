@@ -32,6 +32,10 @@ class Front:
     sample: float = 27e-6
     control: float = 8e-6
 
+    def steps_per_second(self, rate: float, rtol: float) -> float:
+        """How many steps DOP853 takes in a simulated second."""
+        return self.density * rate * (1e-11 / rtol) ** self.growth
+
 
 FRONT = Front()
 

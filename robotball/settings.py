@@ -222,7 +222,7 @@ PRESETS: dict[str, Settings] = {
         recipe("fast", 5e-4, timestep=20e-3),
         recipe("balanced", 5e-6, timestep=5e-3),
         recipe("accurate", 1e-8, timestep=1e-3),
-        recipe("adaptive", 1e-10, integrator=ADAPTIVE, rtol=LEAST_RTOL),
+        recipe("adaptive", 1e-11, integrator=ADAPTIVE, rtol=LEAST_RTOL),
     )
 }
 

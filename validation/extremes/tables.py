@@ -53,8 +53,8 @@ def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
 
 
 def _table(*headings: str) -> Table:
-    # Eighty columns hold it.
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1), show_edge=False)
+    # Eighty columns hold it, so the smallest padding there is.
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     for i, heading in enumerate(headings):
         left = i < 2 or "edge" in heading
         table.add_column(heading, justify="left" if left else "right", no_wrap=True)

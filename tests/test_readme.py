@@ -20,7 +20,7 @@ def test_the_readme_has_the_demos_table() -> None:
 
 @pytest.mark.parametrize(("scene", "preset", "shown"), ROWS)
 def test_the_readmes_numbers_are_the_programs(scene: str, preset: str, shown: str) -> None:
-    """To the digits shown; a third off at 1 ms and for the chattering naive model, rounding apart."""
+    """To the digits shown; a third off at 1 ms and for the chattering naive model; or rounding."""
     error = compare(rb.load_scene(scene), preset).path_error
     tolerance = {"naive": 0.35, "accurate": 0.35, "adaptive": 2.0}.get(preset, 0.05)
     assert error == pytest.approx(float(shown), rel=tolerance)

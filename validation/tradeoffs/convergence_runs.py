@@ -14,7 +14,7 @@ import numpy as np
 from robotball import InputError, Motion, Scene, Settings, integrate
 from robotball.contact.model import Model, build
 from robotball.rotations import Array
-from robotball.settings import ADAPTIVE, MOST_STEPS
+from robotball.settings import ADAPTIVE, LEAST_RTOL, MOST_STEPS
 from robotball.simulate import run
 from validation.tradeoffs.convergence import (
     MUJOCO_ORDERS,
@@ -29,8 +29,13 @@ Show = Callable[[float, str], None]
 
 HALVINGS = 8  # of the sample interval, for MuJoCo's shortest step
 LONGEST, SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
-TOLERANCES = tuple(10.0**-n for n in range(4, 13))  # of DOP853 with steps of its own
-LIMITS = (1e-13, 1e-11, 1e-9)  # its tolerances for the limit: the first that comes to its end
+TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # of DOP853 with steps of its own
+LIMITS = (
+    LEAST_RTOL,
+    1e-13,
+    1e-11,
+    1e-9,
+)  # its tolerances for the limit: the first that comes to its end
 ANY = 1.0  # a tolerance that lets every step pass
 PATIENCE, LEAST_PATIENCE = 600, 64  # steps a second, and besides, before DOP853 is given up
 

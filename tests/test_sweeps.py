@@ -112,7 +112,9 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path) -> None
         cells[x]["trouble"] = trouble
     results = sweep(square, cells, tmp_path / "sweep.jsonl", workers=WORKERS, limit=0.2)
     assert [result.cell for result in results] == cells
-    assert failures(results) == {
+    told = failures(results)
+    told[4] = told[4].removesuffix(": nan")  # which Python 3.12 adds
+    assert told == {
         2: "ValueError: no square",
         3: "ended its process: EXIT(7)",
         4: "ValueError: Out of range float values are not JSON compliant",

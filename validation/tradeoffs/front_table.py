@@ -10,8 +10,8 @@ from validation.table import scientific
 from validation.tradeoffs.front import TARGET, Point, Tradeoff, known
 
 NOTE = (
-    "CPU: of a simulated second. × bare: the same, relative to a bare loop of mj_step on\n"
-    "fig12 at 1 ms, the median of rounds in turn (least-most)."
+    "CPU: of a simulated second. × bare: the same, relative to a bare loop of mj_step\n"
+    "on fig12 at 1 ms, the median of rounds in turn (least-most)."
 )
 
 

@@ -72,6 +72,17 @@ def test_a_weak_servo_is_reported() -> None:
     assert "hinge rate off by over 0.001" in faults_of(weak)
 
 
+def test_a_weak_motor_of_the_scenes_own_is_told_and_goes_on() -> None:
+    """At its torque limit it makes another motion, which is rolled to the end."""
+    scene = rb.load_scene("servo_motors")
+    motors = tuple(Servo(gain=100.0, torque_limit=0.05) for _ in scene.motors)
+    motion = rb.simulate(replace(scene, motors=motors), settings="balanced")
+    assert motion.diagnostics is not None
+    causes = [fault.cause for fault in motion.diagnostics.faults]
+    assert causes == [f"{body}'s motor at its torque limit" for body in ("frame", "rotor1")]
+    assert motion.times[-1] == scene.duration
+
+
 def test_a_ball_thrown_up_has_lost_contact() -> None:
     """Readings of a ball in the air are reported, at the first time it is there."""
     model = build(FIG12, FAST)

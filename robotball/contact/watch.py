@@ -17,6 +17,7 @@ from robotball.rotations import Array, Mask
 DIVERGED = 1e10  # MuJoCo's own limit (mjMAXVAL) on a state that it still calls good
 SATURATED = 1 - 1e-6  # of the friction cone: contact solutions on its surface end this near
 RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
+AT_LIMIT = "motor at its torque limit"
 SHORTEST = 1e-9  # of the radius: a shorter path is none to slip on
 
 # Those that tell of a diverged state say no more than the state itself.
@@ -80,9 +81,14 @@ class Watch:
         if len(readings.time):
             self.last_time = float(readings.time[-1])
         found.sort(key=lambda each: each.row)
-        if found and self.model.settings.stop_at_fault:
-            first = [each for each in found if each.row == found[0].row]
-            return [Found(row, replace(fault, fatal=True)) for row, fault in first]
+        # A motor of the scene's own that is weak makes another motion, not a wrong one.
+        wrong = [each.row for each in found if not each.fault.cause.endswith(AT_LIMIT)]
+        if wrong and self.model.settings.stop_at_fault:
+            return [
+                Found(row, replace(fault, fatal=row == wrong[0]))
+                for row, fault in found
+                if row <= wrong[0]
+            ]
         return found
 
     def _of_the_state(self, readings: Readings) -> list[tuple[Mask, str, bool]]:
@@ -101,7 +107,7 @@ class Watch:
             *(
                 (
                     readings.servo_saturation(hinge),
-                    f"{hinge.body}'s motor at its torque limit",
+                    f"{hinge.body}'s {AT_LIMIT}",
                     False,
                 )
                 for hinge in readings.model.hinges

@@ -108,8 +108,8 @@ def test_power_is_torque_times_rate() -> None:
 def test_a_torque_limit_that_is_reached_is_reported() -> None:
     """A servo at its limit loses the rate, and the run says from when."""
     weak = (rb.Servo(gain=100.0, torque_limit=3.0), None)
-    on = replace(rb.preset("balanced"), stop_at_fault=False)
-    agreement = compare(replace(FIG12, motors=weak), on)
+    agreement = compare(replace(FIG12, motors=weak), "balanced")
+    assert agreement.finished
     assert "frame's motor at its torque limit" in [fault.cause for fault in agreement.faults]
     assert np.abs(agreement.engine.loads.motor_torques[:, 0]).max() == pytest.approx(3.0, rel=1e-6)
 

@@ -114,7 +114,8 @@ class Dump(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def write(path: Path, model: Model, window: Window) -> None:
     """The window of a run of the model as JSON; raises InputError where it can't be written."""
-    columns = _table(model, window)
+    with np.errstate(all="ignore"):  # a diverged state's numbers have no squares
+        columns = _table(model, window)
     dump = Dump(
         format="robotball fault 1",
         name=model.scene.name,

@@ -43,7 +43,7 @@ def warn(
     loads: Loads | None = None,
     *,
     strict: bool = False,
-    stacklevel: int = 3,
+    stacklevel: int = 4,
 ) -> None:
     """A SceneWarning, a line each, of the edges that the run is beyond; InputError if strict."""
     for edge in check(scene, settings, times, loads):

@@ -26,8 +26,6 @@ DEFAULT = "balanced"
 # What a run may lose of M, or slip, before the watch ends it: times the accuracy, and at most.
 WATCHED, MOST_WATCHED = 100.0, 0.1
 LEAST = 1e-11  # a ball near an unstable motion magnifies the rounding of its start to half of it
-
-
 PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
 STABLE = 1.5  # of a servo's rate in a step of the pilot run: RK4 diverges not far above it
 AIM = 0.9  # of the error asked for, at which steps are aimed by a measured error

@@ -10,6 +10,7 @@ import numpy as np
 
 from robotball.contact.control import controlled
 from robotball.contact.edge import momentum_scale
+from robotball.contact.equilibrium import compiled_model
 from robotball.contact.hinges import hinges_of
 from robotball.contact.model import Model
 from robotball.contact.readings import Readings
@@ -95,11 +96,9 @@ class Dump(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def model(self) -> Any:
         """The compiled model; raises InputError where MuJoCo refuses it."""
         try:
-            return mujoco.MjModel.from_xml_string(self.xml)
-        except ValueError as error:
-            raise InputError(
-                f"{self.name}: MuJoCo refuses the model of the dump: {error}"
-            ) from None
+            return compiled_model(self.xml)
+        except InputError as error:
+            raise InputError(f"{self.name}: {error}") from None
 
     def coordinates(self, row: int) -> tuple[list[float | None], list[float | None]]:
         """qpos and qvel of a row, None where not finite."""

@@ -48,9 +48,9 @@ def redistributed(scene: Scene, *, frame_to_shell: float, rotor_to_frame: float)
     return replace(
         scene,
         ball=Ball(
-            _shell(ball.shell, shell / ball.shell.mass),
-            _frame(ball.frame, frame / ball.frame.mass),
-            (_rotor(old_rotor, rotor / old_rotor.mass),),
+            scaled_shell(ball.shell, shell / ball.shell.mass),
+            scaled_frame(ball.frame, frame / ball.frame.mass),
+            (scaled_rotor(old_rotor, rotor / old_rotor.mass),),
         ),
     )
 
@@ -64,16 +64,17 @@ def scaled(scene: Scene, *, mass: float, length: float) -> Scene:
     return replace(
         scene,
         ball=Ball(
-            _shell(ball.shell, mass, length),
-            _frame(ball.frame, mass, length),
-            tuple(_rotor(rotor, mass, length) for rotor in ball.rotors),
+            scaled_shell(ball.shell, mass, length),
+            scaled_frame(ball.frame, mass, length),
+            tuple(scaled_rotor(rotor, mass, length) for rotor in ball.rotors),
         ),
         start=Start(scene.start.attitude, scene.start.momentum * mass * length**2),
         gravity=scene.gravity * length,
     )
 
 
-def _shell(shell: Shell, mass: float, length: float = 1.0) -> Shell:
+def scaled_shell(shell: Shell, mass: float, length: float = 1.0) -> Shell:
+    """The shell with its mass and its lengths multiplied by two factors."""
     return replace(
         shell,
         radius=shell.radius * length,
@@ -83,11 +84,13 @@ def _shell(shell: Shell, mass: float, length: float = 1.0) -> Shell:
     )
 
 
-def _frame(frame: Frame, mass: float, length: float = 1.0) -> Frame:
+def scaled_frame(frame: Frame, mass: float, length: float = 1.0) -> Frame:
+    """The same of the frame."""
     return Frame(frame.mass * mass, frame.inertia * mass * length**2, frame.centre * length)
 
 
-def _rotor(rotor: Rotor, mass: float, length: float = 1.0) -> Rotor:
+def scaled_rotor(rotor: Rotor, mass: float, length: float = 1.0) -> Rotor:
+    """The same of a rotor."""
     return replace(
         rotor,
         mass=rotor.mass * mass,

@@ -14,6 +14,7 @@ from robotball.drives import Servo
 from robotball.rotations import Array
 from robotball.settings import ADAPTIVE, MUJOCOS_INTEGRATORS, Prescribed, recipe
 from robotball.start import Start
+from validation.extremes.balls import scaled, scaled_frame, scaled_rotor, scaled_shell
 
 LONGEST = 100.0  # s
 STEPS, TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its fastest rotation
@@ -95,49 +96,19 @@ def _faster(scene: Scene, factor: float, which: int) -> Scene:
 
 def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
     """The same ball of so many times the mass and size, with M in the same proportion to it."""
-    ball, moment = scene.ball, mass * length**2
-    shell = replace(
-        ball.shell, radius=ball.radius * length, mass=ball.shell.mass * mass,
-        axial_inertia=ball.shell.axial_inertia * moment,
-        transverse_inertia=ball.shell.transverse_inertia * moment,
-    )  # fmt: skip
-    frame = replace(
-        ball.frame, mass=ball.frame.mass * mass, inertia=ball.frame.inertia * moment,
-        centre=ball.frame.centre * length,
-    )  # fmt: skip
-    rotors = tuple(
-        replace(
-            rotor, mass=rotor.mass * mass, axial_inertia=rotor.axial_inertia * moment,
-            transverse_inertia=rotor.transverse_inertia * moment, centre=rotor.centre * length,
-        )
-        for rotor in ball.rotors
-    )  # fmt: skip
-    start = replace(scene.start, momentum=scene.start.momentum * moment)
-    return replace(scene, ball=replace(ball, shell=shell, frame=frame, rotors=rotors), start=start)
+    return replace(scaled(scene, mass=mass, length=length), gravity=scene.gravity)
 
 
 def _heavier_part(scene: Scene, factor: float, part: str) -> Scene:
     ball = scene.ball
     if part == "shell":
-        shell = replace(
-            ball.shell, mass=ball.shell.mass * factor,
-            axial_inertia=ball.shell.axial_inertia * factor,
-            transverse_inertia=ball.shell.transverse_inertia * factor,
-        )  # fmt: skip
-        return replace(scene, ball=replace(ball, shell=shell))
-    if part == "frame":
-        frame = replace(
-            ball.frame, mass=ball.frame.mass * factor, inertia=ball.frame.inertia * factor
-        )
-        return replace(scene, ball=replace(ball, frame=frame))
-    rotors = tuple(
-        replace(
-            rotor, mass=rotor.mass * factor, axial_inertia=rotor.axial_inertia * factor,
-            transverse_inertia=rotor.transverse_inertia * factor,
-        )
-        for rotor in ball.rotors
-    )  # fmt: skip
-    return replace(scene, ball=replace(ball, rotors=rotors))
+        heavier = replace(ball, shell=scaled_shell(ball.shell, factor))
+    elif part == "frame":
+        heavier = replace(ball, frame=scaled_frame(ball.frame, factor))
+    else:
+        rotors = tuple(scaled_rotor(rotor, factor) for rotor in ball.rotors)
+        heavier = replace(ball, rotors=rotors)
+    return replace(scene, ball=heavier)
 
 
 Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]

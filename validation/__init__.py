@@ -1,5 +1,5 @@
 """The validation layer: both engines' motions compared, and the studies around that."""
 
-from validation.agreement import Agreement, compare
+from validation.comparison.agreement import Agreement, compare
 
 __all__ = ["Agreement", "compare"]

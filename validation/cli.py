@@ -15,15 +15,23 @@ import tyro
 
 from robotball import InputError, SceneWarning
 from validation.commands.arguments import BAD_INPUT
+from validation.commands.basins import Basins
+from validation.commands.compare import Compare
+from validation.commands.convergence import Convergence
+from validation.commands.demo import Demo
 from validation.commands.design import Design
+from validation.commands.equilibria import Equilibria
 from validation.commands.extremes import Extremes
+from validation.commands.figures import Figures
+from validation.commands.ladder import Ladder
+from validation.commands.lyapunov import Lyapunov
+from validation.commands.model import Model
 from validation.commands.paper import Paper
-from validation.commands.pictures import Figures, Section
-from validation.commands.qualitative import Basins, Equilibria, Lyapunov
 from validation.commands.replay import Replay
-from validation.commands.scenes import Compare, Demo, Model, Scenes, Video
+from validation.commands.scenes import Scenes
+from validation.commands.section import Section
 from validation.commands.tradeoff import Tradeoff
-from validation.commands.tradeoffs import Convergence, Ladder
+from validation.commands.video import Video
 
 Command = (
     Scenes | Compare | Video | Replay | Model | Design | Demo

@@ -5,10 +5,10 @@ from pathlib import Path
 from rich.console import Console
 
 from robotball import PRESETS, InputError, load_scene
-from validation.plots import draw
-from validation.results import write_csv, write_json, write_markdown
-from validation.runs import compare_all, film
-from validation.table import show
+from validation.comparison.plots import draw
+from validation.comparison.results import write_csv, write_json, write_markdown
+from validation.comparison.runs import compare_all, film
+from validation.comparison.table import show
 
 SCENES = ("fig12", "classical_regular")
 FILMED = ("fig12", "balanced")

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from robotball import palette
 from robotball.bodies import Ball
-from robotball.contact.model import part, z_along
+from robotball.engines.mujoco.model import part, z_along
 from robotball.motion import Motion
 from robotball.rotations import Array
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.compiled.kernels import Integers, orbits
+from robotball.engines.reduced.compiled.kernels import Integers, orbits
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.qualitative.cycles import Cycle, close

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.compiled.kernels import TOLERANCE, Starts
-from robotball.compiled.systems import DEVIATION
+from robotball.engines.reduced.compiled.kernels import TOLERANCE, Starts
+from robotball.engines.reduced.compiled.systems import DEVIATION
 from robotball.errors import InputError
 from robotball.parameters import Parameters, as_vector
 from robotball.rotations import Array, multiply, rotation_matrix

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.compiled.kernels import Starts, orbits
+from robotball.engines.reduced.compiled.kernels import Starts, orbits
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.rotations import Array

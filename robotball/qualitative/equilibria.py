@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import eig
 
 from robotball import equations as eq
-from robotball.compiled.duals import along, slopes
+from robotball.engines.reduced.compiled.duals import along, slopes
 from robotball.equations import Vector
 from robotball.errors import InputError
 from robotball.parameters import Parameters, as_vector

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from robotball import equations as eq
-from robotball.compiled.kernels import orbit, orbits
+from robotball.engines.reduced.compiled.kernels import orbit, orbits
 from robotball.errors import InputError
 from robotball.parameters import Parameters, as_vector
 from robotball.qualitative.cycles import Cycle, close

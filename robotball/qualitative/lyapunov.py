@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.compiled.kernels import Starts
-from robotball.compiled.systems import DEVIATION
+from robotball.engines.reduced.compiled.kernels import Starts
+from robotball.engines.reduced.compiled.systems import DEVIATION
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.rotations import Array

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from robotball.compiled.kernels import Integers
+from robotball.engines.reduced.compiled.kernels import Integers
 from robotball.errors import InputError
 from robotball.motion import Motion
 from robotball.rotations import Array, Mask, rotation_matrix

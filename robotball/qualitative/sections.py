@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotball.compiled import marching
-from robotball.compiled.crossing import cross
-from robotball.compiled.kernels import TOLERANCE, Integers, Starts
-from robotball.compiled.steppers import BALL, SECTION, stepper
-from robotball.compiled.systems import RETURN
+from robotball.engines.reduced.compiled import marching
+from robotball.engines.reduced.compiled.crossing import cross
+from robotball.engines.reduced.compiled.kernels import TOLERANCE, Integers, Starts
+from robotball.engines.reduced.compiled.steppers import BALL, SECTION, stepper
+from robotball.engines.reduced.compiled.systems import RETURN
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.qualitative.cycles import Cycle, close

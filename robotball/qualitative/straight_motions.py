@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball import equations as eq
-from robotball.compiled.duals import along, slopes
+from robotball.engines.reduced.compiled.duals import along, slopes
 from robotball.errors import InputError
 from robotball.parameters import Parameters, as_vector
 from robotball.rotations import Array, perpendicular

@@ -1,4 +1,4 @@
-"""The front that `robotball.accuracy` predicts by, measured again, and how well that goes.
+"""The cost model that an asked accuracy is predicted by, measured again, and how well it goes.
 
 Every scene of the catalog and random balls at both families of the recipe; the coefficients fitted
 to them beside those in use; and for four accuracies what was reached, how honest the estimate was
@@ -15,12 +15,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from robotball.accuracy import LOOSER, RK4_EVALUATIONS
-from robotball.front import FRONT
+from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS
+from robotball.engines.mujoco.cost_model import FRONT
 from robotball.rotations import Array
 from validation.bench.front_scene import TARGETS, best_seconds, cells, measure
-from validation.results import write_record
-from validation.runs import progress_bar
+from validation.output import write_record
+from validation.progress import progress_bar
 from validation.sweeps import sweep
 
 Record = Mapping[str, Any]

@@ -15,12 +15,12 @@ from robotball import (
     integrate,
     load_scene,
 )
-from robotball.contact.model import build
-from robotball.front import scene_rate
-from robotball.settings import ADAPTIVE, recipe
-from robotball.simulate import run, simulate_with
-from validation.agreement import Agreement
-from validation.random_scenes import random_scene
+from robotball.engines.mujoco.cost_model import scene_rate
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.run import run, simulate_with
+from robotball.engines.mujoco.settings import ADAPTIVE, recipe
+from validation.comparison.agreement import Agreement
+from validation.studies.random_scenes import random_scene
 from validation.sweeps import Cell
 
 BALLS = 30

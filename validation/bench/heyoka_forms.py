@@ -6,9 +6,9 @@ from typing import Any
 import heyoka as hy
 
 from robotball import equations as eq
-from robotball.compiled.kernels import Starts
-from robotball.compiled.steppers import BALL, LEVEL, ball_of
-from robotball.compiled.systems import Level, System
+from robotball.engines.reduced.compiled.kernels import Starts
+from robotball.engines.reduced.compiled.steppers import BALL, LEVEL, ball_of
+from robotball.engines.reduced.compiled.systems import Level, System
 from robotball.equations import Vector
 from robotball.parameters import Parameters
 from robotball.rotations import Array

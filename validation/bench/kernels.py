@@ -13,8 +13,8 @@ import heyoka as hy
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from robotball.compiled.kernels import Starts, orbit, orbits
-from robotball.compiled.systems import DEVIATION, PATH, RETURN
+from robotball.engines.reduced.compiled.kernels import Starts, orbit, orbits
+from robotball.engines.reduced.compiled.systems import DEVIATION, PATH, RETURN
 from robotball.parameters import Parameters
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix

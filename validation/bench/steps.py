@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 
 from robotball import PRESETS, Motion, Scene, integrate, load_scene
-from robotball.contact.model import Model, build
-from robotball.simulate import run
+from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.run import run
 
 SCENES = ("fig12", "classical_regular")
 ROUNDS = 9

@@ -8,6 +8,7 @@ from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, arg
 
 from robotball import sample_times
 from robotball.rotations import Array
+from validation.output import writable_file
 
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
 OUT = Path("out")
@@ -39,3 +40,9 @@ SweepOptions = OmitArgPrefixes[Sweep]
 def times_of(duration: float | None) -> Array | None:
     """Sample times of a duration [s]; None, each scene's own, where none is given."""
     return None if duration is None else sample_times(duration)
+
+
+def check_files(*paths: Path | None) -> None:
+    """Raise InputError, before any work, for a path that cannot be written."""
+    for path in filter(None, paths):
+        writable_file(path)

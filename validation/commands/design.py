@@ -11,7 +11,7 @@ from robotball import Limits, load_scene, scene_toml
 from robotball.designing.design import describe
 from robotball.designing.redesign import redesign
 from validation.commands.arguments import AGREES, OUT, SceneName
-from validation.results import replacing, writable_folder
+from validation.output import replacing, writable_folder
 
 
 @dataclass(frozen=True)

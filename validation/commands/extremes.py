@@ -10,8 +10,8 @@ from rich.console import Console
 from tyro.conf import Positional, arg
 
 from validation.commands.arguments import AGREES, DISAGREES, File, Sweep, SweepOptions
-from validation.results import writable_folder, write_record
-from validation.runs import progress_bar
+from validation.output import writable_folder, write_record
+from validation.progress import progress_bar
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class Extremes:
     """Also write how many cells have which outcome, and the edges as measured."""
 
     def run(self) -> int:
-        from validation.extremes.atlas import QUICK, WHOLE, cells_of, survey
-        from validation.extremes.maps import chosen
-        from validation.extremes.pictures import draw
-        from validation.extremes.tables import show, summary
+        from validation.studies.extremes.atlas import QUICK, WHOLE, cells_of, survey
+        from validation.studies.extremes.maps import chosen
+        from validation.studies.extremes.pictures import draw
+        from validation.studies.extremes.tables import show, summary
         from validation.sweeps import write_table
 
         maps, out = chosen(self.maps), writable_folder(self.sweep.out)

@@ -7,7 +7,7 @@ from typing import Annotated
 from rich.console import Console
 from tyro.conf import DisallowNone, arg
 
-from validation.results import writable_file
+from validation.output import writable_file
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from rich.table import Table
 from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError
-from robotball.contact.dump import Dump, Replayed, load, replay
+from robotball.engines.mujoco.fault_window import Dump, Replayed, load, replay
 from validation.commands.arguments import AGREES, DISAGREES
 
 WIDTH = 100  # characters that the table needs

@@ -13,8 +13,8 @@ from rich.table import Table
 
 from robotball import InputError, Scene, integrate, load_scene
 from validation.commands.arguments import AGREES, Duration, SceneName, Sweep, SweepOptions
-from validation.results import replacing, writable_folder, write_record, write_rows
-from validation.runs import progress_bar
+from validation.output import replacing, writable_folder, write_record, write_rows
+from validation.progress import progress_bar
 from validation.sweeps import Cell, Result, Work, sweep, write_table
 
 LIMIT = 60.0  # s that a run may take
@@ -46,11 +46,11 @@ class Tradeoff:
         return AGREES
 
     def _front(self, scene: Scene) -> Sequence[Path]:
-        from validation.tradeoffs.configurations import configurations
-        from validation.tradeoffs.front import tradeoff_of
-        from validation.tradeoffs.front_picture import tradeoff_picture
-        from validation.tradeoffs.front_runs import cells_of, measure
-        from validation.tradeoffs.front_table import show_tradeoff
+        from validation.studies.tradeoff.configurations import configurations
+        from validation.studies.tradeoff.front import tradeoff_of
+        from validation.studies.tradeoff.front_picture import tradeoff_picture
+        from validation.studies.tradeoff.front_runs import cells_of, measure
+        from validation.studies.tradeoff.front_table import show_tradeoff
 
         rounds = 2 if self.sweep.quick else ROUNDS
         settings = configurations(self.sweep.quick)
@@ -65,8 +65,8 @@ class Tradeoff:
         return picture, data, self._table(scene, "tradeoff", results)
 
     def _friction(self, scene: Scene) -> Sequence[Path]:
-        from validation.tradeoffs.friction import friction_cells, friction_run
-        from validation.tradeoffs.friction_picture import friction_picture
+        from validation.studies.friction.friction import friction_cells, friction_run
+        from validation.studies.friction.friction_picture import friction_picture
 
         cells = friction_cells(self.scene, self._seconds(scene), self.sweep.quick)
         results = self._sweep(friction_run, cells, "friction", scene)
@@ -79,7 +79,7 @@ class Tradeoff:
         return picture, data, self._table(scene, "friction", results)
 
     def _parts(self, scene: Scene) -> Sequence[Path]:
-        from validation.tradeoffs.parts import measure_parts, parts_of
+        from validation.studies.parts import measure_parts, parts_of
 
         parts, rounds = parts_of(scene), 3 if self.sweep.quick else 15
         with progress_bar((rounds + 1) * len(parts)) as show:

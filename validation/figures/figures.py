@@ -19,7 +19,7 @@ from validation.figures.sections import (
     figure13,
     figure14,
 )
-from validation.results import replacing
+from validation.output import replacing
 
 FIGURES: dict[int, dict[str, Callable[[], Figure]]] = {
     5: {"fig05": figure5},

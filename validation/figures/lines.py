@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from robotball import preset, sample_times
-from robotball.contact.model import build
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.run import run
 from robotball.equations import Vector
 from robotball.palette import INK, THEORY
 from robotball.parameters import Parameters
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.rotations import Array
-from robotball.simulate import run
 from validation.figures.parts import (
     ENGINE_LINE,
     FAINT,

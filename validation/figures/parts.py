@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball import Motion, Scene, load_scene
-from robotball.compiled.kernels import orbit
+from robotball.engines.reduced.compiled.kernels import orbit
 from robotball.errors import SceneWarning
 from robotball.palette import ENGINE, INK, THEORY
 from robotball.rotations import Array, multiply

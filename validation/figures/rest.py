@@ -7,16 +7,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball import Motion, preset, sample_times
-from robotball.compiled.kernels import orbits
-from robotball.contact.model import build
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.run import run
+from robotball.engines.reduced.compiled.kernels import orbits
 from robotball.palette import INK
 from robotball.parameters import Parameters
 from robotball.qualitative.equilibria import FixedPoint, attitude_at, fixed_points
 from robotball.qualitative.limit_cycles import limit_cycles, spread_points
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from robotball.simulate import run
-from validation.attractors.contact_map import own_start
 from validation.figures.parts import (
     ENGINE_LINE,
     FAINT,
@@ -31,6 +30,7 @@ from validation.figures.parts import (
     sheet,
     theory_motion,
 )
+from validation.studies.attractors.contact_map import own_start
 
 BALL_LINES = (
     "A = diag(.5, .4, .3) 1/(kg m²)",

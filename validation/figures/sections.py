@@ -8,20 +8,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball import Scene, load_scene, preset, sample_times
-from robotball.contact.model import build
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.run import run
 from robotball.palette import ENGINE, INK, THEORY
 from robotball.qualitative.sections import fixed_point, section
 from robotball.rotations import Array
-from robotball.simulate import run
-from validation.attractors.contact_map import contact_cycle
-from validation.attractors.sampling import (
+from validation.figures.parts import FAINT, draw_paths, sheet, theory_motion
+from validation.studies.attractors.contact_map import contact_cycle
+from validation.studies.attractors.sampling import (
     COARSE,
     Recipe,
     Torus,
     cloud_by_contact,
     cloud_by_equations,
 )
-from validation.figures.parts import FAINT, draw_paths, sheet, theory_motion
 
 F = 25.0
 TORUS = Torus(L=0.0, l=1.96, spread=0.2, f=F, starts=16, skipped=200, count=300, direction=0)
@@ -81,7 +81,7 @@ def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
         "Equations: 20,000 points, MuJoCo: 2400,",
         "  from 40 random starts each, after 20",
         "  crossings. As clouds they cannot be told",
-        "  apart (python -m validation.attractors.study).",
+        "  apart (python -m validation.studies.attractors.study).",
         "Dark: g grows; pale: g falls.",
     )
     figure, panels = sheet("Fig. 11b: a strange attractor", caption_of(scene), facts, (5.2, 5.2))

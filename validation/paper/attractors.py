@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from robotball import load_scene
-from robotball.compiled.kernels import start_of
+from robotball.engines.reduced.compiled.kernels import start_of
 from robotball.parameters import Parameters
 from robotball.qualitative.basins import CHAOS, TORUS, Basins, basins, distance, level_points
 from robotball.qualitative.cycles import Cycle, monodromy_of

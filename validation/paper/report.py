@@ -12,9 +12,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from validation.output import replacing, versions
 from validation.paper.claim import Claim, Finding, Verdict, examine
-from validation.results import replacing, versions
-from validation.runs import progress_bar
+from validation.progress import progress_bar
 
 STYLES: dict[Verdict, str] = {"does not reproduce": "bold red", "not checked": "yellow"}
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import cumulative_simpson
 
 from robotball import equations as eq
-from robotball.compiled.kernels import orbit
+from robotball.engines.reduced.compiled.kernels import orbit
 from robotball.equations import Scalar, Vector
 from robotball.parameters import Parameters, Rolling
 from robotball.rotations import Array, rotation_matrix

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from robotball import Scene, load_scene, sample_times, simulate
-from robotball.compiled.kernels import orbit
+from robotball.engines.reduced.compiled.kernels import orbit
 from robotball.parameters import Parameters, as_vector
 from robotball.qualitative.straight_motions import StraightMotion, straight_motion, straight_motions
 from robotball.rotations import Array, rotation_matrix

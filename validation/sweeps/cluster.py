@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any
 
 from robotball import InputError
-from validation.results import versions
+from validation.output import versions
 from validation.sweeps.attempt import attempt, reason
 from validation.sweeps.cells import Cell, Work
 from validation.sweeps.pool import DIED, Pool

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from robotball import InputError
-from validation.results import versions, writable_file
+from validation.output import versions, writable_file
 from validation.sweeps.cells import Result, Work, from_line, identity
 
 

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 
-from validation.runs import Show
+from validation.progress import Show
 from validation.sweeps.cells import Result
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from robotball import InputError
 from robotball.errors import check_count, check_positive
-from validation.runs import Show
+from validation.progress import Show
 from validation.sweeps.attempt import reason
 from validation.sweeps.cells import Cell, Result, Work, identity, to_line
 from validation.sweeps.cluster import cluster_pool

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from validation.results import replacing
+from validation.output import replacing
 from validation.sweeps.cells import Result
 
 

@@ -1,0 +1,143 @@
+"""A model integrated by scipy's DOP853, with MuJoCo's forward dynamics as the right-hand side."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+
+from robotball import equations as eq
+from robotball.engines.dop853 import Compensated, Rate
+from robotball.engines.mujoco.control import Control
+from robotball.engines.mujoco.stepping import Portion, Steps, read_row, state_of
+from robotball.rotations import Array
+
+LOOK = 64  # steps between two looks at the run
+FREE_QPOS, FREE_QVEL = 7, 6  # of the free joint; hinges follow
+QUATERNION = slice(3, 7)
+
+
+def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
+    """The run over sample `times` (n,) [s] in steps of an error that the settings allow.
+
+    It begins anew at every breakpoint of the drives. Rows are of the states at the sample times,
+    and at the end of each step.
+    """
+    model = control.model
+    inside = [t for t in model.scene.breakpoints if t < times[-1]]
+    state = np.concatenate([data.qpos, data.qvel])
+    pending, left = times, model.settings.max_steps
+    for span in pairwise((0.0, *inside, times[-1])):
+        solver = _solver(control, data, state, span)
+        last = span[1] == times[-1]
+        while solver.running:
+            portion, pending = _portion(control, data, solver, pending, last, left)
+            left -= portion.steps
+            yield portion
+            if portion.failure is not None:
+                return
+        state = solver.state
+
+
+def _portion(
+    control: Control,
+    data: mujoco.MjData,
+    solver: Compensated,
+    pending: Array,
+    last: bool,
+    left: int,
+) -> tuple[Portion, Array]:
+    """The next steps of a smooth span, `left` at most, and the sample times left after them."""
+    rows: list[Array] = []
+    states: list[Array] = []
+    sampled: list[int] = []
+    lengths: list[float] = []
+    failure = None
+
+    def read(t: float, state: Array) -> None:
+        rows.append(_read(control, data, t, state))
+        states.append(state_of(data))
+
+    while solver.running and len(lengths) < LOOK and failure is None:
+        if len(lengths) == left:
+            failure = f"max_steps = {control.model.settings.max_steps} are taken"
+            break
+        began = solver.t
+        if (message := solver.step()) is not None:
+            failure = f"the steps became too short ({message})"
+            break
+        lengths.append(solver.t - began)
+        # A sample at the end of a span but the last is the first of the next.
+        inside = last or solver.running
+        done = int(np.searchsorted(pending, solver.t, "right" if inside else "left"))
+        sampled_end = done > 0 and pending[done - 1] == solver.t
+        if done:
+            sampled += range(len(rows), len(rows) + done)
+            for t, state in zip(pending.tolist(), solver.within(pending[:done]), strict=False):
+                read(t, state)
+            pending = pending[done:]
+        if solver.running and not sampled_end:
+            read(solver.t, solver.state)
+    spans = np.tile(control.span, (len(rows), 1))
+    portion = Portion(
+        np.array(rows).reshape(len(rows), len(read_row(data))),
+        np.array(sampled, dtype=int),
+        len(lengths),
+        max(lengths, default=0.0),
+        lambda: Steps(np.array(states), np.zeros(len(states)), spans),
+        failure,
+    )
+    return portion, pending
+
+
+def _read(control: Control, data: mujoco.MjData, t: float, state: Array) -> Array:
+    """The row of Readings at time t [s] of a state (qpos, qvel)."""
+    _put(data, t, state)
+    mujoco.mj_forward(control.model.compiled, data)
+    return read_row(data)
+
+
+def _put(data: mujoco.MjData, t: float, state: Array) -> None:
+    data.time = t
+    data.qpos, data.qvel = state[: len(data.qpos)], state[len(data.qpos) :]
+
+
+def _solver(
+    control: Control, data: mujoco.MjData, state: Array, span: Sequence[float]
+) -> Compensated:
+    settings, scene = control.model.settings, control.model.scene
+    assert settings.rtol is not None
+    control.span = span
+    # Lengths are measured by the radius; angles and rates are of order one as they are.
+    scale = np.ones_like(state)
+    scale[:3] = scale[len(data.qpos) : len(data.qpos) + 3] = scene.ball.radius
+    return Compensated(
+        _right_hand_side(control.model.compiled, data),
+        span,
+        state,
+        settings.rtol,
+        scale,
+        max_step=settings.timestep or np.inf,
+    )
+
+
+def _right_hand_side(compiled: mujoco.MjModel, data: mujoco.MjData) -> Rate:
+    """d/dt of (qpos, qvel) at time t [s], with a root quaternion of any length."""
+    nq, nv = compiled.nq, compiled.nv
+    qpos, qvel, qacc = data.qpos, data.qvel, data.qacc
+    no_stage = int(mujoco.mjtStage.mjSTAGE_NONE)
+
+    def rate(t: float, state: Array) -> Array:
+        data.time = t
+        qpos[:], qvel[:] = state[:nq], state[nq:]
+        mujoco.mj_forwardSkip(compiled, data, no_stage, True)
+        derivative = np.empty(nq + nv)
+        derivative[:3] = qvel[:3]
+        derivative[QUATERNION] = eq.attitude_rate(
+            tuple(state[QUATERNION].tolist()), tuple(qvel[3:FREE_QVEL].tolist())
+        )
+        derivative[FREE_QPOS:nq] = qvel[FREE_QVEL:]
+        derivative[nq:] = qacc
+        return derivative
+
+    return rate

@@ -1,0 +1,262 @@
+"""The states around the first fault of a run, in a file from which they can be stepped again."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import mujoco
+import numpy as np
+
+from robotball.drives import Servo
+from robotball.engines.mujoco.control import controlled
+from robotball.engines.mujoco.equilibrium import compiled_model
+from robotball.engines.mujoco.hinges import hinges_of
+from robotball.engines.mujoco.model import Model
+from robotball.engines.mujoco.monitor import Found
+from robotball.engines.mujoco.planned_run import momentum_scale
+from robotball.engines.mujoco.readings import Readings
+from robotball.engines.mujoco.settings import ADAPTIVE, Prescribed, Settings
+from robotball.engines.mujoco.stepping import STATE, Portion, Steps, read_row, state_of
+from robotball.errors import InputError
+from robotball.files.replacing import replacing
+from robotball.files.scene_file import read_scene
+from robotball.files.scene_writer import scene_toml
+from robotball.rotations import Array
+from robotball.scene import Scene
+
+AROUND = 20  # steps on either side of the first bad one
+Numbers = list[list[float | None]]  # null where a number is not finite
+
+
+@dataclass(frozen=True)
+class Window:
+    """Consecutive rows of a run with the first bad one among them.
+
+    rows     (m, columns of Readings)
+    steps    what they began from
+    bad      which row it is; m where the run could not go on after the last
+    causes   what is wrong from there on
+    time     of it [s]
+    """
+
+    rows: Array
+    steps: Steps
+    bad: int
+    causes: list[str]
+    time: float
+
+
+def window_around(found: list[Found], portion: Portion, before: Portion | None) -> Window:
+    """The window around the first of the faults found in a portion, from it and the one before."""
+    portions = [portion] if before is None else [before, portion]
+    steps = [each.again() for each in portions]
+    bad = found[0].row + sum(len(each.rows) for each in portions[:-1])
+    total = sum(len(each.rows) for each in portions)
+    kept = slice(max(0, bad - AROUND), min(total, bad + AROUND + 1))
+
+    def joined(parts: list[Array]) -> Array:
+        return np.concatenate([part for part in parts if len(part)])[kept]
+
+    return Window(
+        joined([each.rows for each in portions]),
+        Steps(
+            *(joined([getattr(s, name) for s in steps]) for name in ("states", "lengths", "spans"))
+        ),
+        bad - kept.start,
+        [each.fault.cause for each in found if each.row == found[0].row],
+        found[0].fault.time,
+    )
+
+
+class Dump(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the file holds: the window, and all that its steps depend on.
+
+    scene: TOML; None where a drive is a function of time, which no file holds. table: a row for
+    each row of the window, under `columns`; times in s, SI units.
+    """
+
+    format: Literal["robotball fault 1"]
+    name: str
+    scene: str | None
+    settings: dict[str, Any]
+    mujoco: str
+    bad: int
+    causes: list[str]
+    time: float
+    columns: list[str]
+    table: Numbers
+    states: Numbers
+    lengths: list[float]
+    spans: list[tuple[float, float]]
+    rows: Numbers
+    xml: str
+
+    @property
+    def model(self) -> Any:
+        """The compiled model; raises InputError where MuJoCo refuses it."""
+        try:
+            return compiled_model(self.xml)
+        except InputError as error:
+            raise InputError(f"{self.name}: {error}") from None
+
+    def coordinates(self, row: int) -> tuple[list[float | None], list[float | None]]:
+        """qpos and qvel of a row, None where not finite."""
+        model = self.model
+        after_time = self.states[row][1 : 1 + model.nq + model.nv]
+        return after_time[: model.nq], after_time[model.nq :]
+
+    @property
+    def adaptive(self) -> bool:
+        return self.settings.get("integrator") == ADAPTIVE
+
+
+def write(path: Path, model: Model, window: Window) -> None:
+    """The window of a run of the model as JSON; raises InputError where it can't be written."""
+    with np.errstate(all="ignore"):  # a diverged state's numbers have no squares
+        columns = _table(model, window)
+    dump = Dump(
+        format="robotball fault 1",
+        name=model.scene.name,
+        scene=_text(model.scene),
+        settings={k: v for k, v in asdict(model.settings).items() if v is not None},
+        mujoco=mujoco.__version__,
+        bad=window.bad,
+        causes=window.causes,
+        time=window.time,
+        columns=list(columns),
+        table=_plain(np.column_stack(list(columns.values()))),
+        states=_plain(window.steps.states),
+        lengths=window.steps.lengths.tolist(),
+        spans=window.steps.spans.tolist(),
+        rows=_plain(window.rows),
+        xml=model.xml,
+    )
+    with replacing(path) as temporary:
+        temporary.write_bytes(msgspec.json.format(msgspec.json.encode(dump), indent=1))
+
+
+def load(path: Path) -> Dump:
+    """The dump in a file; raises InputError where it is none."""
+    try:
+        dump = msgspec.json.decode(path.read_bytes(), type=Dump)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: no dump of a run: {error}") from None
+    rows = len(dump.rows)
+    columns = (dump.table, dump.states, dump.lengths, dump.spans)
+    widths = {len(each) for each in dump.table} | {len(dump.columns)}
+    if not (all(len(each) == rows for each in columns) and 0 <= dump.bad <= rows) or not rows:
+        raise InputError(f"{path}: no dump of a run: its rows do not match each other")
+    if len(widths) > 1:
+        raise InputError(f"{path}: no dump of a run: its columns do not match each other")
+    return dump
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What came of stepping a dump again: how many rows, and their largest difference.
+
+    difference: of any number of state or reading, 0 where all are the same to the last bit; None
+    where it could not be done, and `why` says so.
+    """
+
+    rows: int
+    difference: float | None
+    why: str = ""
+
+
+def replay(dump: Dump) -> Replayed:
+    """Steps the dump's model again from the first state, and compares every state and reading.
+
+    An adaptive run's forces are computed anew at its states; it is not stepped.
+    """
+    if dump.mujoco != mujoco.__version__:
+        return Replayed(0, None, f"it is of MuJoCo {dump.mujoco}, and this is {mujoco.__version__}")
+    if dump.scene is None:
+        return Replayed(0, None, "its drives are functions of time, which no file holds")
+    scene = read_scene(Path(f"{dump.name}.toml"), dump.scene)
+    settings = _settings(dump.settings)
+    model = Model(scene, settings, dump.xml, hinges_of(scene, settings))
+    compiled = model.compiled
+    states, rows = _array(dump.states), _array(dump.rows)
+    data = mujoco.MjData(compiled)
+    shape = (mujoco.mj_stateSize(compiled, STATE), len(read_row(data)))
+    if states.shape[1:] != shape[:1] or rows.shape[1:] != shape[1:]:
+        raise InputError(f"{dump.name}: the dump's states are not of its model")
+    worst = 0.0
+    readings = slice(0, compiled.nsensordata)  # the counters of warnings begin anew
+    with controlled(model) as control, np.errstate(all="ignore"):
+        mujoco.mj_setState(compiled, data, states[0], STATE)
+        for state, row, length, span in zip(states, rows, dump.lengths, dump.spans, strict=True):
+            if dump.adaptive:
+                mujoco.mj_setState(compiled, data, state, STATE)
+            control.span = span
+            worst = max(worst, _difference(state_of(data), state))
+            if length:
+                compiled.opt.timestep = length
+                mujoco.mj_step(compiled, data)
+            else:
+                mujoco.mj_forward(compiled, data)
+            worst = max(worst, _difference(read_row(data)[readings], row[readings]))
+    return Replayed(len(rows), worst)
+
+
+def _difference(a: Array, b: Array) -> float:
+    """The largest difference, infinite where one alone is finite."""
+    both = np.isfinite(a) & np.isfinite(b)
+    if (np.isfinite(a) != np.isfinite(b)).any():
+        return np.inf
+    return float(np.abs(a - b)[both].max(initial=0.0))
+
+
+def _table(model: Model, window: Window) -> dict[str, Array]:
+    """What `robotball replay` shows, a column (m,) each, named with its unit."""
+    readings, compiled = Readings(model, window.rows), model.compiled
+    momentum, states = readings.momentum, window.steps.states
+    first_velocity = 1 + compiled.nq  # of an integration state: time, qpos, qvel, ...
+    velocities = states[:, first_velocity : first_velocity + compiled.nv]
+    drift = np.linalg.norm(momentum - model.scene.start.momentum, axis=1)
+    return {
+        "time [s]": readings.time,
+        "height [m]": readings.centre[:, 2],
+        "slip [m/s]": readings.slip,
+        "spin [rad/s]": readings.spin,
+        "drift of M": drift / momentum_scale(model.scene),
+        "friction used": readings.friction_used,
+        "hinge rate error": readings.hinge_rate_error(model.hinges),
+        "normal force [N]": readings.contact_force[:, 0],
+        "largest velocity": np.abs(velocities).max(axis=1),
+    }
+
+
+def _text(scene: Scene) -> str | None:
+    try:
+        return scene_toml(scene)
+    except InputError:
+        return None
+
+
+def _settings(fields: dict[str, Any]) -> Settings:
+    """The settings that a dump was made of; raises InputError where they are none."""
+    try:
+        given: dict[str, Any] = {
+            k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()
+        }
+        drive = given.pop("drive")
+        kind = Servo if "gain" in drive else Prescribed
+        return Settings(drive=kind(**drive), **given)
+    except (TypeError, KeyError) as error:
+        raise InputError(f"the dump's settings are none: {error}") from None
+
+
+def _plain(values: Array) -> Numbers:
+    return [[v if np.isfinite(v) else None for v in row] for row in values.tolist()]
+
+
+def _array(values: Numbers) -> Array:
+    try:
+        return np.array([[np.nan if v is None else v for v in row] for row in values])
+    except ValueError as error:
+        raise InputError(f"no dump of a run: {error}") from None

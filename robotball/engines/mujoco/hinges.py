@@ -1,0 +1,83 @@
+"""Which hinges a model needs, and how each is driven."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from robotball.drives import Constant, Drive, Servo, turns
+from robotball.engines.mujoco.settings import Prescribed, Settings
+from robotball.scene import Scene
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Where shell and frame stand in the MJCF: one is the root, with the free joint, and the other
+    hangs on it by the frame's hinge.
+    """
+
+    root: Literal["shell", "frame"]
+
+    @property
+    def shell(self) -> str:
+        return "shell/" if self.root == "shell" else "frame/shell/"
+
+    @property
+    def frame(self) -> str:
+        return "shell/frame/" if self.root == "shell" else "frame/"
+
+    @property
+    def child(self) -> str:
+        """The one on the hinge."""
+        return self.frame if self.root == "shell" else self.shell
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A hinge of the model.
+
+    index  its place among the scene's drives: 0 the frame's, then the rotors'
+    joint  the MJCF name of its joint and of the body that it turns
+    by     a servo, or the armature that lets its rate be prescribed
+    real   whether the servo is the scene's own motor, whose error belongs to the motion
+    largest_rate  that the drive asks for during the scene, by which errors are measured [rad/s]
+    """
+
+    index: int
+    joint: str
+    drive: Drive
+    by: Servo | Prescribed
+    real: bool
+    largest_rate: float
+
+    @property
+    def body(self) -> str:
+        return f"rotor{self.index}" if self.index else "frame"
+
+    @property
+    def actuated(self) -> bool:
+        """A prescribed rate that is constant needs no actuator."""
+        return isinstance(self.by, Servo) or not isinstance(self.drive, Constant)
+
+    def control(self, t: float) -> float:
+        """What its actuator is told at time t [s]: a servo the rate, a motor the acceleration."""
+        told = self.drive.rate if isinstance(self.by, Servo) else self.drive.acceleration
+        return float(told(t))
+
+
+def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
+    """The hinges that turn; any other body is fixed to its parent."""
+    tree = Tree(settings.root)
+    motors = scene.motors or (None,) * len(scene.drives)
+    return tuple(
+        Hinge(
+            index,
+            f"{tree.frame}rotor{index}/" if index else tree.child,
+            drive,
+            by=motor or settings.drive,
+            real=motor is not None,
+            largest_rate=float(np.abs(drive.rate(scene.times)).max()) or 1.0,
+        )
+        for index, (drive, motor) in enumerate(zip(scene.drives, motors, strict=True))
+        if motor or turns(drive)
+    )

@@ -1,0 +1,262 @@
+"""Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from robotball.drives import Servo
+from robotball.engines.mujoco.equilibrium import carrying_depth, compiled_model
+from robotball.engines.mujoco.hinges import Hinge, Tree, hinges_of
+from robotball.engines.mujoco.settings import Settings
+from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
+from robotball.scene import Scene
+from robotball.start import Start
+
+with warnings.catch_warnings():
+    # Without a screen, dm_control's search for a window system warns; nothing here needs one.
+    warnings.simplefilter("ignore")
+    from dm_control import mjcf
+
+PARTS = Path(__file__).parents[3] / "mjcf"
+PRECISION = 17  # digits that bring every double back
+ORIGIN, Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
+START = "start"  # the keyframe that a run begins from
+
+OPTIONS = (
+    "timestep",
+    "solver",
+    "jacobian",
+    "iterations",
+    "tolerance",
+    "ls_tolerance",
+    "noslip_iterations",
+    "noslip_tolerance",
+    "cone",
+    "impratio",
+)
+FLAGS = ("warmstart", "island")
+PICTURE_ONLY = ("light", "material", "texture", "mesh")
+PAIR_OPTIONS = ("solref", "solimp", "solreffriction")
+FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
+
+
+@dataclass(frozen=True)
+class Model:
+    """A composed model: its MJCF text is complete, and compiles to the same bits anywhere."""
+
+    scene: Scene
+    settings: Settings
+    xml: str
+    hinges: tuple[Hinge, ...]
+
+    @cached_property
+    def compiled(self) -> mujoco.MjModel:
+        """A fresh MjModel; one a Model, so that a run may set its timestep.
+
+        Raises InputError where MuJoCo refuses it.
+        """
+        return compiled_model(self.xml)
+
+    @property
+    def actuated(self) -> tuple[Hinge, ...]:
+        """The hinges with an actuator, in the order of MuJoCo's ctrl."""
+        return tuple(hinge for hinge in self.hinges if hinge.actuated)
+
+    def start_data(self, start: Start | None = None) -> mujoco.MjData:
+        """MjData at the scene's start, or at another one of the same ball."""
+        data = mujoco.MjData(self.compiled)
+        mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
+        if start is not None:
+            data.qpos, data.qvel = _state_at(self.scene, self.settings, start, self.hinges)
+        return data
+
+
+def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
+    """The model of `scene` under `settings`, at its start; frames and shapes as in Scene.
+
+    dressed: with what only a picture needs, in radii of the ball: geoms, materials, lights.
+    Raises InputError where MuJoCo refuses it, or cannot hold the ball up at the start.
+    """
+    hinges = hinges_of(scene, settings)
+    root, pair = _compose(scene, settings, hinges, part if dressed else _bare)
+    if settings.start_in_equilibrium:
+        pair.margin = carrying_depth(scene, settings, root.to_xml_string(precision=PRECISION))
+    model = Model(scene, settings, root.to_xml_string(precision=PRECISION), hinges)
+    assert model.compiled is not None  # refused here, if at all
+    return model
+
+
+def _compose(
+    scene: Scene, settings: Settings, hinges: tuple[Hinge, ...], take: Callable[[str], Any]
+) -> tuple[Any, Any]:
+    """The MJCF tree and its contact pair, of the parts that `take` gives by their names."""
+    ball = scene.ball
+    root = take("floor")
+    root.option.gravity = [0, 0, -scene.gravity]
+    for name in OPTIONS:
+        _set(root.option, name, getattr(settings, name))
+    # DOP853 is not MuJoCo's; RK4 is what comes nearest for whoever steps the MJCF without it.
+    _set(root.option, "integrator", "RK4" if settings.adaptive else settings.integrator)
+    for name in FLAGS:
+        _set(root.option.flag, name, getattr(settings, name))
+    # A diverged run must end as one, not begin again from time 0.
+    root.option.flag.autoreset = "disable"
+
+    # With the shell as root the contact rows' J̇v term, which MuJoCo leaves out, is zero.
+    parts = {"shell": take("shell"), "frame": take("frame")}
+    shell_part, frame_part = parts["shell"], parts["frame"]
+    root_part = parts.pop(settings.root)
+    (child_part,) = parts.values()
+    shell_part.find("geom", "sphere").size = [ball.radius]
+    body = {root_part: root.attach(root_part)}
+    body[root_part].add("freejoint")
+    body[child_part] = root_part.attach(child_part)
+    _inertial(body[shell_part], ball.shell.mass, ball.shell.inertia)
+    _inertial(body[frame_part], ball.frame.mass, ball.frame.inertia, ball.frame.centre)
+    # The frame turns about this axis in the shell; a shell on a hinge of the frame the other way.
+    axis = ball.shell.axis if child_part is frame_part else -ball.shell.axis
+    root_part.find("site", "hinge").remove()
+    child_part.find("site", "hinge").quat = z_along(axis)
+    turning = [(body[child_part], axis)]
+    for i, rotor in enumerate(ball.rotors, start=1):
+        rotor_part = take("rotor")
+        rotor_part.model = f"rotor{i}"
+        spinning = frame_part.attach(rotor_part)
+        spinning.pos, spinning.quat = rotor.centre, z_along(rotor.axis)
+        across, along = rotor.transverse_inertia, rotor.axial_inertia
+        _inertial(spinning, rotor.mass, np.diag([across, across, along]))
+        turning.append((spinning, Z))
+    for hinge in hinges:
+        _add_hinge(root, hinge, *turning[hinge.index])
+
+    tree, condim = Tree(settings.root), _condim(scene, settings)
+    pair = root.contact.add(
+        "pair",
+        name="contact",
+        geom1="floor",
+        geom2=f"{tree.shell}sphere",
+        condim=condim,
+        friction=_friction(settings)[: FRICTIONS[condim]],
+    )
+    for name in PAIR_OPTIONS:
+        _set(pair, name, getattr(settings, name))
+    _add_sensors(root, tree, hinges)
+    root.keyframe.add("key", name=START, **_start_state(scene, settings, hinges))
+    return root, pair
+
+
+def part(name: str) -> Any:
+    """The hand-written part mjcf/`name`.xml as it is, in units of the ball's radius."""
+    return mjcf.from_path(str(PARTS / f"{name}.xml"))
+
+
+def _bare(name: str) -> Any:
+    """A part without what only a picture of it needs; MuJoCo would carry it through every step."""
+    tree = part(name)
+    for kind in PICTURE_ONLY:
+        for element in tree.find_all(kind, exclude_attachments=True):
+            element.remove()
+    for geom in tree.find_all("geom"):
+        if geom.dclass is not None and geom.dclass.dclass == "visual":
+            geom.remove()
+    for element in (tree.visual, tree.statistic, *tree.default.default):
+        element.remove()
+    return tree
+
+
+def _set(element: Any, attribute: str, value: Any) -> None:
+    if value is not None:
+        setattr(element, attribute, value)
+
+
+def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) -> None:
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
+    body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
+
+
+def z_along(axis: Array) -> Array:
+    """A quaternion that turns z onto `axis`."""
+    side = perpendicular(axis)
+    return from_matrix(np.stack([side, np.cross(axis, side), axis], axis=1))
+
+
+def _condim(scene: Scene, settings: Settings) -> int:
+    if settings.condim is not None:
+        return settings.condim
+    return 4 if scene.rolling == "rubber" else 3
+
+
+def _friction(settings: Settings) -> list[float]:
+    """MuJoCo's five coefficients of a pair, of which a contact takes as many as it has rows."""
+    slide, spin, roll = (
+        settings.sliding_friction,
+        settings.torsional_friction,
+        settings.rolling_friction,
+    )
+    return [slide, slide, spin, roll, roll]
+
+
+def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
+    """The joint of `body`, and its actuator where it needs one."""
+    joint = body.add("joint", type="hinge", axis=axis)
+    if isinstance(hinge.by, Servo):
+        servo = root.actuator.add("velocity", name=hinge.body, joint=joint, kv=hinge.by.gain)
+        if hinge.by.torque_limit is not None:
+            servo.forcerange = [-hinge.by.torque_limit, hinge.by.torque_limit]
+        return
+    # It acts on the hinge alone and adds no angular momentum of its own.
+    joint.armature = hinge.by.armature
+    if hinge.actuated:
+        # Scaled by the gear, the control is the acceleration; MuJoCo refuses controls over 1e10.
+        root.actuator.add("motor", name=hinge.body, joint=joint, gear=[hinge.by.armature])
+
+
+def _add_sensors(root: Any, tree: Tree, hinges: tuple[Hinge, ...]) -> None:
+    """What a Motion needs, and nothing else; readings.py knows them by name."""
+    add = root.sensor.add
+    add("clock", name="time")
+    add("framepos", name="centre", objtype="xbody", objname=tree.shell)
+    add("framequat", name="attitude", objtype="xbody", objname=tree.frame)
+    add("frameangvel", name="angular_velocity", objtype="xbody", objname=tree.frame)
+    whole = f"{tree.root}/"
+    add("subtreelinvel", name="velocity", body=whole)
+    add("subtreeangmom", name="angular_momentum", body=whole)
+    add(
+        "contact",
+        name="contact",
+        geom1="floor",
+        geom2=f"{tree.shell}sphere",
+        data="found force torque normal tangent linvel angvel",
+    )
+    for hinge in hinges:
+        add("jointpos", name=f"{hinge.body}_angle", joint=hinge.joint)
+        add("jointvel", name=f"{hinge.body}_rate", joint=hinge.joint)
+        add("torque", name=f"{hinge.body}_torque", site=f"{hinge.joint}hinge")
+
+
+def _start_state(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
+    """The start's qpos, qvel and ctrl."""
+    qpos, qvel = _state_at(scene, settings, scene.start, hinges)
+    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
+    return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
+
+
+def _state_at(
+    scene: Scene, settings: Settings, start: Start, hinges: tuple[Hinge, ...]
+) -> tuple[Array, Array]:
+    """qpos and qvel of a start on the constraints, hinges at angle zero and at their rates."""
+    shell = scene.ball.shell
+    # At the start frame and shell axes coincide; the free joint's angular velocity is local.
+    frame_turning = scene.angular_velocity_at(start)
+    shell_turning = frame_turning - float(scene.drives[0].rate(0.0)) * shell.axis
+    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
+    root_turning = shell_turning if settings.root == "shell" else frame_turning
+    rates = np.array([float(hinge.drive.rate(0.0)) for hinge in hinges])
+    qpos = np.concatenate([[0.0, 0.0, shell.radius], start.attitude, np.zeros(len(hinges))])
+    return qpos, np.concatenate([velocity, root_turning, rates])

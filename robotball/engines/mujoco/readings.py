@@ -1,0 +1,167 @@
+"""What the sensors of a model say: rows of numbers → the observables of a Motion."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robotball.drives import Servo
+from robotball.engines.mujoco.hinges import Hinge
+from robotball.engines.mujoco.model import Model
+from robotball.motion import Loads
+from robotball.rotations import Array, Mask, rotation_matrix
+
+STATE_SENSORS = [
+    mujoco.mjtSensor.mjSENS_FRAMEPOS,
+    mujoco.mjtSensor.mjSENS_FRAMEQUAT,
+    mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
+    mujoco.mjtSensor.mjSENS_SUBTREELINVEL,
+    mujoco.mjtSensor.mjSENS_JOINTPOS,
+    mujoco.mjtSensor.mjSENS_JOINTVEL,
+]
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Rows (m, nsensordata + 7), one a state of `model`, as named columns in SI units.
+
+    A row is MjData's sensordata, then its warning counters.
+    """
+
+    model: Model
+    rows: Array
+
+    def column(self, sensor: str) -> Array:
+        """The (m, size) block of a named sensor."""
+        compiled = self.model.compiled
+        address = compiled.sensor(sensor).adr[0]
+        return self.rows[:, address : address + compiled.sensor(sensor).dim[0]]
+
+    @property
+    def warnings(self) -> Array:
+        """(m, 7): how often MuJoCo has warned so far, in the order of mjtWarning."""
+        return self.rows[:, self.model.compiled.nsensordata :]
+
+    @property
+    def time(self) -> Array:
+        return self.column("time")[:, 0]
+
+    @property
+    def centre(self) -> Array:
+        return self.column("centre")
+
+    @property
+    def attitude(self) -> Array:
+        return self.column("attitude")
+
+    @property
+    def angular_velocity(self) -> Array:
+        """ω (m, 3) of the frame, turned from the sensor's world axes to frame axes."""
+        to_world = rotation_matrix(self.attitude)
+        return np.einsum("nji,nj->ni", to_world, self.column("angular_velocity"))
+
+    @property
+    def momentum(self) -> Array:
+        """The paper's M (m, 3) in world axes, from MuJoCo's own momenta.
+
+        L = G + r×mv about the contact point; M = γ×L (3.1) in the rubber model, L in the
+        classical one.
+        """
+        arm = self.centre * [0.0, 0.0, 1.0]
+        linear = self.model.scene.ball.mass * self.column("velocity")
+        L = self.column("angular_momentum") + np.cross(arm, linear)
+        return np.cross([0.0, 0.0, 1.0], L) if self.model.scene.rolling == "rubber" else L
+
+    @property
+    def in_contact(self) -> Mask:
+        return self.column("contact")[:, 0] > 0
+
+    @property
+    def contact_force(self) -> Array:
+        """(m, 3): normal, then the two tangential components, of the plane on the shell [N]."""
+        return self.column("contact")[:, 1:4]
+
+    @property
+    def contact_force_world(self) -> Array:
+        """(m, 3): the same along the world axes [N]."""
+        normal, tangent = self.column("contact")[:, 7:10], self.column("contact")[:, 10:13]
+        basis = np.stack([normal, tangent, np.cross(normal, tangent)], axis=1)
+        return np.einsum("ni,nij->nj", self.contact_force, basis)
+
+    @property
+    def spin_torque(self) -> Array:
+        return self.column("contact")[:, 4]
+
+    @property
+    def slip(self) -> Array:
+        return np.linalg.norm(self.column("contact")[:, 14:16], axis=1)
+
+    @property
+    def spin(self) -> Array:
+        return self.column("contact")[:, 16]
+
+    @property
+    def friction_used(self) -> Array:
+        """(m,): the contact force's place in the friction cone, 1 on its surface, 0 in flight."""
+        compiled = self.model.compiled
+        # MuJoCo has no smaller coefficient.
+        slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
+        normal, *tangential = self.contact_force.T
+        torques = self.column("contact")[:, 4:7].T / np.array([[spin], [roll], [roll]])
+        demand = np.concatenate([tangential, torques * slide]) / slide
+        if compiled.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL:
+            needed = np.abs(demand).sum(axis=0)
+        else:
+            needed = np.linalg.norm(demand, axis=0)
+        return np.divide(needed, normal, out=np.zeros_like(needed), where=normal > 0)
+
+    def sound(self, limit: float) -> Mask:
+        """(m,): whether all is finite, and coordinates and velocities below `limit` in size.
+
+        Forces and momenta may be as large as a heavy ball makes them.
+        """
+        compiled = self.model.compiled
+        state = np.repeat(np.isin(compiled.sensor_type, STATE_SENSORS), compiled.sensor_dim)
+        finite = np.isfinite(self.rows).all(axis=1)
+        small = (np.abs(self.rows[:, : compiled.nsensordata][:, state]) < limit).all(axis=1)
+        return np.asarray(finite & small)
+
+    def _of_hinges(self, sensor: str, component: int = 0) -> Array:
+        """(m, h) over the scene's hinges of a sensor that each turning one has; else 0."""
+        columns = np.zeros((len(self.rows), len(self.model.scene.drives)))
+        for hinge in self.model.hinges:
+            columns[:, hinge.index] = self.column(f"{hinge.body}_{sensor}")[:, component]
+        return columns
+
+    @property
+    def hinge_angles(self) -> Array:
+        return self._of_hinges("angle")
+
+    @property
+    def hinge_rates(self) -> Array:
+        return self._of_hinges("rate")
+
+    @property
+    def motor_torques(self) -> Array:
+        """(m, h): of the parent on the child, along the hinge, which is its site's z [N m]."""
+        return self._of_hinges("torque", component=2)
+
+    @property
+    def loads(self) -> Loads:
+        return Loads(self.contact_force_world, self.spin_torque, self.motor_torques)
+
+    def hinge_rate_error(self, hinges: Iterable[Hinge]) -> Array:
+        """(m,): the largest over `hinges`, relative to the largest rate that each has to reach."""
+        worst = np.zeros(len(self.rows))
+        times = np.where(np.isfinite(self.time), self.time, 0.0)
+        for hinge in hinges:
+            error = np.abs(self.hinge_rates[:, hinge.index] - hinge.drive.rate(times))
+            worst = np.maximum(worst, error / hinge.largest_rate)
+        return worst
+
+    def servo_saturation(self, hinge: Hinge) -> Mask:
+        """(m,): whether a hinge's servo is at its torque limit."""
+        limit = hinge.by.torque_limit if isinstance(hinge.by, Servo) else None
+        torque = np.abs(self.motor_torques[:, hinge.index])
+        return torque >= (np.inf if limit is None else limit * (1 - 1e-9))

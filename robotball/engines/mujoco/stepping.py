@@ -1,0 +1,110 @@
+"""A model stepped by MuJoCo's own integrators, every step read."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import mujoco
+import numpy as np
+
+from robotball.engines.mujoco.control import Control
+from robotball.engines.mujoco.timing import Stretch, stretches
+from robotball.rotations import Array
+
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What each row of a portion began from, so that it can be done again.
+
+    states   (m, n)  MuJoCo's integration states
+    lengths  (m,)    s, of the step from each; 0 where there was none
+    spans    (m, 2)  s, the smooth span of time that each is in
+    """
+
+    states: Array
+    lengths: Array
+    spans: Array
+
+
+@dataclass(frozen=True)
+class Portion:
+    """A part of a run, between two looks at it.
+
+    rows     (m, columns of Readings)  in the order of time
+    sampled  which of them, as an index, are at the run's sample times
+    steps    how many were taken
+    longest  of them [s]
+    again    gives what its rows began from; deferred, for it is asked for of faulty runs alone
+    failure  why the run can't go on, if it can't
+    """
+
+    rows: Array
+    sampled: Array
+    steps: int
+    longest: float
+    again: Callable[[], Steps]
+    failure: str | None = None
+
+
+def read_row(data: mujoco.MjData) -> Array:
+    """The row of Readings of a state whose sensors are up to date."""
+    return np.concatenate([data.sensordata, data.warning.number])
+
+
+def state_of(data: mujoco.MjData) -> Array:
+    """All that a step depends on (n,)."""
+    state = np.empty(mujoco.mj_stateSize(data.model, STATE))
+    mujoco.mj_getState(data.model, data, state, STATE)
+    return state
+
+
+def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
+    """The run over sample `times` (n,) [s] by mj_step, in steps not longer than the timestep."""
+    compiled, scene = control.model.compiled, control.model.scene
+    for stretch in stretches(times, scene.breakpoints, compiled.opt.timestep):
+        again = partial(_again, control, state_of(data), stretch)
+        rows = _step(control, data, stretch)
+        yield Portion(rows, stretch.samples, len(rows), float(stretch.lengths.max()), again)
+    control.span = (times[-1], times[-1])
+    mujoco.mj_forward(compiled, data)
+    end = Steps(state_of(data)[None], np.zeros(1), np.array([control.span]))
+    yield Portion(read_row(data)[None], np.array([0]), 0, 0.0, lambda: end)
+
+
+def _step(control: Control, data: mujoco.MjData, stretch: Stretch) -> Array:
+    """Rows, one a step of the stretch, each of the state before its step."""
+    compiled, sensors, warned = control.model.compiled, data.sensordata, data.warning.number
+    rows = np.empty((int(stretch.counts.sum()), len(sensors) + len(warned)))
+    sensor_columns, warning_columns = rows[:, : len(sensors)], rows[:, len(sensors) :]
+    for row, _ in enumerate(_set_for_each(control, stretch)):
+        mujoco.mj_step(compiled, data)
+        sensor_columns[row] = sensors
+        warning_columns[row] = warned
+    return rows
+
+
+def _again(control: Control, start: Array, stretch: Stretch) -> Steps:
+    """The steps of a stretch, taken once more from the state that it began from."""
+    compiled = control.model.compiled
+    data = mujoco.MjData(compiled)
+    mujoco.mj_setState(compiled, data, start, STATE)
+    states, lengths, spans = [], [], []
+    for length, span in _set_for_each(control, stretch):
+        states.append(state_of(data))
+        lengths.append(length)
+        spans.append(span)
+        mujoco.mj_step(compiled, data)
+    return Steps(np.array(states), np.array(lengths), np.array(spans))
+
+
+def _set_for_each(control: Control, stretch: Stretch) -> Iterator[tuple[float, Sequence[float]]]:
+    """Sets model and control for every step of a stretch, and gives its length and span."""
+    option = control.model.compiled.opt
+    timestep = option.timestep
+    for span, length, count in stretch:
+        option.timestep, control.span = length, span
+        for _ in range(count):
+            yield length, span
+    option.timestep = timestep

@@ -1,0 +1,212 @@
+"""Many motions at once, or one closely sampled, by the compiled stepper.
+
+All axes named "frame" here are the principal axes of the ball's inertia, as in Parameters.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robotball.engines.reduced.compiled import marching
+from robotball.engines.reduced.compiled.steppers import row_of, stepper
+from robotball.engines.reduced.compiled.systems import PATH, System
+from robotball.errors import InputError, too_many_steps
+from robotball.parameters import Parameters, as_vector, check_speed, speed_bound
+from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.scene import Scene, check_times
+
+# Of one step, in the unit quaternion: near the least that double precision can judge.
+TOLERANCE = 1e-14
+STATUS = {
+    marching.DONE: "done",
+    marching.TOO_MANY_STEPS: "given up: too many steps",
+    marching.COLLAPSED: "given up: the step length fell to nothing",
+}
+STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
+MOST_STEPS = 2**62  # what a counter holds
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Orbits:
+    """Motions of n starts at m times.
+
+    times (m,) s; attitudes (n, m, 4) quaternions, frame to world; contact_points (n, m, 2) m,
+    world, from (0, 0); status (n,): a key of STATUS. What was given up is NaN from there on.
+    """
+
+    times: Array
+    attitudes: Array
+    contact_points: Array
+    status: Integers
+
+
+def orbits(
+    parameters: Parameters,
+    attitudes: Array,
+    momenta: Array,
+    times: Array,
+    tolerance: float = TOLERANCE,
+) -> Orbits:
+    """The motions of (3.2) or (3.3) from many starts, eight at a time.
+
+    attitudes: (n, 4) unit quaternions, frame to world; momenta: (n, 3) kg m²/s, world, horizontal
+    in the rubber model; times: (m,) s, increasing from 0; tolerance: the error of the quaternion
+    allowed in one step. Raises InputError on unusable starts or times.
+    """
+    times = check_times(times)
+    starts = Starts(parameters, attitudes, momenta)
+    states, status = starts.march(PATH, np.zeros((len(starts.turns), 2)), times[1:], tolerance)
+    first = np.concatenate([starts.attitudes, np.zeros((len(states), 2))], axis=1)
+    states = np.concatenate([first[:, None], states], axis=1)
+    return Orbits(
+        times=times,
+        attitudes=starts.to_world(states[..., :4]),
+        contact_points=starts.turned_back(states[..., 4:]),
+        status=status,
+    )
+
+
+def orbit(
+    parameters: Parameters,
+    attitude: Array,
+    momentum: Array,
+    times: Array,
+    tolerance: float = TOLERANCE,
+    max_steps: int | None = None,
+) -> tuple[Array, Array]:
+    """Attitudes (m, 4) and contact points (m, 2) of one motion, for times (m,) close together.
+
+    As `orbits`, for a single start (4,) and (3,); raises InputError where it would be given up,
+    or needs more than max_steps.
+    """
+    times = check_times(times)
+    starts = Starts(parameters, attitude[None], momentum[None])
+    row = np.concatenate([starts.rows[0], starts.attitudes[0], np.zeros(2)])
+    states = np.empty((len(times), PATH.size))
+    states[0] = row[-PATH.size :]
+    length = starts.first_lengths(times[-1], tolerance)[0]
+    limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
+    step = stepper(PATH, parameters.rolling)
+    status, reached = marching.follow(
+        step, row, length, times[1:], tolerance, limit + len(times), states[1:]
+    )
+    if status == marching.TOO_MANY_STEPS:
+        to_frame = rotation_matrix(attitude).T
+        M, gamma = as_vector(to_frame @ momentum), as_vector(to_frame[:, 2])
+        speed = math.hypot(*parameters.angular_velocity(M, gamma))
+        raise too_many_steps(limit, reached, times[-1], speed)
+    if status != marching.DONE:
+        raise InputError(f"the orbit was {STATUS[status]} at t = {reached:g} s")
+    return starts.to_world(states[None, :, :4])[0], starts.turned_back(states[None, :, 4:])[0]
+
+
+def start_of(scene: Scene) -> tuple[Parameters, Array, Array]:
+    """A scene as the functions here take it: its Parameters, attitudes (1, 4), momenta (1, 3).
+
+    The attitude is that of the principal axes, in which Parameters are.
+    """
+    attitude = multiply(scene.start.attitude, scene.principal_quaternion)
+    return scene.parameters, attitude[None], scene.start.momentum[None]
+
+
+class Starts:
+    """Starts as the stepper takes them: turned about the vertical until M = -mα + cγ.
+
+    attitudes: (n, 4) so turned; rows: (n, k), the constants of each orbit; turns: (n,) rad.
+    """
+
+    def __init__(self, parameters: Parameters, attitudes: Array, momenta: Array) -> None:
+        attitudes = np.atleast_2d(np.asarray(attitudes, dtype=float))
+        momenta = np.atleast_2d(np.asarray(momenta, dtype=float))
+        check_starts(parameters, attitudes, momenta)
+        self.parameters = parameters
+        self.size = np.linalg.norm(momenta, axis=1)
+        check_speed(parameters, self.size)
+        across = np.hypot(momenta[:, 0], momenta[:, 1])
+        self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
+        self.attitudes = multiply(about_vertical(-self.turns), attitudes)
+        ball = np.array(row_of(parameters))
+        level = np.stack([across, momenta[:, 2]], axis=1)
+        f_root = np.where(self.size > 0, self.size, 1.0)
+        section = np.concatenate([np.tile([1.0, 0.0], (len(level), 1)), level / f_root[:, None]], 1)
+        self.rows = np.concatenate([np.tile(ball, (len(level), 1)), level, section], axis=1)
+
+    def march(
+        self, system: System, rest: Array, times: Array, tolerance: float
+    ) -> tuple[Array, Integers]:
+        """States (n, m, size), in turned axes, and status (n,) of a system at times (m,) > 0.
+
+        rest: (n, size - 4), what the state starts with after the quaternion.
+        """
+        n = len(self.rows)
+        states, status = np.full((n, len(times), system.size), np.nan), np.zeros(n, np.int64)
+        marching.march(
+            stepper(system, self.parameters.rolling),
+            np.concatenate([self.rows, self.attitudes, rest], axis=1),
+            self.first_lengths(times[-1], tolerance),
+            np.ascontiguousarray(times),
+            tolerance,
+            self.step_limit(times[-1]) + len(times),
+            states,
+            status,
+        )
+        return states, status
+
+    def first_lengths(self, duration: float, tolerance: float) -> Array:
+        """A first step (n,) for each orbit, rather short; it grows by itself [s]."""
+        speed = speed_bound(self.parameters, self.size)
+        return np.minimum(duration, tolerance**0.125 / np.maximum(speed, 1e-300))
+
+    def step_limit(self, duration: float) -> int:
+        """More steps than any orbit needs, so that none can hang the others."""
+        turns = float(speed_bound(self.parameters, self.size).max()) * duration / (2 * np.pi)
+        return int(min(1000 + STEPS_PER_TURN * turns, MOST_STEPS))
+
+    def to_world(self, attitudes: Array) -> Array:
+        """Attitudes (n, m, 4) in world axes."""
+        turns = np.broadcast_to(about_vertical(self.turns)[:, None], attitudes.shape)
+        w, z = turns[..., 0], turns[..., 3]
+        q = attitudes
+        return np.stack(
+            [
+                w * q[..., 0] - z * q[..., 3],
+                w * q[..., 1] - z * q[..., 2],
+                w * q[..., 2] + z * q[..., 1],
+                w * q[..., 3] + z * q[..., 0],
+            ],
+            axis=-1,
+        )
+
+    def turned_back(self, points: Array) -> Array:
+        """Points (n, m, 2) of the plane in world axes."""
+        cos, sin = np.cos(self.turns)[:, None], np.sin(self.turns)[:, None]
+        X, Y = points[..., 0], points[..., 1]
+        return np.stack([cos * X - sin * Y, sin * X + cos * Y], axis=-1)
+
+
+def about_vertical(angles: Array) -> Array:
+    """Quaternions (n, 4) of turns (n,) about the vertical [rad]."""
+    zero = np.zeros_like(angles)
+    return np.stack([np.cos(angles / 2), zero, zero, np.sin(angles / 2)], axis=-1)
+
+
+def check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:
+    """Raises InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
+    if not np.isfinite(row_of(parameters)).all():
+        raise InputError(f"the numbers of the ball are not finite: {parameters}")
+    if attitudes.shape[1:] != (4,) or momenta.shape != (len(attitudes), 3):
+        raise InputError(
+            f"n starts are attitudes (n, 4) and momenta (n, 3), not {attitudes.shape} and "
+            f"{momenta.shape}"
+        )
+    if len(attitudes) == 0 or not (np.isfinite(attitudes).all() and np.isfinite(momenta).all()):
+        raise InputError("starts must be at least one, and finite")
+    if np.abs(np.linalg.norm(attitudes, axis=1) - 1).max() > 1e-9:
+        raise InputError("attitudes must be unit quaternions")
+    vertical = np.abs(momenta[:, 2])
+    if parameters.rolling == "rubber" and (vertical > 1e-9 * np.linalg.norm(momenta, axis=1)).any():
+        raise InputError("momenta must be horizontal in the rubber model, by (3.1)")

@@ -1,0 +1,186 @@
+"""The compiled loops that drive a step: many orbits in lanes, or one orbit closely sampled.
+
+Each lane has an orbit of its own, with its own step length and acceptance, and takes the next
+orbit of the queue when it is done. A step has no memory: a state asked for within a step is
+found by a shorter step from the same start, so no interpolant is needed and every output has
+the full order.
+"""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+
+from robotball.engines.reduced.compiled.flatten import LANES
+from robotball.engines.reduced.compiled.steppers import (
+    BALL,
+    LENGTH,
+    LOOKED,
+    MARCHED,
+    REJECTED,
+    STATE,
+    TARGET,
+    TIME,
+    TOLERANCE,
+    cache_folder,
+)
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2
+STEP = "FunctionType(void(f8[::1]))"
+COMPILED_FROM = ("flatten", "steppers", "marching", "crossing")
+
+
+def sources_digest() -> str:
+    """A name for all the source that the loops are compiled from."""
+    folder = Path(__file__).parent
+    source = b"".join((folder / f"{name}.py").read_bytes() for name in COMPILED_FROM)
+    return hashlib.sha256(source).hexdigest()[:16]
+
+
+CACHE = cache_folder() / f"loops_{sources_digest()}"
+
+
+def compiled(signature: str) -> Callable[[Function], Function]:
+    """Numba's njit with what every loop here wants.
+
+    Numba renews a cached function when its own file changes, but not when the constants and
+    functions do that it took in from others; so the cache's folder is named after all of them.
+    """
+
+    def decorate(function: Function) -> Function:
+        usual = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(CACHE)
+        try:
+            return numba.njit(signature, cache=True, nogil=True, error_model="numpy")(function)
+        finally:
+            numba.config.CACHE_DIR = usual
+
+    return decorate
+
+
+@compiled("void(f8[::1], i8, f8[::1], f8, f8)")
+def load(w: Any, lane: int, row: Any, length: float, tolerance: float) -> None:
+    """Put an orbit into a lane; row: the rows from BALL on, up to the end of its state."""
+    w[LENGTH * LANES + lane] = length
+    w[TOLERANCE * LANES + lane] = tolerance
+    w[TIME * LANES + lane] = 0.0
+    w[TARGET * LANES + lane] = np.inf
+    for j in range(len(row)):
+        w[(BALL + j) * LANES + lane] = row[j]
+
+
+@compiled("b1(f8[::1], i8)")
+def collapsed(w: Any, lane: int) -> bool:
+    """Whether a lane's step is too short to move its time."""
+    time = w[TIME * LANES + lane]
+    return time + w[LENGTH * LANES + lane] == time
+
+
+@compiled(f"void({STEP}, f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
+def march(
+    step: Any,
+    rows: Any,
+    lengths: Any,
+    times: Any,
+    tolerance: float,
+    step_limit: int,
+    states: Any,
+    status: Any,
+) -> None:
+    """States (n, m, size) of n orbits at m times, all after 0 and increasing.
+
+    rows: (n, k) as `load` takes them; lengths: (n,) s, of each orbit's first step. Writes states
+    and status (n,); the states of an orbit that is given up stay as they were.
+    """
+    size = states.shape[2]
+    w = np.zeros((STATE + 2 * size + 4) * LANES)
+    new, flag = STATE + size, STATE + 2 * size
+    orbit = np.full(LANES, -1)
+    sample, steps = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    waiting, running = 0, 0
+    for lane in range(LANES):
+        load(w, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
+        if waiting < len(rows):
+            load(w, lane, rows[waiting], lengths[waiting], tolerance)
+            w[TARGET * LANES + lane] = times[0]
+            orbit[lane] = waiting
+            waiting += 1
+            running += 1
+    while running > 0:
+        step(w)
+        for lane in range(LANES):
+            i = orbit[lane]
+            if i < 0:
+                continue
+            steps[lane] += 1
+            if w[flag * LANES + lane] == LOOKED:
+                for j in range(size):
+                    states[i, sample[lane], j] = w[(new + j) * LANES + lane]
+                sample[lane] += 1
+                if sample[lane] < len(times):
+                    w[TARGET * LANES + lane] = times[sample[lane]]
+                    continue
+                status[i] = DONE
+            elif steps[lane] >= step_limit:
+                status[i] = TOO_MANY_STEPS
+            elif w[flag * LANES + lane] == REJECTED and collapsed(w, lane):
+                status[i] = COLLAPSED
+            else:
+                continue
+            if waiting < len(rows):
+                load(w, lane, rows[waiting], lengths[waiting], tolerance)
+                w[TARGET * LANES + lane] = times[0]
+                orbit[lane], sample[lane], steps[lane] = waiting, 0, 0
+                waiting += 1
+            else:
+                orbit[lane] = -1
+                running -= 1
+
+
+@compiled(f"Tuple((i8, f8))({STEP}, f8[::1], f8, f8[::1], f8, i8, f8[:, ::1])")
+def follow(
+    step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, states: Any
+) -> tuple[int, float]:
+    """States (m, size) of one orbit at m times, all after 0 and increasing.
+
+    Returns the status and the time that it reached.
+    Lane 0 marches; the others look for the outputs within the step that it took before.
+    """
+    size = states.shape[1]
+    w = np.zeros((STATE + 2 * size + 4) * LANES)
+    new, flag = STATE + size, STATE + 2 * size
+    for lane in range(LANES):
+        load(w, lane, row, length, tolerance)
+    sample, reached = 0, 0  # outputs found, and outputs that lane 0 has passed
+    for _ in range(step_limit):
+        helping = min(reached - sample, LANES - 1)
+        for k in range(helping):
+            w[LENGTH * LANES + 1 + k] = np.inf
+            w[TARGET * LANES + 1 + k] = times[sample + k]
+        # With more outputs than lanes, lane 0 waits: it looks at where it stands.
+        waits = sample + helping < reached
+        w[TARGET * LANES] = w[TIME * LANES] if waits else np.inf
+        before = w[TIME * LANES]
+        old = w[STATE * LANES : (STATE + size) * LANES].copy()
+        step(w)
+        for k in range(helping):
+            for j in range(size):
+                states[sample + k, j] = w[(new + j) * LANES + 1 + k]
+        sample += helping
+        if sample == len(times):
+            return DONE, w[TIME * LANES]
+        if w[flag * LANES] == MARCHED:
+            for lane in range(1, LANES):
+                w[TIME * LANES + lane] = before
+                for j in range(size):
+                    w[(STATE + j) * LANES + lane] = old[j * LANES]
+            while reached < len(times) and times[reached] <= w[TIME * LANES]:
+                reached += 1
+        elif w[flag * LANES] == REJECTED and collapsed(w, 0):
+            return COLLAPSED, w[TIME * LANES]
+    return TOO_MANY_STEPS, w[TIME * LANES]

@@ -1,0 +1,173 @@
+"""The steps that are compiled: DOP853 over the equations, one step of LANES orbits at a time.
+
+A step is a plain function of the state and its length, here run on symbols (flatten.py) and
+compiled once a rolling model; a ball is data. Only unit vectors are judged for their error, so
+no tolerance has a unit.
+"""
+
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core.codegen import get_host_cpu_features
+from scipy.integrate import DOP853
+
+from robotball.engines.reduced.compiled.flatten import Tape, at, lane_function, least
+from robotball.engines.reduced.compiled.systems import Level, State, System, section_function
+from robotball.equations import Scalar
+from robotball.parameters import Parameters, Rolling
+
+STAGES = 12
+# LLVM holds some processors to half of their vectors' width, a third slower here. Only a process
+# that has compiled nothing yet can still be told, and one whose user has said so is not.
+if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
+    numba.config.CPU_FEATURES = get_host_cpu_features() + ",-prefer-256-bit"
+
+# Rows of a workspace: how long a step to try, the error allowed, the time, where to stop; the
+# ball, the level set, the section; and from STATE on the state, the new state, FLAG and more.
+LENGTH, TOLERANCE, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 21
+REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
+# Control of the length: the usual safety and limits of change.
+SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.9, 0.2, 6.0
+
+
+def dop853(
+    rate: Callable[[State], State], state: State, h: Scalar, judged: int
+) -> tuple[list[Scalar], Scalar]:
+    """The state after one step of length h, and the square of its error in the first `judged`.
+
+    Dormand and Prince's method of order 8 with 12 stages; scipy has its coefficients and its
+    estimate of the error, of order 5 and 3 together.
+    """
+
+    def combination(row: Any, slopes: list[State], i: int) -> Scalar:
+        return sum(float(a) * slope[i] for a, slope in zip(row, slopes, strict=False) if a != 0)
+
+    def moved(row: Any, slopes: list[State]) -> list[Scalar]:
+        return [y + h * combination(row, slopes, i) for i, y in enumerate(state)]
+
+    slopes = [rate(state)]
+    for row in DOP853.A[1:STAGES]:
+        slopes.append(rate(moved(row, slopes)))
+    fifth = [combination(DOP853.E5, slopes, i) for i in range(judged)]
+    third = [combination(DOP853.E3, slopes, i) for i in range(judged)]
+    square5, square3 = sum(e * e for e in fifth), sum(e * e for e in third)
+    # The tiny term stands for 0/0 = 0, where nothing moves.
+    per_norm = 1 / (square5 + 0.01 * square3 + 1e-200)
+    return moved(DOP853.B, slopes), h * h * square5 * square5 * per_norm
+
+
+def flat_step(system: System, rolling: Rolling) -> str:
+    """Source of the step of a system, over the rows of a workspace.
+
+    A lane whose target is nearer than its length only looks: it leaves the state there in the
+    rows of the new state, and stands still. Otherwise it marches: time and state move, if the
+    error is within the tolerance. After the new state come the flag, and where the system sees
+    the section, `section_function` of the new state.
+    """
+    tape = Tape()
+    row = [tape.input(at(i)) for i in range(STATE + system.size)]
+    parameters = ball_of(rolling, row[BALL:LEVEL])
+    along_gamma = row[LEVEL + 1] if rolling == "classical" else 0.0
+    level = Level(row[LEVEL], along_gamma)
+    length = least(row[TARGET] - row[TIME], row[LENGTH])
+    new, error = dop853(
+        lambda state: system.rate(state, parameters, level),
+        row[STATE:],
+        length,
+        judged=sum(system.units),
+    )
+    start = 0
+    for size in system.units:
+        unit = slice(start, start := start + size)
+        per_length = 1 / sum(x * x for x in new[unit]).sqrt()
+        new[unit] = [x * per_length for x in new[unit]]
+
+    # (error/tolerance)^(1/8), of which `error` is the square.
+    ratio = (error / (row[TOLERANCE] * row[TOLERANCE])).sqrt().sqrt().sqrt().sqrt()
+    accepted, marching = ratio.at_most(1.0), row[LENGTH].at_most(length)
+    marched, looked = accepted & marching, accepted & length.below(row[LENGTH])
+    change = SAFETY / ratio
+    change = change.at_least(LEAST_CHANGE).choose(least(change, MOST_CHANGE), LEAST_CHANGE)
+    flag = marched.choose(MARCHED, looked.choose(LOOKED, REJECTED))
+    end = STATE + system.size
+    results = {
+        LENGTH: looked.choose(row[LENGTH], length * change),
+        TIME: marched.choose(row[TIME] + length, row[TIME]),
+        **{STATE + i: marched.choose(x, row[STATE + i]) for i, x in enumerate(new)},
+        **{end + i: x for i, x in enumerate(new)},
+        end + system.size: flag,
+    }
+    if system.sees_section:
+        turned = row[SECTION + 3] if rolling == "classical" else 0.0
+        seen = section_function(new, parameters, level, [*row[SECTION : SECTION + 3], turned])
+        results |= {end + system.size + 1 + i: x for i, x in enumerate(seen)}
+    return lane_function("step", tape, results)
+
+
+def ball_of(rolling: Rolling, row: Sequence[Any]) -> Parameters:
+    """The Parameters whose numbers are in the rows from BALL to LEVEL."""
+    I1, I2, I3, d, a, Omega1, Omega2, Omega3, K1, K2, K3 = row
+    return Parameters(rolling, (I1, I2, I3), d, a, (Omega1, Omega2, Omega3), (K1, K2, K3))
+
+
+def row_of(parameters: Parameters) -> list[float]:
+    """What `ball_of` takes (11,)."""
+    p = parameters
+    return [*p.I, p.d, p.a, *p.Omega, *p.K]
+
+
+HEADER = '''"""Generated from robotball's equations; not to be edited."""
+
+from math import sqrt
+
+from numba import njit
+
+
+@njit("void(f8[::1])", cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+'''
+
+
+@cache
+def stepper(system: System, rolling: Rolling) -> Any:
+    """The compiled step (workspace) -> None of a system; from the cache where it is there.
+
+    The generated source is kept in a file, because that is where numba keeps a compiled
+    function: beside its source.
+    """
+    source = HEADER + flat_step(system, rolling) + "\n"
+    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+    name = f"robotball_{system.name}_{rolling}_{digest}"
+    path = cache_folder() / f"{name}.py"
+    if not path.exists():
+        # Written aside and renamed, so that another process never reads half of it.
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False) as file:
+            file.write(source)
+        Path(file.name).replace(path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # by its name numba finds it when it loads the compiled step
+    spec.loader.exec_module(module)
+    return module.step
+
+
+def cache_folder() -> Path:
+    """Where generated steps are kept: the user's cache, or a temporary folder if that is closed."""
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    for folder in (home / "robotball", Path(tempfile.gettempdir()) / f"robotball-{os.getuid()}"):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    raise OSError(f"no folder to keep compiled steps in; set XDG_CACHE_HOME (tried {home})")

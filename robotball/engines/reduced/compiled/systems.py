@@ -1,0 +1,103 @@
+"""The systems of equations that are stepped, in plain arithmetic like equations.py.
+
+All in the axes of section 3.3, in which M = -mα + cγ, and in unit quaternions: M is constant in
+space, so an attitude is all there is to integrate.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from robotball import equations as eq
+from robotball.engines.reduced.compiled.duals import along, slopes
+from robotball.equations import Quaternion, Scalar, Vector
+from robotball.parameters import Parameters
+
+State = Sequence[Scalar]
+
+
+@dataclass(frozen=True)
+class Level:
+    """What stays constant, in the axes of section 3.3: M = -mα + cγ, kg m²/s."""
+
+    m: Scalar
+    c: Scalar
+
+    def momentum(self, alpha: Vector, gamma: Vector) -> Vector:
+        """M in frame axes."""
+        return eq.subtract(eq.scale(self.c, gamma), eq.scale(self.m, alpha))
+
+
+@dataclass(frozen=True)
+class System:
+    """Equations to step: their right-hand side and what of the state is of length one.
+
+    rate: (state, parameters, level) -> d(state)/dt. units: the dimensions of the unit vectors
+    that the state starts with; they are what the error is judged on, and they are brought back
+    to length one at every step. The rest are quadratures of them.
+    """
+
+    name: str
+    size: int
+    units: tuple[int, ...]
+    rate: Callable[[State, Parameters, Level], State]
+    sees_section: bool = False
+
+
+def path_rate(state: State, parameters: Parameters, level: Level) -> State:
+    """d/dt of (q, X, Y): attitude and contact point."""
+    q, alpha, beta, _, omega = turning(state, parameters, level)
+    velocity = eq.contact_velocity(alpha, beta, omega, parameters.Omega, parameters.a)
+    return (*eq.attitude_rate(q, omega), *velocity)
+
+
+def attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
+    """d/dt of q alone."""
+    q, _, _, _, omega = turning(state, parameters, level)
+    return eq.attitude_rate(q, omega)
+
+
+def deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
+    """d/dt of (q, ξ, ln growth, ln volume): a neighbouring orbit's direction and distance.
+
+    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ; its direction, of length
+    one, and the logarithm of its length are kept apart.
+    """
+    q, alpha, _, gamma, omega = turning(state, parameters, level)
+    xi: Vector = (state[4], state[5], state[6])
+    moving_gamma = along(gamma, eq.cross(gamma, xi))
+    moving_M = along(level.momentum(alpha, gamma), eq.cross(level.momentum(alpha, gamma), xi))
+    change = slopes(parameters.angular_velocity(moving_M, moving_gamma))
+    growth = eq.dot(xi, change)
+    xi_rate = eq.subtract(eq.subtract(change, eq.cross(omega, xi)), eq.scale(growth, xi))
+    return (*eq.attitude_rate(q, omega), *xi_rate, growth, parameters.divergence(gamma))
+
+
+def turning(
+    state: State, parameters: Parameters, level: Level
+) -> tuple[Quaternion, Vector, Vector, Vector, Vector]:
+    """q, α, β, γ and ω of a state that starts with q."""
+    w, x, y, z = state[:4]
+    alpha, beta, gamma = eq.space_axes((w, x, y, z))
+    omega = parameters.angular_velocity(level.momentum(alpha, gamma), gamma)
+    return (w, x, y, z), alpha, beta, gamma, omega
+
+
+def section_function(
+    state: State, parameters: Parameters, level: Level, section: State
+) -> tuple[Scalar, Scalar, Scalar]:
+    """sin(g - g₀), its rate [1/s] and cos(g - g₀), all times √(1 - L²/f); of a state with q first.
+
+    section: (cos g₀, sin g₀, m/√f, c/√f). With γ₀ = (m/√f)γ + (c/√f)α of (5.5) the definition of
+    g reads √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃); no angle is needed.
+    """
+    cos_g, sin_g, across, along_M = section
+    _, alpha, beta, gamma, omega = turning(state, parameters, level)
+    node = eq.add(eq.scale(across, gamma), eq.scale(along_M, alpha))
+    ahead = eq.subtract(eq.scale(sin_g, node), eq.scale(cos_g, beta))
+    facing = -(cos_g * node[2] + sin_g * beta[2])
+    return ahead[2], eq.cross(ahead, omega)[2], facing
+
+
+PATH = System("path", 6, (4,), path_rate)
+RETURN = System("return", 4, (4,), attitude_rate, sees_section=True)
+DEVIATION = System("deviation", 9, (4, 3), deviation_rate)

@@ -1,0 +1,177 @@
+"""Scene → Motion by the paper's equations: one rotation, integrated to round-off."""
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from robotball import equations as eq
+from robotball.bodies import imbalance
+from robotball.engines.dop853 import Compensated, Rate
+from robotball.errors import InputError, too_many_steps
+from robotball.loads import loads_of
+from robotball.motion import Motion
+from robotball.parameters import as_vector, check_speed, speed_bound
+from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.scene import Scene, check_times
+
+TOLERANCE = 1e-15  # of one step, relative; below it no step is better
+# Longer motions at steady rates, in rad by the bound on |ω|, are left to the compiled step, which
+# takes a hundredth of the time: so much takes some seconds here.
+LONG = 1e4
+# What takes one to three minutes: at the usual rates a day here, and a month by compiled steps.
+MAX_STEPS, MAX_COMPILED_STEPS = 1_000_000, 100_000_000
+
+
+def integrate(
+    scene: Scene,
+    times: Array | None = None,
+    rtol: float = TOLERANCE,
+    max_steps: int | None = None,
+) -> Motion:
+    """The motion of the ball by (3.2) or (3.3).
+
+    M is constant in space, so the state is one unit quaternion q and the contact point:
+    dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; the scene's own if None.
+    rtol: the error allowed in one step, from 1e-15 on; max_steps: a limit for motions that turn
+    too often, some minutes' work if None. Raises InputError on unusable times, for a ball that is
+    not balanced, where the limit is met or a step shrinks to nothing, and where a number would
+    overflow: a motion that is returned is finite.
+    """
+    times = scene.times if times is None else check_times(times)
+    if not TOLERANCE <= rtol < 1:
+        raise InputError(f"rtol must be at least {TOLERANCE:g} and less than 1, not {rtol:g}")
+    if offset := imbalance(scene.ball):
+        raise InputError(f"{offset}, where the equations need it; MuJoCo alone can roll it")
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        motion = _motion(scene, times, _states(scene, times, rtol, max_steps))
+    _check_finite(scene, motion)
+    return motion
+
+
+def _motion(scene: Scene, times: Array, states: Array) -> Motion:
+    """The motion whose states (n, 6), of any length of q, are given."""
+    attitude = states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True)
+    axes = rotation_matrix(attitude)
+    M = axes.transpose(0, 2, 1) @ scene.start.momentum
+    omega = _angular_velocity(scene, times, M, axes[:, 2])
+    return Motion(
+        times=times,
+        contact_point=states[:, 4:],
+        attitude=multiply(attitude, conjugate(scene.principal_quaternion)),
+        momentum=np.einsum("nij,nj->ni", axes, M),
+        angular_velocity=omega @ scene.principal_axes.T,
+        hinge_angles=np.stack([drive.angle(times) for drive in scene.drives], axis=1),
+        hinge_rates=np.stack([drive.rate(times) for drive in scene.drives], axis=1),
+        loads=loads_of(scene, times, axes, omega),
+    )
+
+
+def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Array:
+    """ω (n, 3) at n times, all in principal axes."""
+    if scene.steady:
+        return np.stack(scene.parameters.angular_velocity(tuple(M.T), tuple(gamma.T)), axis=1)
+    return np.array(
+        [
+            scene.parameters_at(t).angular_velocity(as_vector(M_now), as_vector(gamma_now))
+            for t, M_now, gamma_now in zip(times.tolist(), M, gamma, strict=True)
+        ]
+    )
+
+
+def _check_finite(scene: Scene, motion: Motion) -> None:
+    """Raises InputError, with the first number that overflowed, unless all are finite."""
+    for part in (motion, motion.loads):
+        for field in fields(part):
+            value = getattr(part, field.name)
+            if isinstance(value, np.ndarray) and not np.isfinite(value).all():
+                i = int(np.argmin(np.isfinite(value).reshape(len(value), -1).all(axis=1)))
+                raise InputError(
+                    f"{scene.name}: the {field.name.replace('_', ' ')} exceeds "
+                    f"{np.finfo(float).max:.2g}, the largest number that there is, at "
+                    f"t = {motion.times[i]:g} s; bring the bodies or the rates nearer to 1"
+                )
+
+
+def right_hand_side(scene: Scene) -> Rate:
+    """d/dt of (q, X, Y): (6,) at time t, with q from principal axes to world, of any length."""
+    MX, MY, MZ = as_vector(scene.start.momentum)
+    parameters_at = (lambda _: scene.parameters) if scene.steady else scene.parameters_at
+
+    def rate(t: float, state: Array) -> Array:
+        w, x, y, z, _X, _Y = state.tolist()
+        q = (w, x, y, z)
+        parameters = parameters_at(t)
+        alpha, beta, gamma = eq.space_axes(q)
+        M = eq.add(eq.add(eq.scale(MX, alpha), eq.scale(MY, beta)), eq.scale(MZ, gamma))
+        omega = parameters.angular_velocity(M, gamma)
+        velocity = eq.contact_velocity(alpha, beta, omega, parameters.Omega, parameters.a)
+        return np.array([*eq.attitude_rate(q, omega), *velocity])
+
+    return rate
+
+
+def _states(scene: Scene, times: Array, rtol: float, max_steps: int | None) -> Array:
+    """States (n, 6) at the times, with q from principal axes to world."""
+    at_start = scene.parameters_at(0.0)
+    size = np.array([math.hypot(*scene.start.momentum.tolist())])
+    check_speed(at_start, size)
+    if scene.steady and speed_bound(at_start, size)[0] * times[-1] > LONG:
+        from robotball.engines.reduced.compiled.kernels import orbit, start_of
+
+        parameters, attitudes, momenta = start_of(scene)
+        limit = MAX_COMPILED_STEPS if max_steps is None else max_steps
+        states = orbit(
+            parameters, attitudes[0], momenta[0], times, max(rtol / 10, TOLERANCE), limit
+        )
+        return np.concatenate(states, axis=1)
+    return _solve(scene, times, rtol, MAX_STEPS if max_steps is None else max_steps)
+
+
+@dataclass
+class _Stepper:
+    """DOP853 along a motion, which may have so many steps in all."""
+
+    rate: Rate
+    rtol: float
+    scale: Array
+    end: float
+    max_steps: int
+    steps: int = 0
+
+    def piece(self, span: tuple[float, float], state: Array, times: Array) -> tuple[Array, Array]:
+        """The state (6,) at the end of a smooth span and those (n, 6) at times in it."""
+        states = np.empty((len(times), 6))
+        solver = Compensated(self.rate, span, state, self.rtol, self.scale)
+        done = 0
+        while solver.running:
+            if self.steps >= self.max_steps:
+                speed = 2 * math.hypot(*solver.derivative[:4].tolist())  # dq/dt = q∘ω/2
+                raise too_many_steps(self.max_steps, solver.t, self.end, speed)
+            message = solver.step()
+            self.steps += 1
+            if message is not None:
+                raise InputError(
+                    f"the equations could not be integrated past t = {solver.t:g} s: {message}"
+                )
+            reached = int(np.searchsorted(times, solver.t, side="right"))
+            if reached > done:
+                states[done:reached] = solver.within(times[done:reached])
+                done = reached
+        return solver.state, states
+
+
+def _solve(scene: Scene, times: Array, rtol: float, max_steps: int) -> Array:
+    """States (n, 6) at the times, integrated anew from every breakpoint of the drives."""
+    # X and Y are only quadratures of q: a scale of their own keeps them from setting the step where
+    # they pass zero.
+    scale = np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
+    stepper = _Stepper(right_hand_side(scene), rtol, scale, float(times[-1]), max_steps)
+    states = np.empty((len(times), 6))
+    states[0] = (*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0)
+    state, begin = states[0], 0.0
+    for end in (*(t for t in scene.breakpoints if t < times[-1]), times[-1]):
+        inside = (times > begin) & (times <= end)
+        state, states[inside] = stepper.piece((begin, end), state, times[inside])
+        begin = end
+    return states

@@ -1,0 +1,142 @@
+"""A run that goes wrong is reported with its time and cause, and never passes for a result."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.drives import Servo
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.monitor import Watch
+from robotball.engines.mujoco.readings import Readings
+from validation import compare
+
+FIG12 = rb.load_scene("fig12")
+FAST = rb.preset("fast")
+KEEP_GOING = replace(FAST, stop_at_fault=False)
+
+
+def faults_of(settings: rb.Settings, scene: rb.Scene = FIG12) -> dict[str, float]:
+    """The causes and times of a run's faults."""
+    diagnostics = rb.simulate(scene, settings=settings).diagnostics
+    assert diagnostics is not None
+    return {fault.cause: fault.time for fault in diagnostics.faults}
+
+
+@pytest.mark.parametrize("settings", rb.PRESETS.values(), ids=rb.PRESETS)
+def test_only_the_naive_preset_has_faults(settings: rb.Settings) -> None:
+    """A newcomer's model slips, bounces and loses its rates; the recipe does none of it."""
+    faults = faults_of(settings)
+    if settings.name == "naive":
+        assert set(faults) == {
+            "hinge rate off by over 0.001",
+            "friction cone saturated",
+            "contact lost",
+            "slipped over 0.01 of the path",
+            "M off by over 0.01",
+        }
+    else:
+        assert faults == {}
+
+
+def test_a_diverging_run_ends_at_the_step_that_diverged() -> None:
+    """Explicit steps of half a second blow up: no sample after that, no measure, one cause."""
+    long = replace(KEEP_GOING, timestep=0.5, integrator="Euler")
+    agreement = compare(FIG12, long, np.arange(21) / 2)
+    diverged = [fault for fault in agreement.faults if fault.fatal]
+    assert [fault.cause for fault in diverged] == ["the state diverged"]
+    assert agreement.engine.times[-1] == diverged[0].time - 0.5
+    assert np.isfinite(agreement.engine.contact_point).all()
+    assert (agreement.path_error, agreement.gamma_error, agreement.momentum_drift) == (None,) * 3
+    assert not agreement.agrees
+
+
+def test_too_little_friction_is_reported_from_the_moment_it_slips() -> None:
+    """The demand peaks at 1.32 of the weight; with a limit of 1, the run fails when that is asked.
+
+    MuJoCo's sliding contact throws the ball up for a step before it saturates.
+    """
+    demand = rb.simulate(FIG12, settings=FAST).loads.sliding_friction
+    faults = faults_of(replace(KEEP_GOING, sliding_friction=1.0))
+    assert next(iter(faults)) == "contact lost"
+    assert "friction cone saturated" in faults
+    assert faults["contact lost"] == pytest.approx(FIG12.times[np.argmax(demand > 1.0)])
+    assert demand.max() == pytest.approx(1.3214, abs=1e-3)
+
+
+def test_a_weak_servo_is_reported() -> None:
+    """A velocity servo too weak for its load misses its rate, and the run says so."""
+    weak = replace(FAST, timestep=2e-3, drive=Servo(gain=1.0))
+    assert "hinge rate off by over 0.001" in faults_of(weak)
+
+
+def test_a_weak_motor_of_the_scenes_own_is_told_and_goes_on() -> None:
+    """At its torque limit it makes another motion, which is rolled to the end."""
+    scene = rb.load_scene("servo_motors")
+    motors = tuple(Servo(gain=100.0, torque_limit=0.05) for _ in scene.motors)
+    motion = rb.simulate(replace(scene, motors=motors), settings="balanced")
+    assert motion.diagnostics is not None
+    causes = [fault.cause for fault in motion.diagnostics.faults]
+    assert causes == [f"{body}'s motor at its torque limit" for body in ("frame", "rotor1")]
+    assert motion.times[-1] == scene.duration
+
+
+def test_a_ball_thrown_up_has_lost_contact() -> None:
+    """Readings of a ball in the air are reported, at the first time it is there."""
+    model = build(FIG12, FAST)
+    data = model.start_data()
+    rows = []
+    for step in range(4):
+        if step == 2:
+            data.qpos[2] += 0.5
+        mujoco.mj_step(model.compiled, data)
+        rows.append(np.concatenate([data.sensordata, data.warning.number]))
+    found = Watch(model).look(Readings(model, np.array(rows)))
+    # Its M is about the point below it, so that is another one up there.
+    causes = ["contact lost", "M off by over 0.0005"]
+    assert [(each.fault.cause, each.fault.time) for each in found] == [(c, 0.04) for c in causes]
+
+
+def test_a_reset_is_seen_by_its_clock() -> None:
+    """MuJoCo resets a bad state to time 0 and goes on; time going back gives it away."""
+    model = build(FIG12, FAST)
+    data = model.start_data()
+    rows = []
+    for step in range(4):
+        if step == 2:
+            mujoco.mj_resetDataKeyframe(model.compiled, data, 0)
+        mujoco.mj_step(model.compiled, data)
+        rows.append(np.concatenate([data.sensordata, data.warning.number]))
+    ((_, fault),) = Watch(model).look(Readings(model, np.array(rows)))
+    assert fault.fatal
+    assert fault.cause == "time went back: MuJoCo reset the state"
+
+
+def test_mujocos_own_warnings_are_faults() -> None:
+    """A control that MuJoCo calls bad is a fault with the counter's name."""
+    model = build(FIG12, replace(FAST, drive=Servo(gain=1.0)))
+    data = model.start_data()
+    data.ctrl[0] = np.nan
+    mujoco.mj_step(model.compiled, data)
+    row = np.concatenate([data.sensordata, data.warning.number])
+    found = Watch(model).look(Readings(model, row[None]))
+    assert "MuJoCo warned of BADCTRL" in [each.fault.cause for each in found]
+
+
+def test_a_model_never_resets_itself() -> None:
+    """The autoreset flag is off whatever the settings, so that a NaN stays one."""
+    for settings in rb.PRESETS.values():
+        flags = build(FIG12, settings).compiled.opt.disableflags
+        assert flags & mujoco.mjtDisableBit.mjDSBL_AUTORESET
+
+
+def test_the_cone_used_is_one_on_its_surface() -> None:
+    """Pyramidal and elliptic: a sliding contact's force lies on the cone of its own kind."""
+    for cone in ("elliptic", "pyramidal"):
+        slippery = replace(KEEP_GOING, timestep=2e-3, cone=cone, sliding_friction=0.05)
+        diagnostics = rb.simulate(FIG12, settings=slippery).diagnostics
+        assert diagnostics is not None
+        # Measured 1 + 2.2e-16: rounding.
+        assert diagnostics.friction_used.max() == pytest.approx(1.0, abs=2e-15)

@@ -1,0 +1,124 @@
+"""Straight-line motions: what they are, how many, and where they are stable."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from robotball.engines.reduced.compiled.kernels import orbit
+from robotball.equations import Vector
+from robotball.errors import InputError
+from robotball.parameters import Parameters, as_vector
+from robotball.qualitative.straight_motions import (
+    StraightMotion,
+    stability_limit,
+    straight_motion,
+    straight_motions,
+)
+from robotball.rotations import Array
+from robotball.start import along_momentum
+from tests.figures import CLASSICAL, ball, from_rest
+
+FIG10 = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0), d=0.1)
+GAMMA = np.array([0.6, 0.48, 0.64])
+
+
+def path_of(some: Parameters, motion: StraightMotion, seconds: float) -> Array:
+    """Contact points (11, 2) from the motion's state."""
+    start = along_momentum(motion.gamma, motion.momentum)
+    times = np.linspace(0.0, seconds, 11)
+    return orbit(some, start.attitude, start.momentum, times)[1]
+
+
+@pytest.mark.parametrize(
+    ("some", "motion"),
+    [
+        pytest.param(FIG10, straight_motions(FIG10, 3.0)[0], id="rubber"),
+        pytest.param(CLASSICAL, straight_motion(CLASSICAL, GAMMA), id="classical"),
+    ],
+)
+def test_the_ball_rolls_straight_on(some: Parameters, motion: StraightMotion) -> None:
+    """In equal times equal ways of a|γ×Ω| m/s, along one line; rounding grows to 1e-14."""
+    steps = np.diff(path_of(some, motion, 2.0), axis=0)
+    assert np.abs(steps - steps[0]).max() < 1e-12
+    assert np.linalg.norm(steps[0]) / 0.2 == pytest.approx(motion.speed, rel=1e-12)
+    across = np.linalg.norm(np.cross(some.Omega, motion.gamma))
+    assert motion.speed == pytest.approx(some.a * across, rel=1e-15)
+
+
+def test_there_are_four_on_a_level() -> None:
+    """Σ¹ meets M² = f in σ₊, σ₋, δ₊, δ₋ where 0 < f < K², and nowhere beyond."""
+    motions = straight_motions(FIG10, 3.0)
+    assert len(motions) == 4
+    for motion in motions:
+        assert motion.momentum @ motion.momentum == pytest.approx(3.0, rel=1e-12)
+        assert motion.gamma @ FIG10.Omega == pytest.approx(0.0, abs=1e-15)
+    apart = [np.linalg.norm(a.gamma - b.gamma) for a in motions for b in motions if a is not b]
+    assert min(apart) > 0.1
+    assert straight_motions(FIG10, 41.1) == []
+
+
+def test_fig10_is_not_stable() -> None:
+    """Two of the four are stable up to f = 2.0806242 and are unstable saddle-foci at f = 3 (E16).
+
+    Reference: the paper's figure, corrected; measured 2.08062419.
+    """
+
+    def least_growth(f: float) -> float:
+        return min(motion.eigenvalues.real.max() for motion in straight_motions(FIG10, f))
+
+    assert brentq(least_growth, 1.0, 3.0, xtol=1e-12) == pytest.approx(2.0806242, abs=1e-6)
+    assert [m.is_stable for m in straight_motions(FIG10, 2.0)].count(True) == 2
+    at_3 = straight_motions(FIG10, 3.0)
+    assert not any(motion.is_stable for motion in at_3)
+    foci = [m.eigenvalues for m in at_3 if m.eigenvalues[0].real < 0 and m.eigenvalues[1].imag]
+    assert len(foci) >= 2
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_region_of_fig9_in_closed_form(axis: int) -> None:
+    """100 random balls, Ω along each axis: stable by Routh and Hurwitz iff by the eigenvalues.
+
+    At f = 0.01, 0.99, 1.01 of the limit, which the eigenvalues resolve, and at f = K²/2.
+    """
+    rng = np.random.default_rng(9)
+    stable = 0
+    for _ in range(100):
+        A, Omega, K = rng.uniform(0.2, 1.0, 3), np.zeros(3), rng.uniform(-5.0, 5.0, 3)
+        Omega[axis], K[axis] = rng.uniform(-3.0, 3.0), 0.0
+        some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
+        limit = stability_limit(some)
+        for f in (float(K @ K) / 2, 0.01 * limit, 0.99 * limit, 1.01 * limit):
+            for motion in straight_motions(some, f) if f > 0 else []:
+                side = (motion.momentum @ Omega) * (motion.gamma @ K)
+                assert motion.is_stable == (f < limit and side < 0)
+                stable += motion.is_stable
+    assert stable > 100
+
+
+def test_the_limit_of_fig10() -> None:
+    """16/7.69 = 2.0806242 (E16): 0.04·400/(0.09·16 + 0.25·25); to rounding."""
+    assert stability_limit(FIG10) == pytest.approx(16 / 7.69, rel=1e-14)
+    assert stability_limit(replace(FIG10, K=(4.0, -5.0, 0.0))) == 0.0
+    for some in (CLASSICAL, from_rest(0.3), replace(FIG10, K=(4.0, 5.0, 0.1))):
+        with pytest.raises(InputError, match="the limit needs"):
+            stability_limit(some)
+
+
+@pytest.mark.parametrize("some", [FIG10, CLASSICAL], ids=["rubber", "classical"])
+def test_eigenvalues_add_up_to_the_divergence(some: Parameters) -> None:
+    """The trace is the divergence at γ, and the polynomial has the eigenvalues as roots."""
+    motion = straight_motions(some, 3.0)[1] if some is FIG10 else straight_motion(some, GAMMA)
+    gamma: Vector = (motion.gamma[0], motion.gamma[1], motion.gamma[2])
+    assert motion.eigenvalues.sum() == pytest.approx(some.divergence(gamma), abs=1e-13)
+    assert np.abs(np.polyval(motion.polynomial, motion.eigenvalues)).max() < 1e-12
+
+
+def test_what_cannot_roll_straight_is_refused() -> None:
+    """A rubber ball whose Ω has a vertical part; levels of a classical ball."""
+    with pytest.raises(InputError, match="rolls straight on only where"):
+        straight_motion(FIG10, GAMMA)
+    with pytest.raises(InputError, match="rubber"):
+        straight_motions(CLASSICAL, 3.0)
+    assert straight_motions(from_rest(0.3), 1e3) == []

@@ -1,0 +1,160 @@
+"""The ladder: every rung is one choice, and every choice is worth what it is said to be."""
+
+import csv
+import json
+from dataclasses import fields, replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import robotball as rb
+from robotball import Settings
+from robotball.engines.mujoco.settings import NAIVE
+from validation import Agreement, compare
+from validation.cli import parse
+from validation.studies.ablation.choices import BOTTOM, CHOICES, TOP, without
+from validation.studies.ablation.ladder import climb, descend, measure_ladder
+
+pytestmark = pytest.mark.filterwarnings("ignore::robotball.SceneWarning")
+NAMES = [choice.name for choice in CHOICES]
+
+# The recipe with one choice undone on fig12 over 10 s, as path error and drift of M; the recipe
+# has 2.5e-12 and 7.2e-12. Where friction is too weak the ball leaves the plane, and rounding tells
+# how much of M is lost: 2e-4 or 5e-5.
+WORTH = {
+    "drive": (9.7e-2, 3.3e-11),
+    "friction": (4.2e-1, None),
+    "cone": (6.5e-2, 1.6e-1),
+    "root": (3.0e-1, 1.8e-12),
+    "integrator": (3.7e-3, 1.1e-2),
+    "start": (8.6e-4, 6.2e-5),
+    "softness": (2.9e-10, 8.0e-10),
+    "noslip": (3.9e-5, 7.2e-12),
+    "timestep": (4.4e-11, 1.0e-10),
+}
+
+
+@cache
+def undone(name: str) -> Agreement:
+    return compare(rb.load_scene("fig12"), without(TOP, [name]))
+
+
+def differing(one: Settings, other: Settings) -> set[str]:
+    """The fields of the model in which settings differ."""
+    names = {field.name for field in fields(Settings)} - {"name", "promise", "stop_at_fault"}
+    return {name for name in names if getattr(one, name) != getattr(other, name)}
+
+
+def test_the_way_up_goes_from_the_naive_preset_to_the_accurate_one() -> None:
+    """The lower end is the naive preset with the frame as root; the upper end is `accurate`."""
+    rungs = climb()
+    assert differing(rungs[0], NAIVE) == {"root"}
+    assert rungs[0].root == "frame"
+    assert differing(rungs[-1], rb.preset("accurate")) == set()
+    assert differing(descend()[0], rb.preset("accurate")) == set()
+
+
+def test_each_rung_is_its_choice_alone() -> None:
+    """Up, a rung differs from the one below in its choice's fields, all of them, and no other."""
+    rungs = climb()
+    assert [rung.name for rung in rungs] == ["naive", *NAMES]
+    for below, rung, choice in zip(rungs, rungs[1:], CHOICES, strict=False):
+        assert differing(below, rung) == set(choice.fields)
+
+
+def test_each_undone_choice_is_undone_alone() -> None:
+    """At the top, the settings differ from the recipe in one choice's fields and no other."""
+    top, *rungs = descend()
+    assert [rung.name for rung in rungs] == NAMES
+    for rung, choice in zip(rungs, CHOICES, strict=True):
+        assert differing(top, rung) == set(choice.fields)
+        assert differing(rung, BOTTOM) == differing(TOP, BOTTOM) - set(choice.fields)
+
+
+@pytest.mark.parametrize("name", WORTH)
+def test_every_choice_is_worth_its_error(name: str) -> None:
+    """Undone alone it makes the path's error as large as measured, far over the recipe's own."""
+    agreement, (path, drift) = undone(name), WORTH[name]
+    assert agreement.path_error is not None
+    assert agreement.path_error == pytest.approx(path, rel=0.2)
+    assert agreement.path_error > 10 * 2.5e-12
+    if drift and drift > 1e-10:  # below, it is the drift of the recipe itself
+        assert agreement.momentum_drift == pytest.approx(drift, rel=0.2)
+
+
+def test_the_solver_is_chosen_for_its_speed_alone() -> None:
+    """MuJoCo's own solver, with all its iterations, rolls the ball no better and no worse."""
+    # Measured 2.495e-12, as the recipe's to three digits: RK4's error.
+    assert undone("solver").path_error == pytest.approx(2.5e-12, rel=0.2)
+
+
+def test_momentum_does_not_tell_of_a_wrong_root_or_drive() -> None:
+    """With the frame as root or servos on the hinges M is kept, and the path is wrong."""
+    for name in ("root", "drive"):
+        agreement = undone(name)
+        assert agreement.momentum_drift is not None
+        assert agreement.momentum_drift < 1e-10  # measured 3.3e-11 at most
+        assert agreement.path_error is not None
+        assert agreement.path_error > 0.05  # measured 0.097 at least
+
+
+def test_errors_hide_one_another() -> None:
+    """The integrator is worth nothing while the ball slips, and nearly everything at the top."""
+    scene, times = rb.load_scene("fig12"), rb.sample_times(2.0)
+    slipping = climb()[NAMES.index("friction") + 1]
+    errors = [
+        compare(scene, replace(slipping, integrator=each), times).path_error
+        for each in (None, "RK4")
+    ]
+    # Measured 0.598 and 0.591.
+    assert errors[0] == pytest.approx(errors[1], rel=0.1)
+    integrator = undone("integrator").path_error
+    assert integrator is not None
+    assert integrator > 1e8 * 2.5e-12  # measured 1.5e9 times
+
+
+def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
+    """A name that no choice has is refused with the names that there are."""
+    with pytest.raises(rb.InputError, match="no choice is called 'slip'; there are drive, fric"):
+        without(TOP, ["noslip", "slip"])
+    assert without(TOP, ["noslip", "start"]).name == "accurate - noslip - start"
+
+
+def test_the_ladder_reports_every_rung() -> None:
+    """Rungs both ways, each timed as often as asked for; slip is over the rolling speed."""
+    told: list[float] = []
+    ladder = measure_ladder(
+        rb.load_scene("fig12"), rb.sample_times(0.5), 1, lambda part, what: told.append(part)
+    )
+    assert [rung.name for rung in ladder.up] == ["naive", *NAMES]
+    assert [rung.name for rung in ladder.undone] == ["accurate", *NAMES]
+    assert all(len(rung.cost.ratios) == 1 for rung in (*ladder.up, *ladder.undone))
+    assert ladder.times_naive(ladder.naive).ratios == (1.0,)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    # The frame as root slips by a good part of the rolling speed; the recipe by RK4's error.
+    assert ladder.undone[1 + NAMES.index("root")].slip == pytest.approx(0.23, rel=0.2)
+    assert ladder.recipe.slip < 5e-12  # measured 1.4e-12
+
+
+def test_the_command_writes_table_picture_and_records(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`ladder --quick`: both tables on the terminal; JSON, CSV and a picture on disk."""
+    arguments = ["ladder", "classical_regular", "--quick", "--duration", "0.5"]
+    arguments += ["--out", str(tmp_path), "--json", str(tmp_path / "a.json")]
+    assert parse([*arguments, "--csv", str(tmp_path / "a.csv")]).run() == 0
+    printed = capsys.readouterr().out
+    assert all(f"{sign} {name}" in printed for name in NAMES for sign in "+-")
+    record = json.loads((tmp_path / "a.json").read_text())
+    assert [rung["choice"] for rung in record["rungs"]] == ["naive", *NAMES, "accurate", *NAMES]
+    assert record["rungs"][0]["settings"]["root"] == "frame"
+    assert "mujoco" in record["versions"]
+    with (tmp_path / "a.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["path_error"]) for row in rows] == [
+        rung["path_error"] for rung in record["rungs"]
+    ]
+    picture = tmp_path / "classical_regular-ladder.png"
+    assert picture.read_bytes()[:4] == b"\x89PNG"

@@ -1,0 +1,172 @@
+"""Orders of convergence, and the two references that tell integrator and model apart."""
+
+import csv
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.engines.mujoco.settings import Prescribed
+from validation.cli import parse
+from validation.studies.ablation.choices import TOP, without
+from validation.studies.convergence import convergence_runs
+from validation.studies.convergence.convergence import FIXED, ORDERS, Convergence
+from validation.studies.convergence.convergence_runs import measure_convergence
+
+BOTH = ("fig12", "classical_regular")
+SOFT = ("softness", "noslip")
+
+# Measured over 1 s on fig12 and classical_regular. What is left of the next power of the step
+# bends the line; DOP853's steps are nearer to rounding, and its interpolant is of order 7.
+BOUNDS = {
+    "Euler": 0.1,  # 0.997, 1.027
+    "implicit": 0.1,  # 1.042, 0.999
+    "implicitfast": 0.1,  # 0.997, 1.027
+    "discrete": 0.1,  # 0.997, 1.027
+    "RK4": 0.1,  # 4.050, 3.996
+    FIXED: 0.3,  # 7.837, 8.121
+}
+
+
+@cache
+def study(scene: str, *undone: str) -> Convergence:
+    """One simulated second of the recipe's contact model, less some choices."""
+    return measured(scene, without(TOP, undone))
+
+
+def measured(scene: str, settings: rb.Settings) -> Convergence:
+    return measure_convergence(rb.load_scene(scene), settings, rb.sample_times(1.0), 6)
+
+
+@pytest.mark.parametrize("scene", BOTH)
+@pytest.mark.parametrize("name", ORDERS)
+def test_every_integrator_has_the_order_that_is_claimed(scene: str, name: str) -> None:
+    """Against the contact model's own limit, over all steps of a power law."""
+    order = study(scene).order(name, "own")
+    assert order is not None
+    assert abs(order.order - ORDERS[name]) < BOUNDS[name]
+    assert order.points >= 4
+    assert order.stderr < 0.25  # measured 0.159 at most, DOP853's
+
+
+@pytest.mark.parametrize("scene", BOTH)
+def test_the_error_of_an_adaptive_run_follows_its_tolerance(scene: str) -> None:
+    """Nearly in proportion: measured as the powers 0.87 and 0.90."""
+    order = study(scene).order("DOP853", "own")
+    assert order is not None
+    assert 0.8 < order.order < 1.1
+
+
+@pytest.mark.parametrize("scene", BOTH)
+def test_the_recipe_has_one_limit(scene: str) -> None:
+    """Its errors against its own limit and against the equations are the same, to rounding."""
+    found = study(scene)
+    # Measured 1.8e-13 and 6.5e-13 of the path: rounding, and the equations' own tolerance.
+    assert found.limit.model_error < 2e-12
+    for point in found.points:
+        assert point.own is not None
+        assert point.equations is not None
+        assert abs(point.own - point.equations) < 2e-12
+
+
+def test_a_soft_contact_has_a_limit_of_its_own() -> None:
+    """Its error against its own limit goes on falling; against the equations it stalls at once."""
+    found = study("fig12", *SOFT)
+    model_error = found.limit.model_error
+    assert model_error == pytest.approx(3.77e-3, rel=0.05)
+    assert found.limit.known_to < 1e-12  # measured 7.5e-15
+    order = found.order("RK4", "own")
+    assert order is not None
+    assert order.order == pytest.approx(4, abs=0.2)  # measured 4.07
+    assert found.order("RK4", "equations") is None
+    assert found.stalled_at("RK4", "equations") == pytest.approx(model_error, rel=1e-3)
+    finest = found.by_name["RK4"][-1].own
+    assert finest is not None
+    assert finest < 5e-9 * model_error  # measured 5.7e-12 / 3.8e-3
+    # Euler's error falls through the model's: measured 1.00, and a stall at 2.0e-3.
+    order = found.order("Euler", "own")
+    assert order is not None
+    assert order.order == pytest.approx(1, abs=0.05)
+    assert found.stalled_at("Euler", "equations") is not None
+
+
+def test_a_light_armature_is_an_error_of_the_model() -> None:
+    """Hinges held by 1e4 kg m² give way by as much at any step."""
+    found = measured("fig12", replace(TOP, drive=Prescribed(armature=1e4)))
+    # Measured 1.10e-4 over 1 s: torque over armature.
+    assert found.limit.model_error == pytest.approx(1.1e-4, rel=0.1)
+    order = found.order("RK4", "own")
+    assert order is not None
+    assert order.order == pytest.approx(4, abs=0.2)  # measured 4.05
+    assert found.order("RK4", "equations") is None
+
+
+@pytest.mark.parametrize("scene", BOTH)
+def test_a_start_out_of_equilibrium_is_an_error_of_the_integrator(scene: str) -> None:
+    """A ball that starts just touching rolls truly in the limit, but RK4 is of first order there.
+
+    The normal force is not smooth at the start.
+    """
+    found = study(scene, "start")
+    # Measured 5.6e-7 and 4.7e-7 of the path, of errors up to 5e-2 at finite steps.
+    assert found.limit.model_error < 2e-6
+    order = found.order("RK4", "own")
+    assert order is not None
+    assert order.order == pytest.approx(1, abs=0.1)  # measured 0.984 and 1.000
+
+
+@pytest.mark.parametrize("name", ["Euler", "RK4"])
+def test_richardson_estimates_the_true_error(name: str) -> None:
+    """From two runs alone, over the steps of the power law, as near as its order is."""
+    found = study("fig12")
+    order = found.order(name, "own")
+    assert order is not None
+    pairs = [
+        (point.richardson, point.own)
+        for point in found.by_name[name]
+        if point.richardson and point.step and point.step > order.shortest * 0.9
+    ]
+    assert len(pairs) >= 3
+    ratios = [estimate / error for estimate, error in pairs if estimate and error]
+    # Measured 0.995 to 1.075: the next power of the step.
+    assert 0.95 < min(ratios) < max(ratios) < 1.15
+
+
+def test_no_step_is_so_long_that_mujoco_changes_the_contact() -> None:
+    """MuJoCo stiffens no contact in silence: steps over half of solref's time are left out."""
+    longest = {undone: study("fig12", *undone).by_name["RK4"][0].step for undone in ((), SOFT)}
+    assert longest[()] == pytest.approx(0.02)  # half of the recipe's 0.04 s
+    assert longest[SOFT] == pytest.approx(0.01)  # half of MuJoCo's own 0.02 s
+
+
+def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is refused in one line, with the shortest step that was tried."""
+    monkeypatch.setattr(convergence_runs._Runs, "of", lambda *_: None)
+    with pytest.raises(rb.InputError, match=r"fig12: .* breaks off even at steps of 0\.0003125 s"):
+        measured("fig12", TOP)
+
+
+def test_the_command_writes_table_picture_and_records(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`convergence --quick`: orders on the terminal; JSON, CSV and a picture on disk."""
+    arguments = ["convergence", "fig12", "--quick", "--duration", "0.5", "--without", "noslip"]
+    arguments += ["--out", str(tmp_path), "--json", str(tmp_path / "a.json")]
+    assert parse([*arguments, "--csv", str(tmp_path / "a.csv")]).run() == 0
+    printed = capsys.readouterr().out
+    assert "fig12, accurate - noslip: the own limit is" in printed
+    record = json.loads((tmp_path / "a.json").read_text())
+    assert set(record["orders"]) == {*ORDERS, "DOP853"}
+    assert record["orders"]["RK4"]["own"]["order"]["order"] == pytest.approx(4, abs=0.3)
+    assert record["settings"]["name"] == "accurate - noslip"
+    with (tmp_path / "a.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(record["runs"])
+    errors = np.array([float(row["own_error"]) for row in rows if row["integrator"] == "Euler"])
+    assert np.all(np.diff(errors) < 0)
+    picture = tmp_path / "fig12-convergence.png"
+    assert picture.read_bytes()[:4] == b"\x89PNG"

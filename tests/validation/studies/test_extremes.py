@@ -1,0 +1,234 @@
+"""The failure maps: their cells, what becomes of a run, and where edges are measured."""
+
+import csv
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.engines.mujoco.settings import ADAPTIVE
+from validation import compare
+from validation.cli import main
+from validation.studies.extremes.atlas import QUICK, Cut, cells_of
+from validation.studies.extremes.balls import gyrostat, momentum_of, redistributed, scaled
+from validation.studies.extremes.cell import measure
+from validation.studies.extremes.maps import INTEGRATORS, MAPS, TIMESTEPS, base, case
+from validation.studies.extremes.outcome import Outcome, classify
+from validation.studies.extremes.reference import path_length, reference
+from validation.studies.extremes.summary import measured_edges, missed
+from validation.sweeps import Result
+
+ROLLINGS = ("rubber", "classical")
+
+
+def cell(name: str, integrator: str, x: float, y: float, rolling: str = "rubber") -> dict[str, Any]:
+    return {"map": name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
+
+
+def test_the_atlas_is_large_enough() -> None:
+    """At least 5000 cells, every integrator in both rolling models; 9402 of them."""
+    cells = [each for chosen in MAPS.values() for each in cells_of(chosen)]
+    assert len(cells) >= 5000
+    assert {(each["integrator"], each["rolling"]) for each in cells} == {
+        (integrator, rolling) for integrator in INTEGRATORS for rolling in ROLLINGS
+    }
+    assert max(each["y"] for each in cells_of(MAPS["duration"])) == 1e5
+
+
+def test_the_quick_atlas_has_every_map() -> None:
+    """Three values of an axis, both ends among them."""
+    for chosen in MAPS.values():
+        xs = {each["x"] for each in cells_of(chosen, QUICK) if each["integrator"] == "RK4"}
+        assert 2 <= len(xs) <= 3
+        assert {chosen.x.values[0], chosen.x.values[-1]} <= xs
+
+
+@pytest.mark.parametrize("rolling", ROLLINGS)
+def test_the_reference_is_the_equations(rolling: str) -> None:
+    """The compiled motion is integrate's: 1.2e-12 m, by the tolerance of its steps."""
+    scene = base(rolling)
+    times = rb.sample_times(3.0)
+    ours, theirs = reference(scene, times), rb.integrate(scene, times)
+    assert np.abs(ours.contact_point - theirs.contact_point).max() < 3e-12
+    for name in ("attitude", "angular_velocity", "momentum", "hinge_angles"):
+        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-10)
+    np.testing.assert_allclose(ours.loads.contact_force, theirs.loads.contact_force, atol=1e-9)
+    assert path_length(scene, ours) == pytest.approx(theirs.path_length, rel=1e-2)
+
+
+@pytest.mark.parametrize("rolling", ROLLINGS)
+def test_a_gyrostat_has_the_momentum_and_the_rate_asked_for(rolling: str) -> None:
+    """Only Ω and K change: I, d and M are the scene's."""
+    scene, K = base(rolling), np.array([30.0, -4.0, 500.0])
+    numbers, new = scene.parameters, gyrostat(scene, frame_rate=-7.0, K=K).parameters
+    np.testing.assert_allclose(new.K, K, rtol=1e-12)
+    np.testing.assert_allclose(new.Omega, [0, 0, -7.0], atol=1e-14)
+    np.testing.assert_allclose([*new.I, new.d], [*numbers.I, numbers.d], rtol=1e-12)
+    slow = gyrostat(scene, frame_rate=2.0, K=momentum_of(scene), rotor_rate=1e6)
+    assert slow.rotor_rates == pytest.approx((1e6,))
+    np.testing.assert_allclose(slow.parameters.K, numbers.K, rtol=1e-12, atol=1e-12)
+    with pytest.raises(rb.InputError, match="frame's inertia is not positive"):
+        gyrostat(scene, frame_rate=2.0, K=momentum_of(scene), rotor_rate=1.0)
+
+
+def test_a_mass_shared_out_anew_is_the_same_mass() -> None:
+    """Ratios over twelve decades."""
+    scene = base("rubber")
+    new = redistributed(scene, frame_to_shell=1e6, rotor_to_frame=1e-6).ball
+    assert new.mass == pytest.approx(scene.ball.mass, rel=1e-14)
+    assert new.frame.mass / new.shell.mass == pytest.approx(1e6)
+    assert new.rotors[0].mass / new.frame.mass == pytest.approx(1e-6)
+
+
+@pytest.mark.parametrize("rolling", ROLLINGS)
+def test_a_scaled_ball_moves_alike(rolling: str) -> None:
+    """The path goes with the length, whatever the masses: 1e-14 of it, by rounding."""
+    scene, times = base(rolling), rb.sample_times(1.0)
+    path = reference(scene, times).contact_point
+    large = reference(scaled(scene, mass=1e7, length=1e5), times).contact_point
+    assert np.abs(large / 1e5 - path).max() < 1e-12
+    assert reference(scaled(scene, mass=1e7, length=1e5), times).loads.sliding_friction.max() == (
+        pytest.approx(reference(scene, times).loads.sliding_friction.max(), rel=1e-12)
+    )
+
+
+@pytest.mark.parametrize(
+    ("causes", "error", "outcome"),
+    [
+        ((), 1e-5, Outcome.ACCURATE),
+        ((), 1e-3, Outcome.DEGRADED),
+        ((), 0.2, Outcome.WRONG),
+        (("M off by over 0.01",), 0.2, Outcome.WRONG),
+        (("hinge rate off by over 0.001",), 0.05, Outcome.DEGRADED),
+        (("M off by over 0.01", "hinge rate off by over 0.001"), 0.2, Outcome.OFF_RATE),
+        (("slipped over 0.01 of the path",), 1e-5, Outcome.SLIPPED),
+        (("friction cone saturated", "contact lost"), 0.2, Outcome.SLIPPED),
+        (("contact lost", "friction cone saturated"), 0.2, Outcome.LOST_CONTACT),
+        (("contact lost", "the state diverged"), None, Outcome.DIVERGED),
+        (("MuJoCo warned of INERTIA",), 1e-5, Outcome.DIVERGED),
+        (("max_steps = 10 are taken",), None, Outcome.UNFINISHED),
+    ],
+)
+def test_faults_and_error_decide_the_outcome(
+    causes: Sequence[str], error: float | None, outcome: Outcome
+) -> None:
+    """A lost state, else the first fault; then the error."""
+    assert classify([rb.Fault(1.0, cause) for cause in causes], error) is outcome
+
+
+@pytest.mark.parametrize(
+    ("where", "outcome"),
+    [
+        (cell("momentum", "RK4", 2e-4, 1.78), Outcome.ACCURATE),
+        (cell("momentum", "RK4", 0.2, 1e4), Outcome.DIVERGED),
+        (cell("momentum", "Euler", 2e-4, 133.0), Outcome.WRONG),
+        (cell("momentum", ADAPTIVE, 1e-10, 1e4), Outcome.ACCURATE),
+        (cell("friction", "RK4", 20.0, 9.81), Outcome.ACCURATE),
+        (cell("friction", "RK4", 0.8, 9.81), Outcome.SLIPPED),
+        (cell("contact", "RK4", 1e-5, 0.5), Outcome.LOST_CONTACT),
+        (cell("servo", "implicit", 2e-3, 10.0), Outcome.OFF_RATE),
+        (cell("rotor", "RK4", 2e-3, 10.0), Outcome.REFUSED),
+        (cell("duration", "RK4", 0.02, 10.0, "classical"), Outcome.ACCURATE),
+    ],
+    ids=lambda value: value.name if isinstance(value, Outcome) else value["map"],
+)
+def test_a_cell_ends_as_it_should(where: dict[str, Any], outcome: Outcome) -> None:
+    """One cell of each outcome that a ball can have."""
+    record = measure(where)
+    assert record["outcome"] == outcome.name, record
+    json.dumps(record, allow_nan=False)
+    assert not missed(Result(where, record, None))
+
+
+def test_a_wrong_run_that_nobody_saw_is_missed() -> None:
+    """A warning before it or a fault during it is enough; a small error needs neither."""
+    wrong = {"outcome": "WRONG", "path_error": 0.2, "momentum_drift": 0.0, "faults": []}
+    assert missed(Result({}, {**wrong, "foretold": []}, None))
+    assert not missed(Result({}, {**wrong, "foretold": ["rotation"]}, None))
+    assert not missed(Result({}, {**wrong, "foretold": [], "faults": ["M off"]}, None))
+    assert not missed(Result({}, {**wrong, "foretold": [], "path_error": 0.05}, None))
+
+
+def test_an_edge_is_measured_between_the_last_sound_and_the_first_broken_cell() -> None:
+    """In parts of its limit, and only cells that no other edge is nearer to can be broken by it."""
+
+    def result(nearness: float, other: float, error: float) -> Result:
+        numbers = {"path_error": error, "momentum_drift": 0.0, "faults": []}
+        return Result({}, {**numbers, "nearness": {"edge": nearness, "other": other}}, None)
+
+    cells = [result(0.5, 0, 1e-9), result(0.9, 0, 1e-9), result(1.2, 0, 0.5), result(0.1, 0.2, 0.5)]
+    (edge,) = measured_edges(cells)
+    assert (edge.edge, edge.kept, edge.broken, edge.cells) == ("edge", 0.9, 1.2, 1)
+
+
+@pytest.mark.parametrize("rolling", ROLLINGS)
+@pytest.mark.parametrize(("gravity", "constant"), [(1e-9, 0.01), (9.81, 0.04), (1e6, 10.0)])
+def test_the_margin_carries_the_weight_at_any_depth(
+    rolling: str, gravity: float, constant: float
+) -> None:
+    """From 1e-17 to 1e4 radii deep the error is that of the timestep, to four digits."""
+    scene = replace(base(rolling), gravity=gravity)
+    enough = max(20.0, 60.0 / gravity)
+    settings = replace(
+        rb.preset("balanced"),
+        solref=(constant, 1.0),
+        sliding_friction=enough,
+        torsional_friction=enough,
+    )
+    error = compare(scene, settings, rb.sample_times(2.0)).path_error
+    assert error == pytest.approx(7.4804e-10 if rolling == "rubber" else 4.7482e-9, rel=1e-4)
+
+
+def test_friction_breaks_where_it_is_predicted() -> None:
+    """The demand is an edge on both sides: 3 % less slips, 3 % more does not."""
+    scene = replace(base("rubber"), gravity=9.81)
+    demand = reference(scene, rb.sample_times(3.0)).loads.sliding_friction.max()
+    outcomes = [
+        measure(cell("friction", "RK4", factor * demand, 9.81))["outcome"]
+        for factor in (0.97, 1.03)
+    ]
+    assert outcomes == [Outcome.SLIPPED.name, Outcome.ACCURATE.name]
+
+
+def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> None:
+    """On the axis, and in the settings of a cell."""
+    chosen = MAPS["momentum"]
+    assert chosen.x_of("RK4") is TIMESTEPS
+    assert "rtol" in chosen.x_of(ADAPTIVE).label
+    assert case(chosen, "rubber", ADAPTIVE, 1e-7, 5.0).settings.rtol == 1e-7
+    assert case(chosen, "rubber", "RK4", 1e-3, 5.0).settings.timestep == 1e-3
+
+
+def test_the_command_draws_a_map_and_goes_on_where_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A picture, the table of its cells and the summary; the second time nothing is run again."""
+    monkeypatch.setattr("validation.studies.extremes.atlas.QUICK", Cut(("Euler", "RK4"), 2))
+    arguments = ["extremes", "friction", "--quick", "--workers", "1", "--out", str(tmp_path)]
+    for _ in range(2):
+        with pytest.raises(SystemExit) as leaving:
+            main([*arguments, "--json", str(tmp_path / "summary.json")])
+        assert leaving.value.code == 0
+    printed = capsys.readouterr().out
+    assert "sliding_friction" in printed
+    assert (tmp_path / "extremes-friction.png").stat().st_size > 10_000
+    rows = list(csv.DictReader((tmp_path / "extremes.csv").open()))
+    assert len(rows) == 16
+    assert {row["failure"] for row in rows} == {""}
+    assert len((tmp_path / "extremes.jsonl").read_text().splitlines()) == 17
+    records = json.loads((tmp_path / "summary.json").read_text())["summary"]
+    assert sum(sum(each["outcomes"].values()) for each in records) == 16
+    assert all(each["missed"] == 0 for each in records)
+
+
+def test_an_unknown_map_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """It names the maps there are."""
+    with pytest.raises(SystemExit) as leaving:
+        main(["extremes", "speed"])
+    assert leaving.value.code == 2
+    assert "no map is called 'speed'; there are momentum, frame" in capsys.readouterr().err

@@ -1,0 +1,33 @@
+"""The command `robotball figures`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from validation.commands.arguments import AGREES, OUT, File
+from validation.output import writable_folder, write_record
+from validation.progress import progress_bar
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Draw the paper's Figs 5 to 14, each with its facts and with MuJoCo's motion over it."""
+
+    numbers: Positional[Annotated[tuple[int, ...], arg(metavar="N...")]] = ()
+    """Which figures; all of them if none is given."""
+    out: Path = OUT
+    """Folder for the pictures."""
+    json: File = None
+    """Also write which files were drawn."""
+
+    def run(self) -> int:
+        from validation.figures.figures import chosen, draw_figures
+
+        pictures, out = chosen(self.numbers), writable_folder(self.out)
+        with progress_bar(len(pictures)) as show:
+            written = draw_figures(self.numbers, out, show)
+        print(*written, sep="\n")
+        write_record(self.json, {"figures": [str(path) for path in written]})
+        return AGREES

@@ -1,0 +1,76 @@
+"""The command `robotball section`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robotball import load_scene, preset
+from robotball.errors import check_count
+from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName
+from validation.output import replacing, writable_folder, write_record
+from validation.progress import progress_bar
+from validation.studies.attractors.level import level_starts
+
+
+@dataclass(frozen=True)
+class Section:
+    """Draw a scene's Poincaré section g = g₀ on the annulus (l, L)."""
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    starts: int = 1
+    """Motions to follow: the scene's own alone, or as many random ones with its M² and (M, γ)."""
+    count: int = 2000
+    """Crossings of each."""
+    skip: int = 0
+    """Crossings of each to leave out first."""
+    g: float = 0.0
+    """The section's g₀ [rad]."""
+    preset: Preset = None
+    """Draw MuJoCo's crossings as well, of the scene's own start, with these settings."""
+    seed: int = 0
+    """Of the random starts."""
+    out: Path = OUT
+    """Folder for the picture."""
+    json: File = None
+    """Also write the points."""
+
+    def run(self) -> int:
+        from validation.studies.attractors.section_study import (
+            draw_section,
+            section_by_contact,
+            section_by_equations,
+        )
+
+        scene = load_scene(self.scene)
+        settings = None if self.preset is None else preset(self.preset)
+        path = writable_folder(self.out) / f"{scene.name}-section.png"
+        attitudes, momenta = level_starts(scene, self.starts, self.seed, self.g)
+        total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
+        with progress_bar(1 if settings is None else 2) as show:
+            show(0, f"{scene.name}: equations")
+            points = section_by_equations(scene, attitudes, momenta, total, self.g)
+            engine = None
+            if settings is not None:
+                show(1, f"{scene.name}: MuJoCo, {settings.name}")
+                duration = float(points.times[0, -1])
+                engine = section_by_contact(scene, settings, duration, self.g).late(self.skip)
+            points = points.late(self.skip)
+            with replacing(path) as temporary:
+                draw_section(scene, points, engine, self.g).savefig(temporary, dpi=120)
+        drawn = {"equations": points} | ({} if engine is None else {"mujoco": engine})
+        for name, each in drawn.items():
+            growing = int(np.count_nonzero(each.directions == 1))
+            total = len(each.directions)
+            print(f"{name}: {total} crossings, {growing} with g growing, {total - growing} falling")
+        print(path)
+        write_record(
+            self.json,
+            {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
+            | {
+                name: {field: values.tolist() for field, values in vars(each).items()}
+                for name, each in drawn.items()
+            },
+        )
+        return AGREES

@@ -1,0 +1,1 @@
+"""Two motions of a scene compared: agreement, sensitivity, tables, plots, results."""

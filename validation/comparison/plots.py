@@ -1,0 +1,119 @@
+"""Agreements as pictures: paths with their error below, and the momentum with its drift."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from robotball.palette import ENGINE, THEORY
+from robotball.rotations import Array
+from validation.comparison.agreement import Agreement
+from validation.output import replacing
+
+# Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
+STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
+INCHES = (8.0, 7.0)
+
+
+def draw(agreements: Sequence[Agreement], out: Path) -> list[Path]:
+    """Two pictures of one scene's agreements, one an agreement's settings, as PNGs in `out`."""
+    name = agreements[0].scene.name
+    written = []
+    for kind, picture in (("path", path_picture), ("momentum", momentum_picture)):
+        path = out / f"{name}-{kind}.png"
+        with replacing(path) as temporary:
+            picture(agreements).savefig(temporary, dpi=120)
+        written.append(path)
+    return written
+
+
+def path_picture(agreements: Sequence[Agreement]) -> Figure:
+    """The contact points' paths of both engines, and their distance over time below."""
+    figure, paths, errors = _two_panels(agreements)
+    theory = agreements[0].theory
+    paths.plot(*theory.contact_point.T, color=THEORY, linewidth=5, alpha=0.6, label="equations")
+    for agreement, style in _styled(agreements):
+        paths.plot(
+            *agreement.engine.contact_point.T,
+            linestyle=style,
+            color=ENGINE,
+            label=_label(agreement),
+        )
+        _log_line(errors, agreement, agreement.path_errors, style)
+    paths.set(xlabel="X [m]", ylabel="Y [m]", title="contact point on the plane")
+    errors.set(xlabel="time [s]", ylabel="distance of the\ncontact points [m]")
+    paths.legend(loc="best")
+    return figure
+
+
+def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
+    """M's components, which the equations keep constant in space, and its drift below."""
+    figure, components, drifts = _two_panels(agreements)
+    theory = agreements[0].theory
+    components.axhline(np.nan, color=THEORY, linewidth=5, alpha=0.6, label="equations")
+    for value, names in _by_value(theory.momentum[0]).items():
+        components.axhline(value, color=THEORY, linewidth=5, alpha=0.6)
+        _beside(components, names, value)
+    for agreement, style in _styled(agreements):
+        lines = components.plot(
+            agreement.engine.times, agreement.engine.momentum, linestyle=style, color=ENGINE
+        )
+        lines[0].set_label(_label(agreement))
+        _log_line(drifts, agreement, agreement.momentum_drifts, style)
+    components.set(ylabel="M, world axes [kg m²/s]", title="momentum M")
+    drifts.set(xlabel="time [s]", ylabel="|M - M(0)| / |M(0)|")
+    components.legend(loc="best")
+    return figure
+
+
+def _two_panels(agreements: Sequence[Agreement]) -> tuple[Figure, Axes, Axes]:
+    figure = Figure(figsize=INCHES, layout="constrained")
+    scene = agreements[0].scene
+    figure.suptitle(f"{scene.name}: {scene.title}")
+    above, below = figure.subplots(2, 1)
+    below.set_yscale("log")
+    for axes in (above, below):
+        axes.grid(alpha=0.3)
+        axes.margins(x=0.01)
+    return figure, above, below
+
+
+def _styled(agreements: Sequence[Agreement]) -> list[tuple[Agreement, Any]]:
+    last = len(agreements)
+    return [(each, STYLES[(i - last) % len(STYLES)]) for i, each in enumerate(agreements)]
+
+
+def _label(agreement: Agreement) -> str:
+    return f"MuJoCo, {agreement.settings.name}"
+
+
+def _log_line(axes: Axes, agreement: Agreement, values: Array, style: Any) -> None:
+    """A line on a log axis, without the exact zero that it starts from, named at its end."""
+    axes.plot(agreement.engine.times[1:], values[1:], linestyle=style, color=ENGINE)
+    if agreement.finished:
+        _beside(axes, agreement.settings.name, values.max())
+
+
+def _beside(axes: Axes, text: str, height: float) -> None:
+    """A label at the right of the axes, at the height of what it names."""
+    axes.annotate(
+        text,
+        (1.0, height),
+        xycoords=("axes fraction", "data"),
+        xytext=(4, 0),
+        textcoords="offset points",
+        va="center",
+    )
+
+
+def _by_value(momentum: Array) -> dict[float, str]:
+    """The components' names by their value; those that a line's width hides are one."""
+    groups: dict[float, str] = {}
+    for value, name in zip(momentum.tolist(), ("$M_X$", "$M_Y$", "$M_Z$"), strict=True):
+        near = [other for other in groups if abs(other - value) < 1e-3 * np.abs(momentum).max()]
+        key = near[0] if near else value
+        groups[key] = f"{groups[key]}, {name}" if near else name
+    return groups

@@ -1,0 +1,108 @@
+"""Results on disk: records that can be made again, in files that are whole or not there."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotball import Motion
+from validation.comparison.agreement import Agreement
+from validation.comparison.sensitivity import Sensitivity
+from validation.output import replacing, versions, write_rows
+
+TABLE_COLUMNS = (
+    "scene",
+    "rolling",
+    "preset",
+    "timestep",
+    "path_error",
+    "gamma_error",
+    "momentum_drift",
+    "realtime_factor",
+    "agrees",
+    "verdict",
+)
+
+
+def record(agreement: Agreement) -> dict[str, Any]:
+    """One comparison as plain data; numbers of a run that broke off are None."""
+    settings = {
+        name: value for name, value in asdict(agreement.settings).items() if value is not None
+    }
+    diagnostics, sensitivity = agreement.diagnostics, agreement.sensitivity
+    return {
+        "scene": agreement.scene.name,
+        "rolling": agreement.scene.rolling,
+        "preset": agreement.settings.name,
+        "settings": {name: value for name, value in settings.items() if value is not None},
+        "timestep": diagnostics.timestep,
+        "duration": float(agreement.theory.times[-1]),
+        "samples": len(agreement.theory.times),
+        "path_length": agreement.theory.path_length,
+        "path_error": agreement.path_error,
+        "estimated_error": diagnostics.estimated_error,
+        "gamma_error": agreement.gamma_error,
+        "momentum_drift": agreement.momentum_drift,
+        "friction_used": float(diagnostics.friction_used.max(initial=0.0)),
+        "needs": needs(agreement.theory),
+        "steps": diagnostics.steps,
+        "realtime_factor": agreement.realtime_factor,
+        "agrees": agreement.agrees,
+        "faults": [asdict(fault) for fault in agreement.faults],
+        "verdict": agreement.verdict,
+        # What the motion makes of small errors; None unless that was asked and is known.
+        "sensitivity": None if sensitivity is None else _plain(sensitivity),
+        "seed": None,  # nothing in a comparison is random
+        "versions": versions(),
+    }
+
+
+def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
+    """Its numbers, those that are not finite as None, and whether it explains the error."""
+    numbers = asdict(sensitivity).items()
+    plain = {name: value if math.isfinite(value) else None for name, value in numbers}
+    return {**plain, "explains": sensitivity.explains}
+
+
+def needs(motion: Motion) -> dict[str, Any]:
+    """The most that a motion asks for: friction (torsional in m), motor torques N m, powers W."""
+    loads = motion.loads
+    return {
+        "sliding_friction": float(loads.sliding_friction.max()),
+        "torsional_friction": float(loads.torsional_friction.max()),
+        "motor_torques": np.abs(loads.motor_torques).max(axis=0).tolist(),
+        "motor_powers": np.abs(motion.motor_powers).max(axis=0).tolist(),
+    }
+
+
+def write_json(path: Path, agreements: Sequence[Agreement]) -> None:
+    """A list of records, one an agreement."""
+    records = [record(agreement) for agreement in agreements]
+    text = json.dumps(records, indent=2, allow_nan=False, ensure_ascii=False)
+    with replacing(path) as temporary:
+        temporary.write_text(text + "\n")
+
+
+def write_csv(path: Path, agreements: Sequence[Agreement]) -> None:
+    """The table of the agreements, a row each."""
+    write_rows(path, [record(agreement) for agreement in agreements], TABLE_COLUMNS)
+
+
+def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
+    """The table of the agreements as the README shows it."""
+    lines = [
+        "| scene | preset | step | path error | γ error | drift of M | × real time | verdict |",
+        "|---|---|---:|---:|---:|---:|---:|---|",
+    ]
+    for each in map(record, agreements):
+        errors = (each[name] for name in ("path_error", "gamma_error", "momentum_drift"))
+        cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:.3g} ms"]
+        cells += ["-" if error is None else f"{error:.1e}" for error in errors]
+        cells += [f"{each['realtime_factor']:.0f}"]
+        lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n")

@@ -1,0 +1,173 @@
+"""Sensitivity: whether the motion itself, not the engine, explains how far the two engines part.
+
+The engine is set anew on the equations' motion at equal stretches and followed to the next: what
+it misses there, its defect, is all that it can be blamed for. What the motion then makes of it is a
+matter of the equations alone, to first order a linear one: all defects, carried on by the
+difference of two neighbouring motions of the equations and added, are the error to expect.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotball import Motion, Scene, Settings, integrate
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.run import run
+from robotball.rotations import Array, conjugate, multiply
+from robotball.start import Start
+
+# Short beside the time in which a chaotic motion of the catalog doubles a difference, 2 to 6 s.
+STRETCH = 2.5  # s
+FEWEST, MOST = 8, 400  # stretches
+# The difference of two neighbouring motions, in rad: its square and rounding are far below it.
+NEAR = 1e-6
+# Twice the time doubles the growth of a regular motion; more than this is exponential.
+EXPONENTIAL = 10.0
+# How many times the expected error the measured one may be. On the chaotic scenes 0.02 to 1.8 at
+# the finer presets, to round-off, and 4.9 and 7.9 at `fast`.
+LEEWAY = 20.0
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What a motion makes of the engine's small errors, over `duration` s.
+
+    exponent     1/s  of the growth of a small turn of the start, over the motion's second half
+    doubling     by how much twice the time multiplies that growth; 2 in a regular motion
+    defect       of the engine over stretches from states of the equations, over the path's length
+    expected     the path error over the path's length that the motion makes of the defects
+    measured     the path error over the path's length
+    promise      that the settings are held to
+    agrees_until s    when the path error passes the promise
+    """
+
+    exponent: float
+    doubling: float
+    defect: float
+    expected: float
+    measured: float
+    promise: float
+    agrees_until: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether the engine keeps its promise, and the motion's exponential growth does the rest.
+
+        Errors beyond what the growth makes of the defects stay the engine's, and so do all errors
+        of a motion that is regular.
+        """
+        return (
+            self.defect <= self.promise
+            and self.doubling > EXPONENTIAL
+            and self.measured <= LEEWAY * self.expected
+        )
+
+    def __str__(self) -> str:
+        return (
+            f"sensitive: agrees until t = {self.agrees_until:.3g} s, then the motion's own "
+            f"sensitivity (exponent {self.exponent:.3g}/s) carries errors of {self.defect:.1e} "
+            f"past {self.promise:g}"
+        )
+
+
+def sensitivity(
+    scene: Scene, settings: Settings, theory: Motion, path_errors: Array, path_scale: float
+) -> Sensitivity | None:
+    """The sensitivity of a scene's motion to the errors of MuJoCo at some settings.
+
+    theory: the equations' motion; path_errors (n,) m, of MuJoCo at its times; path_scale m, what
+    they are relative to. None where the drives change in time, where M = 0 and where MuJoCo breaks
+    off: there it is not known. Costs as much as MuJoCo's motion and three by the equations.
+    """
+    if not scene.steady or not scene.start.momentum.any():
+        return None
+    duration = float(theory.times[-1])
+    count = int(np.clip(duration / STRETCH, FEWEST, MOST))
+    right = integrate(scene, np.linspace(0.0, duration, count + 1))
+    defects = _defects(scene, settings, right)
+    if defects is None:
+        return None
+    expected = max(math.hypot(*error[6:]) for error in _carried(scene, right, defects))
+    growth = _growth(scene, right)
+    half = count // 2
+    doubling = float(growth[-1] - growth[half - 1])
+    passed = path_errors > settings.promise * path_scale
+    return Sensitivity(
+        exponent=doubling / (duration - float(right.times[half])),
+        doubling=math.exp(min(doubling, 700.0)),  # finite
+        defect=float(np.linalg.norm(defects[:, 6:], axis=1).sum() / path_scale),
+        expected=expected / path_scale,
+        measured=float(path_errors.max() / path_scale),
+        promise=settings.promise,
+        agrees_until=float(theory.times[np.argmax(passed)] if passed.any() else duration),
+    )
+
+
+def _defects(scene: Scene, settings: Settings, right: Motion) -> Array | None:
+    """What MuJoCo misses (k, 8) at the end of each of k stretches that start on the right motion.
+
+    None where a stretch is not run to its end.
+    """
+    model, defects = build(scene, settings), []
+    for i, length in enumerate(np.diff(right.times)):
+        start = Start(right.attitude[i], right.momentum[i])
+        engine = run(model, np.array([0.0, length]), start=start)
+        if len(engine.times) < 2:
+            return None
+        defects.append(_difference(scene, engine, right, i))
+    return np.array(defects)
+
+
+def _difference(scene: Scene, other: Motion, right: Motion, i: int) -> Array:
+    """How far a motion over stretch i ends from the right one's: (8,).
+
+    A turn (3) rad, frame axes; the change of M (3), world, relative to |M|; of the path (2) m.
+    """
+    w, *turn = multiply(conjugate(right.attitude[i + 1]), other.attitude[-1])
+    moved = other.momentum[-1] - right.momentum[i + 1]
+    way = right.contact_point[i + 1] - right.contact_point[i]
+    off = other.contact_point[-1] - other.contact_point[0] - way
+    size = math.hypot(*scene.start.momentum)
+    return np.array([*(2 * math.copysign(1, w) * np.array(turn)), *(moved / size), *off])
+
+
+def _transfer(scene: Scene, right: Motion, i: int, error: Array) -> Array:
+    """What an error (8,) at the start of stretch i has become at its end, to first order."""
+    size = float(np.linalg.norm(error[:6]))
+    if not size > 0:
+        return error
+    near = NEAR / size * error
+    step = np.array([1.0, *(near[:3] / 2)])
+    M = right.momentum[i] + near[3:6] * math.hypot(*scene.start.momentum)
+    if scene.rolling == "rubber":
+        M[2] = 0.0  # by (3.1)
+    start = Start(multiply(right.attitude[i], step / np.linalg.norm(step)), M)
+    stretch = np.array([0.0, right.times[i + 1] - right.times[i]])
+    neighbour = integrate(replace(scene, start=start), stretch)
+    grown = _difference(scene, neighbour, right, i) * size / NEAR
+    grown[6:] += error[6:]
+    return grown
+
+
+def _carried(scene: Scene, right: Motion, defects: Array) -> list[Array]:
+    """The error (8,) at the end of every stretch, of which each adds its defect."""
+    error, errors = np.zeros(8), []
+    for i, defect in enumerate(defects):
+        error = _transfer(scene, right, i, error) + defect
+        # Beyond a whole turn nothing grows any more.
+        error[:6] *= min(1.0, 2 * math.pi / max(float(np.linalg.norm(error[:6])), 1e-300))
+        errors.append(error)
+    return errors
+
+
+def _growth(scene: Scene, right: Motion) -> Array:
+    """The logarithm (k,) of what the motion makes of a small turn of its start, by each stretch."""
+    error, total, growth = np.array([0.6, 0.48, 0.64, 0, 0, 0, 0, 0]), 0.0, []
+    for i in range(len(right.times) - 1):
+        error = _transfer(scene, right, i, error)
+        size = float(np.linalg.norm(error[:3]))
+        total += math.log(size)
+        error = np.array([*(error[:3] / size), 0, 0, 0, 0, 0])
+        growth.append(total)
+    return np.array(growth)

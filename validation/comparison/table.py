@@ -1,0 +1,52 @@
+"""Agreements as a table in the terminal."""
+
+from collections.abc import Sequence
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from validation.comparison.agreement import Agreement
+
+
+def show(agreements: Sequence[Agreement], console: Console) -> None:
+    """Print one row an agreement, and below the table what went wrong where it did."""
+    # Eighty columns hold it.
+    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
+    for heading in ("scene", "rolling", "preset"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M drift", "× real\ntime"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for each in agreements:
+        table.add_row(
+            each.scene.name,
+            each.scene.rolling,
+            each.settings.name,
+            f"{each.diagnostics.timestep * 1e3:.3g}",
+            scientific(each.path_error),
+            scientific(each.gamma_error),
+            scientific(each.momentum_drift),
+            f"{each.realtime_factor:.0f}",
+            _word(each),
+            style="" if each.agrees else "yellow",
+        )
+    console.print(table)
+    for each in agreements:
+        if not each.agrees:
+            console.print(
+                f"{each.scene.name}, {each.settings.name}: {each.verdict}", style="yellow"
+            )
+
+
+def _word(agreement: Agreement) -> str:
+    if agreement.agrees:
+        return "agrees"
+    if agreement.faults:
+        return "faulty"
+    return "sensitive" if agreement.sensitive else "off"
+
+
+def scientific(value: float | None) -> str:
+    """A number in two digits; a dash where a run that broke off has none."""
+    return "-" if value is None else f"{value:.1e}"

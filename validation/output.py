@@ -1,0 +1,73 @@
+"""Output: records with the versions they depend on, in files that are whole or not there."""
+
+import csv
+import io
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from robotball.errors import InputError
+from robotball.files.replacing import replacing as replacing
+
+PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
+
+
+def versions() -> dict[str, str]:
+    """What a number depends on besides its scene and settings."""
+    return {
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}",
+        **{package: version(package) for package in PACKAGES},
+    }
+
+
+def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
+    """One record with the versions it depends on as JSON, if a path is given."""
+    if path is None:
+        return
+    text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
+    with replacing(writable_file(path)) as temporary:
+        temporary.write_text(text + "\n")
+
+
+def write_rows(
+    path: Path, rows: Sequence[Mapping[str, Any]], columns: Sequence[str] | None = None
+) -> None:
+    """A table as CSV, with these columns of the rows, or those of the first; None is empty."""
+    text = io.StringIO()
+    columns = list(rows[0]) if columns is None else columns
+    table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    with replacing(path) as temporary:
+        temporary.write_text(text.getvalue())
+
+
+def writable_folder(path: Path) -> Path:
+    """`path`, in which files can be written; raises InputError where they can't.
+
+    It is tried by making the folder; one that was not there is taken away again, so that nothing
+    stays of a command that is refused later.
+    """
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be made: {error.strerror or error}") from None
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise InputError(f"{path} cannot be written: no permission")
+    for folder in made:
+        folder.rmdir()
+    return path
+
+
+def writable_file(path: Path) -> Path:
+    """`path`, in a folder that it can be written to; raises InputError where there is none."""
+    writable_folder(path.parent)
+    if path.is_dir():
+        raise InputError(f"{path} cannot be written: it is a folder")
+    return path

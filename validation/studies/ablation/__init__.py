@@ -1,0 +1,1 @@
+"""What each modelling choice is worth, and costs."""

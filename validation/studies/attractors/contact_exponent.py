@@ -1,0 +1,109 @@
+"""The largest Lyapunov exponent of the contact model, from two motions side by side.
+
+After every interval both motions are put back on the constraints, with the momentum that they
+started from, and the second is brought back to a small distance from the first: a contact model
+has motions of its own, slipping and spinning, and other levels of M², which nobody asks about.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robotball import InputError
+from robotball.engines.mujoco.model import Model
+from robotball.engines.mujoco.run import run
+from robotball.engines.reduced.compiled.kernels import Starts
+from robotball.engines.reduced.compiled.systems import DEVIATION
+from robotball.parameters import Parameters
+from robotball.qualitative.lyapunov import standard_error
+from robotball.rotations import Array, conjugate, multiply
+from validation.studies.attractors.contact_map import own_start
+
+SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it
+TOLERANCE = 1e-11  # of a step of the equations alongside
+
+
+@dataclass(frozen=True)
+class ContactExponent:
+    """How n pairs of motions of the contact model came apart, in k intervals each.
+
+    growth (n, k): the logarithm of the distance's growth in each interval; interval s; attitudes
+    (n, k, 4), of the first motion when an interval began, turns (n, k, 3), the unit direction
+    of the second from there; both in principal axes; momenta (n, 3) kg m²/s, world.
+    """
+
+    growth: Array
+    interval: float
+    attitudes: Array
+    turns: Array
+    momenta: Array
+
+    @property
+    def mean(self) -> float:
+        """λ₁ over all pairs and intervals, 1/s."""
+        return float(self.growth.mean() / self.interval)
+
+    @property
+    def error(self) -> float:
+        """The standard error of `mean`, from the scatter of the pairs, 1/s."""
+        return standard_error(self.growth.mean(axis=1) / self.interval)
+
+    @property
+    def duration(self) -> float:
+        """What all pairs together ran, s."""
+        return self.growth.size * self.interval
+
+
+def contact_exponent(
+    model: Model,
+    attitudes: Array,
+    momenta: Array,
+    duration: float,
+    transient: float = 100.0,
+    interval: float = 5.0,
+    progress: Callable[[float], None] | None = None,
+) -> ContactExponent:
+    """λ₁ of the motions from n starts, each over `duration` after a `transient` [s].
+
+    attitudes (n, 4), momenta (n, 3): in principal axes, as for robotball.lyapunov.exponents.
+    Raises InputError where a run has a fault.
+    """
+    skipped, kept = round(transient / interval), max(1, round(duration / interval))
+    growth = np.empty((len(attitudes), skipped + kept))
+    origins, turns = np.empty((*growth.shape, 4)), np.empty((*growth.shape, 3))
+    for i, (q, M) in enumerate(zip(attitudes, momenta, strict=True)):
+        turn = np.array([0.6, 0.48, 0.64])
+        for k in range(skipped + kept):
+            origins[i, k], turns[i, k] = q, turn
+            beside = multiply(q, Rotation.from_rotvec(SEPARATION * turn).as_quat(scalar_first=True))
+            q, other = (rolled(model, each, M, interval) for each in (q, beside))
+            apart = multiply(conjugate(q), other)
+            turn = Rotation.from_quat(apart, scalar_first=True).as_rotvec()
+            distance = float(np.linalg.norm(turn))
+            growth[i, k], turn = np.log(distance / SEPARATION), turn / distance
+            if progress is not None:
+                progress((i * growth.shape[1] + k + 1) / growth.size)
+    late = slice(skipped, None)
+    return ContactExponent(growth[:, late], interval, origins[:, late], turns[:, late], momenta)
+
+
+def rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
+    """The attitude (4,), in principal axes, to which MuJoCo rolls the ball in `duration` s."""
+    motion = run(model, np.array([0.0, duration]), start=own_start(model.scene, attitude, momentum))
+    assert motion.diagnostics is not None
+    if motion.diagnostics.faults:
+        raise InputError(f"MuJoCo's run is no result: {motion.diagnostics.faults[0]}")
+    return multiply(motion.attitude[-1], model.scene.principal_quaternion)
+
+
+def growth_by_equations(parameters: Parameters, contact: ContactExponent) -> Array:
+    """What `growth` (n, k) the equations have from the same starts, in the same directions."""
+    n, k = contact.growth.shape
+    starts = Starts(
+        parameters, contact.attitudes.reshape(-1, 4), np.repeat(contact.momenta, k, axis=0)
+    )
+    rest = np.concatenate([contact.turns.reshape(-1, 3), np.zeros((n * k, 2))], axis=1)
+    states, _ = starts.march(DEVIATION, rest, np.array([contact.interval]), TOLERANCE)
+    return states[:, 0, 7].reshape(n, k)

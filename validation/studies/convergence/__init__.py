@@ -1,0 +1,1 @@
+"""Orders of convergence, and what is left when steps shrink."""

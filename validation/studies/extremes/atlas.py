@@ -1,0 +1,76 @@
+"""The atlas: which cells the maps have, and the sweep over them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from robotball.engines.mujoco.settings import ADAPTIVE
+from validation.commands.arguments import Sweep
+from validation.progress import Show
+from validation.studies.extremes.cell import measure
+from validation.studies.extremes.maps import INTEGRATORS, Axis, Map
+from validation.sweeps import Cell, Result, sweep
+
+QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
+QUICK_COUNT = 3  # values of an axis
+QUICK_DURATION = 10.0  # s, at most
+
+
+@dataclass(frozen=True)
+class Cut:
+    """How much of the maps to run: all integrators and values, or a few."""
+
+    integrators: tuple[str, ...] = INTEGRATORS
+    count: int | None = None
+
+    def values(self, axis: Axis) -> tuple[float, ...]:
+        """Those of the axis that are in the cut, its ends among them."""
+        values = axis.values
+        if self.count is None or self.count >= len(values):
+            return values
+        if "duration" in axis.label:
+            values = tuple(v for v in values if v <= QUICK_DURATION)
+        chosen = np.linspace(0, len(values) - 1, self.count).round().astype(int)
+        return tuple(values[i] for i in np.unique(chosen))
+
+
+WHOLE, QUICK = Cut(), Cut(QUICK_INTEGRATORS, QUICK_COUNT)
+
+
+def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:
+    """The cells of a map; those of one ball follow each other."""
+    return [
+        {"map": chosen.name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
+        for rolling in chosen.rollings
+        for integrator in cut.integrators
+        for y in cut.values(chosen.y)
+        for x in cut.values(chosen.x_of(integrator))
+    ]
+
+
+def survey(
+    maps: Sequence[Map], cut: Cut, file: Path, options: Sweep, show: Show
+) -> dict[str, list[Result]]:
+    """The results of the maps' cells by the map's name; `file` keeps them for another time."""
+    results: dict[str, list[Result]] = {}
+    done = 0
+    for each in maps:
+        cells = cells_of(each, cut)
+        results[each.name] = sweep(
+            measure,
+            cells,
+            file,
+            workers=options.workers,
+            cluster=options.cluster,
+            limit=each.limit,
+            show=partial(_show, show, done, each.name),
+        )
+        done += len(cells)
+    return results
+
+
+def _show(show: Show, done: int, name: str, part: float, words: str) -> None:
+    show(done + part, f"{name}: {words}")

@@ -1,0 +1,274 @@
+"""The maps as data: two axes each, how the run of a cell is made, and what is held fixed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from robotball import InputError, Scene, Servo, Settings, load_scene
+from robotball.engines.mujoco.settings import ADAPTIVE, MOST_STEPS, recipe
+from validation.studies.extremes.balls import gyrostat, momentum_of, redistributed, scaled
+
+INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4", ADAPTIVE)
+SCENES = {"rubber": "fig12", "classical": "classical_regular"}
+TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
+RTOL = 1e-8  # of the adaptive integrator's steps, where it is not varied
+DURATION = 3.0  # s, on maps that do not vary it: a few turns of the ball
+PROMISE = 1e-2  # the error that the guard is asked to hold a cell to
+ADAPTIVE_STEPS = 2000  # at most; of the cells that end well none takes 1800
+COUNT = 8  # values of an axis, if no other number is given
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A quantity, with its unit in the label, and its values."""
+
+    label: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Case:
+    """What one cell runs.
+
+    ample: whether friction is raised to three times the motion's demand where it is less.
+    duration: s; None for a few turns of the ball.
+    """
+
+    scene: Scene
+    settings: Settings
+    ample: bool = True
+    duration: float | None = None
+
+
+@dataclass(frozen=True)
+class Map:
+    """A failure map: `make` gives the case of an integrator at (x, y) from the base scene.
+
+    The adaptive integrator has no timestep: where that is an axis, it is its rtol that varies.
+    """
+
+    name: str
+    title: str
+    held: str
+    x: Axis
+    y: Axis
+    make: Callable[[Scene, str, float, float], Case]
+    rollings: tuple[str, ...] = tuple(SCENES)
+    limit: float = 60.0  # s of one cell
+
+    def x_of(self, integrator: str) -> Axis:
+        """The first axis as an integrator has it."""
+        return ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
+
+
+def case(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> Case:
+    """The case of a cell; raises InputError where there is no such ball."""
+    return chosen.make(base(rolling), integrator, x, y)
+
+
+@cache
+def base(rolling: str) -> Scene:
+    """The scene that the maps of a rolling model start from."""
+    return load_scene(SCENES[rolling])
+
+
+def settings_of(integrator: str, step: float | None = None) -> Settings:
+    """The recipe with an integrator and its timestep [s], or rtol if it is the adaptive one."""
+    if integrator == ADAPTIVE:
+        chosen = recipe(integrator, PROMISE, integrator=ADAPTIVE, rtol=step or RTOL)
+        chosen = replace(chosen, max_steps=ADAPTIVE_STEPS)
+    else:
+        timestep = step or TIMESTEP
+        chosen = recipe(integrator, PROMISE, integrator=integrator, timestep=timestep)
+        assert chosen.solref is not None
+        # As MuJoCo would do in silence.
+        chosen = replace(chosen, solref=(max(chosen.solref[0], 2 * timestep), chosen.solref[1]))
+    # What becomes of a run is to be seen to its end.
+    return replace(chosen, stop_at_fault=False)
+
+
+def decades(low: float, high: float, count: int = COUNT) -> tuple[float, ...]:
+    """Values evenly spaced in their logarithm, to three digits."""
+    return tuple(float(f"{v:.3g}") for v in np.geomspace(low, high, count))
+
+
+def _momentum(scene: Scene, integrator: str, step: float, size: float) -> Case:
+    K = momentum_of(scene)
+    ball = gyrostat(scene, frame_rate=_frame_rate(scene), K=K / np.linalg.norm(K) * size)
+    return Case(ball, settings_of(integrator, step))
+
+
+def _frame(scene: Scene, integrator: str, step: float, rate: float) -> Case:
+    ball = gyrostat(scene, frame_rate=rate, K=momentum_of(scene))
+    return Case(ball, settings_of(integrator, step))
+
+
+def _rotor(scene: Scene, integrator: str, step: float, rate: float) -> Case:
+    ball = gyrostat(scene, frame_rate=_frame_rate(scene), K=momentum_of(scene), rotor_rate=rate)
+    return Case(ball, settings_of(integrator, step))
+
+
+def _masses(scene: Scene, integrator: str, frame_to_shell: float, rotor_to_frame: float) -> Case:
+    ball = redistributed(scene, frame_to_shell=frame_to_shell, rotor_to_frame=rotor_to_frame)
+    return Case(ball, settings_of(integrator))
+
+
+def _scale(scene: Scene, integrator: str, mass: float, length: float) -> Case:
+    return Case(scaled(scene, mass=mass, length=length), settings_of(integrator))
+
+
+def _friction(scene: Scene, integrator: str, sliding: float, gravity: float) -> Case:
+    settings = replace(settings_of(integrator), sliding_friction=sliding, torsional_friction=1e6)
+    return Case(replace(scene, gravity=gravity), settings, ample=False)
+
+
+def _torsion(scene: Scene, integrator: str, sliding: float, torsional: float) -> Case:
+    settings = replace(
+        settings_of(integrator), sliding_friction=sliding, torsional_friction=torsional
+    )
+    return Case(scene, settings, ample=False)
+
+
+def _gravity(scene: Scene, integrator: str, gravity: float, constant: float) -> Case:
+    settings = replace(settings_of(integrator), solref=(constant, 1.0))
+    return Case(replace(scene, gravity=gravity), settings)
+
+
+def _contact(scene: Scene, integrator: str, constant: float, rate: float) -> Case:
+    # The direct form of a critically damped contact, which MuJoCo does not soften to fit dt.
+    settings = replace(
+        settings_of(integrator),
+        solref=(-1 / constant**2, -2 / constant),
+        solreffriction=(-1.0, -rate),
+    )
+    return Case(scene, settings)
+
+
+def _servo(scene: Scene, integrator: str, step: float, rate: float) -> Case:
+    gain = rate * scene.ball.rotors[0].axial_inertia
+    settings = replace(settings_of(integrator, step), drive=Servo(gain=gain))
+    return Case(scene, settings)
+
+
+def _duration(scene: Scene, integrator: str, step: float, duration: float) -> Case:
+    settings = replace(settings_of(integrator, step), max_steps=MOST_STEPS)
+    return Case(scene, settings, duration=duration)
+
+
+def _frame_rate(scene: Scene) -> float:
+    return float(scene.drives[0].rate(0.0))
+
+
+TIMESTEPS = Axis("timestep [s]", decades(2e-4, 0.2))
+LONG_TIMESTEPS = Axis("timestep [s]", (0.02, 0.05, 0.1, 0.2))
+ADAPTIVE_AXES = {
+    TIMESTEPS: Axis("rtol of a step", decades(1e-13, 0.1)),
+    # A day's motion takes it minutes, whatever its rtol.
+    LONG_TIMESTEPS: Axis("rtol of a step", (1e-6,)),
+}
+
+MAPS: dict[str, Map] = {
+    each.name: each
+    for each in (
+        Map(
+            "momentum",
+            "timestep × momentum |K|",
+            "A, Ω, M and the direction of K; the rotor's rate and axis give K",
+            TIMESTEPS,
+            Axis("|K| [kg m²/s]", decades(0.1, 1e4, 9)),
+            _momentum,
+        ),
+        Map(
+            "frame",
+            "timestep × frame's rate |Ω|",
+            "A, K and M; the rotor's rate and axis make up for the frame's",
+            TIMESTEPS,
+            Axis("|Ω| [rad/s]", decades(0.01, 1e4, 9)),
+            _frame,
+        ),
+        Map(
+            "rotor",
+            "timestep × rotor's speed at fixed K",
+            "A, Ω, K and M: the faster the rotor, the smaller its inertia",
+            TIMESTEPS,
+            Axis("rotor's speed [rad/s]", decades(10, 1e11, 9)),
+            _rotor,
+        ),
+        Map(
+            "masses",
+            "mass of rotor : frame : shell",
+            "total mass, shapes of the bodies, their rates, M",
+            Axis("frame's mass / shell's", decades(1e-6, 1e6, 9)),
+            Axis("rotor's mass / frame's", decades(1e-6, 1e6, 9)),
+            _masses,
+        ),
+        Map(
+            "scale",
+            "scale of mass × scale of length",
+            "rates and times: M goes with mass·length², gravity with length",
+            Axis("masses × ", decades(1e-9, 1e9, 9)),
+            Axis("lengths × ", decades(1e-9, 1e9, 9)),
+            _scale,
+        ),
+        Map(
+            "friction",
+            "sliding friction × gravity",
+            "the ball and its start; torsional friction 1e6 m",
+            Axis("coefficient of sliding friction", decades(1e-3, 1e6, 10)),
+            Axis("gravity [m/s²]", decades(1e-3, 1e3, 7)),
+            _friction,
+        ),
+        Map(
+            "torsion",
+            "sliding × torsional friction",
+            "the ball, its start and gravity, 9.81 m/s²",
+            Axis("coefficient of sliding friction", decades(1e-3, 1e6, 10)),
+            Axis("coefficient of torsional friction [m]", decades(1e-3, 1e6, 10)),
+            _torsion,
+            rollings=("rubber",),
+        ),
+        Map(
+            "gravity",
+            "gravity × time constant of the contact",
+            "the ball and its start; the margin carries the weight, at whatever depth",
+            Axis("gravity [m/s²]", decades(1e-9, 1e6, 11)),
+            Axis("solref's time constant [s]", decades(0.01, 10, 9)),
+            _gravity,
+        ),
+        Map(
+            "contact",
+            "stiffness × friction damping of the contact",
+            "the ball and its start; damping ratio 1, in solref's direct form",
+            Axis("time constant of the contact [s]", decades(1e-5, 10, 9)),
+            Axis("solreffriction's damping b [1/s]", decades(1e-3, 1e6, 10)),
+            _contact,
+        ),
+        Map(
+            "servo",
+            "timestep × servo gain",
+            "the ball and its start; the same gain kv on both hinges, j of the rotor",
+            TIMESTEPS,
+            Axis("kv/j [1/s]", decades(0.1, 1e7, 9)),
+            _servo,
+        ),
+        Map(
+            "duration",
+            "timestep × duration",
+            "the ball and its start; a limit cycle or a regular motion, so not chaos",
+            LONG_TIMESTEPS,
+            Axis("duration [s]", decades(0.1, 1e5, 7)),
+            _duration,
+            limit=1800.0,
+        ),
+    )
+}
+
+
+def chosen(names: tuple[str, ...]) -> list[Map]:
+    """The named maps, all for none; raises InputError on a name that is no map's."""
+    for name in names:
+        if name not in MAPS:
+            raise InputError(f"no map is called {name!r}; there are {', '.join(MAPS)}")
+    return [MAPS[name] for name in dict.fromkeys(names or MAPS)]

@@ -1,0 +1,260 @@
+"""The maps as pictures: a panel an integrator and rolling model, one legend for all.
+
+A cell's outcome is told by its grey and its letter, so that no colour is needed.
+"""
+
+import inspect
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from robotball.palette import ENGINE, INK, THEORY
+from robotball.rotations import Array
+from validation.output import replacing
+from validation.studies.extremes.cell import PREDICTIONS
+from validation.studies.extremes.maps import PROMISE, Map
+from validation.studies.extremes.outcome import Outcome
+from validation.studies.extremes.summary import (
+    Measured,
+    foretold,
+    measured_edges,
+    missed,
+    noticed,
+    outcome_of,
+)
+from validation.sweeps import Result
+
+GREYS = {
+    Outcome.ACCURATE: 1.0,
+    Outcome.DEGRADED: 0.92,
+    Outcome.WRONG: 0.1,
+    Outcome.SLIPPED: 0.78,
+    Outcome.LOST_CONTACT: 0.68,
+    Outcome.OFF_RATE: 0.84,
+    Outcome.DIVERGED: 0.5,
+    Outcome.REFUSED: 1.0,
+    Outcome.UNFINISHED: 1.0,
+    Outcome.FAILED: 0.1,
+}
+PANEL, MARGIN, LINE = 2.45, 0.15, 0.19  # inches; LINE is one of the legend's
+TICKS = 4  # at most, on an axis
+LINES = [
+    (colour, dashes)
+    for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
+    for colour in (THEORY, ENGINE, INK)
+]
+SENTENCES = {
+    predict.__name__: (inspect.getdoc(predict) or "").splitlines()[0].rstrip(".")
+    for predict in PREDICTIONS
+}
+
+
+def draw(chosen: Map, results: Sequence[Result], path: Path) -> None:
+    """The picture of a map at `path`."""
+    with replacing(path) as temporary:
+        picture(chosen, results).savefig(temporary, dpi=100)
+
+
+def picture(chosen: Map, results: Sequence[Result]) -> Figure:
+    """The panels of a map, rolling models below each other, integrators side by side."""
+    rollings = list(dict.fromkeys(each.cell["rolling"] for each in results))
+    integrators = list(dict.fromkeys(each.cell["integrator"] for each in results))
+    crossed = _crossed(results)
+    styles = dict(zip(crossed, LINES * (1 + len(crossed) // len(LINES)), strict=False))
+    figure, panels = _panels(len(rollings), len(integrators), lines=len(crossed))
+    width, height = figure.get_size_inches()
+    figure.text(MARGIN / width, 1 - 0.3 / height, chosen.title, size=14, weight="bold")
+    figure.text(MARGIN / width, 1 - 0.52 / height, f"held: {chosen.held}", size=9)
+    for row, rolling in enumerate(rollings):
+        for column, integrator in enumerate(integrators):
+            axes = panels[row, column]
+            cells = [
+                each
+                for each in results
+                if (each.cell["rolling"], each.cell["integrator"]) == (rolling, integrator)
+            ]
+            _panel(axes, cells, styles)
+            _label(axes, chosen, cells, integrator, last=rolling == rollings[-1])
+            if row == 0:
+                axes.set_title(integrator, size=10)
+            if column == 0:
+                axes.set_ylabel(f"{rolling}\n{chosen.y.label}", size=9)
+            else:
+                axes.set_yticklabels([])
+    _legend(figure, styles, {each.edge: each for each in measured_edges(results)})
+    return figure
+
+
+def _panels(rows: int, columns: int, lines: int) -> tuple[Figure, Any]:
+    """A figure of panels (rows, columns) with room below for a legend with so many lines."""
+    below = 1.75 + LINE * (lines + bool(lines))
+    width, height = max(9.0, PANEL * columns + 1.2), PANEL * rows + 0.9 + below
+    figure = Figure(figsize=(width, height))
+    panels = figure.subplots(rows, columns, squeeze=False)
+    figure.subplots_adjust(
+        left=1.05 / width,
+        right=1 - MARGIN / width,
+        top=1 - 0.85 / height,
+        bottom=below / height,
+        wspace=0.12,
+        hspace=0.12,
+    )
+    return figure, panels
+
+
+def _values(results: Sequence[Result], key: str) -> list[float]:
+    return sorted({each.cell[key] for each in results})
+
+
+def _crossed(results: Sequence[Result]) -> list[str]:
+    """The edges with cells on both sides in some panel, so that there is a line to draw."""
+    sides: dict[tuple[str, ...], set[bool]] = {}
+    for each in results:
+        panel = (each.cell["rolling"], each.cell["integrator"])
+        for name, value in (each.record or {}).get("nearness", {}).items():
+            sides.setdefault((name, *panel), set()).add(value is None or value > 1)
+    crossed = {name for (name, *_), both in sides.items() if len(both) == 2}
+    return [name for name in SENTENCES if name in crossed]
+
+
+def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
+    xs, ys = _values(results, "x"), _values(results, "y")
+    grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
+    for each in results:
+        i, j = xs.index(each.cell["x"]), ys.index(each.cell["y"])
+        _draw_cell(axes, i, j, each)
+        for name, value in (each.record or {}).get("nearness", {}).items():
+            if name in grids:
+                grids[name][j, i] = 1e6 if value is None else np.clip(value, 1e-6, 1e6)
+    for name, grid in grids.items():
+        _draw_edge(axes, np.log10(grid), *styles[name])
+    axes.set_xlim(-0.5, len(xs) - 0.5)
+    axes.set_ylim(-0.5, len(ys) - 0.5)
+
+
+def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
+    outcome = outcome_of(result)
+    grey = GREYS[outcome]
+    ink = "white" if grey < 0.4 else INK
+    axes.add_patch(
+        Rectangle((i - 0.5, j - 0.5), 1, 1, facecolor=str(grey), edgecolor="0.75", linewidth=0.4)
+    )
+    axes.text(i, j - 0.08, outcome.sign, color=ink, size=8, ha="center", va="center")
+    for told, side in ((foretold(result), -0.32), (noticed(result), 0.32)):
+        if told:
+            axes.plot(i + side, j + 0.33, ".", color=ink, markersize=2)
+    if missed(result):
+        axes.plot(i, j, "o", markerfacecolor="none", markeredgecolor=ink, markersize=11)
+
+
+def _draw_edge(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
+    inside = nearness[np.isfinite(nearness)]
+    if min(nearness.shape) < 2 or not len(inside) or not inside.min() < 0 < inside.max():
+        return
+    rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
+    lines = axes.contour(
+        columns,
+        rows,
+        np.ma.masked_invalid(_to_the_borders(nearness)),
+        levels=[0.0],
+        colors=[colour],
+        linewidths=1.8,
+    )
+    lines.set_linestyle(dashes)
+    lines.set_path_effects([patheffects.withStroke(linewidth=3.2, foreground="white")])
+
+
+def _to_the_borders(grid: Array) -> Array:
+    """The grid with one value more on every side, half a cell on by its slope.
+
+    A line that no two cells show is not made by that.
+    """
+    for _ in range(2):
+        ends, slopes = grid[[0, -1]], np.diff(grid, axis=0)[[0, -1]] / 2
+        beyond = ends + slopes * [[-1.0], [1.0]]
+        beyond = np.where(np.sign(beyond) == np.sign(ends), beyond, ends)
+        grid = np.concatenate([beyond[:1], grid, beyond[1:]]).T
+    return grid
+
+
+def _label(
+    axes: Axes, chosen: Map, results: Sequence[Result], integrator: str, *, last: bool
+) -> None:
+    for axis, key in ((axes.xaxis, "x"), (axes.yaxis, "y")):
+        values = _values(results, key)
+        places = range(0, len(values), max(1, -(-(len(values) - 1) // (TICKS - 1))))
+        axis.set_ticks(places, [f"{values[place]:.2g}" for place in places], size=7.5)
+    if last:
+        axes.set_xlabel(chosen.x_of(integrator).label, size=9)
+    else:
+        axes.set_xticklabels([])
+
+
+def _sentence(edge: Measured) -> str:
+    """The prediction, and what it has come to."""
+    words = f"{SENTENCES[edge.edge]}; kept to {edge.kept:.2g}"
+    return words if edge.broken is None else f"{words}, broken from {edge.broken:.2g} of it"
+
+
+def _legend(
+    figure: Figure,
+    styles: Mapping[str, Any],
+    measured: Mapping[str, Measured],
+) -> None:
+    """What the cells mean, then what the dots and the lines do."""
+    outcomes = [
+        Patch(
+            facecolor=str(GREYS[each]),
+            edgecolor="0.5",
+            label=f"{each.sign or ' '}   {each.value[1]}",
+        )
+        for each in Outcome
+    ]
+    marks = [
+        Line2D([], [], color=INK, marker=".", linestyle="", label=label)
+        for label in ("left dot: warned of before the run", "right dot: noticed during the run")
+    ]
+    marks.append(
+        Line2D([], [], markeredgecolor=INK, markerfacecolor="none", marker="o", linestyle="",
+               label="circle: wrong, and neither")
+    )  # fmt: skip
+    edges = [
+        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=label)
+        for (colour, dashes), label in zip(
+            styles.values(), (_sentence(measured[name]) for name in styles), strict=True
+        )
+    ]
+    width, height = figure.get_size_inches()
+    x = MARGIN / width
+    common: dict[str, Any] = {
+        "loc": "lower left",
+        "frameon": False,
+        "fontsize": 8,
+        "borderaxespad": 0.0,
+    }
+    above = 0.1
+    if edges:
+        title = f"lines: edges predicted for an error of {PROMISE:g}, and what was measured"
+        figure.legend(
+            handles=edges,
+            bbox_to_anchor=(x, 0.06 / height),
+            title=title,
+            title_fontsize=8,
+            alignment="left",
+            **common,
+        )
+        above = 0.35 + LINE * len(edges)
+    figure.legend(
+        handles=[*outcomes, *marks],
+        ncols=3,
+        bbox_to_anchor=(x, above / height),
+        columnspacing=1.5,
+        **common,
+    )

@@ -1,0 +1,173 @@
+"""Seeded random runs: extreme ones, each far out along a few axes, and ordinary ones."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robotball import Scene, SceneWarning, Settings, catalog, load_scene, preset
+from robotball.drives import Servo
+from robotball.engines.mujoco.planned_run import Case
+from robotball.engines.mujoco.settings import ADAPTIVE, MUJOCOS_INTEGRATORS, Prescribed, recipe
+from robotball.rotations import Array
+from robotball.start import Start
+from validation.studies.extremes.balls import scaled, scaled_frame, scaled_rotor, scaled_shell
+
+LONGEST = 100.0  # s
+STEPS, TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its fastest rotation
+MOST_STEPS = 4000
+SAMPLES = 100
+RECIPES = ("fast", "balanced", "accurate", "adaptive")
+EXTREME_AXES = 3  # at most, of one run
+
+
+@dataclass(frozen=True)
+class Run:
+    """A scene, settings and sample times (n,) [s]; what was made extreme, for the eye."""
+
+    scene: Scene
+    settings: Settings
+    times: Array
+    axes: tuple[str, ...] = ()
+
+
+def ordinary(seed: int, number: int) -> Run:
+    """A catalog ball with its rates, momentum and attitude varied, at one of the recipe presets."""
+    random = np.random.default_rng([seed, number, 0])
+    scene = _varied(_any_scene(random), random)
+    duration = float(random.uniform(1.0, 10.0))
+    settings = preset(str(random.choice(RECIPES)))
+    return Run(scene, settings, np.linspace(0.0, duration, SAMPLES + 1))
+
+
+def extreme(seed: int, number: int) -> Run:
+    """The naive or the recipe's settings on a varied ball, one to three axes far out."""
+    random = np.random.default_rng([seed, number, 1])
+    scene = _varied(_any_scene(random), random)
+    settings = random.choice(np.array([preset("naive"), recipe("recipe", 1e-2, timestep=5e-3)]))
+    settings = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
+    chosen = random.choice(list(AXES), random.integers(1, EXTREME_AXES + 1), replace=False)
+    for axis in chosen:
+        scene, settings = AXES[axis](scene, settings, random)
+    return Run(scene, settings, _short_times(scene, settings, random), tuple(map(str, chosen)))
+
+
+def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) -> Array:
+    """Times that neither the engine nor the equations need long for."""
+    case = Case(scene, settings, scene.duration)
+    timestep = case.timestep if np.isfinite(case.timestep) else 0.02
+    turns = TURNS * random.uniform(0.2, 1.0) / max(case.rotation_rate, 1e-6)
+    duration = min(max(min(turns, STEPS * timestep, LONGEST), 10 * timestep), LONGEST)
+    return np.linspace(0.0, duration, SAMPLES + 1)
+
+
+def _any_scene(random: np.random.Generator) -> Scene:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)  # no workshop has to build them
+        scene = load_scene(str(random.choice(STEADY)))
+    return scene if len(scene.motors) == 0 else replace(scene, motors=())
+
+
+STEADY = [name for name in catalog() if name not in ("servo_motors",)]
+
+
+def _varied(scene: Scene, random: np.random.Generator) -> Scene:
+    attitude = Rotation.random(random_state=random).as_quat(scalar_first=True)
+    momentum = scene.start.momentum * random.uniform(0.3, 1.5)
+    scene = replace(scene, start=Start(attitude, momentum))
+    return _faster(
+        _faster(scene, float(random.uniform(0.3, 1.3)), 0), float(random.uniform(0.3, 1.3)), 1
+    )
+
+
+def _faster(scene: Scene, factor: float, which: int) -> Scene:
+    """Rates times a factor: the frame's (0) or the rotors' (1), where they are numbers."""
+
+    def times(rate: Any) -> Any:
+        return rate * factor if isinstance(rate, float | int) else rate
+
+    if which == 0:
+        return replace(scene, frame_rate=times(scene.frame_rate))
+    return replace(scene, rotor_rates=tuple(map(times, scene.rotor_rates)))
+
+
+def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
+    """The same ball of so many times the mass and size, with M in the same proportion to it."""
+    return replace(scaled(scene, mass=mass, length=length), gravity=scene.gravity)
+
+
+def _heavier_part(scene: Scene, factor: float, part: str) -> Scene:
+    ball = scene.ball
+    if part == "shell":
+        heavier = replace(ball, shell=scaled_shell(ball.shell, factor))
+    elif part == "frame":
+        heavier = replace(ball, frame=scaled_frame(ball.frame, factor))
+    else:
+        rotors = tuple(scaled_rotor(rotor, factor) for rotor in ball.rotors)
+        heavier = replace(ball, rotors=rotors)
+    return replace(scene, ball=heavier)
+
+
+Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
+
+
+def _of_scene(low: float, high: float, change: Callable[[Scene, float], Scene]) -> Axis:
+    """An axis of the scene, from 10**low to 10**high."""
+    return lambda scene, settings, random: (
+        change(scene, float(10 ** random.uniform(low, high))), settings,
+    )  # fmt: skip
+
+
+def _of_settings(low: float, high: float, change: Callable[[float], dict[str, Any]]) -> Axis:
+    return lambda scene, settings, random: (
+        scene, replace(settings, **change(float(10 ** random.uniform(low, high)))),
+    )  # fmt: skip
+
+
+def _choice(*choices: dict[str, Any]) -> Axis:
+    return lambda scene, settings, random: (
+        scene, replace(settings, **choices[int(random.integers(len(choices)))]),
+    )  # fmt: skip
+
+
+def _start_times(scene: Scene, factor: float) -> Scene:
+    return replace(scene, start=replace(scene.start, momentum=scene.start.momentum * factor))
+
+
+AXES: dict[str, Axis] = {
+    "timestep": _of_settings(-4, 0, lambda v: {"timestep": v}),
+    "integrator": _choice(*({"integrator": name} for name in MUJOCOS_INTEGRATORS)),
+    "adaptive": _of_settings(-13, -2, lambda v: {"integrator": ADAPTIVE, "rtol": v}),
+    "rotor speed": _of_scene(-2, 4, lambda scene, v: _faster(scene, v, 1)),
+    "frame speed": _of_scene(-2, 3, lambda scene, v: _faster(scene, v, 0)),
+    "momentum": _of_scene(-6, 4, _start_times),
+    "shell's mass": _of_scene(-6, 6, lambda scene, v: _heavier_part(scene, v, "shell")),
+    "frame's mass": _of_scene(-6, 6, lambda scene, v: _heavier_part(scene, v, "frame")),
+    "rotors' mass": _of_scene(-6, 6, lambda scene, v: _heavier_part(scene, v, "rotors")),
+    "mass": _of_scene(-9, 9, lambda scene, v: rescaled(scene, mass=v)),
+    "radius": _of_scene(-9, 9, lambda scene, v: rescaled(scene, length=v)),
+    "gravity": _of_scene(-9, 6, lambda scene, v: replace(scene, gravity=scene.gravity * v)),
+    "friction": _of_settings(-3, 6, lambda v: {"sliding_friction": v}),
+    "torsional friction": _of_settings(-3, 6, lambda v: {"torsional_friction": v}),
+    "both frictions": _of_settings(
+        -3, 6, lambda v: {"sliding_friction": v, "torsional_friction": v}
+    ),
+    "time constant": _of_settings(-4, 1, lambda v: {"solref": (v, 1.0)}),
+    "stiffness": _of_settings(-1, 8, lambda v: {"solref": (-v, -2 * float(np.sqrt(v)))}),
+    "friction damping": _of_settings(-3, 5, lambda v: {"solreffriction": (-1.0, -v)}),
+    "impedance": _of_settings(-6, -0.2, lambda v: {"solimp": (1 - v, 1 - v, 0.001, 0.5, 1.0)}),
+    "impratio": _of_settings(-3, 8, lambda v: {"impratio": v, "cone": "elliptic"}),
+    "servo": _of_settings(-3, 5, lambda v: {"drive": Servo(gain=v)}),
+    "armature": _of_settings(0, 18, lambda v: {"drive": Prescribed(armature=v)}),
+    "tolerance": _of_settings(-16, -2, lambda v: {"tolerance": v}),
+    "solver": _choice(*({"solver": name} for name in ("PGS", "CG", "Newton"))),
+    "cone": _choice({"cone": "elliptic"}, {"cone": "pyramidal"}),
+    "noslip": _choice({"noslip_iterations": 0}, {"noslip_iterations": 3}),
+    "rolling friction": _of_settings(-5, 0, lambda v: {"condim": 6, "rolling_friction": v}),
+    "condim": _choice({"condim": 3}, {"condim": 4}),
+    "root": _choice({"root": "frame"}),
+    "start": _choice({"start_in_equilibrium": False}),
+}

@@ -1,0 +1,1 @@
+"""What rolling and torsional friction do to the ball."""

@@ -1,0 +1,117 @@
+"""What work costs: ratios to a bare loop of mj_step, taken in turn with it in the same run.
+
+A machine's speed wanders, and other work shares its caches: seconds are one machine's at one time.
+The ratio of two neighbours in time is what lasts; seconds are derived from it.
+"""
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+
+from robotball import load_scene, preset
+from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.run import run
+from robotball.rotations import Array
+
+BASELINE = ("fig12", "accurate")  # the scene and preset of the bare loop
+STEPS = 250  # of it, at every turn
+
+Work = Callable[[], float]
+"""Does a piece of work, set-up excluded, and tells its processor time [s]."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a piece of work costs, over rounds.
+
+    ratios    of its processor time to the bare loop's of one simulated second, one a round
+    baseline  s, processor time of the bare loop for one simulated second, the rounds' median
+    """
+
+    ratios: tuple[float, ...]
+    baseline: float
+
+    @property
+    def ratio(self) -> float:
+        """The rounds' median."""
+        return statistics.median(self.ratios)
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """The least and the largest of the rounds' ratios."""
+        return min(self.ratios), max(self.ratios)
+
+    @property
+    def seconds(self) -> float:
+        """Processor time [s] at the baseline's median speed."""
+        return self.ratio * self.baseline
+
+    def over(self, other: "Cost") -> "Cost":
+        """The same work by the side of another's of the same rounds, which is now the baseline."""
+        ratios = zip(self.ratios, other.ratios, strict=True)
+        return Cost(tuple(ours / theirs for ours, theirs in ratios), other.seconds)
+
+
+class BareLoop:
+    """mj_step over and over, with nothing read, watched or kept."""
+
+    @cached_property
+    def _model(self) -> Model:
+        scene, settings = BASELINE
+        return build(load_scene(scene), preset(settings))
+
+    def __call__(self) -> float:
+        """Processor time of one simulated second [s]."""
+        return one_step(self._model.compiled) / self._model.compiled.opt.timestep
+
+
+def one_step(compiled: mujoco.MjModel) -> float:
+    """Processor time of one mj_step [s], the mean of STEPS from the model's start."""
+    data = mujoco.MjData(compiled)
+    mujoco.mj_resetDataKeyframe(compiled, data, 0)
+    began = time.thread_time()
+    for _ in range(STEPS):
+        mujoco.mj_step(compiled, data)
+    return (time.thread_time() - began) / STEPS
+
+
+def simulated_second(model: Model, times: Array) -> Work:
+    """The work of one simulated second of a run over `times` (n,) [s], stepping and reading."""
+
+    def work() -> float:
+        motion = run(model, times)
+        done = motion.diagnostics
+        assert done is not None
+        # A run that breaks off has stepped on to where it was looked at next.
+        broken = len(motion.times) < len(times)
+        return done.seconds / (done.steps * done.timestep if broken else float(times[-1]))
+
+    return work
+
+
+def measure_costs(
+    works: Sequence[Work], rounds: int = 5, show: Callable[[int], None] | None = None
+) -> list[Cost]:
+    """The cost of every work, all in turn, each between two bare loops; one round more warms up.
+
+    show: called with the number of works done, of (rounds + 1) times as many.
+    """
+    bare = BareLoop()
+    ratios: list[list[float]] = [[] for _ in works]
+    loops: list[float] = []
+    before = bare()
+    for turn in range(rounds + 1):
+        for i, work in enumerate(works):
+            seconds, after = work(), bare()
+            if turn:
+                loops.append(after)
+                ratios[i].append(2 * seconds / (before + after))
+            before = after
+            if show is not None:
+                show(turn * len(works) + i + 1)
+    baseline = statistics.median(loops)
+    return [Cost(tuple(each), baseline) for each in ratios]

@@ -1,0 +1,1 @@
+"""Error against processor time, over many configurations."""

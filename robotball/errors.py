@@ -1,9 +1,14 @@
 """The one exception that a user's input can raise, and the one warning."""
 
+import difflib
 import math
+import sys
+import warnings
+from collections.abc import Iterable
 
 # In SI units, beyond any ball; products of a few such numbers do not overflow.
 LARGEST = 1e50
+PACKAGES = ("robotball", "validation")
 
 
 class InputError(ValueError):
@@ -16,6 +21,21 @@ class InputError(ValueError):
 
 class SceneWarning(UserWarning):
     """A scene that runs, but not as its author may think; one line."""
+
+
+def warn(line: str) -> None:
+    """A SceneWarning that points at the line outside these packages that asked for the work."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in PACKAGES:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(line, SceneWarning, stacklevel=level - 1)
+
+
+def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
+    """What to raise where nothing of its kind has this name: the near ones, or all there are."""
+    near = difflib.get_close_matches(str(name), known := list(known), n=3, cutoff=0.4)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}"
+    return InputError(f"no {kind} is called {str(name)!r}; {hint}")
 
 
 def too_many_steps(taken: int, reached: float, end: float, speed: float) -> InputError:

@@ -1,28 +1,31 @@
-"""Motion: what both engines return, and all that anything downstream sees."""
+"""Motion: what every engine returns, and how far two motions of one scene are apart."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robotball.rotations import Array, rotation_matrix
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Something that makes a run no result: what, and from when [s]; a fatal one ended the run."""
-
-    time: float
-    cause: str
-    fatal: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.cause} at t = {self.time:.6g} s"
+from robotball.errors import InputError
+from robotball.faults import Fault
+from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.scene import Scene
+from robotball.settings import EngineSettings
 
 
 @dataclass(frozen=True)
-class Diagnostics:
+class Label:
+    """What an engine is called in tables, plots and films: its name, version and colour."""
+
+    name: str
+    version: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class ContactReport:
     """What a contact engine did besides moving the ball; arrays (n,) are at the motion's times.
 
+    settings         those of the run
     slip             m/s      sliding velocity of the shell at the contact
     spin             rad/s    angular velocity of the shell about the vertical
     depth            m        of the plane in the shell, by which the lever arm is short
@@ -32,9 +35,11 @@ class Diagnostics:
     timestep         s, the longest step taken
     steps            taken
     seconds          of processor time that they took, set-up excluded
-    estimated_error  of the path, over its length; where an accuracy was asked for, else None
+    total_seconds    the same with the runs that chose the settings, if any did
+    estimated_error  of the path, over its length; where an accuracy was requested, else None
     """
 
+    settings: EngineSettings
     slip: Array
     spin: Array
     depth: Array
@@ -44,6 +49,7 @@ class Diagnostics:
     timestep: float
     steps: int
     seconds: float
+    total_seconds: float
     estimated_error: float | None = None
 
 
@@ -83,9 +89,11 @@ def _per_newton(load: Array, normal_force: Array) -> Array:
 
 @dataclass(frozen=True)
 class Motion:
-    """A sampled motion of the ball, with n times, h hinges (the frame's, then the rotors').
+    """A sampled motion of a scene's ball, with n times, h hinges (the frame's, then the rotors').
 
-    times             (n,)    s; fewer than asked for where an engine's run broke off
+    scene                     what moved
+    engine                    who says so
+    times             (n,)    s; fewer than requested where an engine's run broke off
     contact_point     (n, 2)  m, world: where the ball touches the plane
     attitude          (n, 4)  quaternion (w, x, y, z) of the frame, frame to world
     momentum          (n, 3)  kg m²/s, world: the paper's M, which is constant in space
@@ -93,9 +101,10 @@ class Motion:
     hinge_angles      (n, h)  rad, from zero at the start
     hinge_rates       (n, h)  rad/s
     loads             what the motion asks of the plane and of the motors
-    diagnostics       from MuJoCo; None from the equations
     """
 
+    scene: Scene
+    engine: Label
     times: Array
     contact_point: Array
     attitude: Array
@@ -104,7 +113,6 @@ class Motion:
     hinge_angles: Array
     hinge_rates: Array
     loads: Loads
-    diagnostics: Diagnostics | None = None
 
     @property
     def gamma(self) -> Array:
@@ -120,3 +128,68 @@ class Motion:
     def path_length(self) -> float:
         """The length of the sampled contact-point path [m]."""
         return float(np.linalg.norm(np.diff(self.contact_point, axis=0), axis=1).sum())
+
+    @property
+    def path_scale(self) -> float:
+        """What path errors are measured by: the path's length or the radius, the longer [m].
+
+        A ball that turns on the spot has no path.
+        """
+        return max(self.path_length, self.scene.ball.radius)
+
+
+@dataclass(frozen=True)
+class ContactMotion(Motion):
+    """A motion by a contact engine, with its report."""
+
+    report: ContactReport
+
+
+# How far a motion is from a reference of the same scene. The motion's times, fewer where it broke
+# off, must be among the reference's.
+
+
+def path_errors(motion: Motion, reference: Motion) -> Array:
+    """(n,) m: the distance between the two contact points, at the motion's times."""
+    ours, theirs = motion.contact_point, reference.contact_point[_shared(motion, reference)]
+    return np.linalg.norm(ours - theirs, axis=1)
+
+
+def path_error(motion: Motion, reference: Motion) -> float:
+    """The largest of `path_errors` over the reference's `path_scale`."""
+    return float(path_errors(motion, reference).max() / reference.path_scale)
+
+
+def attitude_error(motion: Motion, reference: Motion) -> float:
+    """The largest angle by which the two frames are turned against each other [rad]."""
+    there = reference.attitude[_shared(motion, reference)]
+    turn = multiply(conjugate(there), motion.attitude)
+    return float((2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0]))).max())
+
+
+def gamma_error(motion: Motion, reference: Motion) -> float:
+    """The largest angle between the two verticals, seen from the frame [rad]."""
+    ours, theirs = motion.gamma, reference.gamma[_shared(motion, reference)]
+    sine = np.linalg.norm(np.cross(ours, theirs), axis=1)
+    return float(np.arctan2(sine, (ours * theirs).sum(axis=1)).max())
+
+
+def momentum_errors(motion: Motion, reference: Motion) -> Array:
+    """(n,): |M - M of the reference| over the scene's `momentum_scale`, at the motion's times."""
+    off = motion.momentum - reference.momentum[_shared(motion, reference)]
+    return np.linalg.norm(off, axis=1) / reference.scene.momentum_scale
+
+
+def momentum_error(motion: Motion, reference: Motion) -> float:
+    """The largest of `momentum_errors`."""
+    return float(momentum_errors(motion, reference).max())
+
+
+def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp]:
+    """The places (n,) of the motion's times among the reference's."""
+    places = np.searchsorted(reference.times, motion.times)
+    found = reference.times[np.minimum(places, len(reference.times) - 1)]
+    if not np.array_equal(found, motion.times):
+        missing = float(motion.times[found != motion.times][0])
+        raise InputError(f"t = {missing:g} s of the motion is no time of the reference")
+    return places

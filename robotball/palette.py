@@ -1,11 +1,11 @@
-"""The colours of everything drawn: one for each engine, the same in plots and in the video.
+"""The colours of what is drawn; each engine has its own in its label.
 
 From Okabe and Ito's set, which stays apart for colour-blind eyes and in grey.
 """
 
-ENGINE = "#0072B2"  # blue: MuJoCo's motion
-THEORY = "#D55E00"  # vermillion: the motion by the equations
 INK = "#22262B"  # text
+ACCENT = "#D55E00"  # what the rest is held against
+FAINT = "#B4B9BF"  # what stands behind
 
 
 def rgb(colour: str) -> tuple[float, float, float]:

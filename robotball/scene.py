@@ -1,4 +1,4 @@
-"""Scene: a ball, its drives, a rolling model and a start; all that either engine needs."""
+"""Scene: a ball, its drives, a rolling model and a start; all that an engine needs."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,11 +15,12 @@ from robotball.start import Start, horizontal, unit
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
 MOST_SAMPLES = 1e7  # of a motion: some 300 bytes each
+SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 
 
 @dataclass(frozen=True)
 class Scene:
-    """One experiment, the same for both engines. SI units.
+    """One experiment, the same for every engine. SI units.
 
     frame_rate is the frame's turning rate about the shell's axis, relative to the shell, and
     rotor_rates (one a rotor) are relative to the frame: numbers [rad/s], drives, or functions of
@@ -99,6 +100,20 @@ class Scene:
         if not self.steady:
             raise InputError(f"{self.name}: the drives change in time; use parameters_at(t)")
         return self.parameters_at(0.0)
+
+    @cached_property
+    def momentum_scale(self) -> float:
+        """What errors of M are measured by [kg m²/s]: |M| of the start, where that is not small.
+
+        A ball that starts from rest has M = 0 or rounding: K and dΩ turn it then, and where these
+        are zero as well, it is the M of a ball that falls as far as its radius. So the scale goes
+        with the masses, whatever their unit.
+        """
+        start = float(np.linalg.norm(self.start.momentum))
+        numbers = self.parameters_at(0.0)
+        turned = float(np.linalg.norm(numbers.K) + numbers.d * np.linalg.norm(numbers.Omega))
+        falling = self.ball.d * float(np.sqrt(self.gravity / self.ball.radius))
+        return max(start, SMALL * turned) or falling
 
     def angular_velocity_at(self, start: Start) -> Array:
         """ω (3,) in frame axes of this ball at any start [rad/s]."""

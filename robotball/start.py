@@ -10,7 +10,7 @@ from robotball.rotations import Array, from_matrix, normalised
 
 # How far a given unit vector, right angle or horizontal momentum may be off: a caption's six
 # digits pass, a wrong number does not. What passes is then made exact.
-TOLERANCE = 1e-5
+CAPTION = 1e-5
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
     Raises InputError unless they are orthogonal.
     """
     cosine = float(gamma @ alpha)
-    if not abs(cosine) <= TOLERANCE:
+    if not abs(cosine) <= CAPTION:
         raise InputError(f"gamma and alpha are not orthogonal: (gamma, alpha) = {cosine:.6g}")
     alpha = alpha - cosine * gamma
     alpha = alpha / np.linalg.norm(alpha)
@@ -74,7 +74,7 @@ def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
 def unit(name: str, v: Array) -> Array:
     """`v` (n,) at length one exactly; raises InputError if it is not a unit vector already."""
     length = math.hypot(*v.tolist())  # overflows nowhere
-    if not abs(length - 1) <= TOLERANCE:
+    if not abs(length - 1) <= CAPTION:
         raise InputError(f"{name} is not of unit length: |{name}| = {length:.6g}")
     return normalised(v)
 
@@ -85,7 +85,7 @@ def horizontal(M: Array) -> Array:
     Raises InputError where that part is not rounding.
     """
     size, vertical = math.hypot(*M.tolist()), float(M[2])
-    if not abs(vertical) <= TOLERANCE * size:
+    if not abs(vertical) <= CAPTION * size:
         raise InputError(
             f"M is not horizontal, as the rubber model's is by (3.1): (M, gamma) = {vertical:.6g} "
             f"of |M| = {size:.6g} kg m²/s"
@@ -96,7 +96,7 @@ def horizontal(M: Array) -> Array:
 def check_no_spin(shell: Array, gamma: Array) -> None:
     """Raises InputError unless the shell's ω - Ω (3,) has no part along γ, as (2.2) demands."""
     spin = float(shell @ gamma)
-    if not abs(spin) <= TOLERANCE * float(np.linalg.norm(shell)):
+    if not abs(spin) <= CAPTION * float(np.linalg.norm(shell)):
         raise InputError(
             f"angular_velocity spins the shell on the spot, which the rubber model forbids (2.2): "
             f"(ω - Ω, γ) = {spin:.6g} rad/s"

@@ -1,5 +1,6 @@
-"""The validation layer: both engines' motions compared, and the studies around that."""
+"""The validation layer: motions of a contact engine and of the equations compared, and studied."""
 
-from validation.comparison.agreement import Agreement, compare
+import lazy_loader
 
-__all__ = ["Agreement", "compare"]
+# What is named in __init__.pyi is loaded when it is first used.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

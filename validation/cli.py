@@ -14,16 +14,17 @@ from collections.abc import Sequence
 import tyro
 
 from robotball import InputError, SceneWarning
+from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT
 from validation.commands.basins import Basins
 from validation.commands.compare import Compare
 from validation.commands.convergence import Convergence
 from validation.commands.demo import Demo
 from validation.commands.design import Design
+from validation.commands.engines import Engines
 from validation.commands.equilibria import Equilibria
 from validation.commands.extremes import Extremes
 from validation.commands.figures import Figures
-from validation.commands.ladder import Ladder
 from validation.commands.lyapunov import Lyapunov
 from validation.commands.model import Model
 from validation.commands.paper import Paper
@@ -34,15 +35,15 @@ from validation.commands.tradeoff import Tradeoff
 from validation.commands.video import Video
 
 Command = (
-    Scenes | Compare | Video | Replay | Model | Design | Demo
+    Scenes | Engines | Compare | Video | Replay | Model | Design | Demo
     | Figures | Section | Lyapunov | Basins | Equilibria | Paper
-    | Ladder | Convergence | Tradeoff | Extremes
+    | Ablation | Convergence | Tradeoff | Extremes
 )  # fmt: skip
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
-    # The watch on every run reports what MuJoCo would only log.
+    # A run's monitor reports what the engine would only log.
     logging.getLogger("absl").setLevel(logging.ERROR)
     warnings.simplefilter("once", SceneWarning)
     warnings.showwarning = _show_warning

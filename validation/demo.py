@@ -5,6 +5,7 @@ from pathlib import Path
 from rich.console import Console
 
 from robotball import PRESETS, InputError, load_scene
+from robotball.engines.simulate import request_of
 from validation.comparison.plots import draw
 from validation.comparison.results import write_csv, write_json, write_markdown
 from validation.comparison.runs import compare_all, film
@@ -17,7 +18,9 @@ FILMED = ("fig12", "balanced")
 def demo(out: Path) -> None:
     """Compare SCENES at all presets; the table in three forms, plots and a film go to `out`."""
     console = Console()
-    agreements = compare_all([load_scene(name) for name in SCENES], list(PRESETS.values()))
+    agreements = compare_all(
+        [load_scene(name) for name in SCENES], [request_of(settings=name) for name in PRESETS]
+    )
     show(agreements, console)
     written = []
     for suffix, write in (("json", write_json), ("csv", write_csv), ("md", write_markdown)):

@@ -8,11 +8,15 @@ import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robotball.errors import InputError
 from robotball.files.replacing import replacing as replacing
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DPI = 120
 PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
 
 
@@ -32,6 +36,13 @@ def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
     text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
     with replacing(writable_file(path)) as temporary:
         temporary.write_text(text + "\n")
+
+
+def write_picture(path: Path, figure: "Figure") -> Path:
+    """A picture as PNG; returns its path."""
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=DPI)
+    return path
 
 
 def write_rows(

@@ -9,7 +9,8 @@ from scipy.integrate import DOP853
 from robotball.rotations import Array
 
 Rate = Callable[[float, Array], Array]
-LEAST_RTOL = 100 * float(np.finfo(float).eps)  # scipy's, of a displacement
+LEAST_RTOL = 1e-15  # of one step, relative; below it no step is better
+OF_DISPLACEMENT = 100 * float(np.finfo(float).eps)  # the least that scipy takes without a word
 
 
 class Compensated:
@@ -39,7 +40,7 @@ class Compensated:
             np.zeros_like(self._base),
             span[1],
             max_step=max_step,
-            rtol=LEAST_RTOL,
+            rtol=OF_DISPLACEMENT,
             atol=self._tolerance,
         )
 

@@ -2,7 +2,6 @@
 
 import difflib
 import re
-import warnings
 from pathlib import Path
 
 import msgspec
@@ -19,9 +18,9 @@ from robotball.bodies import (
 )
 from robotball.designing.design import Design, design
 from robotball.drives import Rate, Servo, as_drive
-from robotball.errors import InputError, SceneWarning, check_size
+from robotball.errors import InputError, check_size, unknown, warn
 from robotball.files.mjcf_body import frame_of_mjcf
-from robotball.files.scene_start import start_of
+from robotball.files.scene_start import read_start
 from robotball.files.scene_table import (
     FrameTable,
     HingeTable,
@@ -54,9 +53,7 @@ def load_scene(name: str | Path) -> Scene:
     if str(name) not in catalog():
         path = Path(name)
         if path.suffix != ".toml":
-            near = difflib.get_close_matches(str(name), catalog(), n=3, cutoff=0.4)
-            hint = f"did you mean {' or '.join(near)}?" if near else f"there are {catalog()}"
-            raise InputError(f"no scene is called {str(name)!r}; {hint}")
+            raise unknown("scene", name, catalog())
     try:
         text = path.read_bytes()
     except OSError as error:
@@ -65,7 +62,7 @@ def load_scene(name: str | Path) -> Scene:
         raise InputError(f"{path}: {error}") from None
     scene = read_scene(path, text)
     for line in beyond_the_shell(scene.ball):
-        warnings.warn(f"{scene.name}: {line}", SceneWarning, stacklevel=2)
+        warn(f"{scene.name}: {line}")
     return scene
 
 
@@ -123,7 +120,7 @@ def _scene(path: Path, table: SceneTable) -> Scene:
         rolling=table.rolling,
         frame_rate=rates[0],
         rotor_rates=tuple(rates[1:]),
-        start=start_of(table.start, ball, at_start),
+        start=read_start(table.start, ball, at_start),
         duration=table.duration,
         gravity=table.gravity,
         motors=tuple(motors) if any(motors) else (),

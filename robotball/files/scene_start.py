@@ -19,7 +19,7 @@ START_FORMS = (
 )
 
 
-def start_of(table: StartTable, ball: Ball, parameters: Parameters) -> Start:
+def read_start(table: StartTable, ball: Ball, parameters: Parameters) -> Start:
     """The one start that the table gives; a section's is in principal axes."""
     given = {key for key in table.__struct_fields__ if getattr(table, key)}
     axes = ball.principal[1]

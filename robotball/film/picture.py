@@ -5,6 +5,7 @@ as they are. Every body is centred on its ball, so each is posed by itself: a mo
 ball's centre and in its own attitude.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -77,19 +78,19 @@ def strip(points: Array) -> Strip:
     )
 
 
-def build(rotors: int) -> mujoco.MjModel:
-    """The floor and two balls of so many rotors: MuJoCo's, then that of the equations.
+def build_stage(rotors: int, colours: Sequence[str]) -> mujoco.MjModel:
+    """The floor and a ball of so many rotors in each of the colours.
 
-    Its mocap bodies are shell, frame, rotors of the one, then of the other.
+    Its mocap bodies are shell, frame, rotors of the first ball, then of the next.
     """
     root = part("floor")
-    for name, colour in (("engine", palette.ENGINE), ("theory", palette.THEORY)):
+    for number, colour in enumerate(colours):
         shell = part("shell")
         for material in shell.find_all("material"):
             material.rgba = [*palette.rgb(colour), material.rgba[3]]
         bodies = [shell, part("frame"), *(_rotor(SMALLER**i) for i in range(rotors))]
         for i, body in enumerate(bodies):
-            body.model = f"{name}{i}"
+            body.model = f"ball{number}part{i}"
             root.attach(body).mocap = "true"
     return mujoco.MjModel.from_xml_string(root.to_xml_string())
 

@@ -1,4 +1,4 @@
-"""Motions → frames → mp4: MuJoCo's ball and that of the equations, side by side."""
+"""Two motions → frames → mp4: their balls side by side, each in its engine's colour."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ from robotball import palette
 from robotball.errors import InputError
 from robotball.film import gl
 from robotball.film.canvas import Canvas, Pixels
-from robotball.film.picture import Strip, build, pose, strip, track
-from robotball.motion import Motion
+from robotball.film.picture import Strip, build_stage, pose, strip, track
+from robotball.motion import Label, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -25,7 +25,6 @@ Progress = Callable[[float], None]
 
 FPS = 30
 SIZE = (720, 1280)  # height and width
-SIDES = (("MuJoCo", palette.ENGINE), ("equations", palette.THEORY))  # left and right
 FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -41,8 +40,7 @@ NAME_AHEAD = 1.1  # of the contact point
 
 
 def frames(
-    scene: Scene,
-    engine: Motion,
+    motion: Motion,
     theory: Motion,
     *,
     fps: int = FPS,
@@ -50,20 +48,19 @@ def frames(
 ) -> Iterator[Pixels]:
     """Pictures (height, width, 3), one by one, at 0, 1/fps, … s while both motions last.
 
-    engine: MuJoCo's motion of `scene`, on the left; theory: that of the equations, sampled at the
-    same times. size: (height, width) in pixels. Raises InputError where the times differ, or
+    motion: an engine's, on the left; theory: that of the equations of the same scene, sampled at
+    the same times. size: (height, width) in pixels. Raises InputError where the times differ, or
     where there is no off-screen GL.
     """
-    story = _tell(scene, engine, theory, fps)
+    story = _tell(motion, theory, fps)
     if gl.find_backend() is None:
         raise InputError(gl.advice())
-    return _draw(scene, story, size)
+    return _draw(theory.scene, story, size)
 
 
 def write_video(
     path: Path | str,
-    scene: Scene,
-    engine: Motion,
+    motion: Motion,
     theory: Motion,
     *,
     fps: int = FPS,
@@ -78,8 +75,8 @@ def write_video(
     path = Path(path)
     if path.suffix != ".mp4" or not path.parent.is_dir():
         raise InputError(f"a video must be an .mp4 file in a folder that exists, not {path}")
-    pictures = frames(scene, engine, theory, fps=fps, size=size)
-    number = len(_frame_times(engine, theory, fps))
+    pictures = frames(motion, theory, fps=fps, size=size)
+    number = len(_frame_times(motion, theory, fps))
     unfinished = path.with_name(f".{path.stem}.unfinished.mp4")
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
     try:
@@ -97,8 +94,9 @@ def write_video(
 
 @dataclass(frozen=True)
 class _Story:
-    """What each of m frames shows; lengths in radii; [0] is MuJoCo's, [1] the equations'."""
+    """What each of m frames shows; lengths in radii; [0] is the engine's, [1] the equations'."""
 
+    labels: tuple[Label, Label]
     times: Array  # (m,) s
     centres: Array  # (2, m, 3)
     attitudes: Array  # (2, m, b, 4)
@@ -109,18 +107,18 @@ class _Story:
     heading: float  # rad: the balls come towards the camera
 
 
-def _frame_times(engine: Motion, theory: Motion, fps: int) -> Array:
-    shared = min(len(engine.times), len(theory.times))
-    if shared < 2 or not np.array_equal(engine.times[:shared], theory.times[:shared]):
+def _frame_times(motion: Motion, theory: Motion, fps: int) -> Array:
+    shared = min(len(motion.times), len(theory.times))
+    if shared < 2 or not np.array_equal(motion.times[:shared], theory.times[:shared]):
         raise InputError("a video needs two motions sampled at the same times, two at least")
-    return np.arange(np.floor(engine.times[shared - 1] * fps * (1 + 1e-12)) + 1) / fps
+    return np.arange(np.floor(motion.times[shared - 1] * fps * (1 + 1e-12)) + 1) / fps
 
 
-def _tell(scene: Scene, engine: Motion, theory: Motion, fps: int) -> _Story:
-    times = _frame_times(engine, theory, fps)
-    tracks = [track(scene.ball, motion, times) for motion in (engine, theory)]
-    shared = min(len(engine.times), len(theory.times))
-    gap = engine.contact_point[:shared] - theory.contact_point[:shared]
+def _tell(motion: Motion, theory: Motion, fps: int) -> _Story:
+    times = _frame_times(motion, theory, fps)
+    tracks = [track(theory.scene.ball, each, times) for each in (motion, theory)]
+    shared = min(len(motion.times), len(theory.times))
+    gap = motion.contact_point[:shared] - theory.contact_point[:shared]
     travel = tracks[1].point[-1] - tracks[1].point[0]
     heading = float(np.arctan2(travel[1], travel[0]))
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
@@ -130,11 +128,12 @@ def _tell(scene: Scene, engine: Motion, theory: Motion, fps: int) -> _Story:
     middle = gaussian_filter1d(centres.mean(axis=0), SMOOTH * fps, axis=0, mode="nearest")
     between = np.linalg.norm(points[1] - points[0], axis=1)
     return _Story(
+        labels=(motion.engine, theory.engine),
         times=times,
         centres=centres,
         attitudes=np.array([each.attitudes for each in tracks]),
         paths=(strip(points[0]), strip(points[1])),
-        apart=np.interp(times, engine.times[:shared], np.linalg.norm(gap, axis=1)),
+        apart=np.interp(times, motion.times[:shared], np.linalg.norm(gap, axis=1)),
         look_at=middle - BEHIND * ahead,
         zoom=np.maximum(1.0, between / (1.2 * LANES)),
         heading=heading,
@@ -142,7 +141,8 @@ def _tell(scene: Scene, engine: Motion, theory: Motion, fps: int) -> _Story:
 
 
 def _draw(scene: Scene, story: _Story, size: tuple[int, int]) -> Iterator[Pixels]:
-    model = build(len(scene.ball.rotors))
+    colours = [label.colour for label in story.labels]
+    model = build_stage(len(scene.ball.rotors), colours)
     data = mujoco.MjData(model)
     camera = mujoco.MjvCamera()
     camera.azimuth, camera.elevation = np.degrees(story.heading) + 180, -ELEVATION
@@ -152,7 +152,7 @@ def _draw(scene: Scene, story: _Story, size: tuple[int, int]) -> Iterator[Pixels
             camera.lookat[:] = story.look_at[i]
             camera.distance = DISTANCE * story.zoom[i]
             canvas.begin(data, camera)
-            for (_, colour), centres, path in zip(SIDES, story.centres, story.paths, strict=True):
+            for colour, centres, path in zip(colours, story.centres, story.paths, strict=True):
                 _add_shadow(canvas, centres[i])
                 _add_path(canvas, path, i, story, colour)
             yield _write(canvas, scene.title, story, i)
@@ -188,9 +188,9 @@ def _write(canvas: Canvas, title: str, story: _Story, i: int) -> Pixels:
     pen.text((left, 2 * line), state, palette.INK, plain, "lm")
     pen.text((right, 2 * line), f"t = {story.times[i]:.2f} s", palette.INK, plain, "rm")
     ahead = NAME_AHEAD * np.array([np.cos(story.heading), np.sin(story.heading), 0.0])
-    for (name, colour), centres in zip(SIDES, story.centres, strict=True):
+    for label, centres in zip(story.labels, story.centres, strict=True):
         x, y = canvas.pixel(centres[i] * [1, 1, 0] + ahead)
-        pen.text((x, min(y, canvas.height - line)), name, colour, bold, "mt")
+        pen.text((x, min(y, canvas.height - line)), label.name, label.colour, bold, "mt")
     return np.asarray(image)
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.reduced.compiled.kernels import Integers, orbits
+from robotball.engines.reduced.compiled.kernels import LONG_RUN_TOLERANCE, Integers, orbits
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.qualitative.cycles import Cycle, close
@@ -13,7 +13,6 @@ from robotball.qualitative.sections import section
 from robotball.rotations import Array, rotation_matrix
 
 TORUS, CHAOS, LOST = -1, -2, -3
-TOLERANCE = 1e-9  # of one step: an attractor forgives what a path does not
 CROSSINGS = 64  # looked at after the transient; cycles that cross half as often are recognised
 NEAR = 1e-3  # of unit vectors: a point that near to a cycle has reached it
 # Over CHAOS_TIME a neighbour on a torus departs as the time does, by e^7; in chaos past e^30.
@@ -44,11 +43,13 @@ def basins(
     slowly than the transient allows counts as on a torus. Raises InputError on unusable starts.
     """
     momenta = np.asarray(momenta, dtype=float)
-    settled = orbits(parameters, attitudes, momenta, np.array([0.0, transient]), TOLERANCE)
+    settled = orbits(parameters, attitudes, momenta, np.array([0.0, transient]), LONG_RUN_TOLERANCE)
     labels = np.where(settled.status > 0, LOST, TORUS)
     followed = np.flatnonzero(settled.status == 0)
     ends = settled.attitudes[followed, 1]
-    crossings = section(parameters, ends, momenta[followed], CROSSINGS, tolerance=TOLERANCE)
+    crossings = section(
+        parameters, ends, momenta[followed], CROSSINGS, tolerance=LONG_RUN_TOLERANCE
+    )
     points = level_points(crossings.attitudes, momenta[followed])
     labels[followed[crossings.status > 0]] = LOST
     cycles: list[Cycle] = []

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.reduced.compiled.kernels import TOLERANCE, Starts
+from robotball.engines.reduced.compiled.kernels import STEP_TOLERANCE, Starts
 from robotball.engines.reduced.compiled.systems import DEVIATION
 from robotball.errors import InputError
 from robotball.parameters import Parameters, as_vector
@@ -73,7 +73,7 @@ def monodromy_of(
     """
     starts = Starts(parameters, np.tile(attitude, (3, 1)), np.tile(momentum, (3, 1)))
     rest = np.concatenate([np.eye(3), np.zeros((3, 2))], axis=1)
-    states, status = starts.march(DEVIATION, rest, np.array([period]), TOLERANCE)
+    states, status = starts.march(DEVIATION, rest, np.array([period]), STEP_TOLERANCE)
     if status.any():
         raise InputError("the motion could not be followed over the period")
     end = starts.to_world(states[:, :, :4])[0, 0]

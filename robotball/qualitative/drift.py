@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.reduced.compiled.kernels import Starts, orbits
+from robotball.engines.reduced.compiled.kernels import LONG_RUN_TOLERANCE, Starts, orbits
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.rotations import Array
-
-TOLERANCE = 1e-9  # of one step: long means forgive more than paths do
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ def drift(
     momenta: Array,
     duration: float,
     transient: float = 1000.0,
-    tolerance: float = TOLERANCE,
+    tolerance: float = LONG_RUN_TOLERANCE,
 ) -> Drift:
     """The mean motion of the contact point over `duration` after a `transient` [s].
 

@@ -10,14 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.reduced.compiled.kernels import Starts
+from robotball.engines.reduced.compiled.kernels import LONG_RUN_TOLERANCE, Starts
 from robotball.engines.reduced.compiled.systems import DEVIATION
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.rotations import Array
-
-# Exponents are means of a chaotic motion: steps as good as a quick orbit's are enough.
-TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ def exponents(
     momenta: Array,
     duration: float,
     transient: float = 1000.0,
-    tolerance: float = TOLERANCE,
+    tolerance: float = LONG_RUN_TOLERANCE,
 ) -> Exponents:
     """The exponents of the motions from n starts, over `duration` after a `transient` [s].
 

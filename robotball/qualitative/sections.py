@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from robotball.engines.reduced.compiled import marching
 from robotball.engines.reduced.compiled.crossing import cross
-from robotball.engines.reduced.compiled.kernels import TOLERANCE, Integers, Starts
+from robotball.engines.reduced.compiled.kernels import STEP_TOLERANCE, Integers, Starts
 from robotball.engines.reduced.compiled.steppers import BALL, SECTION, stepper
 from robotball.engines.reduced.compiled.systems import RETURN
 from robotball.errors import InputError
@@ -49,7 +49,7 @@ def section(
     count: int,
     g: float = 0.0,
     direction: int = 0,
-    tolerance: float = TOLERANCE,
+    tolerance: float = STEP_TOLERANCE,
 ) -> Section:
     """The first `count` crossings of g = `g` [rad] by the motions from many starts.
 

@@ -63,7 +63,7 @@ def test_both_engines_agree_on_every_scene(name: str, settings: str) -> None:
 def test_forces_and_torques_agree_on_every_scene(name: str) -> None:
     """Contact force, spin torque and motor torques of the two engines, at balanced."""
     agreement = agreement_of(name, "balanced")
-    ours, theirs = agreement.engine.loads, agreement.theory.loads
+    ours, theirs = agreement.motion.loads, agreement.theory.loads
     for kind in ("contact_force", "spin_torque", "motor_torques"):
         expected = getattr(theirs, kind)
         scale = max(float(np.abs(expected).max()), 1e-3)
@@ -75,7 +75,7 @@ def test_forces_and_torques_agree_on_every_scene(name: str) -> None:
 @pytest.mark.parametrize("name", AT_REST)
 def test_a_ball_at_rest_keeps_no_momentum_also_while_it_spins_up(name: str) -> None:
     """|M| stays zero: measured 5.1e-11 kg m²/s at most (fig05b), RK4's error at 1 ms."""
-    momentum = agreement_of(name, "accurate").engine.momentum
+    momentum = agreement_of(name, "accurate").motion.momentum
     assert np.linalg.norm(momentum, axis=1).max() < 1.6e-10
 
 
@@ -84,9 +84,9 @@ def test_real_motors_show_what_they_do_to_the_agreement() -> None:
     agreement = agreement_of(SERVO, "accurate")
     assert agreement.faults == ()
     assert agreement.path_error == pytest.approx(0.0203, abs=5e-4)
-    assert agreement.momentum_drift is not None
-    assert agreement.momentum_drift < 3e-10  # measured 9.4e-11
-    assert agreement.diagnostics.hinge_rate_error.max() > 0.01
+    assert agreement.momentum_error is not None
+    assert agreement.momentum_error < 3e-10  # measured 9.4e-11
+    assert agreement.report.hinge_rate_error.max() > 0.01
 
 
 def test_rouths_sphere_keeps_its_energy() -> None:

@@ -88,7 +88,7 @@ def test_the_second_form_agrees_under_drives_in_time() -> None:
     """λ₀, forces and torques of (2.4)-(2.5), with dΩ/dt and dk/dt, at MuJoCo's own states."""
     scene = replace(FIG12, **UNSTEADY["sines"])
     agreement = compare(scene, "accurate")
-    ours, theirs = agreement.engine.loads, agreement.theory.loads
+    ours, theirs = agreement.motion.loads, agreement.theory.loads
     # Measured 2.2e-9 N m, 2.7e-9 N and 3.6e-9 N m, of 10 to 20: RK4's error, and the rounding of
     # the armature's torque.
     assert np.abs(ours.motor_torques - theirs.motor_torques).max() < 1.2e-8
@@ -99,7 +99,7 @@ def test_the_second_form_agrees_under_drives_in_time() -> None:
 def test_power_is_torque_times_rate() -> None:
     """What the motors put in is an observable of both engines."""
     agreement = compare(FIG12, "balanced")
-    ours, theirs = agreement.engine.motor_powers, agreement.theory.motor_powers
+    ours, theirs = agreement.motion.motor_powers, agreement.theory.motor_powers
     assert np.abs(theirs).max() > 10  # W
     # Measured 2.3e-6 W of 40: RK4's error.
     assert np.abs(ours - theirs).max() < 1e-5
@@ -110,8 +110,8 @@ def test_a_torque_limit_that_is_reached_is_reported() -> None:
     weak = (rb.Servo(gain=100.0, torque_limit=3.0), None)
     agreement = compare(replace(FIG12, motors=weak), "balanced")
     assert agreement.finished
-    assert "frame's motor at its torque limit" in [fault.cause for fault in agreement.faults]
-    assert np.abs(agreement.engine.loads.motor_torques[:, 0]).max() == pytest.approx(3.0, rel=1e-6)
+    assert "frame's motor at its torque limit" in [fault.text for fault in agreement.faults]
+    assert np.abs(agreement.motion.loads.motor_torques[:, 0]).max() == pytest.approx(3.0, rel=1e-6)
 
 
 def test_a_steep_ramp_is_no_jump() -> None:
@@ -162,7 +162,7 @@ def test_steps_end_on_every_sample_and_breakpoint() -> None:
     """Spans are divided evenly, none longer than the timestep, in stretches of bounded length."""
     times, breaks = np.array([0.0, 0.013, 40.0]), (0.5, 7.0)
     parts = list(stretches(times, breaks, timestep=1e-3))
-    edges = np.concatenate([part.edges for part in parts])
+    edges = np.concatenate([part.ends for part in parts])
     counts = np.concatenate([part.counts for part in parts])
     assert set(np.round(edges[:, 1], 9)) >= {0.013, 0.5, 7.0, 40.0}
     np.testing.assert_allclose(edges[1:, 0], edges[:-1, 1], rtol=1e-12)

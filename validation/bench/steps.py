@@ -5,6 +5,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
+from typing import TypeVar
 
 import mujoco
 from rich import box
@@ -17,6 +18,7 @@ from robotball.engines.mujoco.run import run
 
 SCENES = ("fig12", "classical_regular")
 ROUNDS = 9
+Made = TypeVar("Made", bound=Motion)
 
 
 def main() -> None:
@@ -61,8 +63,7 @@ def _measure(scene: Scene, models: dict[str, Model]) -> dict[str, list[float]]:
             seconds[f"{preset}: bare"].append(_bare_loop(model))
             whole, motion = _timed(partial(run, model, scene.times))
             seconds[f"{preset}: run"].append(whole)
-            assert motion.diagnostics is not None
-            seconds[f"{preset}: steps"].append(motion.diagnostics.seconds)
+            seconds[f"{preset}: steps"].append(motion.report.seconds)
     return {name: rounds[1:] for name, rounds in seconds.items()}
 
 
@@ -79,7 +80,7 @@ def _step_count(model: Model) -> int:
     return round(model.scene.duration / model.compiled.opt.timestep)
 
 
-def _timed(work: Callable[[], Motion]) -> tuple[float, Motion]:
+def _timed(work: Callable[[], Made]) -> tuple[float, Made]:
     began = time.perf_counter()
     motion = work()
     return time.perf_counter() - began, motion

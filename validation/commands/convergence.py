@@ -4,15 +4,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from rich.console import Console
 from tyro.conf import arg
 
-from robotball import load_scene, preset, sample_times
-from validation.commands.arguments import AGREES, OUT, Duration, File, SceneName, check_files
-from validation.output import replacing, writable_folder, write_record, write_rows
-from validation.progress import progress_bar
-
-QUICK = 1.0  # s, simulated by a quick form
+from validation.commands.arguments import (
+    AGREES,
+    OUT,
+    QUICK,
+    Duration,
+    File,
+    SceneName,
+    check_files,
+)
 
 
 @dataclass(frozen=True)
@@ -22,9 +24,9 @@ class Convergence:
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
     preset: str = "accurate"
-    """The MuJoCo settings whose contact model it is; integrator and step are swept."""
+    """The settings whose contact model it is; integrator and step are swept."""
     without: Annotated[tuple[str, ...], arg(metavar="CHOICE...")] = ()
-    """Choices to undo in it, as the ladder names them: softness, noslip, start, drive and more."""
+    """Choices to undo in it, as the ablation names them: softness, noslip, start, drive, …"""
     duration: Duration = None
     """Simulated time; the scene's own if not given."""
     quick: bool = False
@@ -37,10 +39,19 @@ class Convergence:
     """Also write the runs as CSV."""
 
     def run(self) -> int:
-        from validation.studies.ablation.choices import without
-        from validation.studies.convergence.convergence_picture import convergence_picture
-        from validation.studies.convergence.convergence_runs import HALVINGS, measure_convergence
-        from validation.studies.convergence.convergence_table import show_convergence
+        from rich.console import Console
+
+        from robotball import load_scene, preset, sample_times
+        from validation.output import writable_folder, write_picture, write_record, write_rows
+        from validation.progress import progress_bar
+        from validation.studies.ablation.measure import without
+        from validation.studies.convergence.measure import HALVINGS, measure_convergence
+        from validation.studies.convergence.report import (
+            convergence_picture,
+            record,
+            rows,
+            show_convergence,
+        )
 
         scene, settings = load_scene(self.scene), without(preset(self.preset), self.without)
         times = sample_times(self.duration or (QUICK if self.quick else scene.duration))
@@ -49,11 +60,10 @@ class Convergence:
         with progress_bar(1) as show:
             halvings = HALVINGS - 2 * self.quick
             study = measure_convergence(scene, settings, times, halvings, show)
-        with replacing(path) as temporary:
-            convergence_picture(study).savefig(temporary, dpi=120)
-        write_record(self.json, study.record())
+        write_picture(path, convergence_picture(study))
+        write_record(self.json, record(study))
         if self.csv:
-            write_rows(self.csv, study.rows())
+            write_rows(self.csv, rows(study))
         show_convergence(study, Console())
         print(path)
         return AGREES

@@ -7,7 +7,6 @@ from validation.commands.arguments import (
     AGREES,
     OUT,
 )
-from validation.output import writable_folder
 
 
 @dataclass(frozen=True)
@@ -19,6 +18,7 @@ class Demo:
 
     def run(self) -> int:
         from validation.demo import demo
+        from validation.output import writable_folder
 
         demo(writable_folder(self.out))
         return AGREES

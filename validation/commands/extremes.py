@@ -1,17 +1,11 @@
-"""The command that maps where MuJoCo's ball breaks.
-
-It loads what it needs when it runs: compiled code and plots take a while to come.
-"""
+"""The command `robotball extremes`: where the ball breaks, loudly or silently."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from rich.console import Console
-from tyro.conf import Positional, arg
+from tyro.conf import DisallowNone, Positional, arg
 
 from validation.commands.arguments import AGREES, DISAGREES, File, Sweep, SweepOptions
-from validation.output import writable_folder, write_record
-from validation.progress import progress_bar
 
 
 @dataclass(frozen=True)
@@ -20,28 +14,67 @@ class Extremes:
 
     maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...")]] = ()
     """Which maps; all of them if none is given."""
+    random: DisallowNone[Annotated[int | None, arg(metavar="N")]] = None
+    """Instead of maps, N random extreme runs and N ordinary ones: is any failure missed by the
+    precheck and the monitor, and is any alarm false?"""
+    seed: int = 0
+    """Of the random runs."""
     sweep: SweepOptions = field(default_factory=Sweep)
     json: File = None
-    """Also write how many cells have which outcome, and the edges as measured."""
+    """Also write how many cells have which outcome, and the limits as measured."""
 
     def run(self) -> int:
-        from validation.studies.extremes.atlas import QUICK, WHOLE, cells_of, survey
-        from validation.studies.extremes.maps import chosen
-        from validation.studies.extremes.pictures import draw
-        from validation.studies.extremes.tables import show, summary
+        from robotball import InputError
+
+        if self.random is None:
+            return self._maps()
+        if self.maps:
+            raise InputError("extremes does one study at a time: give maps or --random")
+        return self._random(self.random)
+
+    def _maps(self) -> int:
+        from rich.console import Console
+
+        from validation.output import writable_folder, write_picture, write_record
+        from validation.progress import progress_bar
+        from validation.studies.extremes.maps import QUICK, WHOLE, cells_of, chosen
+        from validation.studies.extremes.measure import survey
+        from validation.studies.extremes.picture import picture
+        from validation.studies.extremes.report import show, summary
         from validation.sweeps import write_table
 
         maps, out = chosen(self.maps), writable_folder(self.sweep.out)
         cut = QUICK if self.sweep.quick else WHOLE
         with progress_bar(sum(len(cells_of(each, cut)) for each in maps)) as tell:
-            found = survey(maps, cut, out / "extremes.jsonl", self.sweep, tell)
+            found = survey(
+                maps,
+                cut,
+                out / "extremes.jsonl",
+                tell,
+                workers=self.sweep.workers,
+                cluster=self.sweep.cluster,
+            )
         records = summary(found)
         show(records, Console())
-        pictures = [out / f"extremes-{each.name}.png" for each in maps]
-        for each, picture in zip(maps, pictures, strict=True):
-            draw(each, found[each.name], picture)
+        pictures = [
+            write_picture(out / f"extremes-{each.name}.png", picture(each, found[each.name]))
+            for each in maps
+        ]
         table = out / "extremes.csv"
         write_table(table, [result for results in found.values() for result in results])
         print(*pictures, table, sep="\n")
         write_record(self.json, {"quick": self.sweep.quick, "summary": records})
         return DISAGREES if any(each["missed"] for each in records) else AGREES
+
+    def _random(self, count: int) -> int:
+        from robotball.errors import check_count
+        from validation.output import write_record
+        from validation.progress import progress_bar
+        from validation.studies.extremes.detection import measure_detection
+
+        check_count("random", count, 1)
+        with progress_bar(2 * count) as tell:
+            found = measure_detection(count, self.seed, tell)
+        print(*found.lines, sep="\n")
+        write_record(self.json, found.record())
+        return DISAGREES if found.missed else AGREES

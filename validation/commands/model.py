@@ -2,15 +2,11 @@
 
 from dataclasses import dataclass
 
-from robotball import load_scene, preset
-from robotball.engines.mujoco.explain import left_out
-from robotball.engines.mujoco.model import build
 from validation.commands.arguments import (
     AGREES,
     File,
     SceneName,
 )
-from validation.output import replacing, writable_file
 
 
 @dataclass(frozen=True)
@@ -20,13 +16,18 @@ class Model:
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
     preset: str = "balanced"
-    """MuJoCo settings to write into it."""
+    """The settings to write into it."""
     out: File = None
     """Write it to this file instead."""
     explain: bool = False
     """Say instead what the model leaves out, and why."""
 
     def run(self) -> int:
+        from robotball import load_scene, preset
+        from robotball.engines.mujoco.explain import left_out
+        from robotball.engines.mujoco.model import build
+        from validation.output import replacing, writable_file
+
         scene, settings = load_scene(self.scene), preset(self.preset)
         if self.explain:
             print(f"{scene.name}, {settings.name}: not in the model:")

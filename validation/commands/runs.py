@@ -1,28 +1,15 @@
-"""What compare and video share: which run the options ask for, and what a faulty one leaves."""
+"""What compare and video share: how to look at what a faulty run leaves."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
-from robotball import InputError, Settings
-from robotball.engines.mujoco.accuracy import asked
 from validation.comparison.agreement import Agreement
-from validation.comparison.runs import dump_path
+from validation.comparison.runs import fault_window_path
 
 
-def wanted_run(name: str | None, accuracy: float | None, keep_going: bool) -> Settings | float:
-    """The settings or the path error that the options ask for."""
-    wanted = asked(name, accuracy)
-    if not keep_going:
-        return wanted
-    if isinstance(wanted, float):
-        raise InputError("a run with a fault reaches no accuracy: give --keep-going with a preset")
-    return replace(wanted, stop_at_fault=False)
-
-
-def tell_dumps(agreements: Sequence[Agreement], folder: Path) -> None:
-    """Print how to look at the first fault of each faulty run."""
+def tell_fault_windows(agreements: Sequence[Agreement], folder: Path) -> None:
+    """Print how to look at the first fault of each faulty run that left a fault window."""
     for each in agreements:
-        if each.faults:
-            path = dump_path(folder, each.scene, each.settings.name)
+        path = fault_window_path(folder, each.scene, each.settings.name)
+        if each.faults and path.exists():
             print(f"robotball replay {path}", "steps through its first fault")

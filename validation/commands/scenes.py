@@ -2,10 +2,6 @@
 
 from dataclasses import dataclass
 
-from rich.console import Console
-from rich.table import Table
-
-from robotball import catalog, load_scene
 from validation.commands.arguments import (
     AGREES,
 )
@@ -16,6 +12,11 @@ class Scenes:
     """The catalog: every scene that comes with robotball."""
 
     def run(self) -> int:
+        from rich.console import Console
+        from rich.table import Table
+
+        from robotball import catalog, load_scene
+
         table = Table("scene", "rolling", "duration", "title")
         for name in catalog():
             scene = load_scene(name)

@@ -1,30 +1,32 @@
-"""The command tradeoff: error against time over many configurations, parts and friction.
+"""The command `robotball tradeoff`: error against time, what parts cost, what friction does."""
 
-It loads what it needs when it runs: plots take a while to come.
-"""
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
+from validation.commands.arguments import (
+    AGREES,
+    QUICK,
+    Duration,
+    SceneName,
+    Sweep,
+    SweepOptions,
+)
 
-from robotball import InputError, Scene, integrate, load_scene
-from validation.commands.arguments import AGREES, Duration, SceneName, Sweep, SweepOptions
-from validation.output import replacing, writable_folder, write_record, write_rows
-from validation.progress import progress_bar
-from validation.sweeps import Cell, Result, Work, sweep, write_table
+if TYPE_CHECKING:
+    from robotball import Scene
+    from validation.sweeps import Cell, Result, Work
 
 LIMIT = 60.0  # s that a run may take
-QUICK = 1.0  # s of motion in a quick study
 ROUNDS = 3  # of timing, after one that warms up
 
 
 @dataclass(frozen=True)
 class Tradeoff:
-    """What accuracy costs: error against processor time, and the front of what is best."""
+    """What accuracy costs: error against processor time, and the Pareto front."""
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
@@ -37,6 +39,9 @@ class Tradeoff:
     sweep: SweepOptions = field(default_factory=Sweep)
 
     def run(self) -> int:
+        from robotball import InputError, load_scene
+        from validation.output import writable_folder
+
         if self.parts and self.friction:
             raise InputError("tradeoff does one study at a time: give one of parts and friction")
         scene = load_scene(self.scene)
@@ -46,11 +51,12 @@ class Tradeoff:
         return AGREES
 
     def _front(self, scene: Scene) -> Sequence[Path]:
+        from rich.console import Console
+
+        from validation.output import write_picture, write_record
         from validation.studies.tradeoff.configurations import configurations
-        from validation.studies.tradeoff.front import tradeoff_of
-        from validation.studies.tradeoff.front_picture import tradeoff_picture
-        from validation.studies.tradeoff.front_runs import cells_of, measure
-        from validation.studies.tradeoff.front_table import show_tradeoff
+        from validation.studies.tradeoff.measure import cells_of, measure, tradeoff_of
+        from validation.studies.tradeoff.report import record, show_tradeoff, tradeoff_picture
 
         rounds = 2 if self.sweep.quick else ROUNDS
         settings = configurations(self.sweep.quick)
@@ -58,52 +64,41 @@ class Tradeoff:
         results = self._sweep(measure, cells, "tradeoff", scene)
         study = tradeoff_of(scene, results)
         picture, data = self._path(scene, "tradeoff.png"), self._path(scene, "tradeoff.json")
-        with replacing(picture) as temporary:
-            tradeoff_picture(study).savefig(temporary, dpi=120)
-        write_record(data, study.record())
+        write_picture(picture, tradeoff_picture(study))
+        write_record(data, record(study))
         show_tradeoff(study, Console())
         return picture, data, self._table(scene, "tradeoff", results)
 
     def _friction(self, scene: Scene) -> Sequence[Path]:
-        from validation.studies.friction.friction import friction_cells, friction_run
-        from validation.studies.friction.friction_picture import friction_picture
+        from robotball import integrate
+        from validation.output import write_picture, write_record
+        from validation.studies.friction.measure import friction_cells, friction_run
+        from validation.studies.friction.report import friction_picture
 
         cells = friction_cells(self.scene, self._seconds(scene), self.sweep.quick)
         results = self._sweep(friction_run, cells, "friction", scene)
         needed = float(integrate(scene).loads.torsional_friction.max())
         picture, data = self._path(scene, "friction.png"), self._path(scene, "friction.json")
-        with replacing(picture) as temporary:
-            friction_picture(scene, results, needed).savefig(temporary, dpi=120)
+        write_picture(picture, friction_picture(scene, results, needed))
         runs = [asdict(result) for result in results]
         write_record(data, {"scene": scene.name, "torsional_friction_needed": needed, "runs": runs})
         return picture, data, self._table(scene, "friction", results)
 
     def _parts(self, scene: Scene) -> Sequence[Path]:
-        from validation.studies.parts import measure_parts, parts_of
+        from rich.console import Console
+
+        from validation.output import write_record, write_rows
+        from validation.progress import progress_bar
+        from validation.studies.parts.measure import measure_parts, parts_of
+        from validation.studies.parts.report import rows, show_parts
 
         parts, rounds = parts_of(scene), 3 if self.sweep.quick else 15
         with progress_bar((rounds + 1) * len(parts)) as show:
             costs = measure_parts(parts, rounds, lambda done: show(done, f"{scene.name}: parts"))
-        table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
-        table.add_column("the minimal model with", no_wrap=True)
-        table.add_column("a step costs", justify="right", no_wrap=True)
-        for name in ("bodies", "dofs", "sensors", "geoms"):
-            table.add_column(name, justify="right")
-        rows = []
-        for part, cost in zip(parts, costs, strict=True):
-            least, most = cost.spread
-            model = part.compiled
-            sizes = (model.nbody, model.nv, model.nsensor, model.ngeom)
-            ratio = f"{cost.ratio:.2f} ({least:.2f}-{most:.2f})"
-            table.add_row(part.name, ratio, *map(str, sizes))
-            rows.append(
-                {"part": part.name, "ratio": cost.ratio, "least": least, "most": most}
-                | dict(zip(("bodies", "dofs", "sensors", "geoms"), sizes, strict=True))
-            )
-        Console().print(table)
+        show_parts(parts, costs, Console())
         data, listed = self._path(scene, "parts.json"), self._path(scene, "parts.csv")
-        write_record(data, {"scene": scene.name, "rounds": rounds, "parts": rows})
-        write_rows(listed, rows)
+        write_record(data, {"scene": scene.name, "rounds": rounds, "parts": rows(parts, costs)})
+        write_rows(listed, rows(parts, costs))
         return data, listed
 
     def _seconds(self, scene: Scene) -> float:
@@ -113,6 +108,9 @@ class Tradeoff:
         return self.sweep.out / f"{scene.name}-{name}"
 
     def _sweep(self, work: Work, cells: Sequence[Cell], name: str, scene: Scene) -> list[Result]:
+        from validation.progress import progress_bar
+        from validation.sweeps import sweep
+
         with progress_bar(len(cells)) as show:
             return sweep(
                 work,
@@ -125,6 +123,8 @@ class Tradeoff:
             )
 
     def _table(self, scene: Scene, name: str, results: Sequence[Result]) -> Path:
+        from validation.sweeps import write_table
+
         path = self._path(scene, f"{name}.csv")
         write_table(path, results)
         return path

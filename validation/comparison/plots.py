@@ -1,4 +1,4 @@
-"""Agreements as pictures: paths with their error below, and the momentum with its drift."""
+"""Agreements as pictures: paths and the momentum, each with its error below."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball.palette import ENGINE, THEORY
 from robotball.rotations import Array
 from validation.comparison.agreement import Agreement
 from validation.output import replacing
@@ -31,15 +30,21 @@ def draw(agreements: Sequence[Agreement], out: Path) -> list[Path]:
 
 
 def path_picture(agreements: Sequence[Agreement]) -> Figure:
-    """The contact points' paths of both engines, and their distance over time below."""
+    """The contact points' paths of both motions, and their distance over time below."""
     figure, paths, errors = _two_panels(agreements)
     theory = agreements[0].theory
-    paths.plot(*theory.contact_point.T, color=THEORY, linewidth=5, alpha=0.6, label="equations")
+    paths.plot(
+        *theory.contact_point.T,
+        color=theory.engine.colour,
+        linewidth=5,
+        alpha=0.6,
+        label=theory.engine.name,
+    )
     for agreement, style in _styled(agreements):
         paths.plot(
-            *agreement.engine.contact_point.T,
+            *agreement.motion.contact_point.T,
             linestyle=style,
-            color=ENGINE,
+            color=agreement.motion.engine.colour,
             label=_label(agreement),
         )
         _log_line(errors, agreement, agreement.path_errors, style)
@@ -50,21 +55,26 @@ def path_picture(agreements: Sequence[Agreement]) -> Figure:
 
 
 def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
-    """M's components, which the equations keep constant in space, and its drift below."""
-    figure, components, drifts = _two_panels(agreements)
+    """M's components, which the equations keep constant in space, and its error below."""
+    figure, components, errors = _two_panels(agreements)
     theory = agreements[0].theory
-    components.axhline(np.nan, color=THEORY, linewidth=5, alpha=0.6, label="equations")
+    components.axhline(
+        np.nan, color=theory.engine.colour, linewidth=5, alpha=0.6, label=theory.engine.name
+    )
     for value, names in _by_value(theory.momentum[0]).items():
-        components.axhline(value, color=THEORY, linewidth=5, alpha=0.6)
+        components.axhline(value, color=theory.engine.colour, linewidth=5, alpha=0.6)
         _beside(components, names, value)
     for agreement, style in _styled(agreements):
         lines = components.plot(
-            agreement.engine.times, agreement.engine.momentum, linestyle=style, color=ENGINE
+            agreement.motion.times,
+            agreement.motion.momentum,
+            linestyle=style,
+            color=agreement.motion.engine.colour,
         )
         lines[0].set_label(_label(agreement))
-        _log_line(drifts, agreement, agreement.momentum_drifts, style)
+        _log_line(errors, agreement, agreement.momentum_errors, style)
     components.set(ylabel="M, world axes [kg m²/s]", title="momentum M")
-    drifts.set(xlabel="time [s]", ylabel="|M - M(0)| / |M(0)|")
+    errors.set(xlabel="time [s]", ylabel="momentum error, relative")
     components.legend(loc="best")
     return figure
 
@@ -87,12 +97,17 @@ def _styled(agreements: Sequence[Agreement]) -> list[tuple[Agreement, Any]]:
 
 
 def _label(agreement: Agreement) -> str:
-    return f"MuJoCo, {agreement.settings.name}"
+    return f"{agreement.motion.engine.name}, {agreement.settings.name}"
 
 
 def _log_line(axes: Axes, agreement: Agreement, values: Array, style: Any) -> None:
     """A line on a log axis, without the exact zero that it starts from, named at its end."""
-    axes.plot(agreement.engine.times[1:], values[1:], linestyle=style, color=ENGINE)
+    axes.plot(
+        agreement.motion.times[1:],
+        values[1:],
+        linestyle=style,
+        color=agreement.motion.engine.colour,
+    )
     if agreement.finished:
         _beside(axes, agreement.settings.name, values.max())
 

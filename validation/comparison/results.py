@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robotball import Motion
+from robotball import Fault, Motion
 from validation.comparison.agreement import Agreement
 from validation.comparison.sensitivity import Sensitivity
 from validation.output import replacing, versions, write_rows
@@ -17,11 +17,12 @@ from validation.output import replacing, versions, write_rows
 TABLE_COLUMNS = (
     "scene",
     "rolling",
+    "engine",
     "preset",
     "timestep",
     "path_error",
     "gamma_error",
-    "momentum_drift",
+    "momentum_error",
     "realtime_factor",
     "agrees",
     "verdict",
@@ -30,35 +31,41 @@ TABLE_COLUMNS = (
 
 def record(agreement: Agreement) -> dict[str, Any]:
     """One comparison as plain data; numbers of a run that broke off are None."""
-    settings = {
-        name: value for name, value in asdict(agreement.settings).items() if value is not None
-    }
-    diagnostics, sensitivity = agreement.diagnostics, agreement.sensitivity
+    report, sensitivity = agreement.report, agreement.sensitivity
     return {
         "scene": agreement.scene.name,
         "rolling": agreement.scene.rolling,
+        "engine": agreement.motion.engine.name,
         "preset": agreement.settings.name,
-        "settings": {name: value for name, value in settings.items() if value is not None},
-        "timestep": diagnostics.timestep,
+        "settings": agreement.settings.plain(),
+        "timestep": report.timestep,
         "duration": float(agreement.theory.times[-1]),
         "samples": len(agreement.theory.times),
         "path_length": agreement.theory.path_length,
         "path_error": agreement.path_error,
-        "estimated_error": diagnostics.estimated_error,
+        "estimated_error": report.estimated_error,
         "gamma_error": agreement.gamma_error,
-        "momentum_drift": agreement.momentum_drift,
-        "friction_used": float(diagnostics.friction_used.max(initial=0.0)),
+        "attitude_error": agreement.attitude_error,
+        "momentum_error": agreement.momentum_error,
+        "momentum_drift": agreement.momentum_error,  # its name in version 0.1
+        "friction_used": float(report.friction_used.max(initial=0.0)),
         "needs": needs(agreement.theory),
-        "steps": diagnostics.steps,
+        "steps": report.steps,
         "realtime_factor": agreement.realtime_factor,
         "agrees": agreement.agrees,
-        "faults": [asdict(fault) for fault in agreement.faults],
+        "faults": [_fault(fault) for fault in agreement.faults],
         "verdict": agreement.verdict,
-        # What the motion makes of small errors; None unless that was asked and is known.
+        # What the motion makes of small errors; None unless that explains something.
         "sensitivity": None if sensitivity is None else _plain(sensitivity),
         "seed": None,  # nothing in a comparison is random
-        "versions": versions(),
+        "versions": versions() | {agreement.motion.engine.name: agreement.motion.engine.version},
     }
+
+
+def _fault(fault: Fault) -> dict[str, Any]:
+    return {
+        "kind": fault.kind.name, "time": fault.time, "cause": fault.text, "fatal": fault.fatal,
+    }  # fmt: skip
 
 
 def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
@@ -95,11 +102,11 @@ def write_csv(path: Path, agreements: Sequence[Agreement]) -> None:
 def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
     """The table of the agreements as the README shows it."""
     lines = [
-        "| scene | preset | step | path error | γ error | drift of M | × real time | verdict |",
+        "| scene | preset | step | path error | γ error | momentum error | × real time | verdict |",
         "|---|---|---:|---:|---:|---:|---:|---|",
     ]
     for each in map(record, agreements):
-        errors = (each[name] for name in ("path_error", "gamma_error", "momentum_drift"))
+        errors = (each[name] for name in ("path_error", "gamma_error", "momentum_error"))
         cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:.3g} ms"]
         cells += ["-" if error is None else f"{error:.1e}" for error in errors]
         cells += [f"{each['realtime_factor']:.0f}"]

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotball import Motion, Scene, Settings, integrate
-from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
+from robotball import Engine, Motion, Scene, integrate
+from robotball.engines.protocol import Runner
+from robotball.motion import ContactMotion, path_errors
 from robotball.rotations import Array, conjugate, multiply
 from robotball.start import Start
 
@@ -38,8 +38,8 @@ class Sensitivity:
     defect       of the engine over stretches from states of the equations, over the path's length
     expected     the path error over the path's length that the motion makes of the defects
     measured     the path error over the path's length
-    promise      that the settings are held to
-    agrees_until s    when the path error passes the promise
+    tolerance      that the settings are held to
+    agrees_until s    when the path error passes the tolerance
     """
 
     exponent: float
@@ -47,18 +47,18 @@ class Sensitivity:
     defect: float
     expected: float
     measured: float
-    promise: float
+    tolerance: float
     agrees_until: float
 
     @property
     def explains(self) -> bool:
-        """Whether the engine keeps its promise, and the motion's exponential growth does the rest.
+        """Whether the engine keeps its tolerance, and the motion's own growth does the rest.
 
         Errors beyond what the growth makes of the defects stay the engine's, and so do all errors
         of a motion that is regular.
         """
         return (
-            self.defect <= self.promise
+            self.defect <= self.tolerance
             and self.doubling > EXPONENTIAL
             and self.measured <= LEEWAY * self.expected
         )
@@ -67,55 +67,55 @@ class Sensitivity:
         return (
             f"sensitive: agrees until t = {self.agrees_until:.3g} s, then the motion's own "
             f"sensitivity (exponent {self.exponent:.3g}/s) carries errors of {self.defect:.1e} "
-            f"past {self.promise:g}"
+            f"past {self.tolerance:g}"
         )
 
 
-def sensitivity(
-    scene: Scene, settings: Settings, theory: Motion, path_errors: Array, path_scale: float
-) -> Sensitivity | None:
-    """The sensitivity of a scene's motion to the errors of MuJoCo at some settings.
+def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensitivity | None:
+    """The sensitivity of a scene's motion to the errors that an engine makes of it.
 
-    theory: the equations' motion; path_errors (n,) m, of MuJoCo at its times; path_scale m, what
-    they are relative to. None where the drives change in time, where M = 0 and where MuJoCo breaks
-    off: there it is not known. Costs as much as MuJoCo's motion and three by the equations.
+    motion: the engine's, by the settings in its report; theory: the equations' motion at the same
+    times. None where the drives change in time, where M = 0 and where the engine breaks off: there
+    it is not known. Costs as much as the engine's motion and three by the equations.
     """
+    scene, settings = theory.scene, motion.report.settings
+    errors, path_scale = path_errors(motion, theory), theory.path_scale
     if not scene.steady or not scene.start.momentum.any():
         return None
     duration = float(theory.times[-1])
     count = int(np.clip(duration / STRETCH, FEWEST, MOST))
     right = integrate(scene, np.linspace(0.0, duration, count + 1))
-    defects = _defects(scene, settings, right)
+    defects = _defects(engine.prepare(scene, settings), right)
     if defects is None:
         return None
     expected = max(math.hypot(*error[6:]) for error in _carried(scene, right, defects))
     growth = _growth(scene, right)
     half = count // 2
     doubling = float(growth[-1] - growth[half - 1])
-    passed = path_errors > settings.promise * path_scale
+    passed = errors > settings.error_tolerance * path_scale
     return Sensitivity(
         exponent=doubling / (duration - float(right.times[half])),
         doubling=math.exp(min(doubling, 700.0)),  # finite
         defect=float(np.linalg.norm(defects[:, 6:], axis=1).sum() / path_scale),
         expected=expected / path_scale,
-        measured=float(path_errors.max() / path_scale),
-        promise=settings.promise,
+        measured=float(errors.max() / path_scale),
+        tolerance=settings.error_tolerance,
         agrees_until=float(theory.times[np.argmax(passed)] if passed.any() else duration),
     )
 
 
-def _defects(scene: Scene, settings: Settings, right: Motion) -> Array | None:
-    """What MuJoCo misses (k, 8) at the end of each of k stretches that start on the right motion.
+def _defects(run: Runner, right: Motion) -> Array | None:
+    """What an engine misses (k, 8) at the end of each of k stretches from the right motion.
 
     None where a stretch is not run to its end.
     """
-    model, defects = build(scene, settings), []
+    defects = []
     for i, length in enumerate(np.diff(right.times)):
         start = Start(right.attitude[i], right.momentum[i])
-        engine = run(model, np.array([0.0, length]), start=start)
-        if len(engine.times) < 2:
+        motion = run(np.array([0.0, length]), start)
+        if len(motion.times) < 2:
             return None
-        defects.append(_difference(scene, engine, right, i))
+        defects.append(_difference(right.scene, motion, right, i))
     return np.array(defects)
 
 

@@ -15,7 +15,7 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
     table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
     for heading in ("scene", "rolling", "preset"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M drift", "× real\ntime"):
+    for heading in ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M error", "× real\ntime"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for each in agreements:
@@ -23,10 +23,10 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
             each.scene.name,
             each.scene.rolling,
             each.settings.name,
-            f"{each.diagnostics.timestep * 1e3:.3g}",
+            f"{each.report.timestep * 1e3:.3g}",
             scientific(each.path_error),
             scientific(each.gamma_error),
-            scientific(each.momentum_drift),
+            scientific(each.momentum_error),
             f"{each.realtime_factor:.0f}",
             _word(each),
             style="" if each.agrees else "yellow",

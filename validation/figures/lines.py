@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from robotball import preset, sample_times
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
+from robotball.engines.reduced import LABEL as THEORY
 from robotball.equations import Vector
-from robotball.palette import INK, THEORY
+from robotball.palette import INK
 from robotball.parameters import Parameters
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.rotations import Array
@@ -82,8 +83,8 @@ def figure9() -> Figure:
     ball, side = paper_scene("fig10").parameters, np.linspace(-8, 8, FINENESS)
     for axes, f in zip(panels, LEVELS, strict=True):
         rates = np.array([[growth_rate(ball, (K1, K2, 0.0), f) for K1 in side] for K2 in side])
-        axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[THEORY], alpha=0.45)
-        axes.contour(side, side, rates, levels=[0.0], colors=[THEORY], linewidths=1.5)
+        axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[THEORY.colour], alpha=0.45)
+        axes.contour(side, side, rates, levels=[0.0], colors=[THEORY.colour], linewidths=1.5)
         for x in (6.8, -6.8):
             axes.annotate("σ₋, δ₊", (x, x), color=INK, ha="center")
         turn = np.linspace(0, 2 * np.pi, 300)

@@ -9,13 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball import Motion, Scene, load_scene
+from robotball.engines.mujoco import LABEL as ENGINE
+from robotball.engines.reduced import LABEL as THEORY
 from robotball.engines.reduced.compiled.kernels import orbit
 from robotball.errors import SceneWarning
-from robotball.palette import ENGINE, INK, THEORY
+from robotball.palette import INK
 from robotball.rotations import Array, multiply
 
-THEORY_LINE: dict[str, Any] = {"color": THEORY, "linewidth": 4.5, "alpha": 0.55}
-ENGINE_LINE: dict[str, Any] = {"color": ENGINE, "linewidth": 1.1}
+THEORY_LINE: dict[str, Any] = {"color": THEORY.colour, "linewidth": 4.5, "alpha": 0.55}
+ENGINE_LINE: dict[str, Any] = {"color": ENGINE.colour, "linewidth": 1.1}
 FAINT = "#9AA0A6"  # what is neither engine's: fields, boundaries
 INCHES_HIGH, TEXT_WIDE = 5.6, 3.6
 UNBUILDABLE = "Mass outside the shell: not to be built."

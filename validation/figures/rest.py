@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball import Motion, preset, sample_times
+from robotball import ContactMotion, preset, sample_times
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.reduced.compiled.kernels import orbits
@@ -174,7 +174,7 @@ def counted(points: list[FixedPoint]) -> list[str]:
     return [f"  {kinds.count(kind)} × {kind}" for kind in dict.fromkeys(kinds)]
 
 
-def both(scene: Scene) -> tuple[Array, Array, Motion]:
+def both(scene: Scene) -> tuple[Array, Array, ContactMotion]:
     """The equations' contact points (n, 2) and γ (n, 3), and MuJoCo's motion."""
     times = sample_times(scene.duration, scene.duration / 2000)
     attitudes, path = theory_motion(scene, times)

@@ -8,9 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball import Scene, load_scene, preset, sample_times
+from robotball.engines.mujoco import LABEL as ENGINE
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.palette import ENGINE, INK, THEORY
+from robotball.engines.reduced import LABEL as THEORY
+from robotball.palette import INK
 from robotball.qualitative.sections import fixed_point, section
 from robotball.rotations import Array
 from validation.figures.parts import FAINT, draw_paths, sheet, theory_motion
@@ -57,14 +59,14 @@ def figure11a() -> Figure:
     )
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
     points = cloud_by_contact(build(scene, preset("fast")), TORUS_BY_CONTACT, seed=0)
-    axes.plot(around(curve.l), curve.L, ".", color=THEORY, alpha=0.35, markersize=6, mew=0,
+    axes.plot(around(curve.l), curve.L, ".", color=THEORY.colour, alpha=0.35, markersize=6, mew=0,
               label="torus, equations")  # fmt: skip
-    axes.plot(around(points.l), points.L, "o", color=ENGINE, markersize=3.5, mfc="none", mew=0.8,
-              label="torus, MuJoCo")  # fmt: skip
-    axes.plot(around(own.l[0]), own.L[0], "s", color=THEORY, alpha=0.55, markersize=13,
+    axes.plot(around(points.l), points.L, "o", color=ENGINE.colour, markersize=3.5, mfc="none",
+              mew=0.8, label=f"torus, {ENGINE.name}")  # fmt: skip
+    axes.plot(around(own.l[0]), own.L[0], "s", color=THEORY.colour, alpha=0.55, markersize=13,
               label="periodic orbit, equations")  # fmt: skip
     crossed = np.array([[each.l % (2 * np.pi), each.L] for each in ours]).T
-    axes.plot(*crossed, "+", color=ENGINE, markersize=13, mew=2,
+    axes.plot(*crossed, "+", color=ENGINE.colour, markersize=13, mew=2,
               label="periodic orbit, MuJoCo")  # fmt: skip
     annulus(axes, "section g = 0, both directions")
     axes.legend(loc="lower right")
@@ -88,8 +90,8 @@ def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
     theory = cloud_by_equations(scene.parameters, CHAOS, seed=1)
     engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2, progress=report)
     for axes, cloud, colour, size, name in (
-        (panels[0], theory, THEORY, 1.6, "equations"),
-        (panels[1], engine, ENGINE, 3.2, "MuJoCo"),
+        (panels[0], theory, THEORY.colour, 1.6, "equations"),
+        (panels[1], engine, ENGINE.colour, 3.2, "MuJoCo"),
     ):
         for direction, alpha in ((1, 1.0), (-1, 0.35)):
             which = cloud.directions == direction
@@ -137,7 +139,7 @@ def path_figure(number: int, where: str, drift: str, duration: float, exponent: 
     for style, name in (("-.", "fast"), ("--", "balanced"), ("-", "accurate")):
         engine = run(build(scene, preset(name)), times)
         distance = np.linalg.norm(engine.contact_point - theory, axis=1)
-        apart.semilogy(times[1:], distance[1:], style, color=ENGINE, linewidth=1)
+        apart.semilogy(times[1:], distance[1:], style, color=ENGINE.colour, linewidth=1)
         apart.annotate(name, (times[-1], distance[-1]), color=INK, ha="right", va="bottom")
     if exponent:
         apart.semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5)

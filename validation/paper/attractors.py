@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from robotball import load_scene
-from robotball.engines.reduced.compiled.kernels import start_of
+from robotball.engines.reduced.compiled.kernels import kernel_start
 from robotball.parameters import Parameters
 from robotball.qualitative.basins import CHAOS, TORUS, Basins, basins, distance, level_points
 from robotball.qualitative.cycles import Cycle, monodromy_of
@@ -193,7 +193,7 @@ def drift_of(name: str) -> Drift:
     if name == "fig14":
         return drift(chaotic(), *starts(16), LONG)
     duration = 1000 * period().measured if name == "fig12" else LONG
-    return drift(*start_of(load_scene(name)), duration, 3000.0)
+    return drift(*kernel_start(load_scene(name)), duration, 3000.0)
 
 
 def drift_along(name: str, stated: float, bound: float) -> Value:

@@ -84,7 +84,7 @@ def simulated_second(model: Model, times: Array) -> Work:
 
     def work() -> float:
         motion = run(model, times)
-        done = motion.diagnostics
+        done = motion.report
         assert done is not None
         # A run that breaks off has stepped on to where it was looked at next.
         broken = len(motion.times) < len(times)

@@ -1,1 +1,7 @@
-"""The ball as a contact model: MJCF composed, stepped, read and watched."""
+"""The ball as a contact model in MuJoCo: composed, checked, stepped, monitored and read."""
+
+from importlib.metadata import version
+
+from robotball.motion import Label
+
+LABEL = Label("MuJoCo", version("mujoco"), "#0072B2")  # blue of Okabe and Ito's set

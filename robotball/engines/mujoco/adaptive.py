@@ -10,6 +10,7 @@ from robotball import equations as eq
 from robotball.engines.dop853 import Compensated, Rate
 from robotball.engines.mujoco.control import Control
 from robotball.engines.mujoco.stepping import Portion, Steps, read_row, state_of
+from robotball.faults import Fault, FaultKind
 from robotball.rotations import Array
 
 LOOK = 64  # steps between two looks at the run
@@ -52,7 +53,7 @@ def _portion(
     states: list[Array] = []
     sampled: list[int] = []
     lengths: list[float] = []
-    failure = None
+    failure: Fault | None = None
 
     def read(t: float, state: Array) -> None:
         rows.append(_read(control, data, t, state))
@@ -60,11 +61,12 @@ def _portion(
 
     while solver.running and len(lengths) < LOOK and failure is None:
         if len(lengths) == left:
-            failure = f"max_steps = {control.model.settings.max_steps} are taken"
+            limit = control.model.settings.max_steps
+            failure = Fault(FaultKind.OUT_OF_STEPS, np.nan, limit=limit, fatal=True)
             break
         began = solver.t
         if (message := solver.step()) is not None:
-            failure = f"the steps became too short ({message})"
+            failure = Fault(FaultKind.STEP_TOO_SHORT, np.nan, message, fatal=True)
             break
         lengths.append(solver.t - began)
         # A sample at the end of a span but the last is the first of the next.

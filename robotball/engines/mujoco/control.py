@@ -1,4 +1,4 @@
-"""What actuators are told: at every evaluation of the forces, so that RK4 keeps its order."""
+"""The controls of the actuators: at every evaluation of the forces, so that RK4 keeps its order."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

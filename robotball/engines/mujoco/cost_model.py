@@ -1,4 +1,4 @@
-"""The measured front: what each family of steps reaches and costs, by a scene's own rates."""
+"""The cost model: what each family of steps reaches and costs, by a scene's own rates."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,24 @@ from robotball.scene import Scene
 
 
 @dataclass(frozen=True)
-class Front:
+class CostModel:
     """What was measured over the catalog and 30 random balls, 10 s each; rate is `scene_rate`.
 
-    `python -m validation.bench.front` measures it again, and says how far scenes scatter.
+    `python -m validation.bench.cost_model` measures it again, and says how far scenes scatter.
     """
 
     # A path error goes at least with this power of the timestep and of rtol.
     order: float = 3.8
     rtol_order: float = 0.85
-    # DOP853's error, as its drift of M tells it, over rtol is
+    # DOP853's error, as the change of its M tells it, over rtol is
     # gain * (RK4's error / (rate * timestep)^4)^power, within a factor of 3 for most scenes.
     gain: float = 400.0
     power: float = 0.64
     # It takes density * rate * duration * (1e-11 / rtol)^growth steps.
     density: float = 2.95
     growth: float = 0.12
-    # Seconds: a step of RK4, a step of DOP853, a sample between its steps; and of telling drives
-    # that change in time to each evaluation of the forces.
+    # Seconds: a step of RK4, a step of DOP853, a sample between its steps; and of controls that
+    # change in time, at each evaluation of the forces.
     step: float = 17e-6
     adaptive_step: float = 250e-6
     sample: float = 27e-6
@@ -37,7 +37,7 @@ class Front:
         return self.density * rate * (1e-11 / rtol) ** self.growth
 
 
-FRONT = Front()
+COST_MODEL = CostModel()
 
 
 def scene_rate(scene: Scene) -> float:

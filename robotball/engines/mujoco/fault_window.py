@@ -1,6 +1,6 @@
 """The states around the first fault of a run, in a file from which they can be stepped again."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -8,15 +8,14 @@ import msgspec
 import mujoco
 import numpy as np
 
-from robotball.drives import Servo
 from robotball.engines.mujoco.control import controlled
 from robotball.engines.mujoco.equilibrium import compiled_model
 from robotball.engines.mujoco.hinges import hinges_of
+from robotball.engines.mujoco.integrators import ADAPTIVE
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.monitor import Found
-from robotball.engines.mujoco.planned_run import momentum_scale
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.settings import ADAPTIVE, Prescribed, Settings
+from robotball.engines.mujoco.settings import settings_from
 from robotball.engines.mujoco.stepping import STATE, Portion, Steps, read_row, state_of
 from robotball.errors import InputError
 from robotball.files.replacing import replacing
@@ -64,12 +63,12 @@ def window_around(found: list[Found], portion: Portion, before: Portion | None) 
             *(joined([getattr(s, name) for s in steps]) for name in ("states", "lengths", "spans"))
         ),
         bad - kept.start,
-        [each.fault.cause for each in found if each.row == found[0].row],
+        [each.fault.text for each in found if each.row == found[0].row],
         found[0].fault.time,
     )
 
 
-class Dump(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class FaultWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What the file holds: the window, and all that its steps depend on.
 
     scene: TOML; None where a drive is a function of time, which no file holds. table: a row for
@@ -115,11 +114,11 @@ def write(path: Path, model: Model, window: Window) -> None:
     """The window of a run of the model as JSON; raises InputError where it can't be written."""
     with np.errstate(all="ignore"):  # a diverged state's numbers have no squares
         columns = _table(model, window)
-    dump = Dump(
+    saved = FaultWindow(
         format="robotball fault 1",
         name=model.scene.name,
         scene=_text(model.scene),
-        settings={k: v for k, v in asdict(model.settings).items() if v is not None},
+        settings=model.settings.plain(),
         mujoco=mujoco.__version__,
         bad=window.bad,
         causes=window.causes,
@@ -133,30 +132,30 @@ def write(path: Path, model: Model, window: Window) -> None:
         xml=model.xml,
     )
     with replacing(path) as temporary:
-        temporary.write_bytes(msgspec.json.format(msgspec.json.encode(dump), indent=1))
+        temporary.write_bytes(msgspec.json.format(msgspec.json.encode(saved), indent=1))
 
 
-def load(path: Path) -> Dump:
-    """The dump in a file; raises InputError where it is none."""
+def load(path: Path) -> FaultWindow:
+    """The fault window in a file; raises InputError where it is none."""
     try:
-        dump = msgspec.json.decode(path.read_bytes(), type=Dump)
+        saved = msgspec.json.decode(path.read_bytes(), type=FaultWindow)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: no dump of a run: {error}") from None
-    rows = len(dump.rows)
-    columns = (dump.table, dump.states, dump.lengths, dump.spans)
-    widths = {len(each) for each in dump.table} | {len(dump.columns)}
-    if not (all(len(each) == rows for each in columns) and 0 <= dump.bad <= rows) or not rows:
-        raise InputError(f"{path}: no dump of a run: its rows do not match each other")
+        raise InputError(f"{path}: no fault window of a run: {error}") from None
+    rows = len(saved.rows)
+    columns = (saved.table, saved.states, saved.lengths, saved.spans)
+    widths = {len(each) for each in saved.table} | {len(saved.columns)}
+    if not (all(len(each) == rows for each in columns) and 0 <= saved.bad <= rows) or not rows:
+        raise InputError(f"{path}: no fault window of a run: its rows do not match each other")
     if len(widths) > 1:
-        raise InputError(f"{path}: no dump of a run: its columns do not match each other")
-    return dump
+        raise InputError(f"{path}: no fault window of a run: its columns do not match each other")
+    return saved
 
 
 @dataclass(frozen=True)
 class Replayed:
-    """What came of stepping a dump again: how many rows, and their largest difference.
+    """What came of stepping a fault window again: how many rows, and their largest difference.
 
     difference: of any number of state or reading, 0 where all are the same to the last bit; None
     where it could not be done, and `why` says so.
@@ -167,30 +166,32 @@ class Replayed:
     why: str = ""
 
 
-def replay(dump: Dump) -> Replayed:
-    """Steps the dump's model again from the first state, and compares every state and reading.
+def replay(saved: FaultWindow) -> Replayed:
+    """Steps the model again from the first state, and compares every state and reading.
 
     An adaptive run's forces are computed anew at its states; it is not stepped.
     """
-    if dump.mujoco != mujoco.__version__:
-        return Replayed(0, None, f"it is of MuJoCo {dump.mujoco}, and this is {mujoco.__version__}")
-    if dump.scene is None:
+    if saved.mujoco != mujoco.__version__:
+        return Replayed(
+            0, None, f"it is of MuJoCo {saved.mujoco}, and this is {mujoco.__version__}"
+        )
+    if saved.scene is None:
         return Replayed(0, None, "its drives are functions of time, which no file holds")
-    scene = read_scene(Path(f"{dump.name}.toml"), dump.scene)
-    settings = _settings(dump.settings)
-    model = Model(scene, settings, dump.xml, hinges_of(scene, settings))
+    scene = read_scene(Path(f"{saved.name}.toml"), saved.scene)
+    settings = settings_from(saved.settings)
+    model = Model(scene, settings, saved.xml, hinges_of(scene, settings))
     compiled = model.compiled
-    states, rows = _array(dump.states), _array(dump.rows)
+    states, rows = _array(saved.states), _array(saved.rows)
     data = mujoco.MjData(compiled)
     shape = (mujoco.mj_stateSize(compiled, STATE), len(read_row(data)))
     if states.shape[1:] != shape[:1] or rows.shape[1:] != shape[1:]:
-        raise InputError(f"{dump.name}: the dump's states are not of its model")
+        raise InputError(f"{saved.name}: the fault window's states are not of its model")
     worst = 0.0
     readings = slice(0, compiled.nsensordata)  # the counters of warnings begin anew
     with controlled(model) as control, np.errstate(all="ignore"):
         mujoco.mj_setState(compiled, data, states[0], STATE)
-        for state, row, length, span in zip(states, rows, dump.lengths, dump.spans, strict=True):
-            if dump.adaptive:
+        for state, row, length, span in zip(states, rows, saved.lengths, saved.spans, strict=True):
+            if saved.adaptive:
                 mujoco.mj_setState(compiled, data, state, STATE)
             control.span = span
             worst = max(worst, _difference(state_of(data), state))
@@ -217,13 +218,13 @@ def _table(model: Model, window: Window) -> dict[str, Array]:
     momentum, states = readings.momentum, window.steps.states
     first_velocity = 1 + compiled.nq  # of an integration state: time, qpos, qvel, ...
     velocities = states[:, first_velocity : first_velocity + compiled.nv]
-    drift = np.linalg.norm(momentum - model.scene.start.momentum, axis=1)
+    off = np.linalg.norm(momentum - model.scene.start.momentum, axis=1)
     return {
         "time [s]": readings.time,
         "height [m]": readings.centre[:, 2],
         "slip [m/s]": readings.slip,
         "spin [rad/s]": readings.spin,
-        "drift of M": drift / momentum_scale(model.scene),
+        "momentum error": off / model.scene.momentum_scale,
         "friction used": readings.friction_used,
         "hinge rate error": readings.hinge_rate_error(model.hinges),
         "normal force [N]": readings.contact_force[:, 0],
@@ -238,19 +239,6 @@ def _text(scene: Scene) -> str | None:
         return None
 
 
-def _settings(fields: dict[str, Any]) -> Settings:
-    """The settings that a dump was made of; raises InputError where they are none."""
-    try:
-        given: dict[str, Any] = {
-            k: tuple(v) if isinstance(v, list) else v for k, v in fields.items()
-        }
-        drive = given.pop("drive")
-        kind = Servo if "gain" in drive else Prescribed
-        return Settings(drive=kind(**drive), **given)
-    except (TypeError, KeyError) as error:
-        raise InputError(f"the dump's settings are none: {error}") from None
-
-
 def _plain(values: Array) -> Numbers:
     return [[v if np.isfinite(v) else None for v in row] for row in values.tolist()]
 
@@ -259,4 +247,4 @@ def _array(values: Numbers) -> Array:
     try:
         return np.array([[np.nan if v is None else v for v in row] for row in values])
     except ValueError as error:
-        raise InputError(f"no dump of a run: {error}") from None
+        raise InputError(f"no fault window of a run: {error}") from None

@@ -36,18 +36,18 @@ class Tree:
 class Hinge:
     """A hinge of the model.
 
-    index  its place among the scene's drives: 0 the frame's, then the rotors'
-    joint  the MJCF name of its joint and of the body that it turns
-    by     a servo, or the armature that lets its rate be prescribed
-    real   whether the servo is the scene's own motor, whose error belongs to the motion
-    largest_rate  that the drive asks for during the scene, by which errors are measured [rad/s]
+    index         its place among the scene's drives: 0 the frame's, then the rotors'
+    joint         the MJCF name of its joint and of the body that it turns
+    actuation     a servo, or the armature that lets its rate be prescribed
+    own_motor     whether the servo is the scene's own, whose error belongs to the motion
+    largest_rate  of the drive during the scene, by which errors are measured [rad/s]
     """
 
     index: int
     joint: str
     drive: Drive
-    by: Servo | Prescribed
-    real: bool
+    actuation: Servo | Prescribed
+    own_motor: bool
     largest_rate: float
 
     @property
@@ -57,12 +57,12 @@ class Hinge:
     @property
     def actuated(self) -> bool:
         """A prescribed rate that is constant needs no actuator."""
-        return isinstance(self.by, Servo) or not isinstance(self.drive, Constant)
+        return isinstance(self.actuation, Servo) or not isinstance(self.drive, Constant)
 
     def control(self, t: float) -> float:
-        """What its actuator is told at time t [s]: a servo the rate, a motor the acceleration."""
-        told = self.drive.rate if isinstance(self.by, Servo) else self.drive.acceleration
-        return float(told(t))
+        """Its actuator's control at t [s]: of a servo the rate, of a motor the acceleration."""
+        of = self.drive.rate if isinstance(self.actuation, Servo) else self.drive.acceleration
+        return float(of(t))
 
 
 def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
@@ -74,8 +74,8 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
             index,
             f"{tree.frame}rotor{index}/" if index else tree.child,
             drive,
-            by=motor or settings.drive,
-            real=motor is not None,
+            actuation=motor or settings.drive,
+            own_motor=motor is not None,
             largest_rate=float(np.abs(drive.rate(scene.times)).max()) or 1.0,
         )
         for index, (drive, motor) in enumerate(zip(scene.drives, motors, strict=True))

@@ -205,16 +205,16 @@ def _friction(settings: Settings) -> list[float]:
 def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
     """The joint of `body`, and its actuator where it needs one."""
     joint = body.add("joint", type="hinge", axis=axis)
-    if isinstance(hinge.by, Servo):
-        servo = root.actuator.add("velocity", name=hinge.body, joint=joint, kv=hinge.by.gain)
-        if hinge.by.torque_limit is not None:
-            servo.forcerange = [-hinge.by.torque_limit, hinge.by.torque_limit]
+    if isinstance(hinge.actuation, Servo):
+        servo = root.actuator.add("velocity", name=hinge.body, joint=joint, kv=hinge.actuation.gain)
+        if hinge.actuation.torque_limit is not None:
+            servo.forcerange = [-hinge.actuation.torque_limit, hinge.actuation.torque_limit]
         return
     # It acts on the hinge alone and adds no angular momentum of its own.
-    joint.armature = hinge.by.armature
+    joint.armature = hinge.actuation.armature
     if hinge.actuated:
         # Scaled by the gear, the control is the acceleration; MuJoCo refuses controls over 1e10.
-        root.actuator.add("motor", name=hinge.body, joint=joint, gear=[hinge.by.armature])
+        root.actuator.add("motor", name=hinge.body, joint=joint, gear=[hinge.actuation.armature])
 
 
 def _add_sensors(root: Any, tree: Tree, hinges: tuple[Hinge, ...]) -> None:

@@ -1,4 +1,4 @@
-"""The watch on a MuJoCo run: what makes its numbers no result, found in every step's readings."""
+"""The monitor of a run: what makes its numbers no result, found in every step's readings."""
 
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -8,16 +8,14 @@ import numpy as np
 
 from robotball.bodies import imbalance
 from robotball.engines.mujoco.model import Model
-from robotball.engines.mujoco.planned_run import momentum_scale
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.step_limits import LOOSEST, allowed
-from robotball.motion import Fault
+from robotball.faults import Fault, FaultKind
 from robotball.rotations import Array, Mask
 
 DIVERGED = 1e10  # MuJoCo's own limit (mjMAXVAL) on a state that it still calls good
 SATURATED = 1 - 1e-6  # of the friction cone: contact solutions on its surface end this near
 RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
-AT_LIMIT = "motor at its torque limit"
 SHORTEST = 1e-9  # of the radius: a shorter path is none to slip on
 
 # Those that tell of a diverged state say no more than the state itself.
@@ -36,7 +34,7 @@ class Found(NamedTuple):
 
 
 @dataclass
-class Watch:
+class Monitor:
     """What has to be remembered from one portion of a run to the next.
 
     rolled, slipped: the lengths of the path and of the slip along it so far [m], where a rubber
@@ -49,40 +47,37 @@ class Watch:
     slipped: float = 0.0
     momentum: Array | None = None
     last_centre: Array | None = None
-    scale: float = field(init=False)
     balanced: bool = field(init=False)
-    promise: float = field(init=False)
+    tolerance: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.scale = momentum_scale(self.model.scene)
         self.balanced = imbalance(self.model.scene.ball) is None
         # The load of an unbalanced ball varies, and with it the depth and the lever arm.
         least = 0.0 if self.balanced else LOOSEST
-        self.promise = max(self.model.settings.promise, least)
+        self.tolerance = max(self.model.settings.error_tolerance, least)
 
-    def look(self, readings: Readings, failure: str | None = None) -> list[Found]:
+    def look(self, readings: Readings, failure: Fault | None = None) -> list[Found]:
         """The first of each kind of fault in the readings of the next portion, the earliest first.
 
         failure: why the integrator could not go on after the last row, if so.
         """
         with np.errstate(all="ignore"):
-            kinds = [*self._of_the_state(readings), *self._of_the_motion(readings)]
+            seen = [*self._of_the_state(readings), *self._of_the_motion(readings)]
         found = [
-            Found(row, Fault(_time_of(readings.time, row, self.last_time), cause, fatal))
-            for mask, cause, fatal in kinds
+            Found(row, replace(fault, time=_time_of(readings.time, row, self.last_time)))
+            for mask, fault in seen
             if mask.any()
             for row in [int(np.argmax(mask))]
         ]
         if failure is not None and not any(each.fault.fatal for each in found):
             row = len(readings.time)
-            found.append(
-                Found(row, Fault(_time_of(readings.time, row, self.last_time), failure, True))
-            )
+            time = _time_of(readings.time, row, self.last_time)
+            found.append(Found(row, replace(failure, time=time)))
         if len(readings.time):
             self.last_time = float(readings.time[-1])
         found.sort(key=lambda each: each.row)
         # A motor of the scene's own that is weak makes another motion, not a wrong one.
-        wrong = [each.row for each in found if not each.fault.cause.endswith(AT_LIMIT)]
+        wrong = [each.row for each in found if each.fault.kind is not FaultKind.TORQUE_LIMIT]
         if wrong and self.model.settings.stop_at_fault:
             return [
                 Found(row, replace(fault, fatal=row == wrong[0]))
@@ -91,38 +86,35 @@ class Watch:
             ]
         return found
 
-    def _of_the_state(self, readings: Readings) -> list[tuple[Mask, str, bool]]:
-        """(where, cause, whether the run can't go on) by the state alone."""
+    def _of_the_state(self, readings: Readings) -> list[tuple[Mask, Fault]]:
+        """(where, fault) by the state alone; the faults' times are not known yet."""
         diverged = ~readings.sound(DIVERGED)
         elapsed = np.diff(readings.time, prepend=self.last_time)
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
-        exact = [hinge for hinge in readings.model.hinges if not hinge.real]
+        exact = [hinge for hinge in readings.model.hinges if not hinge.own_motor]
         off_rate = readings.hinge_rate_error(exact) > RATE_ERROR
+        kind = FaultKind
         return [
-            (diverged, "the state diverged", True),
-            (~diverged & (elapsed <= 0), "time went back: MuJoCo reset the state", True),
-            (~diverged & ~readings.in_contact, "contact lost", False),
-            (readings.friction_used > SATURATED, "friction cone saturated", False),
-            (off_rate, f"hinge rate off by over {RATE_ERROR:g}", False),
+            (diverged, Fault(kind.DIVERGED, np.nan, fatal=True)),
+            (~diverged & (elapsed <= 0), Fault(kind.RESET, np.nan, fatal=True)),
+            (~diverged & ~readings.in_contact, Fault(kind.CONTACT_LOST, np.nan)),
+            (readings.friction_used > SATURATED, Fault(kind.CONE_SATURATED, np.nan)),
+            (off_rate, Fault(kind.RATE_OFF, np.nan, limit=RATE_ERROR)),
             *(
-                (
-                    readings.servo_saturation(hinge),
-                    f"{hinge.body}'s {AT_LIMIT}",
-                    False,
-                )
+                (readings.servo_saturation(hinge), Fault(kind.TORQUE_LIMIT, np.nan, hinge.body))
                 for hinge in readings.model.hinges
             ),
             *(
-                (~diverged & (readings.warnings[:, i] > 0), f"MuJoCo warned of {name}", False)
+                (~diverged & (readings.warnings[:, i] > 0), Fault(kind.ENGINE_WARNED, np.nan, name))
                 for i, name in WARNINGS.items()
             ),
         ]
 
-    def _of_the_motion(self, readings: Readings) -> list[tuple[Mask, str, bool]]:
+    def _of_the_motion(self, readings: Readings) -> list[tuple[Mask, Fault]]:
         """The same by what has become of the momentum and of the path."""
         if not len(readings.rows):
             return []
-        scene, promise = self.model.scene, self.promise
+        scene, tolerance = self.model.scene, self.tolerance
         slip = readings.slip
         if scene.rolling == "rubber":
             slip = slip + scene.ball.radius * np.abs(readings.spin)
@@ -133,18 +125,19 @@ class Watch:
         rolled = self.rolled + np.cumsum(moved)
         self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
         self.last_centre = readings.centre[-1:]
-        slips = slipped > promise * (rolled + SHORTEST * scene.ball.radius)
-        faults = [(slips, f"slipped over {promise:g} of the path", False)]
+        slips = slipped > tolerance * (rolled + SHORTEST * scene.ball.radius)
+        faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
         if self.balanced:
-            faults.append((self._drifts(readings), f"M off by over {promise:g}", False))
+            off = self._momentum_off(readings)
+            faults.append((off, Fault(FaultKind.MOMENTUM_OFF, np.nan, limit=tolerance)))
         return faults
 
-    def _drifts(self, readings: Readings) -> Mask:
+    def _momentum_off(self, readings: Readings) -> Mask:
         momentum = readings.momentum
         if self.momentum is None:
             self.momentum = momentum[0]
-        drift = np.linalg.norm(momentum - self.momentum, axis=1) / self.scale
-        return drift > allowed(self.promise, readings.time)
+        error = np.linalg.norm(momentum - self.momentum, axis=1) / self.model.scene.momentum_scale
+        return error > allowed(self.tolerance, readings.time)
 
 
 def _time_of(times: Array, row: int, last_time: float) -> float:

@@ -1,4 +1,4 @@
-"""What is known of a run before it: its scene's numbers, its settings', and edges between them."""
+"""What is known of a run before it: the numbers of its scene and what its settings come to."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -10,51 +10,13 @@ import numpy as np
 from robotball import equations as eq
 from robotball.bodies import imbalance
 from robotball.drives import Servo, turns
-from robotball.engines.mujoco.settings import ADAPTIVE, Settings
+from robotball.engines.mujoco.integrators import INTEGRATORS, MUJOCOS_DEFAULT, Integrator
+from robotball.engines.mujoco.settings import Settings
 from robotball.loads import loads_of
 from robotball.motion import Loads
 from robotball.parameters import Parameters, as_vector
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene
-
-
-@dataclass(frozen=True)
-class Edge:
-    """A number of a run and the limit beyond which the run is predicted to fail.
-
-    what   the number, named; value and limit are in `unit`
-    least  whether the limit is the least that the value may be, and not the most
-    fix    what to change
-    """
-
-    what: str
-    value: float
-    limit: float
-    fix: str
-    unit: str = ""
-    least: bool = False
-
-    @property
-    def nearness(self) -> float:
-        """How much of the limit is used: 1 is on the edge, more is beyond it."""
-        over, under = (self.limit, self.value) if self.least else (self.value, self.limit)
-        if np.isnan(over) or np.isnan(under):
-            return np.inf
-        if under == 0:
-            return np.inf if over > 0 else 0.0
-        return float(over / under)
-
-    @property
-    def crossed(self) -> bool:
-        return self.nearness > 1
-
-    def __str__(self) -> str:
-        unit = f" {self.unit}" if self.unit else ""
-        bound = "least" if self.least else "most"
-        return (
-            f"{self.what} is {self.value:.4g}{unit}, and {self.limit:.4g}{unit} the {bound} "
-            f"that works: {self.fix}"
-        )
 
 
 @cache
@@ -63,15 +25,14 @@ def _mujocos_own() -> tuple[Any, Any]:
     return mujoco.MjModel.from_xml_string("<mujoco/>").opt, mujoco.MjSpec().default.pair
 
 
-SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 DRIVES_SEEN = 9  # times over the run at which drives in time are looked at
 CONES = ("pyramidal", "elliptic")
 SOLVERS = ("PGS", "CG", "Newton")
 
 
 @dataclass(frozen=True)
-class Case:
-    """A scene under settings over a duration [s], as the predictions see it.
+class PlannedRun:
+    """A scene under settings over a duration [s], as the predictions of its limits see it.
 
     loads: those of the whole motion where they are known, else the start's alone are.
     """
@@ -84,13 +45,13 @@ class Case:
     # What the settings come to -----------------------------------------------------------
 
     @property
-    def integrator(self) -> str:
-        return self.settings.integrator or "Euler"
+    def integrator(self) -> Integrator:
+        return INTEGRATORS[self.settings.integrator or MUJOCOS_DEFAULT]
 
     @property
     def timestep(self) -> float:
         """The longest step [s]; infinite where the steps are chosen by their error alone."""
-        if self.settings.timestep is None and self.integrator == ADAPTIVE:
+        if self.settings.timestep is None and self.settings.adaptive:
             return np.inf
         return float(self._option("timestep"))
 
@@ -127,10 +88,10 @@ class Case:
 
     @property
     def condim(self) -> int:
-        return self.settings.condim or self.wanted_condim
+        return self.settings.condim or self.needed_condim
 
     @property
-    def wanted_condim(self) -> int:
+    def needed_condim(self) -> int:
         return 4 if self.scene.rolling == "rubber" else 3
 
     def _option(self, name: str) -> Any:
@@ -240,19 +201,3 @@ class Case:
         if not np.all(np.isfinite(sides)):
             return np.inf
         return max(float(np.abs(np.linalg.eigvals(np.array(sides))).max()), size)
-
-    @cached_property
-    def momentum_scale(self) -> float:
-        return momentum_scale(self.scene)
-
-
-def momentum_scale(scene: Scene) -> float:
-    """What a drift of M is measured by [kg m²/s]: |M| of the start, where that is not next to none.
-
-    A ball that starts from rest has M = 0 or rounding; then it is K and dΩ that turn it.
-    """
-    start = float(np.linalg.norm(scene.start.momentum))
-    parameters = scene.parameters_at(0.0)
-    turned = float(np.linalg.norm(parameters.K) + parameters.d * np.linalg.norm(parameters.Omega))
-    falling = scene.ball.d * float(np.sqrt(scene.gravity / scene.ball.radius))
-    return max(start, SMALL * turned) or falling

@@ -1,56 +1,57 @@
-"""The check before a run: is it near a predicted edge, and can it end at all."""
+"""The precheck of a run: is it beyond a predicted limit, and can it end at all."""
 
 import math
-import warnings
 
 import numpy as np
 
 from robotball.engines.mujoco import contact_limits, step_limits
-from robotball.engines.mujoco.planned_run import Case, Edge
+from robotball.engines.mujoco.limits import LimitCheck
+from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.engines.mujoco.settings import Settings
 from robotball.engines.mujoco.timing import step_count
-from robotball.errors import InputError, SceneWarning
+from robotball.errors import InputError, warn
 from robotball.motion import Loads
 from robotball.rotations import Array
 from robotball.scene import Scene
 
+LAWS = step_limits.LAWS | contact_limits.LAWS
 
-def edges(
+
+def limit_checks(
     scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
-) -> tuple[Edge, ...]:
-    """Every edge that the settings have on this scene, crossed or not.
+) -> tuple[LimitCheck, ...]:
+    """Every limit that the settings have on this scene, exceeded or not.
 
     times: (n,) s, the run's; loads: of the whole motion by the equations, if known already, in
     place of the start's.
     """
-    case = Case(scene, settings, float(times[-1]), loads)
+    plan = PlannedRun(scene, settings, float(times[-1]), loads)
     with np.errstate(all="ignore"):
-        found = (predict(case) for predict in (*step_limits.EDGES, *contact_limits.EDGES))
-        return tuple(edge for edge in found if edge is not None)
+        found = (predict(plan) for predict in LAWS)
+        return tuple(check for check in found if check is not None)
 
 
-def check(
+def exceeded(
     scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
-) -> tuple[Edge, ...]:
-    """The edges that a run is predicted to be beyond; arguments as for `edges`."""
-    return tuple(edge for edge in edges(scene, settings, times, loads) if edge.crossed)
+) -> tuple[LimitCheck, ...]:
+    """The limits that a run is predicted to be beyond; arguments as for `limit_checks`."""
+    return tuple(each for each in limit_checks(scene, settings, times, loads) if each.exceeded)
 
 
-def warn(
+def precheck(
     scene: Scene,
     settings: Settings,
     times: Array,
     loads: Loads | None = None,
     *,
     strict: bool = False,
-    stacklevel: int = 4,
 ) -> None:
-    """A SceneWarning, a line each, of the edges that the run is beyond; InputError if strict."""
-    for edge in check(scene, settings, times, loads):
-        line = f"{scene.name}, {settings.name}: {edge}"
+    """Warns, a line each, of the limits that the run is beyond; InputError if strict."""
+    for each in exceeded(scene, settings, times, loads):
+        line = f"{scene.name}, {settings.name}: {each}"
         if strict:
             raise InputError(line)
-        warnings.warn(line, SceneWarning, stacklevel=stacklevel)
+        warn(line)
 
 
 def check_length(scene: Scene, settings: Settings, times: Array) -> None:
@@ -60,7 +61,7 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     """
     if settings.adaptive and settings.timestep is None:
         return
-    timestep = Case(scene, settings, float(times[-1])).timestep
+    timestep = PlannedRun(scene, settings, float(times[-1])).timestep
     steps = step_count(times, scene.breakpoints, timestep)
     if steps > settings.max_steps:
         size = f"{steps:.0f}" if steps < 1e15 else f"{steps:.2g}"

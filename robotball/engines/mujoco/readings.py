@@ -162,6 +162,6 @@ class Readings:
 
     def servo_saturation(self, hinge: Hinge) -> Mask:
         """(m,): whether a hinge's servo is at its torque limit."""
-        limit = hinge.by.torque_limit if isinstance(hinge.by, Servo) else None
+        limit = hinge.actuation.torque_limit if isinstance(hinge.actuation, Servo) else None
         torque = np.abs(self.motor_torques[:, hinge.index])
         return torque >= (np.inf if limit is None else limit * (1 - 1e-9))

@@ -1,17 +1,16 @@
 """Settings of a MuJoCo run, and the presets: every number of the recipe, once."""
 
-import difflib
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from typing import Any, Literal, NamedTuple
 
 from robotball.drives import Servo
+from robotball.engines.dop853 import LEAST_RTOL
+from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
 from robotball.errors import LARGEST, InputError, check_positive
+from robotball.settings import EngineSettings, preset_named
 
-ADAPTIVE = "DOP853"
-MUJOCOS_INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
-LEAST_RTOL = 1e-15  # below it no step is better
 MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
 
 
@@ -26,20 +25,15 @@ class Prescribed:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class Settings(EngineSettings):
     """How MuJoCo is to run a scene; None leaves a choice at MuJoCo's own default.
 
-    promise is the largest path error and momentum drift, both relative, that the settings are
-    held to over 10 s on the scenes of the catalog; accuracy is the path error that they were chosen
-    for, if they were. The integrator is one of MuJoCo's, or DOP853:
-    scipy's, of order 8, driving MuJoCo's forward dynamics in steps whose error it holds to rtol
-    and which are no longer than the timestep, if there is one. Raises InputError for what MuJoCo
-    or scipy would refuse, or would replace in silence.
+    The integrator is one of MuJoCo's, or DOP853: scipy's, of order 8, driving MuJoCo's forward
+    dynamics in steps whose error it holds to rtol and which are no longer than the timestep, if
+    there is one. Raises InputError for what MuJoCo or scipy would refuse, or would replace in
+    silence.
     """
 
-    name: str
-    promise: float
-    accuracy: float | None = None
     timestep: float | None = None  # s
     integrator: str | None = None
     rtol: float | None = None  # DOP853's alone: the error allowed in one step, relative
@@ -67,16 +61,14 @@ class Settings:
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
     # False starts just touching.
     start_in_equilibrium: bool = False
-    # End the run at its first fault; otherwise it goes on as long as it has a state.
-    stop_at_fault: bool = True
     max_steps: int = MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
     drive: Servo | Prescribed
 
     def __post_init__(self) -> None:
-        for name, (fits, wanted) in FIELDS.items():
+        for name, (fits, words) in RULES.items():
             value = getattr(self, name)
             if value is not None and not _fits(fits, value):
-                raise InputError(f"{name} must be {wanted}, not {value!r}")
+                raise InputError(f"{name} must be {words}, not {value!r}")
         if self.adaptive and self.rtol is None:
             raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
 
@@ -86,11 +78,11 @@ class Settings:
         return self.integrator == ADAPTIVE
 
 
-class Field(NamedTuple):
+class Rule(NamedTuple):
     """What a value of a field has to satisfy, and how that is said."""
 
     fits: Callable[[Any], bool]
-    wanted: str
+    words: str
 
 
 def _fits(fits: Callable[[Any], bool], value: Any) -> bool:
@@ -116,8 +108,8 @@ def _count(least: int) -> Callable[[Any], bool]:
     return lambda value: int(value) == value and least <= value < 2**31
 
 
-def _one_of(*names: object) -> Field:
-    return Field(lambda value: value in names, f"one of {', '.join(map(str, names))}")
+def _one_of(*names: object) -> Rule:
+    return Rule(lambda value: value in names, f"one of {', '.join(map(str, names))}")
 
 
 def _reference(value: tuple[float, float]) -> bool:
@@ -137,34 +129,35 @@ def _impedance(value: tuple[float, float, float, float, float]) -> bool:
     )
 
 
-REFERENCE = Field(
+REFERENCE = Rule(
     _reference, "two finite numbers: a positive time constant and ratio, or neither positive"
 )
-FRICTION = Field(_not_negative, f"finite and not negative, {LARGEST:g} at most")
+POSITIVE = Rule(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}")
+FRICTION = Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most")
 # What is not None must fit; MuJoCo's own choices are named as it names them.
-FIELDS = {
-    "name": Field(lambda value: isinstance(value, str) and "\0" not in value, "a text"),
-    "promise": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"),
-    "accuracy": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"),
-    "timestep": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g} s"),
-    "integrator": _one_of(*MUJOCOS_INTEGRATORS, ADAPTIVE),
-    "rtol": Field(
+RULES = {
+    "name": Rule(lambda value: isinstance(value, str) and "\0" not in value, "a text"),
+    "error_tolerance": POSITIVE,
+    "accuracy": POSITIVE,
+    "timestep": Rule(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g} s"),
+    "integrator": _one_of(*INTEGRATORS),
+    "rtol": Rule(
         lambda value: LEAST_RTOL <= value < math.inf, f"finite and {LEAST_RTOL:g} at least"
     ),
     "solver": _one_of("PGS", "CG", "Newton"),
     "jacobian": _one_of("dense", "sparse", "auto"),
-    "iterations": Field(_count(1), "a whole number, 1 at least"),
-    "tolerance": Field(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
-    "ls_tolerance": Field(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
-    "noslip_iterations": Field(_count(0), "a whole number, 0 at least"),
-    "noslip_tolerance": Field(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
+    "iterations": Rule(_count(1), "a whole number, 1 at least"),
+    "tolerance": Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
+    "ls_tolerance": Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
+    "noslip_iterations": Rule(_count(0), "a whole number, 0 at least"),
+    "noslip_tolerance": Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
     "cone": _one_of("pyramidal", "elliptic"),
-    "impratio": Field(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}"),
+    "impratio": POSITIVE,
     "warmstart": _one_of("enable", "disable"),
     "island": _one_of("enable", "disable"),
     "solref": REFERENCE,
     "solreffriction": REFERENCE,
-    "solimp": Field(
+    "solimp": Rule(
         _impedance,
         "dmin, dmax, width, midpoint, power: the first two and the "
         "midpoint between 0 and 1, the width positive, the power 1 at least",
@@ -176,21 +169,21 @@ FIELDS = {
     "root": _one_of("shell", "frame"),
     "start_in_equilibrium": _one_of(True, False),
     "stop_at_fault": _one_of(True, False),
-    "max_steps": Field(_count(1), "a whole number, 1 at least"),
-    "drive": Field(lambda value: isinstance(value, Servo | Prescribed), "a Servo or Prescribed"),
+    "max_steps": Rule(_count(1), "a whole number, 1 at least"),
+    "drive": Rule(lambda value: isinstance(value, Servo | Prescribed), "a Servo or Prescribed"),
 }
 # It is there to show how wrong a newcomer's model gets, so it goes on.
-NAIVE = Settings(name="naive", promise=1e-2, stop_at_fault=False, drive=Servo(gain=10.0))
+NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=Servo(gain=10.0))
 
 
-def recipe(name: str, promise: float, **steps: Any) -> Settings:
+def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
     """What makes MuJoCo roll as the equations do, to the error of its steps.
 
     steps: the fields timestep, integrator and rtol; the integrator is RK4 if not given.
     """
     return Settings(
         name=name,
-        promise=promise,
+        error_tolerance=error_tolerance,
         **{"integrator": "RK4", **steps},
         solver="PGS",
         jacobian="dense",
@@ -229,8 +222,27 @@ PRESETS: dict[str, Settings] = {
 
 def preset(name: str) -> Settings:
     """The named preset; raises InputError with the near matches where there is none."""
-    if name in PRESETS:
-        return PRESETS[name]
-    near = difflib.get_close_matches(name, PRESETS)
-    hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(PRESETS)}"
-    raise InputError(f"no preset is called {name!r}; {hint}")
+    return preset_named(PRESETS, name)
+
+
+FORMER_NAMES = {"promise": "error_tolerance"}
+
+
+def settings_from(plain: Mapping[str, Any]) -> Settings:
+    """The settings of plain data, as `Settings.plain` or JSON gives it; other keys are left out.
+
+    Raises InputError where a value is missing or does not fit.
+    """
+    known = {field.name for field in fields(Settings)}
+    renamed = {FORMER_NAMES.get(key, key): value for key, value in plain.items()}
+    values: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value
+        for key, value in renamed.items()
+        if key in known
+    }
+    try:
+        drive = values.pop("drive")
+        kind = Servo if "gain" in drive else Prescribed
+        return Settings(drive=kind(**drive), **values)
+    except (TypeError, KeyError) as error:
+        raise InputError(f"these are no settings of a run: {error}") from None

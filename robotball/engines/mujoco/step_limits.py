@@ -1,30 +1,27 @@
-"""Edges of the time step: what each integrator does with rotations, springs, dampers and servos."""
+"""Limits of the time step: what an integrator does with rotations, springs, dampers, servos."""
 
 import numpy as np
 
-from robotball.engines.mujoco.cost_model import FRONT
-from robotball.engines.mujoco.planned_run import Case, Edge
-from robotball.engines.mujoco.settings import ADAPTIVE
+from robotball.engines.mujoco.cost_model import COST_MODEL
+from robotball.engines.mujoco.limits import Laws, LimitCheck
+from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.rotations import Array
 
-RK4_IMAGINARY, RK4_REAL = 2.828, 2.785  # where |R(z)| = 1 on the axes
-EXPLICIT_REAL = 2.0  # |1 - z| = 1
-IMPLICIT, DISCRETE = ("implicit", "implicitfast"), "discrete"
-PROMISED = 10.0  # s, over which the settings' promise holds
+TOLERATED = 10.0  # s, over which the settings' error tolerance holds
 RIGID = 1e6  # times the ball's inertia: as good as not turning at all
-LOOSEST = 1e-2  # to which a promise is stretched over a longer run
+LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
 
 
-def allowed(promise: float, times: Array) -> Array:
+def allowed(tolerance: float, times: Array) -> Array:
     """What of an error that grows with time may have come up by each of the times [s].
 
-    A promise is for ten seconds; a longer run has more, as long as it stays small.
+    A tolerance is for ten seconds; a longer run has more, as long as it stays small.
     """
-    stretched = promise * np.maximum(1.0, np.asarray(times) / PROMISED)
-    return np.minimum(stretched, max(promise, LOOSEST))
+    stretched = tolerance * np.maximum(1.0, np.asarray(times) / TOLERATED)
+    return np.minimum(stretched, max(tolerance, LOOSEST))
 
 
-def rotation(case: Case) -> Edge | None:
+def rotation(plan: PlannedRun) -> LimitCheck | None:
     """RK4: r·dt < 2.8, with r the fastest rotation.
 
     On dy/dt = i r y a step multiplies by R(iθ) = 1 + iθ - θ²/2 - iθ³/6 + θ⁴/24, θ = r dt, and
@@ -33,21 +30,22 @@ def rotation(case: Case) -> Edge | None:
     over 60 steps: the path is off by 1e-3 at 0.5, by 0.2 at 2.2, and there is none at 3.0; the
     classical ball is off as much, and takes longer to blow up.
     """
-    if case.integrator != "RK4":
+    limit = plan.integrator.rotation_limit
+    if limit is None:
         return None
-    value = case.rotation_rate * case.timestep
-    most = RK4_IMAGINARY / case.rotation_rate if case.rotation_rate else np.inf
-    return Edge(
+    value = plan.rotation_rate * plan.timestep
+    most = limit / plan.rotation_rate if plan.rotation_rate else np.inf
+    return LimitCheck(
         "the fastest rotation times the timestep",
         value,
-        RK4_IMAGINARY,
+        limit,
         f"take a timestep below {most:.2g} s, or the adaptive preset",
         "rad",
     )
 
 
-def momentum_lost(case: Case) -> Edge | None:
-    """How much of M a fixed step loses or gains by the end, to first order; silently.
+def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
+    """How much of M a fixed step loses or gains by the end, to first order; with no warning.
 
     Per step Euler multiplies a rotation by |1 + iθ| = 1 + θ²/2, so that |M| grows as
     exp(r² dt t/2); discrete and implicitfast, which leave the gyroscopic forces explicit, do the
@@ -55,58 +53,58 @@ def momentum_lost(case: Case) -> Edge | None:
     would do with all of M in it: measured 0.05 to 1.7 of it for Euler and implicit, and 0.3 to 2.3
     of it for RK4, on three balls at their rates and at five times them.
     """
-    if case.integrator == ADAPTIVE:
+    if plan.integrator.momentum_loss is None:
         return None
-    theta = case.rotation_rate * case.timestep
-    order, factor = (6, 1 / 144) if case.integrator == "RK4" else (2, 1 / 2)
-    steps = case.duration / case.timestep
-    limit = float(allowed(case.settings.promise, np.array(case.duration)))
+    theta = plan.rotation_rate * plan.timestep
+    order, factor = plan.integrator.momentum_loss
+    steps = plan.duration / plan.timestep
+    limit = float(allowed(plan.settings.error_tolerance, np.array(plan.duration)))
     with np.errstate(over="ignore"):
         value = float(steps * factor * np.float64(theta) ** order)
-    shorter = case.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
+    shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
     fix = f"take a timestep below {shorter:.2g} s"
-    fix += "" if case.integrator == "RK4" else ", or RK4"
-    return Edge(f"the part of M that {case.integrator} may lose or gain", value, limit, fix)
+    fix += ", or RK4" if plan.integrator.order == 1 else ""
+    what = f"the part of M that {plan.integrator.name} may lose or gain"
+    return LimitCheck(what, value, limit, fix)
 
 
-def errors_added(case: Case) -> Edge | None:
+def errors_added(plan: PlannedRun) -> LimitCheck | None:
     """What the errors of steps that are chosen may add up to: rtol times their number.
 
     Measured: M drifts by 0.005 to 0.2 of it on four scenes, from 1e-12 to 1e-6; from 1e-4 on the
     contact may be lost as well.
     """
-    if case.integrator != ADAPTIVE:
+    rtol = plan.settings.rtol
+    if not plan.settings.adaptive or rtol is None:
         return None
-    rtol = case.settings.rtol
-    assert rtol is not None
-    steps = case.duration * FRONT.steps_per_second(case.rotation_rate, rtol)
-    return Edge(
+    steps = plan.duration * COST_MODEL.steps_per_second(plan.rotation_rate, rtol)
+    return LimitCheck(
         "what the steps' errors may add up to",
         float(rtol * max(steps, 1.0)),
-        float(allowed(case.settings.promise, np.array(case.duration))),
+        float(allowed(plan.settings.error_tolerance, np.array(plan.duration))),
         "take a smaller rtol",
     )
 
 
-def friction_damping(case: Case) -> Edge | None:
+def friction_damping(plan: PlannedRun) -> LimitCheck | None:
     """b·dt < 2.785 under RK4, 2 under Euler and the implicit ones: slip dies out as dv/dt = -b v.
 
     RK4's R(-z) = 1 - z + z²/2 - z³/6 + z⁴/24 is 1 at z = 2.785. Euler and the implicit integrators
     take the contact's force from the start of the step, v → v(1 - b dt). Measured: slip dies out at
     2.75 and grows at 2.82; at 1.95 and 2.05 under the others. Discrete has no such limit.
     """
-    if case.integrator in (ADAPTIVE, DISCRETE):
+    limit = plan.integrator.friction_limit
+    if limit is None:
         return None
-    limit = RK4_REAL if case.integrator == "RK4" else EXPLICIT_REAL
-    return Edge(
+    return LimitCheck(
         "the friction's damping times the timestep",
-        case.friction_damping * case.timestep,
+        plan.friction_damping * plan.timestep,
         limit,
         "give solreffriction a weaker damping, as (-1, -0.5)",
     )
 
 
-def contact_spring(case: Case) -> Edge | None:
+def contact_spring(plan: PlannedRun) -> LimitCheck | None:
     """The contact's spring and damper, ẍ = -k x - b ẋ: a step must not make them grow.
 
     RK4's |R(s dt)| for the roots s of s² + b s + k; for the others, which take the force first,
@@ -116,16 +114,16 @@ def contact_spring(case: Case) -> Edge | None:
     Euler and implicit; discrete has no such limit. A start in equilibrium does not wake the
     vibration, and a soft enough damper lets the ball bounce long before.
     """
-    if case.integrator in (ADAPTIVE, DISCRETE):
+    if plan.integrator.friction_limit is None:
         return None
-    stiffness, damping = case.normal_reference
-    z = case.timestep * np.roots([1.0, damping, stiffness])
-    if case.integrator == "RK4":
+    stiffness, damping = plan.normal_reference
+    z = plan.timestep * np.roots([1.0, damping, stiffness])
+    if plan.integrator.order == 4:
         growth = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24).max()
     else:
-        k, b = stiffness * case.timestep**2, damping * case.timestep
+        k, b = stiffness * plan.timestep**2, damping * plan.timestep
         growth = np.abs(np.linalg.eigvals([[1 - b, -k], [1 - b, 1 - k]])).max()
-    return Edge(
+    return LimitCheck(
         "what a step makes of the contact's vibration",
         float(growth),
         1 + 1e-9,
@@ -133,25 +131,25 @@ def contact_spring(case: Case) -> Edge | None:
     )
 
 
-def raised_solref(case: Case) -> Edge | None:
+def raised_solref(plan: PlannedRun) -> LimitCheck | None:
     """A time constant below two steps is raised to them in silence (refsafe).
 
     So a sweep of the timestep changes the contact as well.
     """
-    constant = case.solref[0]
-    if constant <= 0 or not np.isfinite(case.timestep):
+    constant = plan.solref[0]
+    if constant <= 0 or not np.isfinite(plan.timestep):
         return None
-    return Edge(
+    return LimitCheck(
         "the contact's time constant",
         constant,
-        2 * case.timestep * (1 - 1e-12),
-        f"MuJoCo raises it to two timesteps in silence; give solref {2 * case.timestep:g} s",
+        2 * plan.timestep * (1 - 1e-12),
+        f"MuJoCo raises it to two timesteps in silence; give solref {2 * plan.timestep:g} s",
         "s",
         least=True,
     )
 
 
-def servo_gain(case: Case) -> Edge | None:
+def servo_gain(plan: PlannedRun) -> LimitCheck | None:
     """kv·dt/j < 2.785 under RK4, 2 under Euler and discrete, no limit under the implicit ones.
 
     A velocity servo is a damper: H dv/dt = -diag(kv) (v - rate) for the turning v of the shell and
@@ -159,27 +157,28 @@ def servo_gain(case: Case) -> Edge | None:
     eigenvalue of H⁻¹ diag(kv); hinges whose rates are prescribed have no part in it. Measured on
     both models: sound at 2.7 and diverged at 2.9 under RK4, at 1.95 and 2.1 under Euler.
     """
-    if case.integrator in (*IMPLICIT, ADAPTIVE) or not case.servos:
+    limit = plan.integrator.servo_limit
+    if limit is None or not plan.servos:
         return None
-    gains = np.diag([0.0, 0.0, 0.0, *(servo.gain for _, servo in case.servos)])
-    inertia = _inertia_of_turning(case, [index for index, _ in case.servos])
+    gains = np.diag([0.0, 0.0, 0.0, *(servo.gain for _, servo in plan.servos)])
+    inertia = _inertia_of_turning(plan, [index for index, _ in plan.servos])
     fastest = float(np.abs(np.linalg.eigvals(np.linalg.solve(inertia, gains))).max())
-    return Edge(
+    return LimitCheck(
         "the servos' gain times the timestep over their inertia",
-        fastest * case.timestep,
-        RK4_REAL if case.integrator == "RK4" else EXPLICIT_REAL,
+        fastest * plan.timestep,
+        limit,
         "take a lower gain, a shorter timestep, or prescribe the rate",
     )
 
 
-def _inertia_of_turning(case: Case, hinges: list[int]) -> Array:
+def _inertia_of_turning(plan: PlannedRun, hinges: list[int]) -> Array:
     """H (3 + n, 3 + n) of the shell's ω and the rates of n hinges, frame axes [kg m²]."""
-    ball = case.scene.ball
-    gamma = case.scene.principal_axes @ case.axes[2]
+    ball = plan.scene.ball
+    gamma = plan.scene.principal_axes @ plan.axes[2]
     inertia = np.zeros((3 + len(hinges), 3 + len(hinges)))
     rolling = ball.d * (np.eye(3) - np.outer(gamma, gamma))
     inertia[:3, :3] = ball.inertia + rolling
-    if case.scene.rolling == "rubber":  # it may not spin
+    if plan.scene.rolling == "rubber":  # it may not spin
         inertia[:3, :3] += RIGID * np.trace(ball.inertia + rolling) * np.outer(gamma, gamma)
     for row, index in enumerate(hinges, start=3):
         if index:
@@ -198,7 +197,13 @@ def _inertia_of_turning(case: Case, hinges: list[int]) -> Array:
     return inertia
 
 
-EDGES = (
-    rotation, momentum_lost, errors_added, friction_damping, contact_spring, raised_solref,
-    servo_gain,
-)  # fmt: skip
+# Each prediction with its law, as a legend tells it.
+LAWS: Laws = {
+    rotation: "RK4 follows a rotation r up to r·dt = 2.8",
+    momentum_lost: "a fixed step loses or gains a part of M",
+    errors_added: "errors of chosen steps add up to rtol times their number",
+    friction_damping: "b·dt is 2.785 at most under RK4, 2 under Euler and the implicit ones",
+    contact_spring: "a step must not make the contact's vibration grow",
+    raised_solref: "a time constant below two steps is raised to them",
+    servo_gain: "kv·dt/j is 2.785 at most under RK4, 2 under Euler and discrete",
+}

@@ -9,6 +9,7 @@ import numpy as np
 
 from robotball.engines.mujoco.control import Control
 from robotball.engines.mujoco.timing import Stretch, stretches
+from robotball.faults import Fault
 from robotball.rotations import Array
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -45,7 +46,7 @@ class Portion:
     steps: int
     longest: float
     again: Callable[[], Steps]
-    failure: str | None = None
+    failure: Fault | None = None
 
 
 def read_row(data: mujoco.MjData) -> Array:

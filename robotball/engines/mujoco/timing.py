@@ -14,19 +14,19 @@ LOOK = 4096  # steps between two looks at the run
 class Stretch:
     """Consecutive spans of time that are stepped before the run is looked at.
 
-    edges    (m, 2)  s, where the spans begin and end
+    ends    (m, 2)  s, where the spans begin and end
     lengths  (m,)    s, of the steps in each
     counts   (m,)    how many there are
     samples  (k,)    which steps, counted over the stretch, start at a sample time
     """
 
-    edges: Array
+    ends: Array
     lengths: Array
     counts: Array
     samples: Array
 
     def __iter__(self) -> Iterator[tuple[list[float], float, int]]:
-        spans = zip(self.edges.tolist(), self.lengths.tolist(), self.counts.tolist(), strict=True)
+        spans = zip(self.ends.tolist(), self.lengths.tolist(), self.counts.tolist(), strict=True)
         yield from spans
 
 
@@ -35,20 +35,20 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
 
     Between two sample times or breakpoints go the fewest equal steps not longer than `timestep`.
     """
-    edges, lengths, counts = _spans(times, breakpoints, timestep)
+    ends, lengths, counts = _spans(times, breakpoints, timestep)
     # A long span is cut into parts of LOOK steps.
     parts = np.ceil(counts / LOOK).astype(int)
     first = np.cumsum(parts) - parts
     part = np.arange(parts.sum()) - np.repeat(first, parts)
-    lengths, begins = np.repeat(lengths, parts), np.repeat(edges[:, 0], parts)
+    lengths, begins = np.repeat(lengths, parts), np.repeat(ends[:, 0], parts)
     sizes = np.minimum(np.repeat(counts, parts) - LOOK * part, LOOK).astype(int)
     begins = begins + LOOK * part * lengths
-    edges = np.stack([begins, begins + sizes * lengths], axis=1)
+    ends = np.stack([begins, begins + sizes * lengths], axis=1)
     sampled = np.isin(begins, times)
     look = (np.cumsum(sizes) - 1) // LOOK
     for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(look)) + 1):
         starts = np.cumsum(sizes[which]) - sizes[which]
-        yield Stretch(edges[which], lengths[which], sizes[which], starts[sampled[which]])
+        yield Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
 
 
 def longest_step(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
@@ -65,9 +65,9 @@ def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) ->
 def _spans(
     times: Array, breakpoints: tuple[float, ...], timestep: float
 ) -> tuple[Array, Array, Array]:
-    """Edges (m, 2), step lengths (m,) and counts (m,) between the times and breakpoints."""
+    """Ends (m, 2), step lengths (m,) and counts (m,) between the times and breakpoints."""
     inside = [t for t in breakpoints if t < times[-1]]
     stops = np.union1d(times, inside)
-    edges = np.stack([stops[:-1], stops[1:]], axis=1)
+    ends = np.stack([stops[:-1], stops[1:]], axis=1)
     counts = np.ceil(np.diff(stops) / timestep * (1 - 1e-9))
-    return edges, np.minimum(np.diff(stops) / counts, timestep), counts
+    return ends, np.minimum(np.diff(stops) / counts, timestep), counts

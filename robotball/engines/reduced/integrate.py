@@ -7,7 +7,8 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.bodies import imbalance
-from robotball.engines.dop853 import Compensated, Rate
+from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate
+from robotball.engines.reduced import LABEL
 from robotball.errors import InputError, too_many_steps
 from robotball.loads import loads_of
 from robotball.motion import Motion
@@ -15,7 +16,6 @@ from robotball.parameters import as_vector, check_speed, speed_bound
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
 
-TOLERANCE = 1e-15  # of one step, relative; below it no step is better
 # Longer motions at steady rates, in rad by the bound on |ω|, are left to the compiled step, which
 # takes a hundredth of the time: so much takes some seconds here.
 LONG = 1e4
@@ -26,7 +26,7 @@ MAX_STEPS, MAX_COMPILED_STEPS = 1_000_000, 100_000_000
 def integrate(
     scene: Scene,
     times: Array | None = None,
-    rtol: float = TOLERANCE,
+    rtol: float = LEAST_RTOL,
     max_steps: int | None = None,
 ) -> Motion:
     """The motion of the ball by (3.2) or (3.3).
@@ -39,23 +39,25 @@ def integrate(
     overflow: a motion that is returned is finite.
     """
     times = scene.times if times is None else check_times(times)
-    if not TOLERANCE <= rtol < 1:
-        raise InputError(f"rtol must be at least {TOLERANCE:g} and less than 1, not {rtol:g}")
+    if not LEAST_RTOL <= rtol < 1:
+        raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
     if offset := imbalance(scene.ball):
-        raise InputError(f"{offset}, where the equations need it; MuJoCo alone can roll it")
+        raise InputError(f"{offset}, where the equations need it; only a contact engine rolls it")
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        motion = _motion(scene, times, _states(scene, times, rtol, max_steps))
+        motion = motion_of(scene, times, _states(scene, times, rtol, max_steps))
     _check_finite(scene, motion)
     return motion
 
 
-def _motion(scene: Scene, times: Array, states: Array) -> Motion:
-    """The motion whose states (n, 6), of any length of q, are given."""
+def motion_of(scene: Scene, times: Array, states: Array) -> Motion:
+    """The motion of states (n, 6) = (q, X, Y), q from principal axes to world, of any length."""
     attitude = states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True)
     axes = rotation_matrix(attitude)
     M = axes.transpose(0, 2, 1) @ scene.start.momentum
     omega = _angular_velocity(scene, times, M, axes[:, 2])
     return Motion(
+        scene=scene,
+        engine=LABEL,
         times=times,
         contact_point=states[:, 4:],
         attitude=multiply(attitude, conjugate(scene.principal_quaternion)),
@@ -117,15 +119,25 @@ def _states(scene: Scene, times: Array, rtol: float, max_steps: int | None) -> A
     size = np.array([math.hypot(*scene.start.momentum.tolist())])
     check_speed(at_start, size)
     if scene.steady and speed_bound(at_start, size)[0] * times[-1] > LONG:
-        from robotball.engines.reduced.compiled.kernels import orbit, start_of
-
-        parameters, attitudes, momenta = start_of(scene)
         limit = MAX_COMPILED_STEPS if max_steps is None else max_steps
-        states = orbit(
-            parameters, attitudes[0], momenta[0], times, max(rtol / 10, TOLERANCE), limit
-        )
-        return np.concatenate(states, axis=1)
+        return compiled_states(scene, times, max(rtol / 10, LEAST_RTOL), limit)
     return _solve(scene, times, rtol, MAX_STEPS if max_steps is None else max_steps)
+
+
+def compiled_states(
+    scene: Scene, times: Array, tolerance: float | None = None, max_steps: int | None = None
+) -> Array:
+    """The states (n, 6) that `motion_of` takes, for steady drives, by the compiled step.
+
+    tolerance: of one step, its own if None. Raises InputError where the motion is given up.
+    """
+    # numba takes a while to come.
+    from robotball.engines.reduced.compiled.kernels import STEP_TOLERANCE, kernel_start, orbit
+
+    parameters, attitudes, momenta = kernel_start(scene)
+    allowed = STEP_TOLERANCE if tolerance is None else tolerance
+    states = orbit(parameters, attitudes[0], momenta[0], times, allowed, max_steps)
+    return np.concatenate(states, axis=1)
 
 
 @dataclass

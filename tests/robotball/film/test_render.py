@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball import palette
-from robotball.engines.mujoco import model
+from robotball.engines.mujoco import LABEL, model
 from robotball.film import gl
 from robotball.film.canvas import Pixels
 from robotball.film.picture import track
@@ -85,34 +85,32 @@ def test_poses_between_samples_follow_the_motion(scene: rb.Scene, theory: rb.Mot
 
 
 @pytest.mark.usefixtures("screen")
-def test_a_frame_shows_each_engine_s_ball_on_its_side(scene: rb.Scene, theory: rb.Motion) -> None:
-    picture = next(frames(scene, theory, theory, size=SMALL))
+def test_a_frame_shows_each_engine_s_ball_on_its_side(theory: rb.Motion) -> None:
+    picture = next(frames(dataclasses.replace(theory, engine=LABEL), theory, size=SMALL))
     assert picture.shape == (*SMALL, 3)
     left, right = picture[:, :160], picture[:, 160:]
-    assert _share(left, palette.ENGINE) > 0.01
-    assert _share(right, palette.ENGINE) == 0
-    assert _share(right, palette.THEORY) > 0.02
+    assert _share(left, LABEL.colour) > 0.01
+    assert _share(right, LABEL.colour) == 0
+    assert _share(right, theory.engine.colour) > 0.02
     # The rotor's gold is near the equations' colour, and in both balls.
-    assert _share(left, palette.THEORY) < 0.015
+    assert _share(left, theory.engine.colour) < 0.015
 
 
 @pytest.mark.usefixtures("screen")
-def test_a_frame_shows_where_the_engines_differ(scene: rb.Scene, theory: rb.Motion) -> None:
+def test_a_frame_shows_where_the_engines_differ(theory: rb.Motion) -> None:
     quarter = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
     engine = dataclasses.replace(theory, attitude=multiply(quarter, theory.attitude))
-    same, other = (next(frames(scene, each, theory, size=SMALL)) for each in (theory, engine))
+    same, other = (next(frames(each, theory, size=SMALL)) for each in (theory, engine))
     changed = np.any(same != other, axis=2)
     assert changed[:, :160].mean() > 0.02
     assert not changed[:, 160:].any()
 
 
 @pytest.mark.usefixtures("screen")
-def test_a_video_has_every_frame_in_its_size(
-    scene: rb.Scene, theory: rb.Motion, tmp_path: Path
-) -> None:
+def test_a_video_has_every_frame_in_its_size(theory: rb.Motion, tmp_path: Path) -> None:
     done: list[float] = []
     target = tmp_path / "ball.mp4"
-    write_video(target, scene, theory, theory, size=SMALL, progress=done.append)
+    write_video(target, theory, theory, size=SMALL, progress=done.append)
     reader = imageio_ffmpeg.read_frames(str(target))
     about = next(reader)
     assert about["size"] == SMALL[::-1]
@@ -124,16 +122,14 @@ def test_a_video_has_every_frame_in_its_size(
 
 
 @pytest.mark.usefixtures("screen")
-def test_a_video_ends_where_a_run_broke_off(scene: rb.Scene, theory: rb.Motion) -> None:
+def test_a_video_ends_where_a_run_broke_off(theory: rb.Motion) -> None:
     columns = ("times", "contact_point", "attitude", "momentum", "angular_velocity", "hinge_angles")
     short = dataclasses.replace(theory, **{name: getattr(theory, name)[:6] for name in columns})
-    assert sum(1 for _ in frames(scene, short, theory, size=SMALL)) == 4  # 0 … 0.1 s
+    assert sum(1 for _ in frames(short, theory, size=SMALL)) == 4  # 0 … 0.1 s
 
 
 @pytest.mark.usefixtures("screen")
-def test_a_failed_write_leaves_the_old_file(
-    scene: rb.Scene, theory: rb.Motion, tmp_path: Path
-) -> None:
+def test_a_failed_write_leaves_the_old_file(theory: rb.Motion, tmp_path: Path) -> None:
     target = tmp_path / "ball.mp4"
     target.write_bytes(b"the old one")
 
@@ -142,32 +138,30 @@ def test_a_failed_write_leaves_the_old_file(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_video(target, scene, theory, theory, size=SMALL, progress=give_up)
+        write_video(target, theory, theory, size=SMALL, progress=give_up)
     assert target.read_bytes() == b"the old one"
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_motions_at_different_times_are_refused(scene: rb.Scene, theory: rb.Motion) -> None:
+def test_motions_at_different_times_are_refused(theory: rb.Motion) -> None:
     late = dataclasses.replace(theory, times=theory.times * 1.01)
     with pytest.raises(rb.InputError, match="same times"):
-        frames(scene, late, theory)
+        frames(late, theory)
 
 
 @pytest.mark.parametrize("path", ["ball.gif", "no/such/folder/ball.mp4"])
-def test_a_path_that_can_be_no_video_is_refused(
-    path: str, scene: rb.Scene, theory: rb.Motion
-) -> None:
+def test_a_path_that_can_be_no_video_is_refused(path: str, theory: rb.Motion) -> None:
     with pytest.raises(rb.InputError, match=r"\.mp4"):
-        write_video(path, scene, theory, theory)
+        write_video(path, theory, theory)
 
 
 def test_without_a_gl_the_message_says_what_to_install(
-    scene: rb.Scene, theory: rb.Motion, monkeypatch: pytest.MonkeyPatch
+    theory: rb.Motion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(gl, "find_backend", lambda: None)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     with pytest.raises(rb.InputError, match="no off-screen GL; video needs"):
-        frames(scene, theory, theory)
+        frames(theory, theory)
 
 
 def test_mujoco_gl_is_the_only_candidate_where_set(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -73,7 +73,7 @@ def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_p
         ("classical_regular", "naive"), ("classical_regular", "balanced"),
     ]  # fmt: skip
     naive, balanced = records[:2]
-    measures = {"path_error", "gamma_error", "momentum_drift", "realtime_factor"}
+    measures = {"path_error", "gamma_error", "momentum_error", "realtime_factor"}
     assert {"rolling", *measures} <= set(balanced)
     assert balanced["duration"] == 1.0
     assert balanced["settings"]["timestep"] == 0.005

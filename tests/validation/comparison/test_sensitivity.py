@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines.mujoco.engine import MUJOCO
+from tests.motions import as_contact
 from validation import Agreement, compare
 from validation.comparison.results import record
 from validation.comparison.sensitivity import Sensitivity, sensitivity
 
-# It promises so little that nothing stops it.
-EULER = replace(rb.preset("balanced"), name="Euler", integrator="Euler", promise=2.0)
+# Its tolerance is so wide that nothing stops it.
+EULER = replace(rb.preset("balanced"), name="Euler", integrator="Euler", error_tolerance=2.0)
 
 
 @cache
@@ -22,13 +24,7 @@ def agreement_of(name: str, settings: rb.Settings | str, seconds: float) -> Agre
 
 
 def measured(agreement: Agreement) -> Sensitivity:
-    found = sensitivity(
-        agreement.scene,
-        agreement.settings,
-        agreement.theory,
-        agreement.path_errors,
-        agreement.path_scale,
-    )
+    found = sensitivity(MUJOCO, agreement.motion, agreement.theory)
     assert found is not None
     return found
 
@@ -44,7 +40,7 @@ def measured(agreement: Agreement) -> Sensitivity:
 def test_a_chaotic_motion_is_called_sensitive(
     name: str, preset: str, seconds: float, exponent: float, until: float
 ) -> None:
-    """The engine keeps its promise stretch by stretch, and the motion carries it away.
+    """The engine keeps its tolerance stretch by stretch, and the motion carries it away.
 
     It does not agree for that. The exponents are those of half of one motion; over long times they
     are 0.116/s and 0.34/s.
@@ -54,7 +50,7 @@ def test_a_chaotic_motion_is_called_sensitive(
     assert agreement.sensitive
     found = agreement.sensitivity
     assert found is not None
-    assert found.defect < agreement.settings.promise / 100
+    assert found.defect < agreement.settings.error_tolerance / 100
     assert found.exponent == pytest.approx(exponent, abs=0.005)
     assert found.agrees_until == pytest.approx(until, abs=1.0)
     assert agreement.verdict.startswith(f"sensitive: agrees until t = {found.agrees_until:.3g} s")
@@ -82,21 +78,22 @@ def test_defects_and_growth_make_the_error(
 @pytest.mark.parametrize(("name", "seconds"), [("fig12", 10.0), ("fig14", 100.0)])
 def test_a_bad_integrator_is_not_excused_by_chaos(name: str, seconds: float) -> None:
     """Euler at 5 ms misses 0.7 % and 1.2 % of the path in single stretches: an error, not chaos."""
-    promise = rb.preset("balanced").promise
-    found = replace(measured(agreement_of(name, EULER, seconds)), promise=promise)
-    assert found.defect > 1000 * promise
+    tolerance = rb.preset("balanced").error_tolerance
+    found = replace(measured(agreement_of(name, EULER, seconds)), tolerance=tolerance)
+    assert found.defect > 1000 * tolerance
     assert not found.explains
-    stopped = agreement_of(name, replace(EULER, promise=promise), seconds)
+    stopped = agreement_of(name, replace(EULER, error_tolerance=tolerance), seconds)
     assert stopped.faults
     assert not stopped.sensitive
 
 
 def test_a_regular_motion_is_never_called_sensitive() -> None:
     """Its differences do not grow exponentially: twice the time makes 1.12 of them, not 4420."""
-    strict = replace(rb.preset("fast"), promise=2e-6)
-    agreement = replace(agreement_of("fig12", "fast", 200.0), settings=strict)
-    found = measured(agreement)
-    assert found.defect < strict.promise < found.measured
+    strict = replace(rb.preset("fast"), error_tolerance=2e-6)
+    agreement = agreement_of("fig12", "fast", 200.0)
+    report = replace(agreement.report, settings=strict)
+    found = measured(replace(agreement, motion=replace(agreement.motion, report=report)))
+    assert found.defect < strict.error_tolerance < found.measured
     assert found.doubling == pytest.approx(1.12, abs=0.05)
     assert not found.explains
 
@@ -107,23 +104,22 @@ def test_an_error_beyond_the_expected_one_stays_the_engines() -> None:
     assert found is not None
     assert found.explains
     assert not replace(found, measured=100 * found.expected).explains
-    assert not replace(found, defect=2 * found.promise).explains
+    assert not replace(found, defect=2 * found.tolerance).explains
 
 
 def test_a_lost_momentum_is_no_sensitivity() -> None:
-    """M is constant however chaotic the motion: a drift beyond the promise is the engine's."""
+    """M is constant however chaotic the motion: an error beyond the tolerance is the engine's."""
     agreement = agreement_of("fig14", "fast", 100.0)
-    momentum = agreement.engine.momentum * np.linspace(1, 1 + 1e-3, 5001)[:, None]
-    lost = replace(agreement, engine=replace(agreement.engine, momentum=momentum))
+    momentum = agreement.motion.momentum * np.linspace(1, 1 + 1e-3, 5001)[:, None]
+    lost = replace(agreement, motion=replace(agreement.motion, momentum=momentum))
     assert lost.sensitivity is None
     assert lost.verdict == "off by more than 0.0005"
 
 
 def test_it_is_not_known_where_the_drives_change() -> None:
-    """MuJoCo can start anew anywhere only where the rates are constant."""
-    scene = rb.load_scene("wobbling_drive")
-    theory = rb.integrate(scene, np.array([0.0, 1.0]))
-    assert sensitivity(scene, rb.preset("fast"), theory, np.zeros(2), 1.0) is None
+    """An engine can start anew anywhere only where the rates are constant."""
+    agreement = compare(rb.load_scene("wobbling_drive"), "fast", np.array([0.0, 1.0]))
+    assert sensitivity(MUJOCO, agreement.motion, agreement.theory) is None
 
 
 def test_records_carry_the_sensitivity() -> None:
@@ -140,6 +136,7 @@ def test_a_ball_that_stays_in_place_has_a_path_error() -> None:
     scene = rb.load_scene("fig12")
     theory = rb.integrate(scene, np.array([0.0, 1.0]))
     still = replace(theory, contact_point=np.zeros((2, 2)))
-    off = replace(still, contact_point=np.array([[0.0, 0.0], [0.0, 3e-6]]))
-    agreement = Agreement(scene, rb.preset("fast"), still, off)
+    report = rb.simulate(scene, theory.times, "fast").report
+    off = as_contact(still, report, contact_point=np.array([[0.0, 0.0], [0.0, 3e-6]]))
+    agreement = Agreement(still, off)
     assert agreement.path_error == pytest.approx(3e-6 / scene.ball.radius)

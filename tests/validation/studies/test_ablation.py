@@ -1,4 +1,4 @@
-"""The ladder: every rung is one choice, and every choice is worth what it is said to be."""
+"""The ablation: every variant is one choice, and every choice is worth what it is said to be."""
 
 import csv
 import json
@@ -13,8 +13,15 @@ from robotball import Settings
 from robotball.engines.mujoco.settings import NAIVE
 from validation import Agreement, compare
 from validation.cli import parse
-from validation.studies.ablation.choices import BOTTOM, CHOICES, TOP, without
-from validation.studies.ablation.ladder import climb, descend, measure_ladder
+from validation.studies.ablation.measure import (
+    BOTTOM,
+    CHOICES,
+    TOP,
+    built_up,
+    each_undone,
+    measure_ablation,
+    without,
+)
 
 pytestmark = pytest.mark.filterwarnings("ignore::robotball.SceneWarning")
 NAMES = [choice.name for choice in CHOICES]
@@ -48,28 +55,28 @@ def differing(one: Settings, other: Settings) -> set[str]:
 
 def test_the_way_up_goes_from_the_naive_preset_to_the_accurate_one() -> None:
     """The lower end is the naive preset with the frame as root; the upper end is `accurate`."""
-    rungs = climb()
-    assert differing(rungs[0], NAIVE) == {"root"}
-    assert rungs[0].root == "frame"
-    assert differing(rungs[-1], rb.preset("accurate")) == set()
-    assert differing(descend()[0], rb.preset("accurate")) == set()
+    variants = built_up()
+    assert differing(variants[0], NAIVE) == {"root"}
+    assert variants[0].root == "frame"
+    assert differing(variants[-1], rb.preset("accurate")) == set()
+    assert differing(each_undone()[0], rb.preset("accurate")) == set()
 
 
-def test_each_rung_is_its_choice_alone() -> None:
-    """Up, a rung differs from the one below in its choice's fields, all of them, and no other."""
-    rungs = climb()
-    assert [rung.name for rung in rungs] == ["naive", *NAMES]
-    for below, rung, choice in zip(rungs, rungs[1:], CHOICES, strict=False):
-        assert differing(below, rung) == set(choice.fields)
+def test_each_variant_is_its_choice_alone() -> None:
+    """Built up, a variant differs from the one before in all fields of its choice alone."""
+    variants = built_up()
+    assert [variant.name for variant in variants] == ["naive", *NAMES]
+    for below, variant, choice in zip(variants, variants[1:], CHOICES, strict=False):
+        assert differing(below, variant) == set(choice.fields)
 
 
 def test_each_undone_choice_is_undone_alone() -> None:
     """At the top, the settings differ from the recipe in one choice's fields and no other."""
-    top, *rungs = descend()
-    assert [rung.name for rung in rungs] == NAMES
-    for rung, choice in zip(rungs, CHOICES, strict=True):
-        assert differing(top, rung) == set(choice.fields)
-        assert differing(rung, BOTTOM) == differing(TOP, BOTTOM) - set(choice.fields)
+    top, *variants = each_undone()
+    assert [variant.name for variant in variants] == NAMES
+    for variant, choice in zip(variants, CHOICES, strict=True):
+        assert differing(top, variant) == set(choice.fields)
+        assert differing(variant, BOTTOM) == differing(TOP, BOTTOM) - set(choice.fields)
 
 
 @pytest.mark.parametrize("name", WORTH)
@@ -80,7 +87,7 @@ def test_every_choice_is_worth_its_error(name: str) -> None:
     assert agreement.path_error == pytest.approx(path, rel=0.2)
     assert agreement.path_error > 10 * 2.5e-12
     if drift and drift > 1e-10:  # below, it is the drift of the recipe itself
-        assert agreement.momentum_drift == pytest.approx(drift, rel=0.2)
+        assert agreement.momentum_error == pytest.approx(drift, rel=0.2)
 
 
 def test_the_solver_is_chosen_for_its_speed_alone() -> None:
@@ -93,8 +100,8 @@ def test_momentum_does_not_tell_of_a_wrong_root_or_drive() -> None:
     """With the frame as root or servos on the hinges M is kept, and the path is wrong."""
     for name in ("root", "drive"):
         agreement = undone(name)
-        assert agreement.momentum_drift is not None
-        assert agreement.momentum_drift < 1e-10  # measured 3.3e-11 at most
+        assert agreement.momentum_error is not None
+        assert agreement.momentum_error < 1e-10  # measured 3.3e-11 at most
         assert agreement.path_error is not None
         assert agreement.path_error > 0.05  # measured 0.097 at least
 
@@ -102,7 +109,7 @@ def test_momentum_does_not_tell_of_a_wrong_root_or_drive() -> None:
 def test_errors_hide_one_another() -> None:
     """The integrator is worth nothing while the ball slips, and nearly everything at the top."""
     scene, times = rb.load_scene("fig12"), rb.sample_times(2.0)
-    slipping = climb()[NAMES.index("friction") + 1]
+    slipping = built_up()[NAMES.index("friction") + 1]
     errors = [
         compare(scene, replace(slipping, integrator=each), times).path_error
         for each in (None, "RK4")
@@ -121,40 +128,45 @@ def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
     assert without(TOP, ["noslip", "start"]).name == "accurate - noslip - start"
 
 
-def test_the_ladder_reports_every_rung() -> None:
+def test_the_ablation_reports_every_variant() -> None:
     """Rungs both ways, each timed as often as asked for; slip is over the rolling speed."""
     told: list[float] = []
-    ladder = measure_ladder(
+    ablation = measure_ablation(
         rb.load_scene("fig12"), rb.sample_times(0.5), 1, lambda part, what: told.append(part)
     )
-    assert [rung.name for rung in ladder.up] == ["naive", *NAMES]
-    assert [rung.name for rung in ladder.undone] == ["accurate", *NAMES]
-    assert all(len(rung.cost.ratios) == 1 for rung in (*ladder.up, *ladder.undone))
-    assert ladder.times_naive(ladder.naive).ratios == (1.0,)
+    assert [variant.name for variant in ablation.built] == ["naive", *NAMES]
+    assert [variant.name for variant in ablation.undone] == ["accurate", *NAMES]
+    assert all(len(variant.cost.ratios) == 1 for variant in (*ablation.built, *ablation.undone))
+    assert ablation.times_naive(ablation.naive).ratios == (1.0,)
     assert told == sorted(told)
     assert told[-1] == 1.0
     # The frame as root slips by a good part of the rolling speed; the recipe by RK4's error.
-    assert ladder.undone[1 + NAMES.index("root")].slip == pytest.approx(0.23, rel=0.2)
-    assert ladder.recipe.slip < 5e-12  # measured 1.4e-12
+    assert ablation.undone[1 + NAMES.index("root")].slip == pytest.approx(0.23, rel=0.2)
+    assert ablation.recipe.slip < 5e-12  # measured 1.4e-12
 
 
 def test_the_command_writes_table_picture_and_records(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`ladder --quick`: both tables on the terminal; JSON, CSV and a picture on disk."""
-    arguments = ["ladder", "classical_regular", "--quick", "--duration", "0.5"]
+    """`ablation --quick`: both tables on the terminal; JSON, CSV and a picture on disk."""
+    arguments = ["ablation", "classical_regular", "--quick", "--duration", "0.5"]
     arguments += ["--out", str(tmp_path), "--json", str(tmp_path / "a.json")]
     assert parse([*arguments, "--csv", str(tmp_path / "a.csv")]).run() == 0
     printed = capsys.readouterr().out
     assert all(f"{sign} {name}" in printed for name in NAMES for sign in "+-")
     record = json.loads((tmp_path / "a.json").read_text())
-    assert [rung["choice"] for rung in record["rungs"]] == ["naive", *NAMES, "accurate", *NAMES]
-    assert record["rungs"][0]["settings"]["root"] == "frame"
+    assert [variant["choice"] for variant in record["variants"]] == [
+        "naive",
+        *NAMES,
+        "accurate",
+        *NAMES,
+    ]
+    assert record["variants"][0]["settings"]["root"] == "frame"
     assert "mujoco" in record["versions"]
     with (tmp_path / "a.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [float(row["path_error"]) for row in rows] == [
-        rung["path_error"] for rung in record["rungs"]
+        variant["path_error"] for variant in record["variants"]
     ]
-    picture = tmp_path / "classical_regular-ladder.png"
+    picture = tmp_path / "classical_regular-ablation.png"
     assert picture.read_bytes()[:4] == b"\x89PNG"

@@ -12,10 +12,9 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.settings import Prescribed
 from validation.cli import parse
-from validation.studies.ablation.choices import TOP, without
-from validation.studies.convergence import convergence_runs
-from validation.studies.convergence.convergence import FIXED, ORDERS, Convergence
-from validation.studies.convergence.convergence_runs import measure_convergence
+from validation.studies.ablation.measure import TOP, without
+from validation.studies.convergence import measure
+from validation.studies.convergence.measure import FIXED, ORDERS, Convergence, measure_convergence
 
 BOTH = ("fig12", "classical_regular")
 SOFT = ("softness", "noslip")
@@ -67,10 +66,10 @@ def test_the_recipe_has_one_limit(scene: str) -> None:
     found = study(scene)
     # Measured 1.8e-13 and 6.5e-13 of the path: rounding, and the equations' own tolerance.
     assert found.limit.model_error < 2e-12
-    for point in found.points:
-        assert point.own is not None
-        assert point.equations is not None
-        assert abs(point.own - point.equations) < 2e-12
+    for trial in found.trials:
+        assert trial.own is not None
+        assert trial.equations is not None
+        assert abs(trial.own - trial.equations) < 2e-12
 
 
 def test_a_soft_contact_has_a_limit_of_its_own() -> None:
@@ -126,9 +125,9 @@ def test_richardson_estimates_the_true_error(name: str) -> None:
     order = found.order(name, "own")
     assert order is not None
     pairs = [
-        (point.richardson, point.own)
-        for point in found.by_name[name]
-        if point.richardson and point.step and point.step > order.shortest * 0.9
+        (trial.richardson, trial.own)
+        for trial in found.by_name[name]
+        if trial.richardson and trial.step and trial.step > order.shortest * 0.9
     ]
     assert len(pairs) >= 3
     ratios = [estimate / error for estimate, error in pairs if estimate and error]
@@ -145,7 +144,7 @@ def test_no_step_is_so_long_that_mujoco_changes_the_contact() -> None:
 
 def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is refused in one line, with the shortest step that was tried."""
-    monkeypatch.setattr(convergence_runs._Runs, "of", lambda *_: None)
+    monkeypatch.setattr(measure._Runs, "of", lambda *_: None)
     with pytest.raises(rb.InputError, match=r"fig12: .* breaks off even at steps of 0\.0003125 s"):
         measured("fig12", TOP)
 

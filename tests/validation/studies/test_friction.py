@@ -8,7 +8,7 @@ import pytest
 
 import robotball as rb
 from tests.validation.studies.test_tradeoff import tradeoff
-from validation.studies.friction.friction import (
+from validation.studies.friction.measure import (
     HARD,
     ROLLING,
     SOFT,
@@ -16,7 +16,7 @@ from validation.studies.friction.friction import (
     friction_cells,
     friction_run,
 )
-from validation.studies.tradeoff.front_runs import scene_cell
+from validation.studies.tradeoff.measure import scene_cell
 
 
 def measured(

@@ -41,8 +41,7 @@ def test_cost_is_of_a_simulated_second(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, times = rb.load_scene("fig12"), rb.sample_times(2.0)
     model = build(scene, rb.preset("fast"))
     motion = run(model, times)
-    assert motion.diagnostics is not None
-    slow = replace(motion, diagnostics=replace(motion.diagnostics, seconds=3.0))
+    slow = replace(motion, report=replace(motion.report, seconds=3.0))
     monkeypatch.setattr(timing, "run", lambda model, times: slow)
     assert simulated_second(model, times)() == pytest.approx(1.5)
     broken = replace(slow, times=times[:5])

@@ -16,27 +16,29 @@ import robotball as rb
 from robotball import Settings
 from robotball.drives import Servo
 from robotball.engines.mujoco.explain import left_out
+from robotball.engines.mujoco.integrators import FIRST_ORDER
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE, recipe
 from validation.cli import main
-from validation.studies.parts import parts_of, split
+from validation.studies.parts.measure import parts_of, split
 from validation.studies.tradeoff.configurations import (
-    FIRST_ORDER,
     configurations,
     describe,
     options_of,
-    settings_of,
+    settings_with,
 )
-from validation.studies.tradeoff.front import (
+from validation.studies.tradeoff.measure import (
     TARGET,
-    Point,
+    Configuration,
+    cells_of,
     first_order_lines,
-    front_of,
-    sound_front,
+    measure,
+    pareto_front,
+    sound_pareto_front,
     tradeoff_of,
 )
-from validation.studies.tradeoff.front_runs import cells_of, measure
+from validation.studies.tradeoff.report import record
 from validation.sweeps import Result
 
 CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=40)
@@ -50,7 +52,7 @@ def beats(a: tuple[int, int], b: tuple[int, int]) -> bool:
 @given(CLOUD)
 def test_nothing_beats_what_is_on_the_front(cloud: list[tuple[int, int]]) -> None:
     """And each point that is not on it is beaten by, or the same as, one that is."""
-    front = [cloud[i] for i in front_of(*zip(*cloud, strict=True))]
+    front = [cloud[i] for i in pareto_front(*zip(*cloud, strict=True))]
     assert not any(beats(point, member) for point in cloud for member in front)
     assert all(point in front or any(beats(m, point) for m in front) for point in cloud)
     assert front == sorted(front, key=lambda point: point[1])
@@ -74,15 +76,19 @@ def test_every_option_that_is_no_default_is_recorded() -> None:
     """A cell, read back from JSON, gives the same settings to the last digit."""
     settings = configurations()
     for each, cell in zip(settings, cells_of("fig12", settings, 1.0, 1), strict=True):
-        again = settings_of(json.loads(json.dumps(cell)))
+        again = settings_with(json.loads(json.dumps(cell)))
         assert not again.stop_at_fault  # what a run does after its fault is seen too
-        unnamed = {name: getattr(each, name) for name in ("name", "promise", "stop_at_fault")}
+        unnamed = {
+            name: getattr(each, name) for name in ("name", "error_tolerance", "stop_at_fault")
+        }
         assert replace(again, **unnamed) == each
-    default = Settings(name="", promise=1.0, drive=NAIVE.drive)
+    default = Settings(name="", error_tolerance=1.0, drive=NAIVE.drive)
     options = options_of(settings[2])
     for field in fields(Settings):
         differs = getattr(settings[2], field.name) != getattr(default, field.name)
-        assert (field.name in options) == (differs and field.name not in ("name", "promise"))
+        assert (field.name in options) == (
+            differs and field.name not in ("name", "error_tolerance")
+        )
 
 
 def test_a_configuration_is_described_by_what_it_does_otherwise() -> None:
@@ -96,10 +102,12 @@ def test_a_configuration_is_described_by_what_it_does_otherwise() -> None:
 
 def points(
     steps: Sequence[float], errors: Sequence[float], integrator: str = "Euler", drift: float = 1.0
-) -> list[Point]:
+) -> list[Configuration]:
     """Sound points of one line, of which a simulated second costs 1 µs a step."""
     return [
-        Point({"integrator": integrator, "timestep": h}, e, drift * e, 1.0, (1, 1), 1e-6 / h, "")
+        Configuration(
+            {"integrator": integrator, "timestep": h}, e, drift * e, 1.0, (1, 1), 1e-6 / h, ""
+        )
         for h, e in zip(steps, errors, strict=True)
     ]
 
@@ -127,9 +135,9 @@ def test_no_result_is_on_the_front() -> None:
     """Neither a faulty run, nor a broken one, nor a path that is good while |M| is not."""
     good = points([1e-2], [1e-3])[0]
     faulty = replace(good, error=1e-5, trouble="contact lost at t = 0 s")
-    broken = replace(good, error=math.nan, drift=math.nan, trouble="the state diverged")
-    lucky = replace(good, error=1e-6, drift=1e-3)
-    assert sound_front([faulty, broken, lucky, good]) == [good]
+    broken = replace(good, error=math.nan, momentum_error=math.nan, trouble="the state diverged")
+    lucky = replace(good, error=1e-6, momentum_error=1e-3)
+    assert sound_pareto_front([faulty, broken, lucky, good]) == [good]
 
 
 def test_a_configuration_is_measured_by_its_cell_alone() -> None:
@@ -139,22 +147,22 @@ def test_a_configuration_is_measured_by_its_cell_alone() -> None:
     study = tradeoff_of(
         rb.load_scene("fig12"), [Result(dict(c), dict(measure(c)), None) for c in cells]
     )
-    assert [point.title for point in study.points] == ["naive", "balanced"]
-    assert [point.title for point in study.front] == ["balanced"]
-    assert study.points[0].trouble.startswith("hinge rate off by over 0.001 at t = 0.002 s")
+    assert [point.title for point in study.configurations] == ["naive", "balanced"]
+    assert [point.title for point in study.pareto_front] == ["balanced"]
+    assert study.configurations[0].trouble.startswith("hinge rate off by over 0.001 at t = 0.002 s")
     # Measured 3.3e-10: RK4's error at 5 ms.
-    assert study.points[1].error < 6e-10
-    assert study.points[1].cost > 0
-    json.dumps(study.record(), allow_nan=False)
+    assert study.configurations[1].error < 6e-10
+    assert study.configurations[1].cost > 0
+    json.dumps(record(study), allow_nan=False)
 
 
 def test_a_run_that_failed_is_recorded_with_its_reason() -> None:
     """It has no numbers, in JSON null, and is on no front."""
     (cell,) = cells_of("fig12", [configurations()[1]], 1.0, 1)
     study = tradeoff_of(rb.load_scene("fig12"), [Result(dict(cell), None, "took longer than 60 s")])
-    assert study.front == ()
-    assert study.record()["points"][0]["trouble"] == "took longer than 60 s"
-    assert study.record()["points"][0]["error"] is None
+    assert study.pareto_front == ()
+    assert record(study)["configurations"][0]["trouble"] == "took longer than 60 s"
+    assert record(study)["configurations"][0]["error"] is None
     assert study.ratio is None
 
 
@@ -202,14 +210,14 @@ def test_the_quick_study_writes_its_files(
     monkeypatch.chdir(tmp_path)
     assert tradeoff("fig12", "--quick", "--duration", "0.5") == 0
     shown = capsys.readouterr().out
-    assert "The front: nothing is both cheaper and better." in shown
+    assert "The Pareto front: nothing is both cheaper and better." in shown
     assert "times as much" in shown
     kinds = (".png", ".json", ".csv", ".jsonl")
     files = [tmp_path / "out" / f"fig12-tradeoff{kind}" for kind in kinds]
     assert sorted((tmp_path / "out").iterdir()) == sorted(files)
     assert files[0].read_bytes()[:4] == b"\x89PNG"
-    record = json.loads(files[1].read_text())
-    assert len(record["points"]) == len(configurations(quick=True))
+    written = json.loads(files[1].read_text())
+    assert len(written["configurations"]) == len(configurations(quick=True))
     journal = files[3].read_bytes()
     assert tradeoff("fig12", "--quick", "--duration", "0.5") == 0
     assert files[3].read_bytes() == journal

@@ -22,7 +22,7 @@ from robotball.rotations import Array, conjugate, multiply
 from validation.studies.attractors.contact_map import own_start
 
 SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it
-TOLERANCE = 1e-11  # of a step of the equations alongside
+PAIR_TOLERANCE = 1e-11  # of a step of the equations alongside
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,8 @@ def contact_exponent(
 def rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
     """The attitude (4,), in principal axes, to which MuJoCo rolls the ball in `duration` s."""
     motion = run(model, np.array([0.0, duration]), start=own_start(model.scene, attitude, momentum))
-    assert motion.diagnostics is not None
-    if motion.diagnostics.faults:
-        raise InputError(f"MuJoCo's run is no result: {motion.diagnostics.faults[0]}")
+    if motion.report.faults:
+        raise InputError(f"MuJoCo's run is no result: {motion.report.faults[0]}")
     return multiply(motion.attitude[-1], model.scene.principal_quaternion)
 
 
@@ -105,5 +104,5 @@ def growth_by_equations(parameters: Parameters, contact: ContactExponent) -> Arr
         parameters, contact.attitudes.reshape(-1, 4), np.repeat(contact.momenta, k, axis=0)
     )
     rest = np.concatenate([contact.turns.reshape(-1, 3), np.zeros((n * k, 2))], axis=1)
-    states, _ = starts.march(DEVIATION, rest, np.array([contact.interval]), TOLERANCE)
+    states, _ = starts.march(DEVIATION, rest, np.array([contact.interval]), PAIR_TOLERANCE)
     return states[:, 0, 7].reshape(n, k)

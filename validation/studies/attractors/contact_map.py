@@ -47,9 +47,8 @@ def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
 def sound_run(model: Model, start: Start, duration: float) -> Motion:
     """The motion sampled at every step; raises InputError where it has a fault."""
     motion = run(model, sample_times(duration, model.compiled.opt.timestep), start=start)
-    assert motion.diagnostics is not None
-    if motion.diagnostics.faults:
-        raise InputError(f"MuJoCo's run is no result: {motion.diagnostics.faults[0]}")
+    if motion.report.faults:
+        raise InputError(f"MuJoCo's run is no result: {motion.report.faults[0]}")
     return motion
 
 

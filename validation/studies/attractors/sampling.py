@@ -12,7 +12,7 @@ import numpy as np
 from robotball import InputError, preset
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.settings import Settings
-from robotball.engines.reduced.compiled.kernels import Integers
+from robotball.engines.reduced.compiled.kernels import LONG_RUN_TOLERANCE, Integers
 from robotball.parameters import Parameters
 from robotball.qualitative.motion_section import joined
 from robotball.qualitative.sections import section, section_starts
@@ -20,12 +20,10 @@ from robotball.rotations import Array, rotation_matrix
 from validation.studies.attractors.clouds import states
 from validation.studies.attractors.contact_map import own_start, returns
 
-TOLERANCE = 1e-9  # of a step of the equations: an attractor forgives what a path does not
-
 # An attractor forgives a longer step as well: 3e-5 of a path in 10 s at this one, in a third of
 # the time that "fast" takes. The contact's time constant must not be below two steps.
 COARSE: Settings = replace(
-    preset("fast"), name="coarse", timestep=0.05, solref=(0.1, 1.0), promise=1e-3
+    preset("fast"), name="coarse", timestep=0.05, solref=(0.1, 1.0), error_tolerance=1e-3
 )
 
 
@@ -89,7 +87,9 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int
     """The recipe's cloud by the equations; raises InputError where a start gives too few points."""
     attitudes, momenta = recipe.points(seed)
     total = recipe.skipped + recipe.count
-    found = section(parameters, attitudes, momenta, total, 0.0, recipe.direction, TOLERANCE)
+    found = section(
+        parameters, attitudes, momenta, total, 0.0, recipe.direction, LONG_RUN_TOLERANCE
+    )
     if found.status.any():
         raise InputError(f"{np.count_nonzero(found.status)} starts do not keep crossing g = 0")
     late = slice(recipe.skipped, None)

@@ -6,9 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from robotball import InputError, Scene, Settings
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
+from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.engines.reduced.compiled.kernels import Integers
-from robotball.palette import ENGINE, THEORY
 from robotball.qualitative.motion_section import crossings
 from robotball.qualitative.sections import section
 from robotball.rotations import Array
@@ -58,9 +59,9 @@ def draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) 
     axes = figure.subplots()
     figure.suptitle(f"{scene.name}: {scene.title}")
     few = 3.0 if engine is None else 7.0
-    drawn = [("equations", theory, THEORY, "o", few if len(theory.l) < 5000 else 1.2)]
+    drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", few if len(theory.l) < 5000 else 1.2)]
     if engine is not None:
-        drawn.append(("MuJoCo", engine, ENGINE, "+", 5.0))
+        drawn.append((LABEL.name, engine, LABEL.colour, "+", 5.0))
     for name, points, colour, mark, size in drawn:
         for direction, alpha, words in ((1, 1.0, "g grows"), (-1, 0.4, "g falls")):
             some = points.directions == direction

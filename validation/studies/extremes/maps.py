@@ -6,17 +6,22 @@ from functools import cache
 
 import numpy as np
 
-from robotball import InputError, Scene, Servo, Settings, load_scene
-from robotball.engines.mujoco.settings import ADAPTIVE, MOST_STEPS, recipe
+from robotball import Scene, Servo, Settings, load_scene
+from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
+from robotball.engines.mujoco.settings import MOST_STEPS, recipe
+from robotball.errors import unknown
 from validation.studies.extremes.balls import gyrostat, momentum_of, redistributed, scaled
+from validation.sweeps import Cell
 
-INTEGRATORS = ("Euler", "implicit", "implicitfast", "discrete", "RK4", ADAPTIVE)
 SCENES = {"rubber": "fig12", "classical": "classical_regular"}
 TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
 RTOL = 1e-8  # of the adaptive integrator's steps, where it is not varied
 DURATION = 3.0  # s, on maps that do not vary it: a few turns of the ball
-PROMISE = 1e-2  # the error that the guard is asked to hold a cell to
+ERROR_TOLERANCE = 1e-2  # the error that a cell is held to
 ADAPTIVE_STEPS = 2000  # at most; of the cells that end well none takes 1800
+QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
+QUICK_COUNT = 3  # values of an axis
+QUICK_DURATION = 10.0  # s, at most
 COUNT = 8  # values of an axis, if no other number is given
 
 
@@ -29,7 +34,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Case:
+class Trial:
     """What one cell runs.
 
     ample: whether friction is raised to three times the motion's demand where it is less.
@@ -44,7 +49,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Map:
-    """A failure map: `make` gives the case of an integrator at (x, y) from the base scene.
+    """A failure map: `make` gives the trial of an integrator at (x, y) from the base scene.
 
     The adaptive integrator has no timestep: where that is an axis, it is its rtol that varies.
     """
@@ -54,7 +59,7 @@ class Map:
     held: str
     x: Axis
     y: Axis
-    make: Callable[[Scene, str, float, float], Case]
+    make: Callable[[Scene, str, float, float], Trial]
     rollings: tuple[str, ...] = tuple(SCENES)
     limit: float = 60.0  # s of one cell
 
@@ -63,8 +68,8 @@ class Map:
         return ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
 
 
-def case(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> Case:
-    """The case of a cell; raises InputError where there is no such ball."""
+def trial(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> Trial:
+    """The trial of a cell; raises InputError where there is no such ball."""
     return chosen.make(base(rolling), integrator, x, y)
 
 
@@ -74,14 +79,14 @@ def base(rolling: str) -> Scene:
     return load_scene(SCENES[rolling])
 
 
-def settings_of(integrator: str, step: float | None = None) -> Settings:
+def map_settings(integrator: str, step: float | None = None) -> Settings:
     """The recipe with an integrator and its timestep [s], or rtol if it is the adaptive one."""
     if integrator == ADAPTIVE:
-        chosen = recipe(integrator, PROMISE, integrator=ADAPTIVE, rtol=step or RTOL)
+        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=ADAPTIVE, rtol=step or RTOL)
         chosen = replace(chosen, max_steps=ADAPTIVE_STEPS)
     else:
         timestep = step or TIMESTEP
-        chosen = recipe(integrator, PROMISE, integrator=integrator, timestep=timestep)
+        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=integrator, timestep=timestep)
         assert chosen.solref is not None
         # As MuJoCo would do in silence.
         chosen = replace(chosen, solref=(max(chosen.solref[0], 2 * timestep), chosen.solref[1]))
@@ -94,67 +99,67 @@ def decades(low: float, high: float, count: int = COUNT) -> tuple[float, ...]:
     return tuple(float(f"{v:.3g}") for v in np.geomspace(low, high, count))
 
 
-def _momentum(scene: Scene, integrator: str, step: float, size: float) -> Case:
+def _momentum(scene: Scene, integrator: str, step: float, size: float) -> Trial:
     K = momentum_of(scene)
     ball = gyrostat(scene, frame_rate=_frame_rate(scene), K=K / np.linalg.norm(K) * size)
-    return Case(ball, settings_of(integrator, step))
+    return Trial(ball, map_settings(integrator, step))
 
 
-def _frame(scene: Scene, integrator: str, step: float, rate: float) -> Case:
+def _frame(scene: Scene, integrator: str, step: float, rate: float) -> Trial:
     ball = gyrostat(scene, frame_rate=rate, K=momentum_of(scene))
-    return Case(ball, settings_of(integrator, step))
+    return Trial(ball, map_settings(integrator, step))
 
 
-def _rotor(scene: Scene, integrator: str, step: float, rate: float) -> Case:
+def _rotor(scene: Scene, integrator: str, step: float, rate: float) -> Trial:
     ball = gyrostat(scene, frame_rate=_frame_rate(scene), K=momentum_of(scene), rotor_rate=rate)
-    return Case(ball, settings_of(integrator, step))
+    return Trial(ball, map_settings(integrator, step))
 
 
-def _masses(scene: Scene, integrator: str, frame_to_shell: float, rotor_to_frame: float) -> Case:
+def _masses(scene: Scene, integrator: str, frame_to_shell: float, rotor_to_frame: float) -> Trial:
     ball = redistributed(scene, frame_to_shell=frame_to_shell, rotor_to_frame=rotor_to_frame)
-    return Case(ball, settings_of(integrator))
+    return Trial(ball, map_settings(integrator))
 
 
-def _scale(scene: Scene, integrator: str, mass: float, length: float) -> Case:
-    return Case(scaled(scene, mass=mass, length=length), settings_of(integrator))
+def _scale(scene: Scene, integrator: str, mass: float, length: float) -> Trial:
+    return Trial(scaled(scene, mass=mass, length=length), map_settings(integrator))
 
 
-def _friction(scene: Scene, integrator: str, sliding: float, gravity: float) -> Case:
-    settings = replace(settings_of(integrator), sliding_friction=sliding, torsional_friction=1e6)
-    return Case(replace(scene, gravity=gravity), settings, ample=False)
+def _friction(scene: Scene, integrator: str, sliding: float, gravity: float) -> Trial:
+    settings = replace(map_settings(integrator), sliding_friction=sliding, torsional_friction=1e6)
+    return Trial(replace(scene, gravity=gravity), settings, ample=False)
 
 
-def _torsion(scene: Scene, integrator: str, sliding: float, torsional: float) -> Case:
+def _torsion(scene: Scene, integrator: str, sliding: float, torsional: float) -> Trial:
     settings = replace(
-        settings_of(integrator), sliding_friction=sliding, torsional_friction=torsional
+        map_settings(integrator), sliding_friction=sliding, torsional_friction=torsional
     )
-    return Case(scene, settings, ample=False)
+    return Trial(scene, settings, ample=False)
 
 
-def _gravity(scene: Scene, integrator: str, gravity: float, constant: float) -> Case:
-    settings = replace(settings_of(integrator), solref=(constant, 1.0))
-    return Case(replace(scene, gravity=gravity), settings)
+def _gravity(scene: Scene, integrator: str, gravity: float, constant: float) -> Trial:
+    settings = replace(map_settings(integrator), solref=(constant, 1.0))
+    return Trial(replace(scene, gravity=gravity), settings)
 
 
-def _contact(scene: Scene, integrator: str, constant: float, rate: float) -> Case:
+def _contact(scene: Scene, integrator: str, constant: float, rate: float) -> Trial:
     # The direct form of a critically damped contact, which MuJoCo does not soften to fit dt.
     settings = replace(
-        settings_of(integrator),
+        map_settings(integrator),
         solref=(-1 / constant**2, -2 / constant),
         solreffriction=(-1.0, -rate),
     )
-    return Case(scene, settings)
+    return Trial(scene, settings)
 
 
-def _servo(scene: Scene, integrator: str, step: float, rate: float) -> Case:
+def _servo(scene: Scene, integrator: str, step: float, rate: float) -> Trial:
     gain = rate * scene.ball.rotors[0].axial_inertia
-    settings = replace(settings_of(integrator, step), drive=Servo(gain=gain))
-    return Case(scene, settings)
+    settings = replace(map_settings(integrator, step), drive=Servo(gain=gain))
+    return Trial(scene, settings)
 
 
-def _duration(scene: Scene, integrator: str, step: float, duration: float) -> Case:
-    settings = replace(settings_of(integrator, step), max_steps=MOST_STEPS)
-    return Case(scene, settings, duration=duration)
+def _duration(scene: Scene, integrator: str, step: float, duration: float) -> Trial:
+    settings = replace(map_settings(integrator, step), max_steps=MOST_STEPS)
+    return Trial(scene, settings, duration=duration)
 
 
 def _frame_rate(scene: Scene) -> float:
@@ -270,5 +275,37 @@ def chosen(names: tuple[str, ...]) -> list[Map]:
     """The named maps, all for none; raises InputError on a name that is no map's."""
     for name in names:
         if name not in MAPS:
-            raise InputError(f"no map is called {name!r}; there are {', '.join(MAPS)}")
+            raise unknown("map", name, MAPS)
     return [MAPS[name] for name in dict.fromkeys(names or MAPS)]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """How much of the maps to run: all integrators and values, or a few."""
+
+    integrators: tuple[str, ...] = tuple(INTEGRATORS)
+    count: int | None = None
+
+    def values(self, axis: Axis) -> tuple[float, ...]:
+        """Those of the axis that are in the cut, its ends among them."""
+        values = axis.values
+        if self.count is None or self.count >= len(values):
+            return values
+        if "duration" in axis.label:
+            values = tuple(v for v in values if v <= QUICK_DURATION)
+        chosen = np.linspace(0, len(values) - 1, self.count).round().astype(int)
+        return tuple(values[i] for i in np.unique(chosen))
+
+
+WHOLE, QUICK = Cut(), Cut(QUICK_INTEGRATORS, QUICK_COUNT)
+
+
+def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:
+    """The cells of a map; those of one ball follow each other."""
+    return [
+        {"map": chosen.name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
+        for rolling in chosen.rollings
+        for integrator in cut.integrators
+        for y in cut.values(chosen.y)
+        for x in cut.values(chosen.x_of(integrator))
+    ]

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import Any
 
-from robotball import Fault
+from robotball import Fault, FaultKind
 
 ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
 WRONG = 0.1  # an error above it is no result at all
@@ -29,22 +29,23 @@ class Outcome(Enum):
         self.sentence = sentence
 
 
-BY_FAULT = (
-    ("max_steps", Outcome.UNFINISHED),
-    ("contact lost", Outcome.LOST_CONTACT),
-    ("friction cone saturated", Outcome.SLIPPED),
-    ("slipped over", Outcome.SLIPPED),
-    ("hinge rate off", Outcome.OFF_RATE),
-    ("torque limit", Outcome.OFF_RATE),
-    ("M off", Outcome.WRONG),
-)
+# Any other kind of fault leaves no state.
+OF_KIND = {
+    FaultKind.OUT_OF_STEPS: Outcome.UNFINISHED,
+    FaultKind.CONTACT_LOST: Outcome.LOST_CONTACT,
+    FaultKind.CONE_SATURATED: Outcome.SLIPPED,
+    FaultKind.SLIPPED: Outcome.SLIPPED,
+    FaultKind.RATE_OFF: Outcome.OFF_RATE,
+    FaultKind.TORQUE_LIMIT: Outcome.OFF_RATE,
+    FaultKind.MOMENTUM_OFF: Outcome.WRONG,
+}
 # What these cost is in the error, and may be little.
 BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
 
 
 def largest_error(record: Mapping[str, Any]) -> float | None:
-    """The larger of path error and drift of M; None where the run has none."""
-    errors = [record.get(name) for name in ("path_error", "momentum_drift")]
+    """The larger of path error and momentum error; None where the run has none."""
+    errors = [record.get(name) for name in ("path_error", "momentum_error")]
     known = [error for error in errors if error is not None]
     return max(known) if len(known) == len(errors) else None
 
@@ -55,10 +56,7 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
     The error is None where the run broke off. One that goes on is called by its first fault, from
     which the others follow: a ball that slips may well lose its contact later.
     """
-    kinds = [
-        next((outcome for words, outcome in BY_FAULT if words in fault.cause), Outcome.DIVERGED)
-        for fault in faults
-    ]
+    kinds = [OF_KIND.get(fault.kind, Outcome.DIVERGED) for fault in faults]
     if Outcome.DIVERGED in kinds or (error is None and Outcome.UNFINISHED not in kinds):
         return Outcome.DIVERGED
     if error is None:

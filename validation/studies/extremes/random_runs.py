@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from robotball import Scene, SceneWarning, Settings, catalog, load_scene, preset
 from robotball.drives import Servo
-from robotball.engines.mujoco.planned_run import Case
-from robotball.engines.mujoco.settings import ADAPTIVE, MUJOCOS_INTEGRATORS, Prescribed, recipe
+from robotball.engines.mujoco.integrators import ADAPTIVE, OWN
+from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.settings import Prescribed, recipe
 from robotball.rotations import Array
 from robotball.start import Start
 from validation.studies.extremes.balls import scaled, scaled_frame, scaled_rotor, scaled_shell
@@ -25,7 +26,7 @@ EXTREME_AXES = 3  # at most, of one run
 
 
 @dataclass(frozen=True)
-class Run:
+class RandomRun:
     """A scene, settings and sample times (n,) [s]; what was made extreme, for the eye."""
 
     scene: Scene
@@ -34,16 +35,16 @@ class Run:
     axes: tuple[str, ...] = ()
 
 
-def ordinary(seed: int, number: int) -> Run:
+def ordinary(seed: int, number: int) -> RandomRun:
     """A catalog ball with its rates, momentum and attitude varied, at one of the recipe presets."""
     random = np.random.default_rng([seed, number, 0])
     scene = _varied(_any_scene(random), random)
     duration = float(random.uniform(1.0, 10.0))
     settings = preset(str(random.choice(RECIPES)))
-    return Run(scene, settings, np.linspace(0.0, duration, SAMPLES + 1))
+    return RandomRun(scene, settings, np.linspace(0.0, duration, SAMPLES + 1))
 
 
-def extreme(seed: int, number: int) -> Run:
+def extreme(seed: int, number: int) -> RandomRun:
     """The naive or the recipe's settings on a varied ball, one to three axes far out."""
     random = np.random.default_rng([seed, number, 1])
     scene = _varied(_any_scene(random), random)
@@ -52,21 +53,22 @@ def extreme(seed: int, number: int) -> Run:
     chosen = random.choice(list(AXES), random.integers(1, EXTREME_AXES + 1), replace=False)
     for axis in chosen:
         scene, settings = AXES[axis](scene, settings, random)
-    return Run(scene, settings, _short_times(scene, settings, random), tuple(map(str, chosen)))
+    return RandomRun(
+        scene, settings, _short_times(scene, settings, random), tuple(map(str, chosen))
+    )
 
 
 def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) -> Array:
     """Times that neither the engine nor the equations need long for."""
-    case = Case(scene, settings, scene.duration)
-    timestep = case.timestep if np.isfinite(case.timestep) else 0.02
-    turns = TURNS * random.uniform(0.2, 1.0) / max(case.rotation_rate, 1e-6)
+    plan = PlannedRun(scene, settings, scene.duration)
+    timestep = plan.timestep if np.isfinite(plan.timestep) else 0.02
+    turns = TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
     duration = min(max(min(turns, STEPS * timestep, LONGEST), 10 * timestep), LONGEST)
     return np.linspace(0.0, duration, SAMPLES + 1)
 
 
 def _any_scene(random: np.random.Generator) -> Scene:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SceneWarning)  # no workshop has to build them
+    with warnings.catch_warnings(action="ignore", category=SceneWarning):  # to be built by nobody
         scene = load_scene(str(random.choice(STEADY)))
     return scene if len(scene.motors) == 0 else replace(scene, motors=())
 
@@ -139,7 +141,7 @@ def _start_times(scene: Scene, factor: float) -> Scene:
 
 AXES: dict[str, Axis] = {
     "timestep": _of_settings(-4, 0, lambda v: {"timestep": v}),
-    "integrator": _choice(*({"integrator": name} for name in MUJOCOS_INTEGRATORS)),
+    "integrator": _choice(*({"integrator": name} for name in OWN)),
     "adaptive": _of_settings(-13, -2, lambda v: {"integrator": ADAPTIVE, "rtol": v}),
     "rotor speed": _of_scene(-2, 4, lambda scene, v: _faster(scene, v, 1)),
     "frame speed": _of_scene(-2, 3, lambda scene, v: _faster(scene, v, 0)),

@@ -7,20 +7,20 @@ choices meet.
 
 import random
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 from itertools import chain, product
 from typing import Any
 
 from robotball import PRESETS, Settings
 from robotball.drives import Servo
-from robotball.engines.mujoco.settings import ADAPTIVE, NAIVE, Prescribed, recipe
+from robotball.engines.mujoco.integrators import ADAPTIVE, FIRST_ORDER
+from robotball.engines.mujoco.settings import NAIVE, Prescribed, recipe, settings_from
 
 Options = dict[str, Any]
 
-FIRST_ORDER = ("Euler", "implicit", "implicitfast", "discrete")
-INTEGRATORS = ("RK4", *FIRST_ORDER)
-NO_PROMISE = 1.0  # an error is what is measured here, so none is a fault
-RECIPE = recipe("recipe", NO_PROMISE, timestep=PRESETS["balanced"].timestep)
+ALL = ("RK4", *FIRST_ORDER)
+NO_TOLERANCE = 1.0  # an error is what is measured here, so none is a fault
+RECIPE = recipe("recipe", NO_TOLERANCE, timestep=PRESETS["balanced"].timestep)
 INTERVAL = 0.1  # s, between samples; no step is longer
 
 # s; a power of two apart, so that few make a slope. Nothing is left to gain for RK4 below 1 ms.
@@ -75,11 +75,11 @@ def configurations(quick: bool = False) -> list[Settings]:
     else:
         every = [
             *PRESETS.values(),
-            *_lines((RECIPE, NAIVE), LINE, INTEGRATORS),
+            *_lines((RECIPE, NAIVE), LINE, ALL),
             *_line_of_tolerances(RTOLS),
             *_star(RECIPE, STEPS, ("RK4",)),
             *_star(RECIPE, FINE_STEPS, FIRST_ORDER),
-            *_star(NAIVE, STEPS[1:], INTEGRATORS),
+            *_star(NAIVE, STEPS[1:], ALL),
             *_sample(),
         ]
     distinct: dict[str, Settings] = {}
@@ -113,10 +113,10 @@ def _sample() -> Iterator[Settings]:
     pick = random.Random(SEED).choice
     for _ in range(SAMPLE):
         level = {name: value for levels in CHOICES.values() for name, value in pick(levels).items()}
-        yield replace(RECIPE, integrator=pick(INTEGRATORS), timestep=pick(STEPS), **level)
+        yield replace(RECIPE, integrator=pick(ALL), timestep=pick(STEPS), **level)
 
 
-_NOT_OPTIONS = ("name", "promise", "stop_at_fault", "max_steps")  # what MuJoCo is not told
+_NOT_OPTIONS = ("name", "error_tolerance", "stop_at_fault", "max_steps")  # what MuJoCo is not told
 _STEPS = (*_NOT_OPTIONS, "integrator", "timestep", "rtol")
 FEW = 3  # changes that are named
 _DEFAULTS = {field.name: field.default for field in fields(Settings)}
@@ -124,11 +124,11 @@ _DEFAULTS = {field.name: field.default for field in fields(Settings)}
 
 def options_of(settings: Settings) -> Options:
     """What the settings have other than MuJoCo's defaults, as JSON would give it back."""
-    options = {}
-    for name, value in asdict(settings).items():
-        if name not in _NOT_OPTIONS and value != _DEFAULTS[name]:
-            options[name] = list(value) if isinstance(value, tuple) else value
-    return options
+    return {
+        name: value
+        for name, value in settings.plain().items()
+        if name not in _NOT_OPTIONS and value != _DEFAULTS[name]
+    }
 
 
 def describe(options: Mapping[str, Any]) -> str:
@@ -157,12 +157,7 @@ def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
     return changed
 
 
-def settings_of(options: Mapping[str, Any]) -> Settings:
+def settings_with(options: Mapping[str, Any]) -> Settings:
     """The settings with these options, that go on after a fault; other keys are left out."""
-    known = {key: value for key, value in options.items() if key in _DEFAULTS}
-    values: Options = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
-    drive = dict(values.pop("drive"))
-    kind = Servo if "gain" in drive else Prescribed
-    values |= {"name": describe(options), "promise": NO_PROMISE, "drive": kind(**drive)}
-    values["stop_at_fault"] = False
-    return Settings(**values)
+    named = {"name": describe(options), "error_tolerance": NO_TOLERANCE, "stop_at_fault": False}
+    return settings_from({**options, **named})

@@ -21,7 +21,7 @@ from robotball.engines.reduced.compiled.marching import (
     compiled,
     load,
 )
-from robotball.engines.reduced.compiled.steppers import REJECTED, STATE, TARGET, TIME, TOLERANCE
+from robotball.engines.reduced.compiled.steppers import ALLOWED, REJECTED, STATE, TARGET, TIME
 
 RESIDUAL = 1e-13  # of the section function, which is at most 1
 ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
@@ -124,7 +124,7 @@ def root_tried(tracks: Any, lane: int, tries: int) -> int:
 def aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
     """Set a lane's target; where it only looks, within a step taken before, errors are known."""
     if mode == MARCHING:
-        w[TARGET * LANES + lane], w[TOLERANCE * LANES + lane] = np.inf, tolerance
+        w[TARGET * LANES + lane], w[ALLOWED * LANES + lane] = np.inf, tolerance
         return
     target = 0.0
     if mode == TO_ROOT:
@@ -132,7 +132,7 @@ def aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
     elif mode == TO_TURN:
         low, high = tracks[lane, LOW], tracks[lane, HIGH]
         target = low + (high - low) * turning_part(tracks, lane)
-    w[TARGET * LANES + lane], w[TOLERANCE * LANES + lane] = target, np.inf
+    w[TARGET * LANES + lane], w[ALLOWED * LANES + lane] = target, np.inf
 
 
 @compiled(

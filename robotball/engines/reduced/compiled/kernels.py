@@ -18,7 +18,9 @@ from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
 
 # Of one step, in the unit quaternion: near the least that double precision can judge.
-TOLERANCE = 1e-14
+STEP_TOLERANCE = 1e-14
+# The same where the long run counts: an attractor forgives what a path does not.
+LONG_RUN_TOLERANCE = 1e-9
 STATUS = {
     marching.DONE: "done",
     marching.TOO_MANY_STEPS: "given up: too many steps",
@@ -49,7 +51,7 @@ def orbits(
     attitudes: Array,
     momenta: Array,
     times: Array,
-    tolerance: float = TOLERANCE,
+    tolerance: float = STEP_TOLERANCE,
 ) -> Orbits:
     """The motions of (3.2) or (3.3) from many starts, eight at a time.
 
@@ -75,7 +77,7 @@ def orbit(
     attitude: Array,
     momentum: Array,
     times: Array,
-    tolerance: float = TOLERANCE,
+    tolerance: float = STEP_TOLERANCE,
     max_steps: int | None = None,
 ) -> tuple[Array, Array]:
     """Attitudes (m, 4) and contact points (m, 2) of one motion, for times (m,) close together.
@@ -104,7 +106,7 @@ def orbit(
     return starts.to_world(states[None, :, :4])[0], starts.turned_back(states[None, :, 4:])[0]
 
 
-def start_of(scene: Scene) -> tuple[Parameters, Array, Array]:
+def kernel_start(scene: Scene) -> tuple[Parameters, Array, Array]:
     """A scene as the functions here take it: its Parameters, attitudes (1, 4), momenta (1, 3).
 
     The attitude is that of the principal axes, in which Parameters are.

@@ -16,6 +16,7 @@ import numpy as np
 
 from robotball.engines.reduced.compiled.flatten import LANES
 from robotball.engines.reduced.compiled.steppers import (
+    ALLOWED,
     BALL,
     LENGTH,
     LOOKED,
@@ -24,7 +25,6 @@ from robotball.engines.reduced.compiled.steppers import (
     STATE,
     TARGET,
     TIME,
-    TOLERANCE,
     cache_folder,
 )
 
@@ -67,7 +67,7 @@ def compiled(signature: str) -> Callable[[Function], Function]:
 def load(w: Any, lane: int, row: Any, length: float, tolerance: float) -> None:
     """Put an orbit into a lane; row: the rows from BALL on, up to the end of its state."""
     w[LENGTH * LANES + lane] = length
-    w[TOLERANCE * LANES + lane] = tolerance
+    w[ALLOWED * LANES + lane] = tolerance
     w[TIME * LANES + lane] = 0.0
     w[TARGET * LANES + lane] = np.inf
     for j in range(len(row)):

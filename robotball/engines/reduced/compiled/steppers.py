@@ -32,7 +32,7 @@ if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
 
 # Rows of a workspace: how long a step to try, the error allowed, the time, where to stop; the
 # ball, the level set, the section; and from STATE on the state, the new state, FLAG and more.
-LENGTH, TOLERANCE, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 21
+LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 21
 REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
 # Control of the length: the usual safety and limits of change.
 SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.9, 0.2, 6.0
@@ -91,7 +91,7 @@ def flat_step(system: System, rolling: Rolling) -> str:
         new[unit] = [x * per_length for x in new[unit]]
 
     # (error/tolerance)^(1/8), of which `error` is the square.
-    ratio = (error / (row[TOLERANCE] * row[TOLERANCE])).sqrt().sqrt().sqrt().sqrt()
+    ratio = (error / (row[ALLOWED] * row[ALLOWED])).sqrt().sqrt().sqrt().sqrt()
     accepted, marching = ratio.at_most(1.0), row[LENGTH].at_most(length)
     marched, looked = accepted & marching, accepted & length.below(row[LENGTH])
     change = SAFETY / ratio

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco.accuracy import LEAST, reach
+from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
 from robotball.engines.mujoco.cost_model import scene_rate
-from robotball.engines.mujoco.run import simulate_with
-from robotball.motion import Motion
+from robotball.engines.mujoco.engine import own_settings
+from robotball.motion import ContactMotion
 from robotball.rotations import Array
+from tests.motions import as_contact
 from validation import Agreement, compare
 from validation.cli import main
 from validation.studies.random_scenes import random_scene
@@ -33,19 +34,19 @@ def test_the_accuracy_asked_for_is_reached(scene: str | int, target: float) -> N
     """Steady and changing drives, two random balls, one of which magnifies errors 20 times.
 
     The estimate is 1.01 to 1.29 times the true error by RK4's steps, 2.2 to 21 times it where the
-    drift of M tells DOP853's, near rounding.
+    change of M tells DOP853's, near rounding.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         loaded = rb.load_scene(scene) if isinstance(scene, str) else random_scene(scene)
     agreement = reached_by(loaded, target)
-    estimate = agreement.diagnostics.estimated_error
+    estimate = agreement.report.estimated_error
     assert agreement.agrees
     assert agreement.path_error is not None
     assert estimate is not None
     assert agreement.path_error <= target
     assert estimate <= target
-    most = 30 if agreement.settings.adaptive else 1.4
+    most = 30 if own_settings(agreement.settings).adaptive else 1.4
     assert 0.95 < estimate / agreement.path_error < most
 
 
@@ -57,35 +58,30 @@ def test_the_accuracy_asked_for_is_reached(scene: str | int, target: float) -> N
 def test_any_sample_times_will_do(times: Array) -> None:
     """Samples nearer than the steps and much farther apart."""
     agreement = reached_by(FIG12, 1e-8, times)
-    assert np.array_equal(agreement.engine.times, times)
+    assert np.array_equal(agreement.motion.times, times)
     # With few samples the path's length is that of their polygon, for both errors.
     assert agreement.path_error is not None
     assert agreement.path_error < 1e-8
 
 
-def faked(error: Callable[[float], float]) -> tuple[list[float], Callable[..., Motion]]:
+def faked(error: Callable[[float], float]) -> tuple[list[float], Callable[..., ContactMotion]]:
     """A run whose path is off by a function of its timestep or rtol, and the sizes it was run at.
 
     The error grows in time, to that part of the path's length at the end.
     """
     theory = rb.integrate(FIG12)
-    sound = rb.simulate(FIG12, np.array([0.0, 0.02]), "fast").diagnostics
+    sound = rb.simulate(FIG12, np.array([0.0, 0.02]), "fast").report
     sizes: list[float] = []
 
-    def run(settings: rb.Settings, times: Array) -> Motion:
+    def run(settings: rb.Settings, times: Array) -> ContactMotion:
         size = settings.rtol or settings.timestep
         assert size is not None
-        assert sound is not None
         sizes.append(size)
         at = np.searchsorted(theory.times, times - 1e-12)
         off = error(size) * theory.path_length * times / times[-1]
         path = theory.contact_point[at] + np.outer(off, [0.6, 0.8])
-        return replace(
-            theory,
-            times=times,
-            contact_point=path,
-            diagnostics=replace(sound, timestep=size, seconds=1.0),
-        )
+        report = replace(sound, settings=settings, timestep=size, seconds=1.0)
+        return as_contact(theory, report, times=times, contact_point=path)
 
     return sizes, run
 
@@ -93,21 +89,18 @@ def faked(error: Callable[[float], float]) -> tuple[list[float], Callable[..., M
 def test_the_estimate_is_that_of_two_steps() -> None:
     """An error of 1e-6 (h / 20 ms)⁴ is seen as 15/12.9 of itself, the order taken as 3.8."""
     sizes, run = faked(lambda h: 1e-6 * (h / 0.02) ** 4)
-    reached = reach(FIG12, FIG12.times, 2e-6, run)
+    motion = reach(FIG12, FIG12.times, 2e-6, run)
     assert sizes == pytest.approx([0.04, 0.02])
-    assert reached.seconds == 2.0
-    assert reached.motion.diagnostics is not None
-    assert reached.motion.diagnostics.estimated_error == pytest.approx(
-        1e-6 * 15 / (2**3.8 - 1), rel=1e-3
-    )
+    assert motion.report.total_seconds == 2.0
+    assert motion.report.estimated_error == pytest.approx(1e-6 * 15 / (2**3.8 - 1), rel=1e-3)
 
 
 def test_the_step_follows_from_the_two_first_runs() -> None:
     """For 1e-8 the measured error asks for 20 ms (0.9e-8 / 1.16e-6)^(1/3.8) = 5.57 ms."""
     sizes, run = faked(lambda h: 1e-6 * (h / 0.02) ** 4)
-    reached = reach(FIG12, FIG12.times, 1e-8, run)
+    motion = reach(FIG12, FIG12.times, 1e-8, run)
     assert sizes == pytest.approx([0.04, 0.02, 5.57e-3], rel=2e-3)
-    assert reached.settings.timestep == sizes[-1]
+    assert own_settings(motion.report.settings).timestep == sizes[-1]
 
 
 @pytest.mark.parametrize("target", [1e-8, 1e-10])
@@ -115,11 +108,12 @@ def test_an_error_that_does_not_fall_is_told(target: float) -> None:
     """A floor of errors that differ from run to run: two corrections, then a warning."""
     signs = iter([1, -1] * 10)
     sizes, run = faked(lambda h: 1e-5 * next(signs))
-    with pytest.warns(rb.SceneWarning, match=rf"asked for a path error of {target:g}, estimated"):
-        reached = reach(FIG12, FIG12.times, target, run)
+    with pytest.warns(
+        rb.SceneWarning, match=rf"a path error of {target:g} was requested, estimated"
+    ):
+        motion = reach(FIG12, FIG12.times, target, run)
     assert len(sizes) <= 6
-    assert reached.motion.diagnostics is not None
-    estimate = reached.motion.diagnostics.estimated_error
+    estimate = motion.report.estimated_error
     assert estimate is not None
     assert estimate > target
 
@@ -129,25 +123,24 @@ def test_runs_far_apart_give_no_estimate_by_a_law() -> None:
     signs = iter([0, 1] * 10)
     _, run = faked(lambda h: 0.02 * next(signs))
     with pytest.warns(rb.SceneWarning, match="not reached"):
-        reached = reach(FIG12, FIG12.times, 1e-3, run)
-    assert reached.motion.diagnostics is not None
-    assert reached.motion.diagnostics.estimated_error == pytest.approx(0.02, rel=0.05)
+        motion = reach(FIG12, FIG12.times, 1e-3, run)
+    assert motion.report.estimated_error == pytest.approx(0.02, rel=0.05)
 
 
 def test_the_least_accuracy_is_reached_also_where_rounding_is_magnified() -> None:
     """fig10 rolls near an unstable motion: its path is never within 5e-12 of the equations'."""
     with pytest.warns(rb.SceneWarning, match="outside the shell"):
         scene = rb.load_scene("fig10")
-    agreement = reached_by(scene, LEAST)
+    agreement = reached_by(scene, LEAST_ACCURACY)
     assert agreement.agrees
     assert agreement.path_error is not None
-    assert agreement.path_error < LEAST  # measured 7.2e-12, estimated 5.0e-12
+    assert agreement.path_error < LEAST_ACCURACY  # measured 7.2e-12, estimated 5.0e-12
 
 
 def test_a_chaotic_motion_is_followed_as_far_as_its_estimate_says() -> None:
     """fig14 over 60 s, seven Lyapunov times: 8.8e-7 of the path, and estimated so."""
     agreement = reached_by(rb.load_scene("fig14"), 1e-6, rb.sample_times(60.0))
-    estimate = agreement.diagnostics.estimated_error
+    estimate = agreement.report.estimated_error
     assert agreement.path_error is not None
     assert estimate is not None
     assert estimate / agreement.path_error == pytest.approx(1.0, abs=0.1)  # measured 1.0008
@@ -158,8 +151,8 @@ def test_motors_of_the_scene_are_no_error_of_the_steps() -> None:
     scene = rb.load_scene("servo_motors")
     with pytest.warns(rb.SceneWarning, match="servo_motors has motors of its own"):
         agreement = compare(scene, times=rb.sample_times(1.0), accuracy=1e-6)
-    assert agreement.diagnostics.estimated_error is not None
-    assert agreement.diagnostics.estimated_error < 1e-6
+    assert agreement.report.estimated_error is not None
+    assert agreement.report.estimated_error < 1e-6
     assert agreement.verdict == "off by more than 1e-06"
 
 
@@ -167,9 +160,7 @@ def test_tighter_accuracies_cost_more_and_no_more_than_they_need() -> None:
     """Steps of the last run on fig12: 20 ms is enough for 1e-6, a third of it for 1e-8."""
     taken = []
     for target in (1e-4, 1e-6, 1e-8):
-        diagnostics = simulate_with(FIG12, None, target).motion.diagnostics
-        assert diagnostics is not None
-        taken.append(diagnostics.steps)
+        taken.append(rb.simulate(FIG12, accuracy=target).report.steps)
     assert taken == [500, 500, 1500]
 
 
@@ -191,7 +182,7 @@ def test_the_rate_of_a_scene_is_of_its_numbers() -> None:
 @pytest.mark.parametrize("accuracy", [0.0, -1.0, float("nan"), 1e-12, 1.0])
 def test_an_accuracy_that_cannot_be_is_refused(accuracy: float) -> None:
     """One line with the limits."""
-    words = rf"an accuracy must be at least {LEAST:g}, where rounding ends it, and below 1, not"
+    words = f"at least {LEAST_ACCURACY:g}, where rounding ends it, and below 1, not"
     with pytest.raises(rb.InputError, match=words):
         rb.simulate(FIG12, accuracy=accuracy)
 

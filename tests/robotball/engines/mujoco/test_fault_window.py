@@ -25,7 +25,7 @@ def dumped(tmp_path: Path) -> Callable[..., Path]:
 
     def run(settings: rb.Settings, scene: rb.Scene = FIG12) -> Path:
         path = tmp_path / "fault.json"
-        rb.simulate(scene, settings=settings, dump=path)
+        rb.simulate(scene, settings=settings, fault_window=path)
         return path
 
     return run
@@ -71,7 +71,7 @@ def test_a_dump_steps_again_to_the_last_bit(
 def test_a_diverged_run_is_dumped_without_infinities(dumped: Callable[..., Path]) -> None:
     """Numbers that are none are null, and the steps to the divergence are the same again."""
     wild = replace(
-        FAST, integrator="Euler", timestep=0.1, promise=1e9, drive=rb.Servo(gain=1e4),
+        FAST, integrator="Euler", timestep=0.1, error_tolerance=1e9, drive=rb.Servo(gain=1e4),
         sliding_friction=1e9, torsional_friction=1e9, stop_at_fault=False,
     )  # fmt: skip
     path = dumped(wild)

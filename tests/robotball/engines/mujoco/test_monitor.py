@@ -9,7 +9,7 @@ import pytest
 import robotball as rb
 from robotball.drives import Servo
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.monitor import Watch
+from robotball.engines.mujoco.monitor import Monitor
 from robotball.engines.mujoco.readings import Readings
 from validation import compare
 
@@ -20,9 +20,8 @@ KEEP_GOING = replace(FAST, stop_at_fault=False)
 
 def faults_of(settings: rb.Settings, scene: rb.Scene = FIG12) -> dict[str, float]:
     """The causes and times of a run's faults."""
-    diagnostics = rb.simulate(scene, settings=settings).diagnostics
-    assert diagnostics is not None
-    return {fault.cause: fault.time for fault in diagnostics.faults}
+    faults = rb.simulate(scene, settings=settings).report.faults
+    return {fault.text: fault.time for fault in faults}
 
 
 @pytest.mark.parametrize("settings", rb.PRESETS.values(), ids=rb.PRESETS)
@@ -46,10 +45,10 @@ def test_a_diverging_run_ends_at_the_step_that_diverged() -> None:
     long = replace(KEEP_GOING, timestep=0.5, integrator="Euler")
     agreement = compare(FIG12, long, np.arange(21) / 2)
     diverged = [fault for fault in agreement.faults if fault.fatal]
-    assert [fault.cause for fault in diverged] == ["the state diverged"]
-    assert agreement.engine.times[-1] == diverged[0].time - 0.5
-    assert np.isfinite(agreement.engine.contact_point).all()
-    assert (agreement.path_error, agreement.gamma_error, agreement.momentum_drift) == (None,) * 3
+    assert [fault.text for fault in diverged] == ["the state diverged"]
+    assert agreement.motion.times[-1] == diverged[0].time - 0.5
+    assert np.isfinite(agreement.motion.contact_point).all()
+    assert (agreement.path_error, agreement.gamma_error, agreement.momentum_error) == (None,) * 3
     assert not agreement.agrees
 
 
@@ -77,8 +76,7 @@ def test_a_weak_motor_of_the_scenes_own_is_told_and_goes_on() -> None:
     scene = rb.load_scene("servo_motors")
     motors = tuple(Servo(gain=100.0, torque_limit=0.05) for _ in scene.motors)
     motion = rb.simulate(replace(scene, motors=motors), settings="balanced")
-    assert motion.diagnostics is not None
-    causes = [fault.cause for fault in motion.diagnostics.faults]
+    causes = [fault.text for fault in motion.report.faults]
     assert causes == [f"{body}'s motor at its torque limit" for body in ("frame", "rotor1")]
     assert motion.times[-1] == scene.duration
 
@@ -93,10 +91,10 @@ def test_a_ball_thrown_up_has_lost_contact() -> None:
             data.qpos[2] += 0.5
         mujoco.mj_step(model.compiled, data)
         rows.append(np.concatenate([data.sensordata, data.warning.number]))
-    found = Watch(model).look(Readings(model, np.array(rows)))
+    found = Monitor(model).look(Readings(model, np.array(rows)))
     # Its M is about the point below it, so that is another one up there.
     causes = ["contact lost", "M off by over 0.0005"]
-    assert [(each.fault.cause, each.fault.time) for each in found] == [(c, 0.04) for c in causes]
+    assert [(each.fault.text, each.fault.time) for each in found] == [(c, 0.04) for c in causes]
 
 
 def test_a_reset_is_seen_by_its_clock() -> None:
@@ -109,9 +107,9 @@ def test_a_reset_is_seen_by_its_clock() -> None:
             mujoco.mj_resetDataKeyframe(model.compiled, data, 0)
         mujoco.mj_step(model.compiled, data)
         rows.append(np.concatenate([data.sensordata, data.warning.number]))
-    ((_, fault),) = Watch(model).look(Readings(model, np.array(rows)))
+    ((_, fault),) = Monitor(model).look(Readings(model, np.array(rows)))
     assert fault.fatal
-    assert fault.cause == "time went back: MuJoCo reset the state"
+    assert fault.text == "time went back: MuJoCo reset the state"
 
 
 def test_mujocos_own_warnings_are_faults() -> None:
@@ -121,8 +119,8 @@ def test_mujocos_own_warnings_are_faults() -> None:
     data.ctrl[0] = np.nan
     mujoco.mj_step(model.compiled, data)
     row = np.concatenate([data.sensordata, data.warning.number])
-    found = Watch(model).look(Readings(model, row[None]))
-    assert "MuJoCo warned of BADCTRL" in [each.fault.cause for each in found]
+    found = Monitor(model).look(Readings(model, row[None]))
+    assert "MuJoCo warned of BADCTRL" in [each.fault.text for each in found]
 
 
 def test_a_model_never_resets_itself() -> None:
@@ -136,7 +134,7 @@ def test_the_cone_used_is_one_on_its_surface() -> None:
     """Pyramidal and elliptic: a sliding contact's force lies on the cone of its own kind."""
     for cone in ("elliptic", "pyramidal"):
         slippery = replace(KEEP_GOING, timestep=2e-3, cone=cone, sliding_friction=0.05)
-        diagnostics = rb.simulate(FIG12, settings=slippery).diagnostics
+        diagnostics = rb.simulate(FIG12, settings=slippery).report
         assert diagnostics is not None
         # Measured 1 + 2.2e-16: rounding.
         assert diagnostics.friction_used.max() == pytest.approx(1.0, abs=2e-15)

@@ -73,12 +73,12 @@ def test_twenty_lyapunov_times_are_followed() -> None:
 @pytest.mark.parametrize("name", FOUR)
 def test_mujoco_keeps_the_momentum_constant(name: str) -> None:
     """M of MuJoCo's own momenta stays what it was at the start."""
-    momentum = agreement_of(name, "accurate").engine.momentum
+    momentum = agreement_of(name, "accurate").motion.momentum
     start = rb.load_scene(name).start.momentum
     # Measured at most 1.0e-14 kg m²/s of 5: rounding in summing the bodies' momenta.
     assert np.abs(momentum[0] - start).max() < 5e-14
     # Measured at most 1.3e-11 relative (fig14): RK4's error.
-    drift = agreement_of(name, "accurate").momentum_drift
+    drift = agreement_of(name, "accurate").momentum_error
     assert drift is not None
     assert drift < 4e-11
 
@@ -96,7 +96,7 @@ def test_the_error_is_of_fourth_order_in_the_timestep(name: str) -> None:
 def test_attitude_and_angular_velocity_agree(name: str) -> None:
     """Not the path alone: the frame's attitude and ω, in frame axes, are those of the equations."""
     agreement = agreement_of(name, "accurate")
-    ours, theirs = agreement.engine, agreement.theory
+    ours, theirs = agreement.motion, agreement.theory
     same = np.abs((ours.attitude * theirs.attitude).sum(axis=1))
     # Measured 1.1e-15 and 4.0e-10 rad/s: RK4's error, which a quaternion's cosine squares.
     assert np.abs(same - 1).max() < 5e-15
@@ -108,7 +108,7 @@ def test_attitude_and_angular_velocity_agree(name: str) -> None:
 @pytest.mark.parametrize("name", BOTH)
 def test_forces_and_torques_are_the_mechanics_own(name: str) -> None:
     """The contact's force and torque and the motors' torques are those of Newton and Euler."""
-    scene, motion = rb.load_scene(name), agreement_of(name, "balanced").engine
+    scene, motion = rb.load_scene(name), agreement_of(name, "balanced").motion
     # At MuJoCo's own states, so that the error of the path does not count.
     axes = rotation_matrix(multiply(motion.attitude, scene.principal_quaternion))
     expected = loads_of(scene, motion.times, axes, motion.angular_velocity @ scene.principal_axes)
@@ -140,7 +140,7 @@ def test_samples_need_not_fall_on_the_timestep() -> None:
     scene = rb.load_scene("fig12")
     times = np.array([0.0, 0.0131, 0.5, 0.7, 2.0])
     agreement = compare(scene, "balanced", times)
-    assert agreement.diagnostics.timestep <= 0.005
+    assert agreement.report.timestep <= 0.005
     # Measured 2.4e-9 m over 7 m: RK4's.
     assert agreement.path_errors.max() < 8e-9
 
@@ -152,8 +152,7 @@ def test_far_apart_samples_take_the_same_steps_as_near_ones() -> None:
     far = rb.simulate(scene, np.array([0.0, 6.0]), "accurate")
     # Measured 1.6e-13 m: step lengths differ by rounding.
     assert np.abs(near.contact_point[-1] - far.contact_point[-1]).max() < 1e-12
-    assert far.diagnostics is not None
-    assert far.diagnostics.steps == 6000
+    assert far.report.steps == 6000
 
 
 @pytest.mark.parametrize("timestep", [0.02, 0.01, 0.005])
@@ -168,12 +167,11 @@ def test_samples_may_fall_on_the_steps_of_dop853(timestep: float) -> None:
 
 def test_prescribed_hinges_keep_their_rates() -> None:
     """Frame and rotor turn at constant rates, whatever torque that takes."""
-    engine, theory = (
-        getattr(agreement_of("fig12", "accurate"), which) for which in ("engine", "theory")
-    )
+    agreement = agreement_of("fig12", "accurate")
+    motion, theory = agreement.motion, agreement.theory
     # Measured 1.4e-10 of 1480 rad: rounding of 10 000 additions.
-    assert np.abs(engine.hinge_angles - theory.hinge_angles).max() < 1e-9
-    assert engine.diagnostics.hinge_rate_error.max() < 3e-13  # measured 6e-14 at most
+    assert np.abs(motion.hinge_angles - theory.hinge_angles).max() < 1e-9
+    assert motion.report.hinge_rate_error.max() < 3e-13  # measured 6e-14 at most
 
 
 def test_progress_is_told_up_to_the_end() -> None:

@@ -11,7 +11,7 @@ import robotball as rb
 from robotball import equations as eq
 from robotball.engines.reduced.compiled.duals import along, slopes
 from robotball.engines.reduced.compiled.flatten import Tape, at, lane_function
-from robotball.engines.reduced.compiled.kernels import Starts, orbit, orbits, start_of
+from robotball.engines.reduced.compiled.kernels import Starts, kernel_start, orbit, orbits
 from robotball.engines.reduced.compiled.marching import COLLAPSED, TOO_MANY_STEPS
 from robotball.engines.reduced.compiled.steppers import dop853
 from robotball.engines.reduced.compiled.systems import PATH, Level, State
@@ -131,7 +131,7 @@ def test_a_scene_moves_as_by_integrate(name: str) -> None:
     the same steps.
     """
     scene = rb.load_scene(name)
-    parameters, attitudes, momenta = start_of(scene)
+    parameters, attitudes, momenta = kernel_start(scene)
     times = np.linspace(0.0, 10.0, 501)
     motion = rb.integrate(scene, times)
     q, points = orbit(parameters, attitudes[0], momenta[0], times)

@@ -1,4 +1,9 @@
-"""The runs of a convergence study: one compiled model, many integrators and steps.
+"""Orders of convergence: one contact model under every integrator, against two references.
+
+Against the limit that the contact model itself tends to as steps shrink, an error is of the
+integrator alone. Against the reduced equations it is that and the model's own: once steps are
+short enough, what is left is the distance between the two limits. A contact model that rolls
+truly has none, and the two errors are the same down to rounding.
 
 A run changes nothing but integrator and step. MuJoCo guards soft contacts in silence (refsafe): it
 raises solref's time constant to two steps. Steps that long are left out, as the contact would no
@@ -7,23 +12,28 @@ longer be the same. Steps end on the sample times: MuJoCo's are fractions of the
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
 
 import mujoco
 import numpy as np
 
-from robotball import InputError, Motion, Scene, Settings, integrate
+from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate
+from robotball.engines.dop853 import LEAST_RTOL
+from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS, OWN
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import ADAPTIVE, LEAST_RTOL, MOST_STEPS
+from robotball.engines.mujoco.settings import MOST_STEPS
+from robotball.motion import path_error
 from robotball.rotations import Array
-from validation.studies.convergence.convergence import (
-    MUJOCO_ORDERS,
-    ORDERS,
-    Convergence,
-    Limit,
-    Method,
-    Point,
-)
+from validation.studies.order import Order, fit_order, stalled_at
+
+FIXED = f"{ADAPTIVE} fixed"
+# The order that theory claims for a smooth motion.
+ORDERS = {name: INTEGRATORS[name].order for name in OWN} | {FIXED: INTEGRATORS[ADAPTIVE].order}
+
+Reference = Literal["own", "equations"]
+REFERENCES: tuple[Reference, ...] = ("own", "equations")
 
 Show = Callable[[float, str], None]
 
@@ -38,6 +48,94 @@ LIMITS = (
 )  # its tolerances for the limit: the first that comes to its end
 ANY = 1.0  # a tolerance that lets every step pass
 PATIENCE, LEAST_PATIENCE = 600, 64  # steps a second, and besides, before DOP853 is given up
+
+
+@dataclass(frozen=True)
+class Method:
+    """An integrator at a step [s], or at a tolerance with the steps that it takes to keep it."""
+
+    integrator: str
+    step: float | None = None
+    rtol: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The integrator's, by which runs at many steps belong together."""
+        if self.integrator != ADAPTIVE:
+            return self.integrator
+        return ADAPTIVE if self.step is None else FIXED
+
+    @property
+    def size(self) -> float:
+        """The step [s], or else the tolerance."""
+        size = self.rtol if self.step is None else self.step
+        assert size is not None
+        return size
+
+    def __str__(self) -> str:
+        size = f"rtol {self.rtol:g}" if self.step is None else f"step {self.step * 1e3:.3g} ms"
+        return f"{self.name}, {size}"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run: path errors over the path's length, None if it did not come to its end.
+
+    step: s, the mean step of a run that chooses its own. own: against the contact model's own
+    limit; equations: against the reduced equations; richardson: what the run at the next longer
+    step says of `own`, without either reference.
+    """
+
+    method: Method
+    step: float | None
+    own: float | None = None
+    equations: float | None = None
+    richardson: float | None = None
+
+    def error(self, against: Reference) -> float | None:
+        return self.own if against == "own" else self.equations
+
+
+@dataclass(frozen=True)
+class OwnLimit:
+    """The limit that the contact model tends to: the run it is taken from, how well it is known and
+    how far it is from the equations, both over the path's length.
+    """
+
+    method: Method
+    motion: Motion
+    known_to: float
+    model_error: float
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """All runs of one contact model, those of one integrator together, the longest step first."""
+
+    scene: Scene
+    settings: Settings
+    duration: float
+    limit: OwnLimit
+    trials: tuple[Trial, ...]
+
+    @cached_property
+    def by_name(self) -> dict[str, list[Trial]]:
+        """The trials of each integrator."""
+        names = dict.fromkeys(trial.method.name for trial in self.trials)
+        return {name: [p for p in self.trials if p.method.name == name] for name in names}
+
+    def order(self, name: str, against: Reference) -> Order | None:
+        """The power of the step, or of the tolerance of DOP853, with which its errors fall."""
+        known_to = self.limit.known_to if against == "own" else 0.0
+        return fit_order(*self._series(name, against), known_to)
+
+    def stalled_at(self, name: str, against: Reference) -> float | None:
+        """The error at which an integrator's errors stop falling, if they do."""
+        return stalled_at(*self._series(name, against))
+
+    def _series(self, name: str, against: Reference) -> tuple[list[float], list[float | None]]:
+        trials = self.by_name[name]
+        return [trial.method.size for trial in trials], [trial.error(against) for trial in trials]
 
 
 def measure_convergence(
@@ -61,11 +159,11 @@ def measure_convergence(
     methods = _methods(model, interval, halvings)
     runs = _Runs(model, theory, len(methods) + 1, show or (lambda part, what: None))
     limit = _limit(runs, finest)
-    points = [
-        _point(runs, limit, before, method)
+    trials = [
+        _trial(runs, limit, before, method)
         for before, method in zip([None, *methods[:-1]], methods, strict=True)
     ]
-    return Convergence(scene, settings, float(theory.times[-1]), limit, tuple(points))
+    return Convergence(scene, settings, float(theory.times[-1]), limit, tuple(trials))
 
 
 def _methods(model: Model, interval: float, halvings: int) -> list[Method]:
@@ -76,7 +174,7 @@ def _methods(model: Model, interval: float, halvings: int) -> list[Method]:
     allowed = [step for step in steps if step <= guarded * (1 + 1e-9)]
     count = int(np.log2(LONGEST / SHORTEST) * 2) + 1
     return [
-        *(Method(name, step) for name in MUJOCO_ORDERS for step in allowed),
+        *(Method(name, step) for name in OWN for step in allowed),
         *(Method(ADAPTIVE, LONGEST / 2 ** (n / 2), ANY) for n in range(count)),
         *(Method(ADAPTIVE, None, rtol) for rtol in TOLERANCES),
     ]
@@ -84,9 +182,9 @@ def _methods(model: Model, interval: float, halvings: int) -> list[Method]:
 
 @dataclass(frozen=True)
 class _Run:
-    """A run that came to its end: its path (n, 2) [m] and its mean step [s], if it chose them."""
+    """A run that came to its end, and its step [s], the mean if it chose them."""
 
-    path: Array
+    motion: ContactMotion
     step: float
 
 
@@ -114,13 +212,8 @@ class _Runs:
             motion = run(_stepped(self.model, method, float(times[-1])), times)
         if len(motion.times) < len(times):
             return None
-        assert motion.diagnostics is not None
-        mean = float(times[-1]) / motion.diagnostics.steps
-        return _Run(motion.contact_point, method.step or mean)
-
-    def distance(self, one: Array, other: Array) -> float:
-        """The largest distance between two paths, over the length of the equations' path."""
-        return float(np.linalg.norm(one - other, axis=1).max()) / self.theory.path_length
+        mean = float(times[-1]) / motion.report.steps
+        return _Run(motion, method.step or mean)
 
 
 def _stepped(model: Model, method: Method, duration: float) -> Model:
@@ -139,7 +232,7 @@ def _stepped(model: Model, method: Method, duration: float) -> Model:
     return same
 
 
-def _limit(runs: _Runs, finest: Method) -> Limit:
+def _limit(runs: _Runs, finest: Method) -> OwnLimit:
     """The limit of short steps: DOP853's where the motion is smooth enough, or else RK4's."""
     assert finest.step is not None
     # What ten times the tolerance, or twice the step, changes is more than what is still wrong.
@@ -150,30 +243,30 @@ def _limit(runs: _Runs, finest: Method) -> Limit:
     for method, coarser in candidates:
         best, near = runs.of(method), runs.of(coarser)
         if best is not None and near is not None:
-            known_to = runs.distance(best.path, near.path)
-            off = runs.distance(best.path, runs.theory.contact_point)
-            return Limit(method, best.path, known_to, off)
+            known_to = path_error(near.motion, best.motion)
+            off = path_error(best.motion, runs.theory)
+            return OwnLimit(method, best.motion, known_to, off)
     raise InputError(
         f"{runs.model.scene.name}: the contact model breaks off even at steps of "
         f"{finest.step:g} s; there is no limit to converge to"
     )
 
 
-def _point(runs: _Runs, limit: Limit, before: Method | None, method: Method) -> Point:
+def _trial(runs: _Runs, limit: OwnLimit, before: Method | None, method: Method) -> Trial:
     """The run of a method set against both references, and against the one before it."""
     found = runs.of(method)
     if found is None:
-        return Point(method, method.step)
+        return Trial(method, method.step)
     estimate = None
     if before is not None and before.name == method.name and method.name in ORDERS:
         longer = runs.of(before)
         if longer is not None:
             fall = (longer.step / found.step) ** ORDERS[method.name]
-            estimate = runs.distance(longer.path, found.path) / (fall - 1)
-    return Point(
+            estimate = path_error(longer.motion, found.motion) / (fall - 1)
+    return Trial(
         method,
         found.step,
-        runs.distance(found.path, limit.path),
-        runs.distance(found.path, runs.theory.contact_point),
+        path_error(found.motion, limit.motion),
+        path_error(found.motion, runs.theory),
         estimate,
     )

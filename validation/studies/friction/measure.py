@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from robotball import Motion, Scene, Settings
+from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.parameters import Rolling
@@ -13,7 +14,7 @@ from robotball.rotations import Array, rotation_matrix
 from robotball.scene import SAMPLE_INTERVAL
 from validation.comparison.agreement import Agreement
 from validation.studies.tradeoff.configurations import RECIPE
-from validation.studies.tradeoff.front_runs import reference, scene_cell
+from validation.studies.tradeoff.measure import reference, scene_cell
 from validation.sweeps import Cell
 
 ROLLING, TORSIONAL = "rolling", "torsional"
@@ -60,23 +61,23 @@ def friction_run(cell: Cell) -> dict[str, Any]:
     """The recipe with one friction otherwise: its errors, and how fast it loses |M|."""
     scene, theory = reference(cell["scene"], cell["duration"], SAMPLE_INTERVAL)
     settings = friction_settings(scene.rolling, cell)
-    agreement = Agreement(scene, settings, theory, run(build(scene, settings), theory.times))
-    engine = agreement.engine
-    sizes = np.linalg.norm(engine.momentum, axis=1)
+    agreement = Agreement(theory, run(build(scene, settings), theory.times), MUJOCO)
+    motion = agreement.motion
+    sizes = np.linalg.norm(motion.momentum, axis=1)
     until = _until(sizes)
     speed = np.linalg.norm(theory.angular_velocity, axis=1).max()
     weight = scene.ball.mass * scene.gravity
     return {
         "path_error": agreement.path_error,
-        "momentum_drift": agreement.momentum_drift,
+        "momentum_error": agreement.momentum_error,
         "left": float(sizes[-1] / sizes[0]),
-        "loss": float((sizes[0] - sizes[until]) / engine.times[until]),
+        "loss": float((sizes[0] - sizes[until]) / motion.times[until]),
         "most_loss": cell["length"] * weight,
         "expected_loss": cell["length"]
         * weight
-        * float(np.mean(_lever(scene, engine)[: until + 1])),
-        "until": float(engine.times[until]),
-        "relative_spin": float(np.abs(agreement.diagnostics.spin).max() / speed),
+        * float(np.mean(_lever(scene, motion)[: until + 1])),
+        "until": float(motion.times[until]),
+        "relative_spin": float(np.abs(agreement.report.spin).max() / speed),
         "faults": [str(fault) for fault in agreement.faults],
     }
 

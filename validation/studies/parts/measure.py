@@ -14,7 +14,7 @@ from robotball.engines.mujoco.explain import DEFAULT_ITERATIONS
 from robotball.engines.mujoco.hinges import hinges_of
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import NAIVE
-from validation.studies.friction.friction import LEAST_FRICTION
+from validation.studies.friction.measure import LEAST_FRICTION
 from validation.studies.timing import Cost, measure_costs, one_step
 
 MINIMAL = PRESETS["accurate"]
@@ -35,7 +35,7 @@ def parts_of(scene: Scene) -> list[Part]:
     classical = scene.rolling == "classical"
     spin: dict[str, Any] = {"torsional_friction": LEAST_FRICTION} if classical else {}
     roll = {**spin, "condim": 6, "rolling_friction": LEAST_FRICTION}
-    prescribed = any(not hinge.real for hinge in hinges_of(scene, MINIMAL))
+    prescribed = any(not hinge.own_motor for hinge in hinges_of(scene, MINIMAL))
     servos: dict[str, Any] = {"drive": NAIVE.drive} if prescribed else {}
     parts = [_part("minimal", scene, MINIMAL)]
     if scene.ball.rotors:

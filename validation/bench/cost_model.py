@@ -16,9 +16,9 @@ from rich.console import Console
 from rich.table import Table
 
 from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS
-from robotball.engines.mujoco.cost_model import FRONT
+from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.rotations import Array
-from validation.bench.front_scene import TARGETS, best_seconds, cells, measure
+from validation.bench.cost_model_scene import TARGETS, best_seconds, cells, measure
 from validation.output import write_record
 from validation.progress import progress_bar
 from validation.sweeps import sweep
@@ -152,7 +152,7 @@ def coefficient_table(records: Sequence[Record]) -> Table:
     for heading in ("coefficient", "in use", "measured", "scatter"):
         table.add_column(heading, justify="left" if heading == "coefficient" else "right")
     for name, (value, scatter) in coefficients(records).items():
-        table.add_row(name, f"{getattr(FRONT, name):.3g}", f"{value:.3g}", f"{scatter:.2g}")
+        table.add_row(name, f"{getattr(COST_MODEL, name):.3g}", f"{value:.3g}", f"{scatter:.2g}")
     return table
 
 

@@ -8,8 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball import Scene
-from robotball.palette import ENGINE, INK, THEORY
-from validation.studies.friction.friction import HARD, ROLLING, SOFT, TORSIONAL
+from robotball.engines.mujoco import LABEL
+from robotball.palette import ACCENT, INK
+from validation.studies.friction.measure import HARD, ROLLING, SOFT, TORSIONAL
 from validation.sweeps import Result
 
 INCHES = (11.5, 5.6)
@@ -40,9 +41,9 @@ def _rolling(axes: Axes, scene: Scene, results: Sequence[Result]) -> None:
     weight = scene.ball.mass * scene.gravity
     rows = _rows(results, ROLLING)
     lengths = np.array(sorted({row["length"] for row in rows}))
-    axes.plot(lengths, weight * lengths, color=THEORY, linewidth=1.6, label="$\\mu_r m g$")
+    axes.plot(lengths, weight * lengths, color=ACCENT, linewidth=1.6, label="$\\mu_r m g$")
     for rows_of, marker, fill, label in (
-        (HARD, "o", ENGINE, "friction as stiff as the normal force"),
+        (HARD, "o", LABEL.colour, "friction as stiff as the normal force"),
         (SOFT, "o", "none", "the recipe's friction"),
     ):
         mine = [row for row in rows if row["rows"] == rows_of]
@@ -50,7 +51,7 @@ def _rolling(axes: Axes, scene: Scene, results: Sequence[Result]) -> None:
             [row["length"] for row in mine],
             [max(row["loss"], 0.0) or np.nan for row in mine],
             marker,
-            color=ENGINE,
+            color=LABEL.colour,
             markerfacecolor=fill,
             label=label,
         )
@@ -66,16 +67,16 @@ def _torsional(axes: Axes, results: Sequence[Result], needed: float | None) -> N
     rows = _rows(results, TORSIONAL)
     lengths = [row["length"] for row in rows]
     for key, marker, fill, style, label in (
-        ("path_error", "o", ENGINE, "-", "path error"),
+        ("path_error", "o", LABEL.colour, "-", "path error"),
         ("relative_spin", "s", "none", "--", "spin at the contact / |ω|"),
     ):
         values = [row[key] and max(row[key], LEAST) for row in rows]
         axes.plot(
-            lengths, values, marker=marker, color=ENGINE, markerfacecolor=fill,
+            lengths, values, marker=marker, color=LABEL.colour, markerfacecolor=fill,
             linestyle=style, label=label,
         )  # fmt: skip
     if needed is not None:
-        axes.axvline(needed, color=THEORY, linewidth=1.4, linestyle=":")
+        axes.axvline(needed, color=ACCENT, linewidth=1.4, linestyle=":")
         places = (
             (np.sqrt(lengths[0] * needed / 8), "drag"),
             (needed / 2.2, "transition"),

@@ -16,9 +16,12 @@ from robotball import (
     load_scene,
 )
 from robotball.engines.mujoco.cost_model import scene_rate
+from robotball.engines.mujoco.engine import own_settings
+from robotball.engines.mujoco.integrators import ADAPTIVE
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run, simulate_with
-from robotball.engines.mujoco.settings import ADAPTIVE, recipe
+from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.settings import recipe
+from robotball.engines.simulate import simulate
 from validation.comparison.agreement import Agreement
 from validation.studies.random_scenes import random_scene
 from validation.sweeps import Cell
@@ -74,12 +77,12 @@ def _search(scene: Scene, theory: Motion, family: Iterable[Settings]) -> list[di
 
 
 def _run(scene: Scene, theory: Motion, settings: Settings) -> dict[str, Any]:
-    agreement = Agreement(scene, settings, theory, run(build(scene, settings), theory.times))
-    diagnostics = agreement.diagnostics
+    agreement = Agreement(theory, run(build(scene, settings), theory.times))
+    diagnostics = agreement.report
     return {
         "size": settings.rtol if settings.adaptive else settings.timestep,
         "error": agreement.path_error,
-        "drift": agreement.momentum_drift,
+        "drift": agreement.momentum_error,
         "sound": not agreement.faults,
         "steps": diagnostics.steps,
         "seconds": diagnostics.seconds,
@@ -90,17 +93,17 @@ def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
     """A run to an accuracy, its true error beside the estimate."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", SceneWarning)
-        reached = simulate_with(scene, theory.times, target)
-    agreement = Agreement(scene, reached.settings, theory, reached.motion)
+        motion = simulate(scene, theory.times, accuracy=target)
+    agreement, settings = Agreement(theory, motion), own_settings(motion.report.settings)
     return {
         "target": target,
-        "chosen": reached.settings.rtol or reached.settings.timestep,
-        "adaptive": reached.settings.adaptive,
+        "chosen": settings.rtol or settings.timestep,
+        "adaptive": settings.adaptive,
         "error": agreement.path_error,
-        "estimate": agreement.diagnostics.estimated_error,
+        "estimate": agreement.report.estimated_error,
         "told": bool(told),
-        "seconds": reached.seconds,
-        "last_seconds": agreement.diagnostics.seconds,
+        "seconds": motion.report.total_seconds,
+        "last_seconds": agreement.report.seconds,
     }
 
 

@@ -3,9 +3,7 @@
 A cell's outcome is told by its grey and its letter, so that no colour is needed.
 """
 
-import inspect
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,16 +13,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from robotball.palette import ENGINE, INK, THEORY
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.precheck import LAWS
+from robotball.palette import ACCENT, INK
 from robotball.rotations import Array
-from validation.output import replacing
-from validation.studies.extremes.cell import PREDICTIONS
-from validation.studies.extremes.maps import PROMISE, Map
+from validation.studies.extremes.maps import ERROR_TOLERANCE, Map
 from validation.studies.extremes.outcome import Outcome
-from validation.studies.extremes.summary import (
+from validation.studies.extremes.report import (
     Measured,
     foretold,
-    measured_edges,
+    measured_limits,
     missed,
     noticed,
     outcome_of,
@@ -48,27 +46,18 @@ TICKS = 4  # at most, on an axis
 LINES = [
     (colour, dashes)
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
-    for colour in (THEORY, ENGINE, INK)
+    for colour in (ACCENT, LABEL.colour, INK)
 ]
-SENTENCES = {
-    predict.__name__: (inspect.getdoc(predict) or "").splitlines()[0].rstrip(".")
-    for predict in PREDICTIONS
-}
-
-
-def draw(chosen: Map, results: Sequence[Result], path: Path) -> None:
-    """The picture of a map at `path`."""
-    with replacing(path) as temporary:
-        picture(chosen, results).savefig(temporary, dpi=100)
+SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
 def picture(chosen: Map, results: Sequence[Result]) -> Figure:
     """The panels of a map, rolling models below each other, integrators side by side."""
     rollings = list(dict.fromkeys(each.cell["rolling"] for each in results))
     integrators = list(dict.fromkeys(each.cell["integrator"] for each in results))
-    crossed = _crossed(results)
-    styles = dict(zip(crossed, LINES * (1 + len(crossed) // len(LINES)), strict=False))
-    figure, panels = _panels(len(rollings), len(integrators), lines=len(crossed))
+    exceeded = _exceeded(results)
+    styles = dict(zip(exceeded, LINES * (1 + len(exceeded) // len(LINES)), strict=False))
+    figure, panels = _panels(len(rollings), len(integrators), lines=len(exceeded))
     width, height = figure.get_size_inches()
     figure.text(MARGIN / width, 1 - 0.3 / height, chosen.title, size=14, weight="bold")
     figure.text(MARGIN / width, 1 - 0.52 / height, f"held: {chosen.held}", size=9)
@@ -88,7 +77,7 @@ def picture(chosen: Map, results: Sequence[Result]) -> Figure:
                 axes.set_ylabel(f"{rolling}\n{chosen.y.label}", size=9)
             else:
                 axes.set_yticklabels([])
-    _legend(figure, styles, {each.edge: each for each in measured_edges(results)})
+    _legend(figure, styles, {each.name: each for each in measured_limits(results)})
     return figure
 
 
@@ -113,15 +102,15 @@ def _values(results: Sequence[Result], key: str) -> list[float]:
     return sorted({each.cell[key] for each in results})
 
 
-def _crossed(results: Sequence[Result]) -> list[str]:
-    """The edges with cells on both sides in some panel, so that there is a line to draw."""
+def _exceeded(results: Sequence[Result]) -> list[str]:
+    """The limits with cells on both sides in some panel, so that there is a line to draw."""
     sides: dict[tuple[str, ...], set[bool]] = {}
     for each in results:
         panel = (each.cell["rolling"], each.cell["integrator"])
         for name, value in (each.record or {}).get("nearness", {}).items():
             sides.setdefault((name, *panel), set()).add(value is None or value > 1)
-    crossed = {name for (name, *_), both in sides.items() if len(both) == 2}
-    return [name for name in SENTENCES if name in crossed]
+    exceeded = {name for (name, *_), both in sides.items() if len(both) == 2}
+    return [name for name in SENTENCES if name in exceeded]
 
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
@@ -134,7 +123,7 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
             if name in grids:
                 grids[name][j, i] = 1e6 if value is None else np.clip(value, 1e-6, 1e6)
     for name, grid in grids.items():
-        _draw_edge(axes, np.log10(grid), *styles[name])
+        _draw_limit(axes, np.log10(grid), *styles[name])
     axes.set_xlim(-0.5, len(xs) - 0.5)
     axes.set_ylim(-0.5, len(ys) - 0.5)
 
@@ -154,7 +143,7 @@ def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
         axes.plot(i, j, "o", markerfacecolor="none", markeredgecolor=ink, markersize=11)
 
 
-def _draw_edge(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
+def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
     inside = nearness[np.isfinite(nearness)]
     if min(nearness.shape) < 2 or not len(inside) or not inside.min() < 0 < inside.max():
         return
@@ -197,10 +186,10 @@ def _label(
         axes.set_xticklabels([])
 
 
-def _sentence(edge: Measured) -> str:
+def _sentence(limit: Measured) -> str:
     """The prediction, and what it has come to."""
-    words = f"{SENTENCES[edge.edge]}; kept to {edge.kept:.2g}"
-    return words if edge.broken is None else f"{words}, broken from {edge.broken:.2g} of it"
+    words = f"{SENTENCES[limit.name]}; kept to {limit.kept:.2g}"
+    return words if limit.broken is None else f"{words}, broken from {limit.broken:.2g} of it"
 
 
 def _legend(
@@ -213,7 +202,7 @@ def _legend(
         Patch(
             facecolor=str(GREYS[each]),
             edgecolor="0.5",
-            label=f"{each.sign or ' '}   {each.value[1]}",
+            label=f"{each.sign or ' '}   {each.sentence}",
         )
         for each in Outcome
     ]
@@ -225,7 +214,7 @@ def _legend(
         Line2D([], [], markeredgecolor=INK, markerfacecolor="none", marker="o", linestyle="",
                label="circle: wrong, and neither")
     )  # fmt: skip
-    edges = [
+    limits = [
         Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=label)
         for (colour, dashes), label in zip(
             styles.values(), (_sentence(measured[name]) for name in styles), strict=True
@@ -240,17 +229,19 @@ def _legend(
         "borderaxespad": 0.0,
     }
     above = 0.1
-    if edges:
-        title = f"lines: edges predicted for an error of {PROMISE:g}, and what was measured"
+    if limits:
+        title = (
+            f"lines: limits predicted for an error of {ERROR_TOLERANCE:g}, and what was measured"
+        )
         figure.legend(
-            handles=edges,
+            handles=limits,
             bbox_to_anchor=(x, 0.06 / height),
             title=title,
             title_fontsize=8,
             alignment="left",
             **common,
         )
-        above = 0.35 + LINE * len(edges)
+        above = 0.35 + LINE * len(limits)
     figure.legend(
         handles=[*outcomes, *marks],
         ncols=3,

@@ -1,0 +1,95 @@
+"""MuJoCo as an engine: a request in, a motion with its report out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from robotball.bodies import imbalance
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.precheck import precheck
+from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.settings import PRESETS, Settings
+from robotball.engines.protocol import Engine, Progress, Request, Runner
+from robotball.errors import InputError, warn
+from robotball.motion import ContactMotion, Label, Loads
+from robotball.rotations import Array
+from robotball.scene import Scene
+from robotball.settings import EngineSettings
+
+
+@dataclass(frozen=True)
+class MuJoCo(Engine):
+    """The engine, as `robotball.engines.protocol` describes one."""
+
+    label: Label = LABEL
+    presets: Mapping[str, EngineSettings] = field(default_factory=lambda: PRESETS)
+    default: str = "balanced"
+    least_accuracy: float | None = LEAST_ACCURACY
+
+    def cannot_express(self, scene: Scene) -> str | None:
+        """Nothing: every scene has a model."""
+        return None
+
+    def run(
+        self,
+        scene: Scene,
+        times: Array,
+        request: Request,
+        *,
+        loads: Loads | None = None,
+        strict: bool = False,
+        fault_window: Path | None = None,
+        progress: Progress | None = None,
+    ) -> ContactMotion:
+        """The scene's motion; also warns of a ball that is not balanced."""
+        if offset := imbalance(scene.ball):
+            warn(f"{offset}; no equations describe it")
+        if request.accuracy is not None:
+            motion = _to_accuracy(scene, times, request.accuracy, fault_window, progress)
+            precheck(scene, own_settings(motion.report.settings), times, loads, strict=strict)
+            return motion
+        settings = own_settings(request.settings)
+        precheck(scene, settings, times, loads, strict=strict)
+        return run(build(scene, settings), times, progress, fault_window=fault_window)
+
+    def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
+        """One model, built once, for every start."""
+        model = build(scene, own_settings(settings))
+        return lambda times, start: run(model, times, start=start)
+
+
+MUJOCO = MuJoCo()
+
+
+def own_settings(settings: EngineSettings | None) -> Settings:
+    """The settings as MuJoCo's; raises InputError where they are another engine's."""
+    if not isinstance(settings, Settings):
+        raise InputError(f"{LABEL.name} runs by its own Settings, not by {settings!r}")
+    return settings
+
+
+def _to_accuracy(
+    scene: Scene,
+    times: Array,
+    accuracy: float,
+    fault_window: Path | None,
+    progress: Progress | None,
+) -> ContactMotion:
+    part = 1.0  # of the work left before each run; none knows how many follow it
+
+    def another(settings: Settings, at: Array) -> ContactMotion:
+        nonlocal part
+        part /= 2
+        share = _share(progress, 1 - 2 * part, part)
+        # The pilot runs are coarse, and go on whatever they find.
+        window = fault_window if settings.stop_at_fault else None
+        return run(build(scene, settings), at, share, fault_window=window)
+
+    return reach(scene, times, accuracy, another)
+
+
+def _share(progress: Progress | None, done: float, part: float) -> Progress | None:
+    """Progress of a run that is a part of the whole."""
+    return None if progress is None else lambda fraction: progress(done + part * fraction)

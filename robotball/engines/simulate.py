@@ -1,0 +1,108 @@
+"""Scene + request → Motion by a contact engine."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from robotball.engines.protocol import Engine, Progress, Request
+from robotball.engines.registry import DEFAULT, engine_named
+from robotball.errors import InputError
+from robotball.motion import ContactMotion, Loads
+from robotball.rotations import Array
+from robotball.scene import Scene, check_times
+from robotball.settings import EngineSettings, preset_named
+
+
+def simulate(
+    scene: Scene,
+    times: Array | None = None,
+    settings: EngineSettings | str | None = None,
+    *,
+    engine: Engine | str = DEFAULT,
+    accuracy: float | None = None,
+    strict: bool = False,
+    fault_window: Path | None = None,
+    progress: Progress | None = None,
+) -> ContactMotion:
+    """The motion of the ball as a contact engine rolls it, with a report.
+
+    times: (n,) s, increasing from 0; the scene's own if None. settings: a preset's name or the
+    engine's settings, its default preset if None. engine: its name or itself. accuracy: instead of
+    settings, the path error to reach, relative to the path's length. A run that faults ends there,
+    with fewer times; with stop_at_fault off, only one that has no state any more does.
+    fault_window: where the states around the first fault go, if there is one, for `robotball
+    replay`. progress is called with the simulated fraction.
+
+    Warns of an accuracy that is not reached, and of settings that are predicted to fail, which are
+    an InputError if `strict`. Raises InputError on unusable times, an unknown engine or preset, a
+    scene that the engine cannot express, an accuracy that rounding forbids and a run of more steps
+    than the settings allow.
+    """
+    return run_request(
+        scene,
+        times,
+        request_of(engine, settings, accuracy),
+        strict=strict,
+        fault_window=fault_window,
+        progress=progress,
+    )
+
+
+def request_of(
+    of: Engine | str = DEFAULT,
+    settings: EngineSettings | str | None = None,
+    accuracy: float | None = None,
+    *,
+    keep_going: bool = False,
+) -> Request:
+    """The request that a user's choices make.
+
+    keep_going: not to end at the first fault. Raises InputError for an unknown engine or preset,
+    for both settings and accuracy, and for an accuracy that the engine cannot be asked for.
+    """
+    asked = engine_named(of) if isinstance(of, str) else of
+    if accuracy is not None:
+        _check_accuracy(asked, settings, accuracy, keep_going)
+        return Request(asked, None, float(accuracy))
+    if not isinstance(settings, EngineSettings):
+        settings = preset_named(asked.presets, settings or asked.default)
+    return Request(asked, replace(settings, stop_at_fault=False) if keep_going else settings)
+
+
+def run_request(
+    scene: Scene,
+    times: Array | None,
+    request: Request,
+    *,
+    loads: Loads | None = None,
+    strict: bool = False,
+    fault_window: Path | None = None,
+    progress: Progress | None = None,
+) -> ContactMotion:
+    """`simulate` by a request; loads: of the whole motion, where a reference knows them."""
+    if why := request.engine.cannot_express(scene):
+        raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
+    return request.engine.run(
+        scene,
+        scene.times if times is None else check_times(times),
+        request,
+        loads=loads,
+        strict=strict,
+        fault_window=fault_window,
+        progress=progress,
+    )
+
+
+def _check_accuracy(
+    of: Engine, settings: EngineSettings | str | None, accuracy: float, keep_going: bool
+) -> None:
+    if settings is not None:
+        raise InputError("give settings or an accuracy, not both: an accuracy chooses its own")
+    if keep_going:
+        raise InputError("a run with a fault reaches no accuracy: give --keep-going with a preset")
+    if of.least_accuracy is None:
+        raise InputError(f"{of.label.name} has no settings for an accuracy: give a preset")
+    if not of.least_accuracy <= accuracy < 1:
+        raise InputError(
+            f"an accuracy must be at least {of.least_accuracy:g}, where rounding ends it, and "
+            f"below 1, not {accuracy:g}"
+        )

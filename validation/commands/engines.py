@@ -1,0 +1,23 @@
+"""The command `robotball engines`."""
+
+from dataclasses import dataclass
+
+from validation.commands.arguments import AGREES
+
+
+@dataclass(frozen=True)
+class Engines:
+    """List the engines that can roll a scene, with their presets."""
+
+    def run(self) -> int:
+        from rich.console import Console
+        from rich.table import Table
+
+        from robotball import engine_named, engine_names
+
+        table = Table("engine", "name", "version", "presets")
+        for key in engine_names():
+            each = engine_named(key)
+            table.add_row(key, each.label.name, each.label.version, ", ".join(each.presets))
+        Console().print(table)
+        return AGREES

@@ -1,0 +1,1 @@
+"""What each modelled thing costs a step."""

@@ -35,6 +35,12 @@ def perpendicular(axis: Array) -> Array:
     return side / np.linalg.norm(side)
 
 
+def z_along(axis: Array) -> Array:
+    """A quaternion that turns z onto `axis`."""
+    side = perpendicular(axis)
+    return from_matrix(np.stack([side, np.cross(axis, side), axis], axis=1))
+
+
 def normalised(v: Array) -> Array:
     """`v` (n,) at length one; as it is, to the last bit, where it has that but for rounding."""
     length = np.linalg.norm(v)

@@ -1,6 +1,16 @@
 """Property tests draw the same examples on every machine and at every run."""
 
+import pytest
 from hypothesis import settings
+
+from robotball.film import gl
 
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
 settings.load_profile("repeatable")
+
+
+@pytest.fixture
+def screen() -> None:
+    """Skips what draws where there is no off-screen OpenGL."""
+    if gl.find_backend() is None:
+        pytest.skip(gl.advice())

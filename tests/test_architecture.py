@@ -1,71 +1,181 @@
-"""The house stands as its plan says."""
+"""The architecture is as its plan says, and the tests of it catch what they forbid."""
 
 import ast
-from graphlib import TopologicalSorter
+import subprocess
+import sys
+from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-HOUSE = Path(__file__).parent.parent
-MODULES = sorted((HOUSE / "robotball").rglob("*.py"))
-LAYER = sorted((HOUSE / "validation").rglob("*.py"))
+from tests.imports import PROJECT, graph_of, modules_of, reached
+
+MODULES = modules_of(PROJECT)
+GRAPH = graph_of(MODULES)
+Graph = Mapping[str, set[str]]
+ROOMS = ("robotball.engines.reduced", "robotball.engines.mujoco")
+# Each may import those before it, and none after it.
+FLOORS = (
+    ("robotball",),
+    ("validation.output", "validation.progress"),
+    ("validation.sweeps",),
+    ("validation.comparison",),
+    ("validation.studies",),
+    ("validation.figures", "validation.paper", "validation.bench", "validation.demo"),
+    ("validation.commands",),
+    ("validation.cli",),
+)
 
 
-def imports_of(path: Path) -> set[str]:
-    """The modules that a file imports, by their full names."""
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            names.add(node.module or "")
-    return names
+def within(name: str, package: str) -> bool:
+    return name == package or name.startswith(f"{package}.")
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(HOUSE)))
-def test_the_library_never_imports_the_validation_layer(path: Path) -> None:
-    """robotball stands without validation."""
-    assert not any(name.split(".")[0] == "validation" for name in imports_of(path))
+def floor_of(name: str) -> int:
+    (floor,) = [i for i, homes in enumerate(FLOORS) if any(within(name, home) for home in homes)]
+    return floor
+
+
+def backward(graph: Graph) -> list[str]:
+    """Imports that run up from a floor to a higher one."""
+    return [
+        f"{name} -> {other}"
+        for name, others in graph.items()
+        if name != "validation"
+        for other in others
+        if other != "validation" and floor_of(other) > floor_of(name)
+    ]
+
+
+def between_rooms(graph: Graph) -> list[str]:
+    """Modules of one engine's room that reach a module of another's."""
+    return [
+        f"{name} -> {other}"
+        for name in graph
+        for room in ROOMS
+        if within(name, room)
+        for other in reached(graph, name)
+        if any(within(other, each) for each in ROOMS if each != room)
+    ]
+
+
+def types_known_outside(graph: Graph) -> list[str]:
+    """Modules of the library outside the contact engine's room that import from it."""
+    room = "robotball.engines.mujoco"
+    return [
+        f"{name} -> {other}"
+        for name, others in graph.items()
+        if within(name, "robotball") and not within(name, room)
+        for other in others
+        if within(other, room)
+    ]
+
+
+def test_no_import_runs_up() -> None:
+    """The library stands without validation, and no study knows a command."""
+    assert backward(GRAPH) == []
 
 
 def test_no_imports_go_in_a_circle() -> None:
     """Of all modules, those loaded late by a command included."""
-    names = {
-        ".".join(path.relative_to(HOUSE).with_suffix("").parts).removesuffix(".__init__")
-        for path in (*MODULES, *LAYER)
+    TopologicalSorter(GRAPH).prepare()  # raises CycleError, with the circle
+
+
+def test_no_engine_knows_another() -> None:
+    """The equations never reach the contact model, nor it their integration, however far."""
+    assert between_rooms(GRAPH) == []
+    both = [reached(GRAPH, f"{ROOMS[0]}.integrate"), reached(GRAPH, f"{ROOMS[1]}.engine")]
+    assert {"robotball.equations", "robotball.scene", "robotball.loads"} <= both[0] & both[1]
+
+
+def test_nothing_outside_an_engines_room_knows_its_types() -> None:
+    """The library goes through the registry alone."""
+    assert types_known_outside(GRAPH) == []
+
+
+@pytest.mark.parametrize(
+    ("home", "line"),
+    [
+        ("robotball/engines/reduced/integrate.py", "from robotball.engines.mujoco import model"),
+        ("robotball/engines/reduced/integrate.py", "import robotball.engines.mujoco.model"),
+        ("robotball/engines/reduced/integrate.py", "from ..mujoco.model import build"),
+        ("robotball/loads.py", "def f():\n    from robotball.engines.mujoco import model"),
+        ("robotball/scene.py", "from validation.sweeps import sweep"),
+        ("robotball/scene.py", "import validation"),
+        ("validation/studies/order.py", "from validation.commands import arguments"),
+        ("robotball/equations.py", "from robotball import scene"),
+    ],
+)
+def test_an_import_that_is_forbidden_is_found(tmp_path: Path, home: str, line: str) -> None:
+    """The same checks on the same files with one line more; at least one of them fails."""
+    modules = dict(MODULES)
+    changed = tmp_path / Path(home).name
+    changed.write_text(f"{(PROJECT / home).read_text()}\n\n{line}\n")
+    modules[home.removesuffix(".py").replace("/", ".")] = changed
+    graph = graph_of(modules)
+    try:
+        TopologicalSorter(graph).prepare()
+        circles = False
+    except CycleError:
+        circles = True
+    up = [each for each in graph["robotball.scene"] if within(each, "validation")]
+    assert circles or up or backward(graph) or between_rooms(graph) or types_known_outside(graph)
+
+
+def test_no_file_holds_more_than_three_hundred_lines() -> None:
+    """Of the two packages."""
+    lengths = {name: len(file.read_text().splitlines()) for name, file in MODULES.items()}
+    assert {name: length for name, length in lengths.items() if length > 300} == {}
+
+
+def test_the_tests_mirror_the_packages() -> None:
+    """Every folder of tests is one of the packages'."""
+    here = Path(__file__).parent
+    folders = {file.parent.relative_to(here) for file in here.rglob("test_*.py")}
+    assert {folder for folder in folders if not (PROJECT / folder).is_dir()} == set()
+
+
+def names_typed(file: Path, name: str) -> list[str]:
+    """The texts of a module that hold a name, but for docstrings and what names a module."""
+    tree = ast.parse(file.read_text())
+    docstrings = {
+        id(node.body[0].value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        and node.body
+        and isinstance(node.body[0], ast.Expr)
     }
-    graph = {name: members_of(name, names) for name in names}
-    TopologicalSorter(graph).prepare()  # raises CycleError, with the circle
+    return [
+        node.value
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and name in node.value
+        and id(node) not in docstrings
+    ]
 
 
-def members_of(module: str, names: set[str]) -> set[str]:
-    """The modules among `names` that one imports, or imports names from."""
-    file = HOUSE / module.replace(".", "/")
-    path = file / "__init__.py" if file.is_dir() else file.with_suffix(".py")
-    found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            inner = {f"{node.module}.{alias.name}" for alias in node.names}
-            found |= (inner & names) or {node.module}
-    return (found & names) - {module}
+def test_an_engines_name_is_typed_in_its_room_alone() -> None:
+    """What is printed, drawn and written takes it from the engine's label."""
+    typed = {
+        name: texts
+        for name, file in MODULES.items()
+        if not within(name, "robotball.engines.mujoco") and (texts := names_typed(file, "MuJoCo"))
+    }
+    assert typed == {}
 
 
-def test_neither_engine_knows_the_other() -> None:
-    """The equations never reach MuJoCo, and MuJoCo's side never reaches their integration."""
+# What tyro and Python's own library need comes on top.
+HELP_IMPORTS = {"robotball", "robotball.errors", "validation"}
 
-    def reached(module: str, seen: set[str]) -> set[str]:
-        path = HOUSE / f"{module.replace('.', '/')}.py"
-        if module in seen or not path.exists():
-            return seen
-        seen.add(module)
-        for name in imports_of(path):
-            reached(name, seen)
-        return seen
 
-    equations, engine = (
-        reached("robotball.engines.reduced.integrate", set()),
-        reached("robotball.engines.mujoco.run", set()),
-    )
-    assert "robotball.engines.mujoco.model" not in equations
-    assert "robotball.engines.reduced.integrate" not in engine
-    assert {"robotball.equations", "robotball.scene"} <= equations & engine
+def test_help_imports_next_to_nothing() -> None:
+    """The command line loads what a command needs when that command runs."""
+    code = "import sys, validation.cli; print(*sys.modules)"
+    loaded = subprocess.check_output([sys.executable, "-c", code], text=True).split()
+    heavy = {"numpy", "scipy", "mujoco", "matplotlib", "numba", "msgspec", "dm_control", "mediapy"}
+    assert heavy & set(loaded) == set()
+    ours = {name for name in loaded if within(name, "robotball") or within(name, "validation")}
+    commands = {name for name in ours if within(name, "validation.commands")}
+    assert ours - commands == {*HELP_IMPORTS, "validation.cli"}

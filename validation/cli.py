@@ -1,6 +1,7 @@
 """The `robotball` command: arguments in, exit status out.
 
-Exit status: 0 agreement within the stated bound, 1 not, 2 bad input.
+Exit status: 0 agreement within the stated bound, 1 not, 2 bad input. Nothing that a command needs
+is imported before it runs.
 """
 
 import contextlib
@@ -13,7 +14,7 @@ from collections.abc import Sequence
 
 import tyro
 
-from robotball import InputError, SceneWarning
+from robotball.errors import InputError, SceneWarning
 from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT
 from validation.commands.basins import Basins
@@ -41,6 +42,9 @@ Command = (
 )  # fmt: skip
 
 
+FORMER_NAMES = {"ladder": "ablation"}
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status."""
     # A run's monitor reports what the engine would only log.
@@ -48,13 +52,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     warnings.simplefilter("once", SceneWarning)
     warnings.showwarning = _show_warning
     try:
-        status = parse(arguments).run()
+        status = parse(_renamed(sys.argv[1:] if arguments is None else arguments)).run()
     except InputError as error:
         print(f"robotball: {error}", file=sys.stderr)
         status = BAD_INPUT
     except KeyboardInterrupt:
         status = 130
     sys.exit(status)
+
+
+def _renamed(arguments: Sequence[str]) -> list[str]:
+    """The arguments with a command's former name replaced, which a line on standard error says."""
+    if not arguments or arguments[0] not in FORMER_NAMES:
+        return list(arguments)
+    name = FORMER_NAMES[arguments[0]]
+    print(f"robotball: `{arguments[0]}` is called `{name}` now", file=sys.stderr)
+    return [name, *arguments[1:]]
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

@@ -82,7 +82,7 @@ class Design:
         inside = self.needed_radius <= self.ball.radius - self.limits.shell_thickness
         place = "the frame's radius" if inside else "the shell"
         return (
-            f"runs in MuJoCo, cannot be built: mass would lie outside {place}: the frame needs a "
+            f"can be simulated, not be built: mass would lie outside {place}: the frame needs a "
             f"radius of {self.needed_radius:.4g} m ({self.reach:.4g} m here), and has "
             f"{self.allowed_radius:.4g} m"
         )

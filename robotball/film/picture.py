@@ -16,9 +16,9 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from robotball import palette
 from robotball.bodies import Ball
-from robotball.engines.mujoco.model import part, z_along
+from robotball.files.parts import part
 from robotball.motion import Motion
-from robotball.rotations import Array
+from robotball.rotations import Array, z_along
 
 SMALLER = 0.85  # each further rotor than the one before, so that all are seen
 HALF_WIDTH = 0.035  # of a path on the floor

@@ -7,11 +7,7 @@ from typing import Annotated
 
 from tyro.conf import DisallowNone, arg
 
-from robotball import Limits, load_scene, scene_toml
-from robotball.designing.design import describe
-from robotball.designing.redesign import redesign
 from validation.commands.arguments import AGREES, OUT, SceneName
-from validation.output import replacing, writable_folder
 
 
 @dataclass(frozen=True)
@@ -32,6 +28,11 @@ class Design:
     """Folder for the scene."""
 
     def run(self) -> int:
+        from robotball import Limits, load_scene, scene_toml
+        from robotball.designing.design import describe
+        from robotball.designing.redesign import redesign
+        from validation.output import replacing, writable_folder
+
         scene = load_scene(self.scene)
         limits = Limits(
             rotor_speed=self.rotor_speed,

@@ -13,11 +13,15 @@ class Engines:
         from rich.console import Console
         from rich.table import Table
 
-        from robotball import engine_named, engine_names
+        from robotball import InputError, engine_named, engine_names
 
         table = Table("engine", "name", "version", "presets")
         for key in engine_names():
-            each = engine_named(key)
-            table.add_row(key, each.label.name, each.label.version, ", ".join(each.presets))
+            try:
+                each = engine_named(key)
+            except InputError as error:
+                table.add_row(key, "-", "-", str(error))
+            else:
+                table.add_row(key, each.label.name, each.label.version, ", ".join(each.presets))
         Console().print(table)
         return AGREES

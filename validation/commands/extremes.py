@@ -37,7 +37,8 @@ class Extremes:
 
         from validation.output import writable_folder, write_picture, write_record
         from validation.progress import progress_bar
-        from validation.studies.extremes.maps import QUICK, WHOLE, cells_of, chosen
+        from validation.studies.extremes.cells import QUICK, WHOLE, cells_of
+        from validation.studies.extremes.maps import chosen
         from validation.studies.extremes.measure import survey
         from validation.studies.extremes.picture import picture
         from validation.studies.extremes.report import show, summary

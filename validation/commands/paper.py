@@ -4,10 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from rich.console import Console
 from tyro.conf import DisallowNone, arg
-
-from validation.output import writable_file
 
 
 @dataclass(frozen=True)
@@ -22,7 +19,9 @@ class Paper:
     """Also write the findings as JSON."""
 
     def run(self) -> int:
-        # numba and scipy take a while to come.
+        from rich.console import Console
+
+        from validation.output import writable_file
         from validation.paper import CLAIMS
         from validation.paper.report import examine_all, show_findings, write_findings
 

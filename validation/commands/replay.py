@@ -1,21 +1,12 @@
 """The command `robotball replay`."""
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from rich import box
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 from tyro.conf import DisallowNone, Positional, arg
 
-from robotball import InputError
-from robotball.engines.mujoco.fault_window import FaultWindow, Replayed, load, replay
 from validation.commands.arguments import AGREES, DISAGREES
-
-WIDTH = 100  # characters that the table needs
 
 
 @dataclass(frozen=True)
@@ -30,9 +21,14 @@ class Replay:
     """Go from row to row, each at a press of Enter, from the first bad one on."""
 
     def run(self) -> int:
+        from rich.console import Console
+
+        from robotball.engines.mujoco.fault_window import load, replay
+        from validation.comparison.fault_report import outcome_of, show_row, show_rows, walk
+
         window, console = load(self.file), Console()
         if self.step is not None:
-            _show_row(window, self.step, console)
+            show_row(window, self.step, console)
             return AGREES
         replayed = replay(window)
         console.print(
@@ -40,58 +36,8 @@ class Replay:
             f"at t = {window.time:.6g} s"
         )
         if self.interactive:
-            _walk(window, console)
+            walk(window, console)
         else:
-            _show(window, console)
-        print(_said(window, replayed))
+            show_rows(window, console)
+        print(outcome_of(window, replayed))
         return AGREES if replayed.difference in (0.0, None) else DISAGREES
-
-
-def _show(window: FaultWindow, console: Console) -> None:
-    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
-    for heading in ("row", *window.columns):
-        table.add_column(escape(heading), justify="right")
-    table.add_column("")
-    for i, row in enumerate(window.table):
-        bad = i == window.bad
-        cells = [f"{i}", *map(_cell, row), "<- bad" if bad else ""]
-        table.add_row(*cells, style="yellow" if bad else "")
-    if window.bad == len(window.table):
-        table.add_row(f"{window.bad}", *("" for _ in window.columns), "<- no further")
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    console.print(table)
-
-
-def _walk(window: FaultWindow, console: Console) -> None:
-    if not sys.stdin.isatty():
-        raise InputError("--interactive needs a terminal; leave it out to see all rows at once")
-    for i in range(min(window.bad, len(window.table) - 1), len(window.table)):
-        _show_row(window, i, console)
-        if input("Enter for the next row, q to leave: ").strip():
-            break
-
-
-def _show_row(window: FaultWindow, row: int, console: Console) -> None:
-    """All that is known of one row; raises InputError where there is no such row."""
-    if not 0 <= row < len(window.table):
-        raise InputError(f"--step must be a row from 0 to {len(window.table) - 1}, not {row}")
-    console.print(f"row {row}{', the first bad one' if row == window.bad else ''}")
-    for name, value in zip(window.columns, window.table[row], strict=True):
-        console.print(escape(f"  {name:20s} {_cell(value, digits=9)}"), highlight=False)
-    qpos, qvel = window.coordinates(row)
-    for name, values in (("qpos", qpos), ("qvel", qvel)):
-        console.print(f"  {name:20s} {' '.join(_cell(v, 9) for v in values)}", highlight=False)
-
-
-def _cell(value: float | None, digits: int = 4) -> str:
-    return "-" if value is None else f"{value:.{digits}g}"
-
-
-def _said(window: FaultWindow, replayed: Replayed) -> str:
-    if replayed.difference is None:
-        return f"not stepped again: {replayed.why}"
-    what = "the forces at its states" if window.adaptive else "its steps"
-    if replayed.difference == 0.0:
-        return f"{replayed.rows} rows: {what}, computed again, are the same to the last bit"
-    return f"{replayed.rows} rows: {what}, computed again, differ by {replayed.difference:.3g}"

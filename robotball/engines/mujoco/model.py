@@ -1,10 +1,8 @@
 """Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs."""
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -14,16 +12,11 @@ from robotball.drives import Servo
 from robotball.engines.mujoco.equilibrium import carrying_depth, compiled_model
 from robotball.engines.mujoco.hinges import Hinge, Tree, hinges_of
 from robotball.engines.mujoco.settings import Settings
-from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
+from robotball.files.parts import part
+from robotball.rotations import Array, rotation_matrix, z_along
 from robotball.scene import Scene
 from robotball.start import Start
 
-with warnings.catch_warnings():
-    # Without a screen, dm_control's search for a window system warns; nothing here needs one.
-    warnings.simplefilter("ignore")
-    from dm_control import mjcf
-
-PARTS = Path(__file__).parents[3] / "mjcf"
 PRECISION = 17  # digits that bring every double back
 ORIGIN, Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
 START = "start"  # the keyframe that a run begins from
@@ -151,11 +144,6 @@ def _compose(
     return root, pair
 
 
-def part(name: str) -> Any:
-    """The hand-written part mjcf/`name`.xml as it is, in units of the ball's radius."""
-    return mjcf.from_path(str(PARTS / f"{name}.xml"))
-
-
 def _bare(name: str) -> Any:
     """A part without what only a picture of it needs; MuJoCo would carry it through every step."""
     tree = part(name)
@@ -178,12 +166,6 @@ def _set(element: Any, attribute: str, value: Any) -> None:
 def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) -> None:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
     body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
-
-
-def z_along(axis: Array) -> Array:
-    """A quaternion that turns z onto `axis`."""
-    side = perpendicular(axis)
-    return from_matrix(np.stack([side, np.cross(axis, side), axis], axis=1))
 
 
 def _condim(scene: Scene, settings: Settings) -> int:

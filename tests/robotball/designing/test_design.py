@@ -23,7 +23,7 @@ from tests.random_balls import RandomBall, random_axis, random_ball, ring_ball
 from validation import compare
 
 A12, OMEGA12, K12 = np.diag([0.7, 0.6, 0.8]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 2.0, 0.0])
-UNBUILDABLE = "runs in MuJoCo, cannot be built: mass would lie outside the shell"
+UNBUILDABLE = "can be simulated, not be built: mass would lie outside the shell"
 
 
 def fig12(**changes: Any) -> Design:
@@ -438,7 +438,7 @@ def test_a_frame_too_small_is_told_what_it_needs() -> None:
     small = Limits(frame_radius=0.7)
     made = fig12(limits=small)
     assert made.verdict.startswith(
-        "runs in MuJoCo, cannot be built: mass would lie outside the frame's radius: "
+        "can be simulated, not be built: mass would lie outside the frame's radius: "
         f"the frame needs a radius of {made.needed_radius:.4g} m"
     )
     refusal = (

@@ -14,11 +14,12 @@ from scipy.spatial.transform import Rotation
 import robotball as rb
 from robotball import palette
 from robotball.engines.mujoco import LABEL, model
+from robotball.files.parts import PARTS
 from robotball.film import gl
 from robotball.film.canvas import Pixels
 from robotball.film.picture import track
 from robotball.film.render import frames, write_video
-from robotball.rotations import Array, conjugate, multiply
+from robotball.rotations import Array, conjugate, multiply, z_along
 from tests.scenes import FOUR
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s
@@ -35,15 +36,9 @@ def theory(scene: rb.Scene) -> rb.Motion:
     return rb.integrate(scene, TIMES)
 
 
-@pytest.fixture(scope="module")
-def screen() -> None:
-    if gl.find_backend() is None:
-        pytest.skip(gl.advice())
-
-
 @pytest.mark.parametrize("name", ["floor", "shell", "frame", "rotor"])
 def test_each_part_opens_alone(name: str) -> None:
-    part = mujoco.MjModel.from_xml_path(str(model.PARTS / f"{name}.xml"))
+    part = mujoco.MjModel.from_xml_path(str(PARTS / f"{name}.xml"))
     assert part.ngeom > 0
     assert part.nmat > 0
 
@@ -69,7 +64,7 @@ def test_the_picture_s_bodies_stand_as_the_run_s(scene: rb.Scene) -> None:
     motion = rb.simulate(scene, TIMES, settings="balanced")
     drawn = track(scene.ball, motion, TIMES[-1:])
     # A part's z is its body's axis; the run's rotor has it so already.
-    upright = model.z_along(scene.ball.shell.axis)
+    upright = z_along(scene.ball.shell.axis)
     expected = np.array([multiply(shell, upright), multiply(frame, upright), rotor])
     assert _angles(drawn.attitudes[0], expected).max() < 1e-12
     assert np.abs(drawn.point[0] * scene.ball.radius - data.qpos[:2]).max() < 1e-12

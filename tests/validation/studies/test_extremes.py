@@ -16,7 +16,8 @@ from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
 from validation import compare
 from validation.cli import main
 from validation.studies.extremes.balls import gyrostat, momentum_of, redistributed, scaled
-from validation.studies.extremes.maps import MAPS, QUICK, TIMESTEPS, Cut, base, cells_of, trial
+from validation.studies.extremes.cells import QUICK, Cut, cells_of
+from validation.studies.extremes.maps import MAPS, TIMESTEPS, base, trial
 from validation.studies.extremes.measure import measure, reference
 from validation.studies.extremes.outcome import Outcome, classify
 from validation.studies.extremes.report import measured_limits, missed
@@ -207,7 +208,7 @@ def test_the_command_draws_a_map_and_goes_on_where_it_was(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A picture, the table of its cells and the summary; the second time nothing is run again."""
-    monkeypatch.setattr("validation.studies.extremes.maps.QUICK", Cut(("Euler", "RK4"), 2))
+    monkeypatch.setattr("validation.studies.extremes.cells.QUICK", Cut(("Euler", "RK4"), 2))
     arguments = ["extremes", "friction", "--quick", "--workers", "1", "--out", str(tmp_path)]
     for _ in range(2):
         with pytest.raises(SystemExit) as leaving:

@@ -52,7 +52,7 @@ CHOICES = (
         ("solver", "jacobian", "iterations", "warmstart", "island"),
         "PGS and few iterations",
     ),
-    Choice("timestep", ("timestep",), "shorter than MuJoCo's own"),
+    Choice("timestep", ("timestep",), "shorter than the engine's own"),
 )
 # A newcomer hangs the shell on the body that it is built around. At both ends a faulty run goes
 # on, so that there is an error to tell, and slip is a fault from the same size on.

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball import InputError
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.run import run
 from robotball.engines.reduced.compiled.kernels import Starts
@@ -93,7 +94,7 @@ def rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> A
     """The attitude (4,), in principal axes, to which MuJoCo rolls the ball in `duration` s."""
     motion = run(model, np.array([0.0, duration]), start=own_start(model.scene, attitude, momentum))
     if motion.report.faults:
-        raise InputError(f"MuJoCo's run is no result: {motion.report.faults[0]}")
+        raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
     return multiply(motion.attitude[-1], model.scene.principal_quaternion)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball import InputError, Motion, Scene, sample_times
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.run import run
 from robotball.qualitative.motion_section import Crossings, crossings, joined
@@ -48,7 +49,7 @@ def sound_run(model: Model, start: Start, duration: float) -> Motion:
     """The motion sampled at every step; raises InputError where it has a fault."""
     motion = run(model, sample_times(duration, model.compiled.opt.timestep), start=start)
     if motion.report.faults:
-        raise InputError(f"MuJoCo's run is no result: {motion.report.faults[0]}")
+        raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
     return motion
 
 
@@ -70,7 +71,7 @@ def returns(
         at = Start(motion.attitude[-1], start.momentum)
         if sum(len(each.times) for each in found) >= count:
             return joined(found)[:count], (stretch + 1) * STRETCH, moved
-    raise InputError("MuJoCo's ball does not come back to the section")
+    raise InputError(f"{LABEL.name}'s ball does not come back to the section")
 
 
 def contact_cycle(
@@ -86,7 +87,7 @@ def contact_cycle(
         motion = sound_run(model, start_at(model, point[0], point[1], f), 1.2 * period)
         next_one = crossings(motion, model.scene).only(direction)
         if len(next_one.times) == 0:
-            raise InputError(f"MuJoCo's ball does not come back within {1.2 * period:g} s")
+            raise InputError(f"{LABEL.name}'s ball does not come back within {1.2 * period:g} s")
         return np.array([next_one.L[0], next_one.l[0]]), float(next_one.times[0])
 
     scale, point = np.array([np.sqrt(f), 1.0]), np.array([L, l])

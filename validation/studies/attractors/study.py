@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from robotball import load_scene, preset, sample_times
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.parameters import Parameters
@@ -46,7 +47,7 @@ Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
-class Finding:
+class Measurement:
     """One quantity by both engines; `apart`, which is to be below `bound`; error: the sampling's,
     at one standard deviation, 0 where nothing is random.
     """
@@ -63,7 +64,7 @@ class Finding:
         return self.apart <= self.bound
 
 
-def cycle_findings(report: Report) -> Iterator[Finding]:
+def measure_cycle(report: Report) -> Iterator[Measurement]:
     """Fig. 11a's periodic orbit: period, fixed point, multiplier, drift."""
     report(0, "Fig. 11a: periodic orbit")
     scene = load_scene("fig12")
@@ -78,10 +79,10 @@ def cycle_findings(report: Report) -> Iterator[Finding]:
         ("11a: l of it [rad]", contact.l, l),
         ("11a: |multiplier|", ours, size),
     ):
-        yield Finding(claim, a, b, abs(a - b), 1e-6)
+        yield Measurement(claim, a, b, abs(a - b), 1e-6)
     start = own_start(scene, cycle.attitude, cycle.momentum)
     moved = run(model, sample_times(cycle.period, 5e-3), start=start).contact_point[-1]
-    yield drift_finding("fig12", -float(moved @ cycle.momentum[:2]) / 5 / cycle.period, 0.0, 1e-5)
+    yield measure_drift("fig12", -float(moved @ cycle.momentum[:2]) / 5 / cycle.period, 0.0, 1e-5)
 
 
 def crossing_of(cycle: Cycle, parameters: Parameters) -> tuple[float, float]:
@@ -90,19 +91,19 @@ def crossing_of(cycle: Cycle, parameters: Parameters) -> tuple[float, float]:
     return float(found.L[0, 0]), float(found.l[0, 0])
 
 
-def torus_findings(report: Report) -> Iterator[Finding]:
+def measure_torus(report: Report) -> Iterator[Measurement]:
     """Fig. 11a's limit torus: every section point of MuJoCo's against the equations' curve."""
     report(1, "Fig. 11a: limit torus")
     scene = load_scene("fig13")
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
     contact = cloud_by_contact(build(scene, preset("balanced")), TORUS_BY_CONTACT, seed=0)
     apart = distance_to_curve(contact.states, curve.states)
-    yield Finding("11a: off the torus", apart.max(), 0.0, apart.max(), 5e-6)
+    yield Measurement("11a: off the torus", apart.max(), 0.0, apart.max(), 5e-6)
     # The mean over 1200 s misses that of all time by a swing of the path, some metres, over that.
-    yield drift_finding("fig13", float(contact.velocities[0, 0]), 0.0, 5e-3)
+    yield measure_drift("fig13", float(contact.velocities[0, 0]), 0.0, 5e-3)
 
 
-def cloud_findings(report: Report) -> Iterator[Finding]:
+def measure_clouds(report: Report) -> Iterator[Measurement]:
     """Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
     contact = cloud_by_contact(
@@ -117,13 +118,13 @@ def cloud_findings(report: Report) -> Iterator[Finding]:
     )
     probability = rank_probability(contact.states, peers, reference)
     # Of right clouds 1 - p is even between 0 and 1, 0.5 in the mean; over 0.99 is refused.
-    yield Finding("11b: 1 - p of the cloud", 1 - probability, 0.5, 1 - probability, 0.99)
+    yield Measurement("11b: 1 - p of the cloud", 1 - probability, 0.5, 1 - probability, 0.99)
     mean = contact.velocities.mean(axis=0)
     error = contact.velocities.std(axis=0, ddof=1) / np.sqrt(CLOUD.starts)
-    yield drift_finding("fig14", float(mean[0]), float(error[0]), 3 * float(error[0]))
+    yield measure_drift("fig14", float(mean[0]), float(error[0]), 3 * float(error[0]))
 
 
-def exponent_findings(report: Report) -> Iterator[Finding]:
+def measure_exponents(report: Report) -> Iterator[Measurement]:
     """Fig. 11b's largest exponent, and the growth of both engines along the same motion."""
     scene = load_scene("fig14")
     contact = contact_exponent(
@@ -134,7 +135,7 @@ def exponent_findings(report: Report) -> Iterator[Finding]:
         progress=lambda part: report(4 + 4 * part, "Fig. 11b: exponent"),
     )
     apart = abs(contact.mean - EXPONENT)
-    yield Finding(
+    yield Measurement(
         "11b: λ₁ [1/s]",
         contact.mean,
         EXPONENT,
@@ -143,20 +144,20 @@ def exponent_findings(report: Report) -> Iterator[Finding]:
         contact.error,
     )
     alongside = float(growth_by_equations(scene.parameters, contact).mean() / contact.interval)
-    yield Finding(
+    yield Measurement(
         "11b: along one motion", contact.mean, alongside,
         abs(contact.mean - alongside), 1e-4,
     )  # fmt: skip
 
 
-def drift_finding(scene: str, velocity: float, error: float, bound: float) -> Finding:
+def measure_drift(scene: str, velocity: float, error: float, bound: float) -> Measurement:
     theirs = DRIFTS[scene]
     claim = f"{scene[3:]}: drift [m/s]"
-    return Finding(claim, velocity, theirs, abs(velocity - theirs), bound, error)
+    return Measurement(claim, velocity, theirs, abs(velocity - theirs), bound, error)
 
 
 def main() -> None:
-    """All findings, as a table."""
+    """All measurements, as a table."""
     console = Console()
     table = Table(
         box=box.SIMPLE_HEAD,
@@ -164,10 +165,10 @@ def main() -> None:
         title="The attractors of Figs 11 to 14",
         title_justify="left",
     )
-    for heading in ("", "MuJoCo", "equations", "apart", "bound", "σ", ""):
+    for heading in ("", LABEL.name, "equations", "apart", "bound", "σ", ""):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     with progress_bar(8) as report:
-        for study in (cycle_findings, torus_findings, cloud_findings, exponent_findings):
+        for study in (measure_cycle, measure_torus, measure_clouds, measure_exponents):
             for each in study(report):
                 numbers = (f"{each.contact:.8g}", f"{each.equations:.8g}")
                 sizes = (

@@ -7,11 +7,10 @@ from functools import cache
 import numpy as np
 
 from robotball import Scene, Servo, Settings, load_scene
-from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
+from robotball.engines.mujoco.integrators import ADAPTIVE
 from robotball.engines.mujoco.settings import MOST_STEPS, recipe
 from robotball.errors import unknown
 from validation.studies.extremes.balls import gyrostat, momentum_of, redistributed, scaled
-from validation.sweeps import Cell
 
 SCENES = {"rubber": "fig12", "classical": "classical_regular"}
 TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
@@ -19,9 +18,6 @@ RTOL = 1e-8  # of the adaptive integrator's steps, where it is not varied
 DURATION = 3.0  # s, on maps that do not vary it: a few turns of the ball
 ERROR_TOLERANCE = 1e-2  # the error that a cell is held to
 ADAPTIVE_STEPS = 2000  # at most; of the cells that end well none takes 1800
-QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
-QUICK_COUNT = 3  # values of an axis
-QUICK_DURATION = 10.0  # s, at most
 COUNT = 8  # values of an axis, if no other number is given
 
 
@@ -277,35 +273,3 @@ def chosen(names: tuple[str, ...]) -> list[Map]:
         if name not in MAPS:
             raise unknown("map", name, MAPS)
     return [MAPS[name] for name in dict.fromkeys(names or MAPS)]
-
-
-@dataclass(frozen=True)
-class Cut:
-    """How much of the maps to run: all integrators and values, or a few."""
-
-    integrators: tuple[str, ...] = tuple(INTEGRATORS)
-    count: int | None = None
-
-    def values(self, axis: Axis) -> tuple[float, ...]:
-        """Those of the axis that are in the cut, its ends among them."""
-        values = axis.values
-        if self.count is None or self.count >= len(values):
-            return values
-        if "duration" in axis.label:
-            values = tuple(v for v in values if v <= QUICK_DURATION)
-        chosen = np.linspace(0, len(values) - 1, self.count).round().astype(int)
-        return tuple(values[i] for i in np.unique(chosen))
-
-
-WHOLE, QUICK = Cut(), Cut(QUICK_INTEGRATORS, QUICK_COUNT)
-
-
-def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:
-    """The cells of a map; those of one ball follow each other."""
-    return [
-        {"map": chosen.name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
-        for rolling in chosen.rollings
-        for integrator in cut.integrators
-        for y in cut.values(chosen.y)
-        for x in cut.values(chosen.x_of(integrator))
-    ]

@@ -20,14 +20,13 @@ from robotball.engines.reduced.integrate import compiled_states, motion_of
 from robotball.rotations import Array
 from validation.comparison.agreement import Agreement
 from validation.progress import Show
+from validation.studies.extremes.cells import Cut, cells_of
 from validation.studies.extremes.maps import (
     DURATION,
     MAPS,
     TIMESTEP,
-    Cut,
     Map,
     Trial,
-    cells_of,
     trial,
 )
 from validation.studies.extremes.outcome import Outcome, classify, largest_error

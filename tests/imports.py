@@ -1,0 +1,61 @@
+"""Who imports whom in this project, read from the files; lazy imports included."""
+
+import ast
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+PROJECT = Path(__file__).parent.parent
+PACKAGES = ("robotball", "validation")
+
+
+def modules_of(root: Path) -> dict[str, Path]:
+    """The modules of the two packages under a root, by their full names."""
+    files = [file for package in PACKAGES for file in sorted((root / package).rglob("*.py"))]
+    return {_name(file.relative_to(root)): file for file in files}
+
+
+def graph_of(modules: Mapping[str, Path]) -> dict[str, set[str]]:
+    """What each module imports of the others, by `import`, by `from`, or as a member of a package.
+
+    To import a module runs its packages as well, but what they hand on counts only where it is
+    taken from them.
+    """
+    return {name: set(_imported(name, file, modules)) for name, file in modules.items()}
+
+
+def reached(graph: Mapping[str, set[str]], start: str) -> set[str]:
+    """All that a module imports, and what that imports, and so on."""
+    seen: set[str] = set()
+    waiting = [start]
+    while waiting:
+        for each in graph[waiting.pop()] - seen:
+            seen.add(each)
+            waiting.append(each)
+    return seen
+
+
+def _imported(module: str, file: Path, modules: Mapping[str, Path]) -> Iterator[str]:
+    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            parents = package.split(".")[: len(package.split(".")) + 1 - node.level]
+            home = ".".join([*(parents if node.level else []), *filter(None, [node.module])])
+            names = [f"{home}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        yield from filter(None, (_module(name, modules) for name in names if name != module))
+
+
+def _module(name: str, modules: Mapping[str, Path]) -> str | None:
+    """The module that a dotted name is, or is a member of."""
+    while name not in modules:
+        name = name.rpartition(".")[0]
+        if not name:
+            return None
+    return name
+
+
+def _name(file: Path) -> str:
+    return ".".join(file.with_suffix("").parts).removesuffix(".__init__")

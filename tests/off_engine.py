@@ -1,0 +1,43 @@
+"""An engine of thirty lines: the equations' motion with an error that grows in time."""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from robotball.engines.protocol import Engine, Request
+from robotball.engines.reduced.integrate import integrate
+from robotball.motion import ContactMotion, ContactReport, Label, Motion
+from robotball.rotations import Array
+from robotball.scene import Scene
+from robotball.settings import EngineSettings
+
+ERROR = 1e-4  # of the path, at its end
+PRESETS = {"as it comes": EngineSettings(name="as it comes", error_tolerance=1e-2)}
+
+
+class Off(Engine):
+    """Rolls as the equations do, and misses the path's end by ERROR; it has no classical ball."""
+
+    label = Label("Off", "3.1", "#009E73")
+    presets = PRESETS
+    default = "as it comes"
+    least_accuracy = None
+
+    def cannot_express(self, scene: Scene) -> str | None:
+        return "it has no ball that may spin" if scene.rolling == "classical" else None
+
+    def run(self, scene: Scene, times: Array, request: Request, **_: Any) -> ContactMotion:
+        exact, zero = integrate(scene, times), np.zeros(len(times))
+        settings = request.settings or self.presets[self.default]
+        report = ContactReport(
+            settings, slip=zero, spin=zero, depth=zero, friction_used=zero, hinge_rate_error=zero,
+            faults=(), timestep=float(times[1]), steps=len(times), seconds=0.01, total_seconds=0.01,
+        )  # fmt: skip
+        given = {field.name: getattr(exact, field.name) for field in fields(Motion)}
+        off = np.outer(ERROR * exact.path_length * times / times[-1], [0.6, 0.8])
+        changes = {"engine": self.label, "contact_point": exact.contact_point + off}
+        return ContactMotion(**{**given, **changes, "report": report})
+
+
+OFF = Off()

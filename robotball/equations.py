@@ -123,6 +123,22 @@ def space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
     )
 
 
+def seen_from_frame(v: Vector, axes: tuple[Vector, Vector, Vector]) -> Vector:
+    """A world vector v in frame axes, with the space axes α, β, γ: v_X α + v_Y β + v_Z γ."""
+    alpha, beta, gamma = axes
+    return add(add(scale(v[0], alpha), scale(v[1], beta)), scale(v[2], gamma))
+
+
+def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
+    """p∘q of quaternions (w, x, y, z): first the rotation q, then p."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] + p[2] * q[0] + p[3] * q[1] - p[1] * q[3],
+        p[0] * q[3] + p[3] * q[0] + p[1] * q[2] - p[2] * q[1],
+    )
+
+
 def contact_velocity(
     alpha: Vector, beta: Vector, omega: Vector, Omega: Vector, a: Scalar
 ) -> tuple[Scalar, Scalar]:

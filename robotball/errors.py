@@ -33,7 +33,7 @@ def warn(line: str) -> None:
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
     """What to raise where nothing of its kind has this name: the near ones, or all there are."""
-    near = difflib.get_close_matches(str(name), known := list(known), n=3, cutoff=0.4)
+    near = difflib.get_close_matches(str(name), known := list(known))
     hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}"
     return InputError(f"no {kind} is called {str(name)!r}; {hint}")
 

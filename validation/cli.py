@@ -17,6 +17,7 @@ import tyro
 from robotball.errors import InputError, SceneWarning
 from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT
+from validation.commands.attractors import Attractors
 from validation.commands.basins import Basins
 from validation.commands.compare import Compare
 from validation.commands.convergence import Convergence
@@ -37,7 +38,7 @@ from validation.commands.video import Video
 
 Command = (
     Scenes | Engines | Compare | Video | Replay | Model | Design | Demo
-    | Figures | Section | Lyapunov | Basins | Equilibria | Paper
+    | Figures | Section | Lyapunov | Attractors | Basins | Equilibria | Paper
     | Ablation | Convergence | Tradeoff | Extremes
 )  # fmt: skip
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robotball import equations as eq
 from robotball.engines.reduced.compiled import marching
 from robotball.engines.reduced.compiled.crossing import cross
-from robotball.engines.reduced.compiled.kernels import STEP_TOLERANCE, Integers, Starts
+from robotball.engines.reduced.compiled.kernels import STEP_TOLERANCE, Integers, Starts, components
 from robotball.engines.reduced.compiled.steppers import BALL, SECTION, stepper
 from robotball.engines.reduced.compiled.systems import RETURN
 from robotball.errors import InputError
@@ -87,12 +88,9 @@ def section(
 
 def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:
     """l and L (n, m) of (5.5) at attitudes (n, m, 4) with world momenta (n, 3)."""
-    w, x, y, z = np.moveaxis(attitudes, -1, 0)
     MX, MY, MZ = momenta.T[:, :, None]
-    M1 = MX * (1 - 2 * (y * y + z * z)) + MY * 2 * (x * y + w * z) + MZ * 2 * (x * z - w * y)
-    M2 = MX * 2 * (x * y - w * z) + MY * (1 - 2 * (x * x + z * z)) + MZ * 2 * (y * z + w * x)
-    M3 = MX * 2 * (x * z + w * y) + MY * 2 * (y * z - w * x) + MZ * (1 - 2 * (x * x + y * y))
-    return np.arctan2(M1, M2), M3
+    M = eq.seen_from_frame((MX, MY, MZ), eq.space_axes(components(attitudes)))
+    return np.arctan2(M[0], M[1]), M[2]
 
 
 def section_starts(

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from robotball.drives import Servo
@@ -229,16 +229,13 @@ FORMER_NAMES = {"promise": "error_tolerance"}
 
 
 def settings_from(plain: Mapping[str, Any]) -> Settings:
-    """The settings of plain data, as `Settings.plain` or JSON gives it; other keys are left out.
+    """The settings of plain data, as `Settings.plain` or JSON gives it.
 
-    Raises InputError where a value is missing or does not fit.
+    Raises InputError for an unknown key and where a value is missing or does not fit.
     """
-    known = {field.name for field in fields(Settings)}
-    renamed = {FORMER_NAMES.get(key, key): value for key, value in plain.items()}
     values: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value
-        for key, value in renamed.items()
-        if key in known
+        FORMER_NAMES.get(key, key): tuple(value) if isinstance(value, list) else value
+        for key, value in plain.items()
     }
     try:
         drive = values.pop("drive")

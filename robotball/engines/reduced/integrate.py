@@ -97,15 +97,15 @@ def _check_finite(scene: Scene, motion: Motion) -> None:
 
 def right_hand_side(scene: Scene) -> Rate:
     """d/dt of (q, X, Y): (6,) at time t, with q from principal axes to world, of any length."""
-    MX, MY, MZ = as_vector(scene.start.momentum)
+    momentum = as_vector(scene.start.momentum)
     parameters_at = (lambda _: scene.parameters) if scene.steady else scene.parameters_at
 
     def rate(t: float, state: Array) -> Array:
         w, x, y, z, _X, _Y = state.tolist()
         q = (w, x, y, z)
         parameters = parameters_at(t)
-        alpha, beta, gamma = eq.space_axes(q)
-        M = eq.add(eq.add(eq.scale(MX, alpha), eq.scale(MY, beta)), eq.scale(MZ, gamma))
+        alpha, beta, gamma = axes = eq.space_axes(q)
+        M = eq.seen_from_frame(momentum, axes)
         omega = parameters.angular_velocity(M, gamma)
         velocity = eq.contact_velocity(alpha, beta, omega, parameters.Omega, parameters.a)
         return np.array([*eq.attitude_rate(q, omega), *velocity])

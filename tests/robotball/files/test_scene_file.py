@@ -158,7 +158,7 @@ def test_rest_is_no_momentum(write: Write, text: str) -> None:
 def test_unknown_name_is_answered_by_the_nearest() -> None:
     """A misspelt catalog name gets its near matches, a wild one the whole catalog."""
     assert re.search("no scene is called 'fig21'; did you mean .*fig12", refusal("fig21"))
-    assert f"there are {rb.catalog()}" in refusal("zzzz")
+    assert f"there are {', '.join(rb.catalog())}" in refusal("zzzz")
 
 
 def test_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:

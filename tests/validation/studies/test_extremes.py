@@ -229,6 +229,6 @@ def test_the_command_draws_a_map_and_goes_on_where_it_was(
 def test_an_unknown_map_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     """It names the maps there are."""
     with pytest.raises(SystemExit) as leaving:
-        main(["extremes", "speed"])
+        main(["extremes", "zzzz"])
     assert leaving.value.code == 2
-    assert "no map is called 'speed'; there are momentum, frame" in capsys.readouterr().err
+    assert "no map is called 'zzzz'; there are momentum, frame" in capsys.readouterr().err

@@ -275,7 +275,7 @@ def test_long_work_leaves_a_line_now_and_then_in_a_log(
 ) -> None:
     """Where standard error is no terminal, the first line comes after the interval, not before."""
     clock = iter((0.0, 29.0, 31.0, 31.0, 45.0))
-    monkeypatch.setattr("validation.comparison.runs.time.monotonic", lambda: next(clock))
+    monkeypatch.setattr("validation.progress.time.monotonic", lambda: next(clock))
     with progress_bar(8) as show:
         for done in (1, 2, 3):
             show(done, f"{done} of 8 cells")

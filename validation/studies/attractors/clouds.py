@@ -21,8 +21,12 @@ def states(gamma: Array, momenta: Array) -> Array:
 
 def energy_distance(first: Array, second: Array) -> float:
     """2E|x - y| - E|x - x'| - E|y - y'| of two clouds (n, k), (m, k): 0 only for equal laws."""
-    between = 2 * cdist(first, second).mean()
-    return float(between - cdist(first, first).mean() - cdist(second, second).mean())
+    return _to(first, second) - float(cdist(second, second).mean())
+
+
+def _to(cloud: Array, reference: Array) -> float:
+    """The energy distance, but for what the reference alone has to do with it."""
+    return float(2 * cdist(cloud, reference).mean() - cdist(cloud, cloud).mean())
 
 
 def rank_probability(cloud: Array, peers: Sequence[Array], reference: Array) -> float:
@@ -33,13 +37,8 @@ def rank_probability(cloud: Array, peers: Sequence[Array], reference: Array) -> 
     energy distance from the reference is uniform: exactly, however correlated the points of one
     cloud are. The least value is 1/(1 + number of peers).
     """
-
-    def distance(some: Array) -> float:
-        # The energy distance but for what the reference alone has to do with it.
-        return float(2 * cdist(some, reference).mean() - cdist(some, some).mean())
-
-    ours = distance(cloud)
-    return (1 + sum(distance(peer) >= ours for peer in peers)) / (1 + len(peers))
+    ours = _to(cloud, reference)
+    return (1 + sum(_to(peer, reference) >= ours for peer in peers)) / (1 + len(peers))
 
 
 def distance_to_curve(points: Array, curve: Array) -> Array:

@@ -159,5 +159,6 @@ def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
 
 def settings_with(options: Mapping[str, Any]) -> Settings:
     """The settings with these options, that go on after a fault; other keys are left out."""
+    known = {key: value for key, value in options.items() if key in _DEFAULTS}
     named = {"name": describe(options), "error_tolerance": NO_TOLERANCE, "stop_at_fault": False}
-    return settings_from({**options, **named})
+    return settings_from({**known, **named})

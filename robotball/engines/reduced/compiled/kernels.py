@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from robotball import equations as eq
 from robotball.engines.reduced.compiled import marching
 from robotball.engines.reduced.compiled.steppers import row_of, stepper
 from robotball.engines.reduced.compiled.systems import PATH, System
@@ -171,17 +172,7 @@ class Starts:
     def to_world(self, attitudes: Array) -> Array:
         """Attitudes (n, m, 4) in world axes."""
         turns = np.broadcast_to(about_vertical(self.turns)[:, None], attitudes.shape)
-        w, z = turns[..., 0], turns[..., 3]
-        q = attitudes
-        return np.stack(
-            [
-                w * q[..., 0] - z * q[..., 3],
-                w * q[..., 1] - z * q[..., 2],
-                w * q[..., 2] + z * q[..., 1],
-                w * q[..., 3] + z * q[..., 0],
-            ],
-            axis=-1,
-        )
+        return np.stack(eq.quaternion_product(components(turns), components(attitudes)), axis=-1)
 
     def turned_back(self, points: Array) -> Array:
         """Points (n, m, 2) of the plane in world axes."""
@@ -194,6 +185,12 @@ def about_vertical(angles: Array) -> Array:
     """Quaternions (n, 4) of turns (n,) about the vertical [rad]."""
     zero = np.zeros_like(angles)
     return np.stack([np.cos(angles / 2), zero, zero, np.sin(angles / 2)], axis=-1)
+
+
+def components(q: Array) -> eq.Quaternion:
+    """Quaternions (..., 4) as four columns (...)."""
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    return (w, x, y, z)
 
 
 def check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:

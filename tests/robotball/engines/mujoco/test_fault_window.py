@@ -142,8 +142,8 @@ def change(fields: dict[str, Any], **changes: Any) -> str:
 
 
 BROKEN: dict[str, Callable[[dict[str, Any]], str]] = {
-    "no dump of a run: ": lambda fields: "{",
-    "no dump of a run:  ": lambda fields: "[1, 2]",
+    "no fault window of a run: ": lambda fields: "{",
+    "no fault window of a run:  ": lambda fields: "[1, 2]",
     "Invalid enum value|Expected|Invalid": lambda fields: change(fields, format="other"),
     "rows do not match": lambda fields: change(fields, lengths=[]),
     "rows do not match ": lambda fields: change(fields, bad=-1),
@@ -152,8 +152,8 @@ BROKEN: dict[str, Callable[[dict[str, Any]], str]] = {
         fields, states=[row[:5] for row in fields["states"]]
     ),
     "MuJoCo refuses the model": lambda fields: change(fields, xml="<mujoco>"),
-    "settings are none": lambda fields: change(fields, settings={}),
-    "settings are none ": lambda fields: change(
+    "no settings of a run": lambda fields: change(fields, settings={}),
+    "no settings of a run ": lambda fields: change(
         fields, settings={**fields["settings"], "colour": 1}
     ),
     "timestep must be positive": lambda fields: change(

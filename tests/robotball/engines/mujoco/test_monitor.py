@@ -109,7 +109,7 @@ def test_a_reset_is_seen_by_its_clock() -> None:
         rows.append(np.concatenate([data.sensordata, data.warning.number]))
     ((_, fault),) = Monitor(model).look(Readings(model, np.array(rows)))
     assert fault.fatal
-    assert fault.text == "time went back: MuJoCo reset the state"
+    assert fault.text == "time went back: the engine reset the state"
 
 
 def test_mujocos_own_warnings_are_faults() -> None:
@@ -120,7 +120,7 @@ def test_mujocos_own_warnings_are_faults() -> None:
     mujoco.mj_step(model.compiled, data)
     row = np.concatenate([data.sensordata, data.warning.number])
     found = Monitor(model).look(Readings(model, row[None]))
-    assert "MuJoCo warned of BADCTRL" in [each.fault.text for each in found]
+    assert "the engine warned of BADCTRL" in [each.fault.text for each in found]
 
 
 def test_a_model_never_resets_itself() -> None:

@@ -129,7 +129,7 @@ def test_a_run_of_too_many_steps_is_refused_with_the_numbers() -> None:
 
 
 BAD = {
-    "integrator must be one of Euler, RK4, .*, not 'rk5'": {"integrator": "rk5"},
+    "integrator must be one of Euler, implicit, .*, not 'rk5'": {"integrator": "rk5"},
     r"timestep must be positive and finite, from 1e-50 to 1e\+50 s, not 0": {"timestep": 0.0},
     r"timestep must be positive and finite, .*, not nan": {"timestep": np.nan},
     r"timestep must be positive and finite, .*, not '1'": {"timestep": "1"},
@@ -144,7 +144,7 @@ BAD = {
     r"cone must be one of pyramidal, elliptic, not 'round'": {"cone": "round"},
     r"impratio must be positive": {"impratio": 0.0},
     r"root must be one of shell, frame, not 'rotor'": {"root": "rotor"},
-    r"promise must be positive": {"promise": -1.0},
+    r"error_tolerance must be positive": {"error_tolerance": -1.0},
     r"max_steps must be a whole number": {"max_steps": 0},
     r"drive must be a Servo or Prescribed, not 3": {"drive": 3},
 }

@@ -1,25 +1,17 @@
-"""`python -m validation.studies.attractors.study`: the attractors of Fig. 11 by MuJoCo, measured.
+"""The attractors of Fig. 11 by the contact engine: each claim measured, beside the equations."""
 
-Every row is a claim, what the contact model gives, what the equations give, and how far apart the
-two may be; three minutes in all.
-"""
-
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from rich import box
-from rich.console import Console
-from rich.table import Table
 
 from robotball import load_scene, preset, sample_times
-from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.parameters import Parameters
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.sections import fixed_point, section
-from validation.progress import progress_bar
+from validation.progress import Show
 from validation.studies.attractors.clouds import distance_to_curve, rank_probability
 from validation.studies.attractors.contact_exponent import contact_exponent, growth_by_equations
 from validation.studies.attractors.contact_map import contact_cycle, own_start
@@ -40,10 +32,7 @@ PEERS = 199
 PAIRS = Recipe(f=F, starts=16, skipped=0, count=0)
 PAIR_SECONDS = 4000.0  # of each: 1 % of sampling error over all
 EXPONENT = 0.1160  # of Fig. 11b, 1/s: the equations', ±0.0001 by 64 starts over 1e5 s
-TITLE = "The attractors of Figs 11 to 14"
 DRIFTS = {"fig12": 3.65907, "fig13": 3.665, "fig14": 3.276}  # m/s along OX
-
-Report = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -64,9 +53,9 @@ class Measurement:
         return self.apart <= self.bound
 
 
-def measure_cycle(report: Report) -> Iterator[Measurement]:
+def measure_cycle(show: Show) -> Iterator[Measurement]:
     """Fig. 11a's periodic orbit: period, fixed point, multiplier, drift."""
-    report(0, "Fig. 11a: periodic orbit")
+    show(0, "Fig. 11a: periodic orbit")
     scene = load_scene("fig12")
     cycle = fixed_point(scene.parameters, 3.6, 0.6, F)
     L, l = crossing_of(cycle, scene.parameters)
@@ -91,9 +80,9 @@ def crossing_of(cycle: Cycle, parameters: Parameters) -> tuple[float, float]:
     return float(found.L[0, 0]), float(found.l[0, 0])
 
 
-def measure_torus(report: Report) -> Iterator[Measurement]:
+def measure_torus(show: Show) -> Iterator[Measurement]:
     """Fig. 11a's limit torus: every section point of MuJoCo's against the equations' curve."""
-    report(1, "Fig. 11a: limit torus")
+    show(1, "Fig. 11a: limit torus")
     scene = load_scene("fig13")
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
     contact = cloud_by_contact(build(scene, preset("balanced")), TORUS_BY_CONTACT, seed=0)
@@ -103,16 +92,16 @@ def measure_torus(report: Report) -> Iterator[Measurement]:
     yield measure_drift("fig13", float(contact.velocities[0, 0]), 0.0, 5e-3)
 
 
-def measure_clouds(report: Report) -> Iterator[Measurement]:
+def measure_clouds(show: Show) -> Iterator[Measurement]:
     """Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
     contact = cloud_by_contact(
         build(scene, COARSE),
         CLOUD,
         seed=0,
-        progress=lambda part: report(2 + part, "Fig. 11b: cloud"),
+        progress=lambda part: show(2 + part, "Fig. 11b: cloud"),
     )
-    report(3, "Fig. 11b: clouds of the equations")
+    show(3, "Fig. 11b: clouds of the equations")
     reference, *peers = (
         cloud_by_equations(scene.parameters, CLOUD, seed).states for seed in range(1, PEERS + 2)
     )
@@ -124,7 +113,7 @@ def measure_clouds(report: Report) -> Iterator[Measurement]:
     yield measure_drift("fig14", float(mean[0]), float(error[0]), 3 * float(error[0]))
 
 
-def measure_exponents(report: Report) -> Iterator[Measurement]:
+def measure_exponents(show: Show) -> Iterator[Measurement]:
     """Fig. 11b's largest exponent, and the growth of both engines along the same motion."""
     scene = load_scene("fig14")
     contact = contact_exponent(
@@ -132,7 +121,7 @@ def measure_exponents(report: Report) -> Iterator[Measurement]:
         *PAIRS.points(seed=0),
         PAIR_SECONDS,
         interval=10.0,
-        progress=lambda part: report(4 + 4 * part, "Fig. 11b: exponent"),
+        progress=lambda part: show(4 + 4 * part, "Fig. 11b: exponent"),
     )
     apart = abs(contact.mean - EXPONENT)
     yield Measurement(
@@ -156,31 +145,7 @@ def measure_drift(scene: str, velocity: float, error: float, bound: float) -> Me
     return Measurement(claim, velocity, theirs, abs(velocity - theirs), bound, error)
 
 
-def main() -> None:
-    """All measurements, as a table."""
-    console = Console()
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        padding=0,
-        title="The attractors of Figs 11 to 14",
-        title_justify="left",
-    )
-    for heading in ("", LABEL.name, "equations", "apart", "bound", "σ", ""):
-        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
-    with progress_bar(8) as report:
-        for study in (measure_cycle, measure_torus, measure_clouds, measure_exponents):
-            for each in study(report):
-                numbers = (f"{each.contact:.8g}", f"{each.equations:.8g}")
-                sizes = (
-                    f"{each.apart:.1e}",
-                    f"{each.bound:.1e}",
-                    f"{each.error:.1e}" if each.error else "",
-                )
-                table.add_row(
-                    each.claim, *numbers, *sizes, "holds" if each.holds else "DOES NOT HOLD"
-                )
-    console.print(table)
-
-
-if __name__ == "__main__":
-    main()
+def measure_attractors(show: Show) -> list[Measurement]:
+    """All measurements; show is told of eight parts."""
+    studies = (measure_cycle, measure_torus, measure_clouds, measure_exponents)
+    return [measurement for study in studies for measurement in study(show)]

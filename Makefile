@@ -1,4 +1,5 @@
 # Two commands, each with all its own set-up:  make demo   make test
+# On the way:  make check   make test-fast
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.13
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
@@ -6,13 +7,17 @@ export UV_PYTHON_DOWNLOADS := never
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test check bench setup gl lock clean
+.PHONY: demo test test-fast check bench cost-model setup gl lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
 
+# Files go to the cores whole, as a file's tests share what they compute.
 test: setup gl check
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses auto --dist loadfile
+
+test-fast: setup gl
+	$(BIN)/pytest --numprocesses auto --dist loadfile -m "not slow"
 
 check: setup
 	$(BIN)/ruff check .
@@ -22,6 +27,10 @@ check: setup
 bench: setup
 	$(BIN)/python -m validation.bench.steps
 	$(BIN)/python -m validation.bench.kernels
+
+# The constants of robotball/engines/mujoco/cost_model.py, measured again; half an hour.
+cost-model: setup
+	$(BIN)/python -m validation.bench.cost_model
 
 setup: .venv/.stamp
 

@@ -1,50 +1,32 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
-from .designing.design import Design, design
-from .designing.feasibility import Limits
-from .drives import Custom, Ramp, Servo, Sine
-from .engines.mujoco.settings import PRESETS, Settings, preset
-from .engines.protocol import Engine, Request
-from .engines.reduced.integrate import integrate
-from .engines.registry import engine_named, engine_names
-from .engines.simulate import simulate
-from .errors import InputError, SceneWarning
-from .faults import Fault, FaultKind
-from .files.scene_file import catalog, load_scene
-from .files.scene_writer import scene_toml
-from .motion import ContactMotion, ContactReport, Loads, Motion
-from .scene import Scene, sample_times
-from .settings import EngineSettings
-
-__all__ = [
-    "PRESETS",
-    "ContactMotion",
-    "ContactReport",
-    "Custom",
-    "Design",
-    "Engine",
-    "EngineSettings",
-    "Fault",
-    "FaultKind",
-    "InputError",
-    "Limits",
-    "Loads",
-    "Motion",
-    "Ramp",
-    "Request",
-    "Scene",
-    "SceneWarning",
-    "Servo",
-    "Settings",
-    "Sine",
-    "catalog",
-    "design",
-    "engine_named",
-    "engine_names",
-    "integrate",
-    "load_scene",
-    "preset",
-    "sample_times",
-    "scene_toml",
-    "simulate",
-]
+from .designing.design import Design as Design
+from .designing.design import design as design
+from .designing.feasibility import Limits as Limits
+from .drives import Custom as Custom
+from .drives import Ramp as Ramp
+from .drives import Servo as Servo
+from .drives import Sine as Sine
+from .engines import engine_named as engine_named
+from .engines import engine_names as engine_names
+from .engines.mujoco.settings import PRESETS as PRESETS
+from .engines.mujoco.settings import Settings as Settings
+from .engines.mujoco.settings import preset as preset
+from .engines.protocol import Engine as Engine
+from .engines.protocol import Request as Request
+from .engines.reduced.integrate import integrate as integrate
+from .engines.simulate import simulate as simulate
+from .errors import InputError as InputError
+from .errors import SceneWarning as SceneWarning
+from .faults import Fault as Fault
+from .faults import FaultKind as FaultKind
+from .files.scene_file import catalog as catalog
+from .files.scene_file import load_scene as load_scene
+from .files.scene_writer import scene_toml as scene_toml
+from .motion import ContactMotion as ContactMotion
+from .motion import ContactReport as ContactReport
+from .motion import Loads as Loads
+from .motion import Motion as Motion
+from .scene import Scene as Scene
+from .scene import sample_times as sample_times
+from .settings import EngineSettings as EngineSettings

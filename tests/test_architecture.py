@@ -22,7 +22,7 @@ FLOORS = (
     ("validation.sweeps",),
     ("validation.comparison",),
     ("validation.studies",),
-    ("validation.figures", "validation.paper", "validation.bench", "validation.demo"),
+    ("validation.figures", "validation.paper", "validation.bench"),
     ("validation.commands",),
     ("validation.cli",),
 )
@@ -170,6 +170,7 @@ def test_an_engines_name_is_typed_in_its_room_alone() -> None:
 HELP_IMPORTS = {"robotball", "robotball.errors", "validation"}
 
 
+@pytest.mark.slow
 def test_help_imports_next_to_nothing() -> None:
     """The command line loads what a command needs when that command runs."""
     code = "import sys, validation.cli; print(*sys.modules)"

@@ -1,7 +1,7 @@
 """Wanted A, Ω, K and radius → a Ball that has them, or why there is none."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,7 @@ from robotball.designing.feasibility import (
 )
 from robotball.errors import InputError, check_positive, check_size
 from robotball.rotations import Array
+from robotball.scene import Scene
 
 # A frame that cannot lie within its radius may reach this much farther than it must.
 WIDER = 1.1
@@ -236,3 +237,28 @@ def _ball(
         return ball, (limits.rotor_speed,) * len(rotors)
     h = K + (J_s + d) * Omega
     return ball, (float(np.linalg.norm(h)) / rotors[0].axial_inertia,)
+
+
+def redesign(scene: Scene, mass: float | None, limits: Limits) -> tuple[Design, Scene]:
+    """The design for the scene's own A, Ω, K and radius, and the scene with its bodies.
+
+    mass: the ball's [kg]; if None, the best one in the rubber model, and the scene's own in the
+    classical one, whose (3.3) knows d = m a² beside A, Ω and K. The new scene has no motors. Raises
+    InputError where the rates are not constant or there is no such ball.
+    """
+    if mass is None and scene.rolling == "classical":
+        mass = scene.ball.mass
+    numbers, axes = scene.parameters, scene.principal_axes
+    found = design(
+        scene.ball.A, axes @ numbers.Omega, axes @ numbers.K, scene.ball.radius, mass, limits
+    )
+    return found, replace(
+        scene,
+        name=f"{scene.name}_designed",
+        title=f"{scene.title}, designed bodies",
+        source=f"Bodies designed for the numbers of {scene.name}. {found.verdict}\n{scene.source}",
+        ball=found.ball,
+        frame_rate=found.frame_rate,
+        rotor_rates=found.rotor_rates,
+        motors=(),
+    )

@@ -3,8 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+from robotball.engines import DEFAULT, engine_named
 from robotball.engines.protocol import Engine, Progress, Request
-from robotball.engines.registry import DEFAULT, engine_named
 from robotball.errors import InputError
 from robotball.motion import ContactMotion, Loads
 from robotball.rotations import Array

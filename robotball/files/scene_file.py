@@ -19,8 +19,7 @@ from robotball.bodies import (
 from robotball.designing.design import Design, design
 from robotball.drives import Rate, Servo, as_drive
 from robotball.errors import InputError, check_size, unknown, warn
-from robotball.files.mjcf_body import frame_of_mjcf
-from robotball.files.scene_start import read_start
+from robotball.files.mjcf import frame_of_mjcf
 from robotball.files.scene_table import (
     FrameTable,
     HingeTable,
@@ -30,6 +29,7 @@ from robotball.files.scene_table import (
     ShellTable,
     Triple,
     known_keys,
+    read_start,
 )
 from robotball.parameters import parameters_of
 from robotball.rotations import Array, normalised

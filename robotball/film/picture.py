@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from robotball import palette
 from robotball.bodies import Ball
-from robotball.files.parts import part
+from robotball.files.mjcf import part
 from robotball.motion import Motion
 from robotball.rotations import Array, z_along
 

@@ -23,6 +23,7 @@ def agreement_of(number: int, settings: str) -> Agreement:
     return compare(random_scene(number), settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(BALLS))
 def test_mujoco_follows_the_equations_for_any_ball(number: int) -> None:
     """Shells with I_s ≠ J_s, rates of both signs, both models; measured 1.5e-8 at most."""
@@ -32,6 +33,7 @@ def test_mujoco_follows_the_equations_for_any_ball(number: int) -> None:
     assert agreement.path_error < 5e-8
 
 
+@pytest.mark.slow
 def test_the_median_order_is_four_over_all_balls() -> None:
     """Measured 3.996; single balls 3.91 to 4.35."""
     orders = []
@@ -51,6 +53,7 @@ def with_pair_of_rotors(offset: Array, second: Array) -> rb.Scene:
     return replace(scene, ball=replace(scene.ball, rotors=rotors), rotor_rates=(150.0, -90.0))
 
 
+@pytest.mark.slow
 def test_rotors_off_centre_count_by_steiners_theorem() -> None:
     """A balanced pair off the centre: both engines agree, with the moments that the offset adds."""
     offset = np.array([0.4, -0.3, 0.2])

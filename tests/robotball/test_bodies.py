@@ -86,12 +86,14 @@ def inertia_of(masses: Array, places: Array) -> Array:
     return (masses * squares).sum() * np.eye(3) - places.T @ (masses[:, None] * places)
 
 
+@pytest.mark.slow
 @given(cloud=clouds())
 def test_inertia_of_any_mass_points_is_accepted(cloud: tuple[Array, Array]) -> None:
     """`check_inertia` passes whatever masses can have."""
     check_inertia("a cloud", inertia_of(*cloud))
 
 
+@pytest.mark.slow
 @given(cloud=clouds(), excess=st.floats(1e-6, 0.5), angle=st.floats(-3.0, 3.0))
 def test_inertia_beyond_the_triangle_inequality_is_refused_by_its_excess(
     cloud: tuple[Array, Array], excess: float, angle: float
@@ -107,6 +109,7 @@ def test_inertia_beyond_the_triangle_inequality_is_refused_by_its_excess(
     assert float(said) == pytest.approx(excess, rel=1e-5)
 
 
+@pytest.mark.slow
 @given(cloud=clouds(), rate=st.floats(-5.0, 5.0), rotor_rate=st.floats(-200.0, 200.0))
 def test_principal_axes_give_the_inertia_back(
     cloud: tuple[Array, Array], rate: float, rotor_rate: float

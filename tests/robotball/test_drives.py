@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 import robotball as rb
 from robotball.drives import Constant, Drive, as_drive
-from robotball.engines.mujoco.timing import stretches
+from robotball.engines.mujoco.stepping import stretches
 from robotball.parameters import ROLLING_MODELS
 from validation import compare
 
@@ -69,6 +69,7 @@ UNSTEADY: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rolling", ROLLING_MODELS)
 @pytest.mark.parametrize("name", UNSTEADY)
 def test_order_four_is_kept_under_drives_in_time(name: str, rolling: Any) -> None:

@@ -100,6 +100,7 @@ def test_rubber_ball_never_spins_on_the_spot() -> None:
     assert sympy.simplify(eq.dot(eq.subtract(omega, OMEGA), GAMMA)) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rolling", MODELS)
 def test_angular_velocity_and_momentum_are_inverse_to_each_other(rolling: Rolling) -> None:
     """M(ω(M, γ)) = M for free symbols: (3.2) inverts (3.1), and (3.3) inverts M = L."""

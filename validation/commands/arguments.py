@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, arg
 
 if TYPE_CHECKING:
+    from robotball import Request, Scene
     from robotball.rotations import Array
 
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
@@ -19,9 +20,7 @@ OUT = Path("out")
 QUICK = 1.0  # s, simulated by a quick form of a study
 
 SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
-EngineName = Annotated[str, arg(metavar="ENGINE")]
 Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS")]]
-Accuracy = DisallowNone[Annotated[float | None, arg(metavar="ERROR")]]
 File = DisallowNone[Annotated[Path | None, arg(metavar="FILE")]]
 Preset = DisallowNone[Annotated[str | None, arg(metavar="PRESET")]]
 
@@ -41,6 +40,59 @@ class Sweep:
 
 
 SweepOptions = OmitArgPrefixes[Sweep]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Options of a run by an engine."""
+
+    engine: Annotated[str, arg(metavar="ENGINE")] = "mujoco"
+    """The engine; `robotball engines` lists them."""
+    accuracy: DisallowNone[Annotated[float | None, arg(metavar="ERROR")]] = None
+    """Instead of a preset, the path error to reach: settings are chosen for it."""
+    duration: Duration = None
+    """Simulated time; the scene's own if not given."""
+    out: Path = OUT
+    """Folder for pictures, and for the fault windows of faulty runs."""
+    strict: bool = False
+    """Refuse settings that are predicted to fail, in place of a warning."""
+    keep_going: bool = False
+    """Go on after a fault, as long as there is a state."""
+
+    def request(self, preset: str | None) -> Request:
+        """What is asked of the engine."""
+        from robotball.engines.simulate import request_of
+
+        return request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
+
+
+RunOptions = OmitArgPrefixes[Run]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Options of a study of one scene in one go."""
+
+    duration: Duration = None
+    """Simulated time; the scene's own if not given."""
+    quick: bool = False
+    """One simulated second, and less of everything: in a few seconds."""
+    out: Path = OUT
+    """Folder for the picture."""
+    json: File = None
+    """Also write every run with its settings."""
+    csv: File = None
+    """Also write the table as CSV."""
+
+    def times(self, scene: Scene) -> Array:
+        """The sample times of the study (n,) [s]; InputError if its files cannot be written."""
+        from robotball import sample_times
+
+        check_files(self.json, self.csv)
+        return sample_times(self.duration or (QUICK if self.quick else scene.duration))
+
+
+StudyOptions = OmitArgPrefixes[Study]
 
 
 def times_of(duration: float | None) -> Array | None:

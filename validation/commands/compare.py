@@ -1,7 +1,6 @@
 """The command `robotball compare`."""
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from tyro.conf import Positional, arg
@@ -9,11 +8,9 @@ from tyro.conf import Positional, arg
 from validation.commands.arguments import (
     AGREES,
     DISAGREES,
-    OUT,
-    Accuracy,
-    Duration,
-    EngineName,
     File,
+    Run,
+    RunOptions,
     check_files,
     times_of,
 )
@@ -28,18 +25,7 @@ class Compare:
     preset: tuple[str, ...] = ()
     """The engine's settings to run each scene with, such as naive, fast, balanced, accurate or
     adaptive; balanced if not given."""
-    engine: EngineName = "mujoco"
-    """The engine; `robotball engines` lists them."""
-    accuracy: Accuracy = None
-    """Instead of a preset, the path error to reach: settings are chosen for it."""
-    duration: Duration = None
-    """Simulated time; each scene's own if not given."""
-    out: Path = OUT
-    """Folder for the plots, and for the fault windows of faulty runs."""
-    strict: bool = False
-    """Refuse settings that are predicted to fail, in place of a warning."""
-    keep_going: bool = False
-    """Go on after a fault, as long as there is a state."""
+    run_options: RunOptions = field(default_factory=Run)
     plots: bool = True
     """Draw each scene's paths and momentum into the output folder."""
     json: File = None
@@ -51,28 +37,19 @@ class Compare:
         from rich.console import Console
 
         from robotball import InputError, load_scene
-        from robotball.engines.simulate import request_of
-        from validation.commands.runs import tell_fault_windows
         from validation.comparison.results import write_csv, write_json
-        from validation.comparison.runs import compare_all
+        from validation.comparison.runs import compare_all, tell_fault_windows
         from validation.comparison.table import show
         from validation.output import writable_folder
 
         if not self.scenes:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
-        scenes = [load_scene(name) for name in self.scenes]
-        requests = [
-            request_of(self.engine, name, self.accuracy, keep_going=self.keep_going)
-            for name in self.preset or (None,)
-        ]
+        options, scenes = self.run_options, [load_scene(name) for name in self.scenes]
+        requests = [options.request(name) for name in self.preset or (None,)]
         check_files(self.json, self.csv)
-        writable_folder(self.out)
+        out = writable_folder(options.out)
         agreements = compare_all(
-            scenes,
-            requests,
-            times_of(self.duration),
-            strict=self.strict,
-            fault_windows=self.out,
+            scenes, requests, times_of(options.duration), strict=options.strict, fault_windows=out
         )
         if self.json:
             write_json(self.json, agreements)
@@ -82,7 +59,7 @@ class Compare:
             from validation.comparison.plots import draw
 
             for scene in scenes:
-                draw([each for each in agreements if each.scene is scene], self.out)
+                draw([each for each in agreements if each.scene is scene], out)
         show(agreements, Console())
-        tell_fault_windows(agreements, self.out)
+        tell_fault_windows(agreements, out)
         return AGREES if all(agreement.agrees for agreement in agreements) else DISAGREES

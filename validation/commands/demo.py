@@ -1,24 +1,49 @@
-"""The command `robotball demo`."""
+"""The command `robotball demo`, which `make demo` runs."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from validation.commands.arguments import (
-    AGREES,
-    OUT,
-)
+from validation.commands.arguments import AGREES, OUT
+
+SCENES = ("fig12", "classical_regular")
+FILMED = ("fig12", "balanced")
 
 
 @dataclass(frozen=True)
 class Demo:
-    """Compare fig12 and classical_regular at every preset, with table, plots and video."""
+    """Compare fig12 and classical_regular at every preset, with table, plots and a film."""
 
     out: Path = OUT
     """Folder for everything."""
 
     def run(self) -> int:
-        from validation.demo import demo
+        from rich.console import Console
+
+        from robotball import PRESETS, InputError, load_scene
+        from robotball.engines.simulate import request_of
+        from validation.comparison.plots import draw
+        from validation.comparison.results import write_csv, write_json, write_markdown
+        from validation.comparison.runs import compare_all, film
+        from validation.comparison.table import show
         from validation.output import writable_folder
 
-        demo(writable_folder(self.out))
+        out, console = writable_folder(self.out), Console()
+        requests = [request_of(settings=name) for name in PRESETS]
+        agreements = compare_all([load_scene(name) for name in SCENES], requests)
+        show(agreements, console)
+        written = []
+        for suffix, write in (("json", write_json), ("csv", write_csv), ("md", write_markdown)):
+            written.append(out / f"demo.{suffix}")
+            write(written[-1], agreements)
+        for name in SCENES:
+            written += draw([each for each in agreements if each.scene.name == name], out)
+        for agreement in agreements:
+            if (agreement.scene.name, agreement.settings.name) == FILMED:
+                path = out / f"{agreement.scene.name}.mp4"
+                try:
+                    film(path, agreement)
+                    written.append(path)
+                except InputError as error:
+                    console.print(f"no video: {error}", style="yellow")
+        console.print("Written:", *(f"  {path}" for path in written), sep="\n")
         return AGREES

@@ -29,8 +29,7 @@ class Design:
 
     def run(self) -> int:
         from robotball import Limits, load_scene, scene_toml
-        from robotball.designing.design import describe
-        from robotball.designing.redesign import redesign
+        from robotball.designing.design import describe, redesign
         from validation.output import replacing, writable_folder
 
         scene = load_scene(self.scene)

@@ -54,9 +54,9 @@ class Tradeoff:
         from rich.console import Console
 
         from validation.output import write_picture, write_record
-        from validation.studies.tradeoff.configurations import configurations
-        from validation.studies.tradeoff.measure import cells_of, measure, tradeoff_of
-        from validation.studies.tradeoff.report import record, show_tradeoff, tradeoff_picture
+        from validation.studies.configurations import configurations
+        from validation.studies.tradeoff import cells_of, measure, tradeoff_of
+        from validation.studies.tradeoff_report import record, show_tradeoff, tradeoff_picture
 
         rounds = 2 if self.sweep.quick else ROUNDS
         settings = configurations(self.sweep.quick)
@@ -72,8 +72,8 @@ class Tradeoff:
     def _friction(self, scene: Scene) -> Sequence[Path]:
         from robotball import integrate
         from validation.output import write_picture, write_record
-        from validation.studies.friction.measure import friction_cells, friction_run
-        from validation.studies.friction.report import friction_picture
+        from validation.studies.friction import friction_cells, friction_run
+        from validation.studies.friction_report import friction_picture
 
         cells = friction_cells(self.scene, self._seconds(scene), self.sweep.quick)
         results = self._sweep(friction_run, cells, "friction", scene)
@@ -89,8 +89,8 @@ class Tradeoff:
 
         from validation.output import write_record, write_rows
         from validation.progress import progress_bar
-        from validation.studies.parts.measure import measure_parts, parts_of
-        from validation.studies.parts.report import rows, show_parts
+        from validation.studies.parts import measure_parts, parts_of
+        from validation.studies.parts_report import rows, show_parts
 
         parts, rounds = parts_of(scene), 3 if self.sweep.quick else 15
         with progress_bar((rounds + 1) * len(parts)) as show:

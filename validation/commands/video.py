@@ -1,16 +1,13 @@
 """The command `robotball video`."""
 
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 
 from validation.commands.arguments import (
     AGREES,
     DISAGREES,
-    OUT,
-    Accuracy,
-    Duration,
-    EngineName,
     Preset,
+    Run,
+    RunOptions,
     SceneName,
     times_of,
 )
@@ -24,34 +21,22 @@ class Video:
     """A name from the catalog, or a path to a TOML file."""
     preset: Preset = None
     """The engine's settings to run it with; balanced if not given."""
-    engine: EngineName = "mujoco"
-    """The engine; `robotball engines` lists them."""
-    accuracy: Accuracy = None
-    """Instead of a preset, the path error to reach: settings are chosen for it."""
-    duration: Duration = None
-    """Simulated time; the scene's own if not given."""
-    out: Path = OUT
-    """Folder for the video, and for the fault window of a faulty run."""
-    strict: bool = False
-    """Refuse settings that are predicted to fail, in place of a warning."""
-    keep_going: bool = False
-    """Go on after a fault, as long as there is a state."""
+    run_options: RunOptions = field(default_factory=Run)
 
     def run(self) -> int:
         from robotball import load_scene
-        from robotball.engines.simulate import request_of
-        from validation.commands.runs import tell_fault_windows
-        from validation.comparison.runs import compare_all, film
+        from validation.comparison.runs import compare_all, film, tell_fault_windows
         from validation.output import writable_folder
 
-        scene = load_scene(self.scene)
-        request = request_of(self.engine, self.preset, self.accuracy, keep_going=self.keep_going)
-        path = writable_folder(self.out) / f"{scene.name}.mp4"
+        options, scene = self.run_options, load_scene(self.scene)
+        request, out = options.request(self.preset), writable_folder(options.out)
+        times = times_of(options.duration)
         agreements = compare_all(
-            [scene], [request], times_of(self.duration), strict=self.strict, fault_windows=self.out
+            [scene], [request], times, strict=options.strict, fault_windows=out
         )
         (agreement,) = agreements
-        tell_fault_windows(agreements, self.out)
+        tell_fault_windows(agreements, out)
+        path = out / f"{scene.name}.mp4"
         film(path, agreement)
         print(path)
         return AGREES if agreement.agrees else DISAGREES

@@ -6,8 +6,8 @@ from functools import cached_property
 from pathlib import Path
 
 from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate
+from robotball.engines import DEFAULT
 from robotball.engines.protocol import Request
-from robotball.engines.registry import DEFAULT
 from robotball.engines.simulate import request_of, run_request
 from robotball.motion import (
     ContactMotion,

@@ -61,3 +61,11 @@ def film(path: Path, agreement: Agreement) -> None:
 
 def _show(show: Show, done: int, what: str, part: float) -> None:
     show(done + part, what)
+
+
+def tell_fault_windows(agreements: Sequence[Agreement], folder: Path) -> None:
+    """Print how to look at the first fault of each faulty run that left a fault window."""
+    for each in agreements:
+        path = fault_window_path(folder, each.scene, each.settings.name)
+        if each.faults and path.exists():
+            print(f"robotball replay {path}", "steps through its first fault")

@@ -3,8 +3,7 @@
 import numpy as np
 
 from robotball.drives import turns
-from robotball.engines.mujoco.limits import Laws, LimitCheck
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.planned_run import Laws, LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.rotations import Array
 

@@ -15,69 +15,35 @@ class Integrator:
     """One way to step a model.
 
     order            of its error in the timestep, for a smooth motion
-    own              whether it is MuJoCo's own; scipy's drives MuJoCo's forward dynamics
     rotation_limit   of a rotation's rate
     friction_limit   of the rate at which slip dies out
     servo_limit      of a velocity servo's rate, its gain over the inertia
     momentum_loss    (p, f): of |M|, a step at the rotation θ loses or gains the part f θᵖ
     marker, size     in plots; a large mark holds the smaller ones of the same error
+    own              whether it is MuJoCo's own; scipy's drives MuJoCo's forward dynamics
     """
 
     name: str
     order: int
-    own: bool = True
     rotation_limit: float | None = None
     friction_limit: float | None = None
     servo_limit: float | None = None
     momentum_loss: tuple[int, float] | None = None
     marker: str = "o"
     size: float = 6.0
+    own: bool = True
 
 
-INTEGRATORS: dict[str, Integrator] = {
+_FIRST, _FOURTH = (2, 1 / 2), (6, 1 / 144)  # of the momentum lost
+INTEGRATORS = {
     each.name: each
     for each in (
-        Integrator(
-            "Euler",
-            order=1,
-            friction_limit=EXPLICIT_REAL,
-            servo_limit=EXPLICIT_REAL,
-            momentum_loss=(2, 1 / 2),
-            marker="o",
-            size=11.0,
-        ),
-        Integrator(
-            "implicit",
-            order=1,
-            friction_limit=EXPLICIT_REAL,
-            momentum_loss=(2, 1 / 2),
-            marker="v",
-        ),
-        Integrator(
-            "implicitfast",
-            order=1,
-            friction_limit=EXPLICIT_REAL,
-            momentum_loss=(2, 1 / 2),
-            marker="s",
-        ),
-        Integrator(
-            "discrete",
-            order=1,
-            servo_limit=EXPLICIT_REAL,
-            momentum_loss=(2, 1 / 2),
-            marker="x",
-            size=4.0,
-        ),
-        Integrator(
-            "RK4",
-            order=4,
-            rotation_limit=RK4_IMAGINARY,
-            friction_limit=RK4_REAL,
-            servo_limit=RK4_REAL,
-            momentum_loss=(6, 1 / 144),
-            marker="D",
-        ),
-        Integrator("DOP853", order=8, own=False, marker="^", size=7.0),
+        Integrator("Euler", 1, None, EXPLICIT_REAL, EXPLICIT_REAL, _FIRST, "o", 11.0),
+        Integrator("implicit", 1, None, EXPLICIT_REAL, None, _FIRST, "v"),
+        Integrator("implicitfast", 1, None, EXPLICIT_REAL, None, _FIRST, "s"),
+        Integrator("discrete", 1, None, None, EXPLICIT_REAL, _FIRST, "x", 4.0),
+        Integrator("RK4", 4, RK4_IMAGINARY, RK4_REAL, RK4_REAL, _FOURTH, "D"),
+        Integrator("DOP853", 8, marker="^", size=7.0, own=False),
     )
 }
 ADAPTIVE = "DOP853"

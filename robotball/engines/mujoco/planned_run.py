@@ -1,5 +1,6 @@
-"""What is known of a run before it: the numbers of its scene and what its settings come to."""
+"""What is known of a run before it, and how near it is to a limit."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
@@ -201,3 +202,47 @@ class PlannedRun:
         if not np.all(np.isfinite(sides)):
             return np.inf
         return max(float(np.abs(np.linalg.eigvals(np.array(sides))).max()), size)
+
+
+@dataclass(frozen=True)
+class LimitCheck:
+    """A number of a planned run beside the limit beyond which the run is predicted to fail.
+
+    what   the number, named; value and limit are in `unit`
+    least  whether the limit is the least that the value may be, and not the most
+    fix    what to change
+    """
+
+    what: str
+    value: float
+    limit: float
+    fix: str
+    unit: str = ""
+    least: bool = False
+
+    @property
+    def nearness(self) -> float:
+        """How much of the limit is used: 1 is at the limit, more is beyond it."""
+        over, under = (self.limit, self.value) if self.least else (self.value, self.limit)
+        if np.isnan(over) or np.isnan(under):
+            return np.inf
+        if under == 0:
+            return np.inf if over > 0 else 0.0
+        return float(over / under)
+
+    @property
+    def exceeded(self) -> bool:
+        return self.nearness > 1
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        bound = "least" if self.least else "most"
+        return (
+            f"{self.what} is {self.value:.4g}{unit}, and {self.limit:.4g}{unit} the {bound} "
+            f"that works: {self.fix}"
+        )
+
+
+Prediction = Callable[[PlannedRun], LimitCheck | None]
+"""A planned run beside one limit; None where the limit does not concern it."""
+Laws = dict[Prediction, str]

@@ -3,8 +3,7 @@
 import numpy as np
 
 from robotball.engines.mujoco.cost_model import COST_MODEL
-from robotball.engines.mujoco.limits import Laws, LimitCheck
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.planned_run import Laws, LimitCheck, PlannedRun
 from robotball.rotations import Array
 
 TOLERATED = 10.0  # s, over which the settings' error tolerance holds

@@ -159,6 +159,7 @@ def request_of(rng: np.random.Generator, real: RandomBall) -> tuple[float | None
     )
 
 
+@pytest.mark.slow
 def test_a_thousand_random_feasible_requests_are_all_solved() -> None:
     """Each asks for the numbers of a ball made of points and rings, which can be built."""
     rng = np.random.default_rng(1)
@@ -176,6 +177,7 @@ def test_a_thousand_random_feasible_requests_are_all_solved() -> None:
     assert min(rotors[0], rotors[1]) > 200
 
 
+@pytest.mark.slow
 def test_no_number_of_rotors_does_what_two_cannot() -> None:
     """Balls of two to five heavy rings at one rate: its limit is enough for one or two."""
     rng = np.random.default_rng(2)
@@ -291,6 +293,7 @@ def test_a_thousand_requests_are_infeasible() -> None:
     assert sum(INFEASIBLE.values()) == 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", INFEASIBLE, ids=lambda make: make.__name__)
 def test_infeasible_requests_are_all_refused_with_the_right_reason(
     make: Callable[[np.random.Generator], Refused],

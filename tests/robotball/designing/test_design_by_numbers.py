@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.designing.redesign import redesign
+from robotball.designing.design import redesign
 from validation import compare
 
 NUMBERS = """

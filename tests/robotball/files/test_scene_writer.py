@@ -137,6 +137,7 @@ def scenes(draw: st.DrawFn) -> rb.Scene:
     )
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200)
 @given(scene=scenes())
 def test_any_scene_comes_back(scene: rb.Scene, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import robotball as rb
 from robotball import palette
 from robotball.engines.mujoco import LABEL, model
-from robotball.files.parts import PARTS
+from robotball.files.mjcf import PARTS
 from robotball.film import gl
 from robotball.film.canvas import Pixels
 from robotball.film.picture import track

@@ -31,6 +31,7 @@ def test_figs_6_to_8(K3: float, number: int) -> None:
     assert apart < 1e-13
 
 
+@pytest.mark.slow
 def test_random_balls() -> None:
     """Ω, A, K₃ of either sign, all three numbers of points; rounding: measured 2.5e-15.
 

@@ -22,6 +22,7 @@ def orbit_of(some: Parameters, L: float, l: float) -> Array:
     return level_points(found.attitudes, momenta)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("L", "l"), [(3.6, 0.6), (1.0, 2.0)])
 def test_an_integrable_ball_has_invariant_curves(L: float, l: float) -> None:
     """Points held out are on the curve; so are the next 500, which the fit never saw.
@@ -38,6 +39,7 @@ def test_an_integrable_ball_has_invariant_curves(L: float, l: float) -> None:
     assert np.abs(ends[1] - ends[0]).max() < 2e-15  # measured 2e-16
 
 
+@pytest.mark.slow
 def test_the_rotation_number_of_a_known_curve() -> None:
     """A bent circle turned by 0.381966… a step: ρ and curve to the rounding of a fit with
     twenty times the harmonics that it has.
@@ -50,6 +52,7 @@ def test_the_rotation_number_of_a_known_curve() -> None:
     assert curve.residual < 2.5e-10  # measured 4.7e-11
 
 
+@pytest.mark.slow
 def test_chaos_fills_no_curve() -> None:
     """Fig. 14: the points held out are as far off as the section is wide."""
     assert invariant_curve(orbit_of(CHAOTIC, 0.0, 0.6)).residual > 0.5

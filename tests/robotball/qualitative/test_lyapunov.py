@@ -81,6 +81,7 @@ def test_the_full_spectrum_is_the_reduced_one(ball: Parameters, c: float) -> Non
     assert spectrum.sum() == pytest.approx(reduced.divergence.mean(), abs=0.04)
 
 
+@pytest.mark.slow
 def test_fig11b_has_a_strange_attractor() -> None:
     """λ₁ = 0.1160 ± 0.0005 and D = 1.832 ± 0.002, from 16 starts over 1e5 s each.
 

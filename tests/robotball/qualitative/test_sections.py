@@ -216,6 +216,7 @@ def test_newton_says_where_it_finds_nothing() -> None:
         close(CHAOTIC, attitudes[0], momenta[0], 0.1)
 
 
+@pytest.mark.slow
 def test_drift_of_figures_12_to_14() -> None:
     """Along OX at 3.65907 (cycle), 3.665 (torus) and 3.276 (chaos); none along OY.
 

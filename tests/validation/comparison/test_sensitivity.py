@@ -29,6 +29,7 @@ def measured(agreement: Agreement) -> Sensitivity:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "preset", "seconds", "exponent", "until"),
     [
@@ -56,6 +57,7 @@ def test_a_chaotic_motion_is_called_sensitive(
     assert agreement.verdict.startswith(f"sensitive: agrees until t = {found.agrees_until:.3g} s")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "preset", "seconds", "ratio"),
     [
@@ -75,6 +77,7 @@ def test_defects_and_growth_make_the_error(
     assert found.measured / found.expected == pytest.approx(ratio, abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seconds"), [("fig12", 10.0), ("fig14", 100.0)])
 def test_a_bad_integrator_is_not_excused_by_chaos(name: str, seconds: float) -> None:
     """Euler at 5 ms misses 0.7 % and 1.2 % of the path in single stretches: an error, not chaos."""
@@ -87,6 +90,7 @@ def test_a_bad_integrator_is_not_excused_by_chaos(name: str, seconds: float) -> 
     assert not stopped.sensitive
 
 
+@pytest.mark.slow
 def test_a_regular_motion_is_never_called_sensitive() -> None:
     """Its differences do not grow exponentially: twice the time makes 1.12 of them, not 4420."""
     strict = replace(rb.preset("fast"), error_tolerance=2e-6)

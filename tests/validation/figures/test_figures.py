@@ -32,6 +32,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(figures_sections, "TORUS_BY_CONTACT", short)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("number", [5, 7, 9, 11])
 def test_every_kind_of_figure_is_drawn(number: int, tmp_path: Path) -> None:
@@ -136,6 +137,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "words"), COMMANDS.items())
 def test_the_commands_say_it_and_write_it(
     robotball: Robotball,  # noqa: F811

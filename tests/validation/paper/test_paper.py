@@ -29,6 +29,7 @@ def errata() -> list[Claim]:
     return [claim for claim in CLAIMS if re.match(r"E\d+,", claim.place)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: f"{claim.place}: {claim.statement}")
 def test_a_claim_of_the_paper_holds(claim: Claim) -> None:
     """None fails to reproduce; what is measured stands in the finding, beside its bound."""

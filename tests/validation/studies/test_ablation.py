@@ -13,7 +13,7 @@ from robotball import Settings
 from robotball.engines.mujoco.settings import NAIVE
 from validation import Agreement, compare
 from validation.cli import parse
-from validation.studies.ablation.measure import (
+from validation.studies.ablation import (
     BOTTOM,
     CHOICES,
     TOP,
@@ -94,6 +94,7 @@ def test_every_choice_is_worth_its_error(name: str) -> None:
         assert agreement.momentum_error == pytest.approx(drift, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_solver_is_chosen_for_its_speed_alone() -> None:
     """MuJoCo's own solver, with all its iterations, rolls the ball no better and no worse."""
     # Measured 2.495e-12, as the recipe's to three digits: RK4's error.
@@ -132,6 +133,7 @@ def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
     assert without(TOP, ["noslip", "start"]).name == "accurate - noslip - start"
 
 
+@pytest.mark.slow
 def test_the_ablation_reports_every_variant() -> None:
     """Rungs both ways, each timed as often as asked for; slip is over the rolling speed."""
     told: list[float] = []
@@ -149,6 +151,7 @@ def test_the_ablation_reports_every_variant() -> None:
     assert ablation.recipe.slip < 5e-12  # measured 1.4e-12
 
 
+@pytest.mark.slow
 def test_the_command_writes_table_picture_and_records(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

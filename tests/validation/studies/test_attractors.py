@@ -85,6 +85,7 @@ def test_the_scenes_own_start_is_the_models() -> None:
 # Fig. 11a -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_mujocos_periodic_orbit_is_the_equations() -> None:
     """Newton on the contact model's own map finds period, place and multipliers to 1e-6."""
     scene = rb.load_scene("fig12")
@@ -106,6 +107,7 @@ def test_mujocos_periodic_orbit_is_the_equations() -> None:
     assert drift == pytest.approx(3.65907, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_mujocos_limit_torus_is_the_equations() -> None:
     """Every crossing lies on the curve of the equations' torus, once the start is forgotten."""
     scene = rb.load_scene("fig13")
@@ -122,6 +124,7 @@ def test_mujocos_limit_torus_is_the_equations() -> None:
 # Fig. 11b -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_mujocos_strange_attractor_is_the_equations() -> None:
     """2000 section points cannot be told from as many of the equations, at the level of 1 %.
 

@@ -12,9 +12,9 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.settings import Prescribed
 from validation.cli import parse
-from validation.studies.ablation.measure import TOP, without
-from validation.studies.convergence import measure
-from validation.studies.convergence.measure import FIXED, ORDERS, Convergence, measure_convergence
+from validation.studies import convergence
+from validation.studies.ablation import TOP, without
+from validation.studies.convergence import FIXED, ORDERS, Convergence, measure_convergence
 
 BOTH = ("fig12", "classical_regular")
 SOFT = ("softness", "noslip")
@@ -41,6 +41,7 @@ def measured(scene: str, settings: rb.Settings) -> Convergence:
     return measure_convergence(rb.load_scene(scene), settings, rb.sample_times(1.0), 6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", BOTH)
 @pytest.mark.parametrize("name", ORDERS)
 def test_every_integrator_has_the_order_that_is_claimed(scene: str, name: str) -> None:
@@ -72,6 +73,7 @@ def test_the_recipe_has_one_limit(scene: str) -> None:
         assert abs(trial.own - trial.equations) < 2e-12
 
 
+@pytest.mark.slow
 def test_a_soft_contact_has_a_limit_of_its_own() -> None:
     """Its error against its own limit goes on falling; against the equations it stalls at once."""
     found = study("fig12", *SOFT)
@@ -144,7 +146,7 @@ def test_no_step_is_so_long_that_mujoco_changes_the_contact() -> None:
 
 def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is refused in one line, with the shortest step that was tried."""
-    monkeypatch.setattr(measure._Runs, "of", lambda *_: None)
+    monkeypatch.setattr(convergence._Runs, "of", lambda *_: None)
     with pytest.raises(rb.InputError, match=r"fig12: .* breaks off even at steps of 0\.0003125 s"):
         measured("fig12", TOP)
 

@@ -18,8 +18,7 @@ from validation.cli import main
 from validation.studies.extremes.balls import gyrostat, momentum_of, redistributed, scaled
 from validation.studies.extremes.cells import QUICK, Cut, cells_of
 from validation.studies.extremes.maps import MAPS, TIMESTEPS, base, trial
-from validation.studies.extremes.measure import measure, reference
-from validation.studies.extremes.outcome import Outcome, classify
+from validation.studies.extremes.measure import Outcome, classify, measure, reference
 from validation.studies.extremes.report import measured_limits, missed
 from validation.sweeps import Result
 
@@ -204,6 +203,7 @@ def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> 
     assert trial(chosen, "rubber", "RK4", 1e-3, 5.0).settings.timestep == 1e-3
 
 
+@pytest.mark.slow
 def test_the_command_draws_a_map_and_goes_on_where_it_was(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 import robotball as rb
 from tests.validation.studies.test_tradeoff import tradeoff
-from validation.studies.friction.measure import (
+from validation.studies.friction import (
     HARD,
     ROLLING,
     SOFT,
@@ -16,7 +16,7 @@ from validation.studies.friction.measure import (
     friction_cells,
     friction_run,
 )
-from validation.studies.tradeoff.measure import scene_cell
+from validation.studies.tradeoff import scene_cell
 
 
 def measured(
@@ -94,6 +94,7 @@ def test_the_study_spans_six_decades() -> None:
         assert (min(lengths[TORSIONAL]), max(lengths[TORSIONAL])) == (5e-3, 1e3)
 
 
+@pytest.mark.slow
 def test_the_quick_study_writes_its_files(tmp_path: Path) -> None:
     """A picture of two panels, a table and the data of every run."""
     arguments = ("fig12", "--friction", "--quick", "--duration", "0.2", "--out", str(tmp_path))

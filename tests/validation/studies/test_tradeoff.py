@@ -21,14 +21,14 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE, recipe
 from validation.cli import main
-from validation.studies.parts.measure import parts_of, split
-from validation.studies.tradeoff.configurations import (
+from validation.studies.configurations import (
     configurations,
     describe,
     options_of,
     settings_with,
 )
-from validation.studies.tradeoff.measure import (
+from validation.studies.parts import parts_of, split
+from validation.studies.tradeoff import (
     TARGET,
     Configuration,
     cells_of,
@@ -38,7 +38,7 @@ from validation.studies.tradeoff.measure import (
     sound_pareto_front,
     tradeoff_of,
 )
-from validation.studies.tradeoff.report import record
+from validation.studies.tradeoff_report import record
 from validation.sweeps import Result
 
 CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=40)
@@ -203,6 +203,7 @@ def tradeoff(*arguments: str) -> int:
     return leaving.value.code
 
 
+@pytest.mark.slow
 def test_the_quick_study_writes_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -223,6 +224,7 @@ def test_the_quick_study_writes_its_files(
     assert files[3].read_bytes() == journal
 
 
+@pytest.mark.slow
 def test_the_parts_are_listed_with_what_they_cost(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

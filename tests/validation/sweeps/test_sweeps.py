@@ -74,6 +74,7 @@ def lines_of(file: Path) -> list[str]:
     return file.read_text().splitlines()[1:] if file.exists() else []
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(tmp_path: Path) -> None:
     """SIGKILL at any moment costs the cells that were running, and no result is made twice."""
     file, moments = tmp_path / "sweep.jsonl", random.Random(4)
@@ -105,6 +106,7 @@ def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(tmp_path: Path
     assert (tmp_path / "killed.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path) -> None:
     """Whatever a cell does, its reason is one line, and the innocent beside it have records."""
     cells = cells_of(tmp_path, 12)
@@ -227,6 +229,7 @@ def two_dask_workers() -> Iterator[str]:
         yield cluster.scheduler_address
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_results(tmp_path: Path) -> None:
     """Records and failures by dask are those by the local cores, resumed ones too."""
     cells, file = cells_of(tmp_path, 12), tmp_path / "cluster.jsonl"
@@ -241,6 +244,7 @@ def test_a_cluster_gives_the_same_results(tmp_path: Path) -> None:
     assert results[12].failure == "ended its process"
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_the_file_whole(tmp_path: Path) -> None:
     """What was done before is there, the rest is done later."""
     cells, file = cells_of(tmp_path, 8), tmp_path / "sweep.jsonl"
@@ -257,6 +261,7 @@ def test_ctrl_c_leaves_the_file_whole(tmp_path: Path) -> None:
     assert runs(tmp_path).total() <= 8 + 2 * WORKERS
 
 
+@pytest.mark.slow
 def test_compiled_code_that_does_not_return_is_given_up(tmp_path: Path) -> None:
     """Its process is ended, which one worker survives too, as it is not this process."""
     cells = cells_of(tmp_path, 2)
@@ -299,6 +304,7 @@ def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
         ]
 
 
+@pytest.mark.slow
 def test_a_cluster_that_does_not_answer_is_refused(tmp_path: Path) -> None:
     """One line within seconds, and no trouble later."""
     with pytest.raises(InputError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:1: "):

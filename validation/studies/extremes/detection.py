@@ -14,7 +14,7 @@ from robotball import InputError, integrate
 from robotball.engines.mujoco.precheck import exceeded
 from validation.comparison.agreement import compare
 from validation.progress import Show
-from validation.studies.extremes.outcome import WRONG
+from validation.studies.extremes.measure import WRONG
 from validation.studies.extremes.random_runs import RandomRun, extreme, ordinary
 
 REFERENCE_STEPS = 20_000  # of the equations; runs that need more are not judged

@@ -18,7 +18,7 @@ from robotball.engines.mujoco.precheck import LAWS
 from robotball.palette import ACCENT, INK
 from robotball.rotations import Array
 from validation.studies.extremes.maps import ERROR_TOLERANCE, Map
-from validation.studies.extremes.outcome import Outcome
+from validation.studies.extremes.measure import Outcome
 from validation.studies.extremes.report import (
     Measured,
     foretold,

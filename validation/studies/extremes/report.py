@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from validation.studies.extremes.maps import ERROR_TOLERANCE
-from validation.studies.extremes.outcome import WRONG, Outcome, largest_error
+from validation.studies.extremes.measure import WRONG, Outcome, largest_error
 from validation.sweeps import Result
 
 # Beyond these a step makes the state grow, and a run soon has none.

@@ -9,8 +9,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import contact_limits, precheck, step_limits
-from robotball.engines.mujoco.limits import LimitCheck
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.planned_run import LimitCheck, PlannedRun
 from robotball.engines.mujoco.precheck import exceeded, limit_checks
 from robotball.engines.mujoco.settings import Prescribed, recipe
 from tests.scenes import FOUR

@@ -207,6 +207,7 @@ CHANGES = st.dictionaries(st.sampled_from(sorted(FIELD_VALUES)), st.none(), max_
 SCENES = [rb.load_scene(name) for name in ("fig12", "classical_regular", "chaplygin_ball")]
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(
     changes=CHANGES,

@@ -53,6 +53,7 @@ def test_mujoco_follows_the_equations(name: str, settings: str) -> None:
     assert agreement.agrees
 
 
+@pytest.mark.slow
 def test_twenty_lyapunov_times_are_followed() -> None:
     """fig14 to t = 170 s, where the equations themselves are known to 2e-9 of the path.
 

@@ -269,6 +269,7 @@ class Section:
         return np.array(self.coordinates(self.motion(L, l, np.array([0.0, time]))))
 
 
+@pytest.mark.slow
 def test_fig_11a_has_the_papers_periodic_orbit_and_fig_12_its_drift() -> None:
     """Newton from near a crossing finds the orbit of period 8.7432614, |multiplier| 0.92816.
 

@@ -84,6 +84,7 @@ EDGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", EDGES)
 def test_invariants_hold_at_the_edges(edge: str) -> None:
     """M, (M, γ), |q| and |γ| are the start's at 1e-14 for every ball that can be followed.
@@ -95,6 +96,7 @@ def test_invariants_hold_at_the_edges(edge: str) -> None:
     assert length_error(motion) < 2e-15
 
 
+@pytest.mark.slow
 def test_a_million_seconds_keep_the_invariants() -> None:
     """A tenth of them here: 7e4 turns at steady rates go to the compiled step.
 
@@ -282,6 +284,7 @@ def any_scene(draw: st.DrawFn) -> rb.Scene:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(
     max_examples=500,
     deadline=None,

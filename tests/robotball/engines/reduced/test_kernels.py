@@ -169,6 +169,7 @@ def test_balls_share_the_compiled_step() -> None:
 # Invariants --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ball", "c", "duration"), [(CHAOTIC, 0.0, 1e6), (CLASSICAL, 3.0, 1e5)])
 def test_invariants_are_kept_to_rounding(ball: Parameters, c: float, duration: float) -> None:
     """γ², M² and (M, γ) after a million seconds: 7e-16, because only the rotation is integrated."""
@@ -241,6 +242,7 @@ def test_a_ball_at_rest_stays() -> None:
     assert np.array_equal(run.contact_points[0, 1], [0.0, 0.0])
 
 
+@pytest.mark.slow
 def test_the_compiled_stepper_loads_from_its_cache() -> None:
     """A new process compiles nothing: a step and the loops come from the cache, in 0.4 s."""
     code = (

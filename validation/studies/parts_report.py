@@ -7,7 +7,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from validation.studies.parts.measure import Part
+from validation.studies.parts import Part
 from validation.studies.timing import Cost
 
 SIZES = ("bodies", "dofs", "sensors", "geoms")

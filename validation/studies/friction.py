@@ -13,8 +13,8 @@ from robotball.parameters import Rolling
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import SAMPLE_INTERVAL
 from validation.comparison.agreement import Agreement
-from validation.studies.tradeoff.configurations import RECIPE
-from validation.studies.tradeoff.measure import reference, scene_cell
+from validation.studies.configurations import RECIPE
+from validation.studies.tradeoff import reference, scene_cell
 from validation.sweeps import Cell
 
 ROLLING, TORSIONAL = "rolling", "torsional"

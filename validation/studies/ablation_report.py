@@ -15,7 +15,7 @@ from rich.table import Table
 from robotball.engines.mujoco import LABEL
 from robotball.palette import INK
 from validation.comparison.table import scientific
-from validation.studies.ablation.measure import Ablation, Variant, fault_of
+from validation.studies.ablation import Ablation, Variant, fault_of
 
 BUILT = "Built up, every choice made so far: the worst to come hides what is done."
 UNDONE = "The recipe with one choice undone: what it is worth by itself."

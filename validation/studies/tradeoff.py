@@ -18,15 +18,15 @@ from robotball.engines.mujoco.run import run
 from robotball.files.scene_writer import scene_toml
 from robotball.rotations import Array
 from validation.comparison.agreement import Agreement
-from validation.studies.order import fit_order
-from validation.studies.timing import measure_costs, simulated_second
-from validation.studies.tradeoff.configurations import (
+from validation.studies.configurations import (
     INTERVAL,
     Options,
     describe,
     options_of,
     settings_with,
 )
+from validation.studies.order import fit_order
+from validation.studies.timing import measure_costs, simulated_second
 from validation.sweeps import Cell, Result
 
 TARGET = 1e-6  # the path error at which first order and the front are compared

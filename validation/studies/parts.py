@@ -14,7 +14,7 @@ from robotball.engines.mujoco.explain import DEFAULT_ITERATIONS
 from robotball.engines.mujoco.hinges import hinges_of
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import NAIVE
-from validation.studies.friction.measure import LEAST_FRICTION
+from validation.studies.friction import LEAST_FRICTION
 from validation.studies.timing import Cost, measure_costs, one_step
 
 MINIMAL = PRESETS["accurate"]

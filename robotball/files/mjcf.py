@@ -1,12 +1,25 @@
-"""A frame from a user's own MJCF: one of its bodies, with everything fixed to it."""
+"""MJCF files: our own parts, and a user's body."""
 
+import warnings
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from robotball.bodies import Frame
 from robotball.errors import InputError
+
+with warnings.catch_warnings(action="ignore"):
+    # Without a screen, dm_control's search for a window system warns; nothing here needs one.
+    from dm_control import mjcf
+
+PARTS = Path(__file__).parents[2] / "mjcf"
+
+
+def part(name: str) -> Any:
+    """The hand-written part mjcf/`name`.xml as it is, in units of the ball's radius."""
+    return mjcf.from_path(str(PARTS / f"{name}.xml"))
 
 
 def frame_of_mjcf(path: Path, name: str) -> Frame:

@@ -14,7 +14,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.integrators import INTEGRATORS
 from robotball.palette import ACCENT, FAINT, INK
 from validation.comparison.table import scientific
-from validation.studies.tradeoff.measure import TARGET, Configuration, Line, Tradeoff, known
+from validation.studies.tradeoff import TARGET, Configuration, Line, Tradeoff, known
 
 NOTE = (
     "CPU: of a simulated second. × bare: the same, relative to a bare loop of mj_step\n"

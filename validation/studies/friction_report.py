@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from robotball import Scene
 from robotball.engines.mujoco import LABEL
 from robotball.palette import ACCENT, INK
-from validation.studies.friction.measure import HARD, ROLLING, SOFT, TORSIONAL
+from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL
 from validation.sweeps import Result
 
 INCHES = (11.5, 5.6)

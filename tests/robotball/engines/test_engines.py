@@ -50,6 +50,7 @@ def test_plots_have_the_engines_name_and_colour() -> None:
         assert MUJOCO.label.colour not in {line.get_color() for line in axes.get_lines()}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("installed", "screen")
 def test_a_package_brings_an_engine_to_every_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -84,7 +85,7 @@ def test_a_package_brings_an_engine_to_every_command(
         (["fig12", "--engine", "torn"], "the engine 'torn' of tests.off_engine:NOWHERE fails"),
         (
             ["fig12", "--engine", "off", "--preset", "fast"],
-            "no preset is called 'fast'; did you",
+            "no preset is called 'fast'; there are",
         ),
         (["fig12", "--engine", "off", "--accuracy", "1e-6"], "Off has no settings for an accuracy"),
         (["classical_regular", "--engine", "off"], "Off cannot run classical_regular: it has no"),

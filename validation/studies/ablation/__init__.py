@@ -1,1 +1,0 @@
-"""What each modelling choice is worth, and costs."""

@@ -1,1 +1,0 @@
-"""Orders of convergence, and what is left when steps shrink."""

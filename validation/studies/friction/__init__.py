@@ -1,1 +1,0 @@
-"""What rolling and torsional friction do to the ball."""

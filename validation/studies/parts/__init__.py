@@ -1,1 +1,0 @@
-"""What each modelled thing costs a step."""

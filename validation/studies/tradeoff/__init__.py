@@ -1,1 +1,0 @@
-"""Error against processor time, over many configurations."""

@@ -9,7 +9,7 @@ from robotball.errors import unknown
 
 @dataclass(frozen=True, kw_only=True)
 class EngineSettings:
-    """How an engine is to run a scene; each engine adds what it can be told.
+    """How an engine is to run a scene; each engine adds its own.
 
     error_tolerance: the largest path error and momentum error, both relative, that the settings
     are held to over 10 s on the scenes of the catalog; accuracy: the path error that they were

@@ -1,1 +1,1 @@
-"""From wanted numbers of the equations to bodies that have them."""
+"""From requested numbers of the equations to bodies that have them."""

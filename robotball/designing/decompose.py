@@ -33,7 +33,7 @@ STILL = 1e-14  # of the size of K, below which K + sΩ is zero
 
 
 @dataclass(frozen=True)
-class Wanted:
+class DesignRequest:
     """The numbers of the equations and the bounds on the bodies, in this file's units.
 
     B (3, 3) is A⁻¹; d is None where the mass is free; shell_factor is J_s/(m_s a²); speed is the
@@ -93,69 +93,69 @@ class Share:
     axes: Array
 
 
-def share(wanted: Wanted, frame_radius: float) -> Share | None:
+def share(request: DesignRequest, frame_radius: float) -> Share | None:
     """The share with the fewest rotors whose frame lies within `frame_radius`, if there is one.
 
     Among those of as many rotors it is the one that keeps all bounds by the largest margin.
     """
-    for n in _rotor_counts(wanted):
-        s, T, margin = _best(wanted, n, frame_radius)
+    for n in _rotor_counts(request):
+        s, T, margin = _best(request, n, frame_radius)
         if margin > LEAST_MARGIN:
-            return _bodies(wanted, n, s, T, margin)
+            return _bodies(request, n, s, T, margin)
     return None
 
 
-def largest_margin(wanted: Wanted, frame_radius: float) -> float:
+def largest_margin(request: DesignRequest, frame_radius: float) -> float:
     """How far a share can keep all bounds, of the trace of A⁻¹; negative where it misses some."""
-    return max(_best(wanted, n, frame_radius)[2] for n in _rotor_counts(wanted))
+    return max(_best(request, n, frame_radius)[2] for n in _rotor_counts(request))
 
 
-def least_speed(wanted: Wanted, frame_radius: float) -> float:
+def least_speed(request: DesignRequest, frame_radius: float) -> float:
     """The least bound on the rotors' rates with which there is a share; one must exist at some.
 
-    To four digits; `wanted` has a smaller bound, with which there is none.
+    To four digits; `request` has a smaller bound, with which there is none.
     """
 
     def margin(per_speed: float) -> float:
         speed = 1 / per_speed if per_speed else np.inf
-        return largest_margin(replace(wanted, speed=speed), frame_radius) - LEAST_MARGIN
+        return largest_margin(replace(request, speed=speed), frame_radius) - LEAST_MARGIN
 
-    return float(1 / brentq(margin, 0.0, 1 / wanted.speed, rtol=1e-4, xtol=1e-4 / wanted.speed))
+    return float(1 / brentq(margin, 0.0, 1 / request.speed, rtol=1e-4, xtol=1e-4 / request.speed))
 
 
-def least_frame_radius(wanted: Wanted) -> float:
+def least_frame_radius(request: DesignRequest) -> float:
     """The least radius within which the frame of some share can lie; there must be a share.
 
-    To four digits; there is none within `wanted.frame_radius`.
+    To four digits; there is none within `request.frame_radius`.
     """
 
     def margin(per_radius: float) -> float:
-        return largest_margin(wanted, 1 / per_radius if per_radius else np.inf) - LEAST_MARGIN
+        return largest_margin(request, 1 / per_radius if per_radius else np.inf) - LEAST_MARGIN
 
-    largest = 1 / wanted.frame_radius
+    largest = 1 / request.frame_radius
     return float(1 / brentq(margin, 0.0, largest, rtol=1e-4, xtol=1e-4 * largest))
 
 
-def _rotor_counts(wanted: Wanted) -> range:
+def _rotor_counts(request: DesignRequest) -> range:
     # Rates without a bound make any rotor light enough: a second one could not help.
-    return range(2 if np.isinf(wanted.speed) else 1 + MOST_ROTORS)
+    return range(2 if np.isinf(request.speed) else 1 + MOST_ROTORS)
 
 
-def _best(wanted: Wanted, n: int, frame_radius: float) -> tuple[float, float, float]:
+def _best(request: DesignRequest, n: int, frame_radius: float) -> tuple[float, float, float]:
     """s, T and the margin of the best share with n rotors."""
-    ends = (wanted.smallest_s, wanted.largest_s) if n else wanted.s_without_rotors
+    ends = (request.smallest_s, request.largest_s) if n else request.s_without_rotors
     if ends is None or ends[0] > ends[1]:
         return 0.0, 0.0, -np.inf
 
     def best_T(s: Array) -> Array:
-        g = np.linalg.norm(wanted.momentum(s), axis=-1) / wanted.speed
+        g = np.linalg.norm(request.momentum(s), axis=-1) / request.speed
         if n < 2:
             return n * g
         most = np.maximum((1 - 3 * s) / 2, g)  # then the frame is nothing: tr(2 Σ) = tr P - 2T
-        return _peak(lambda T: _margin(wanted, n, frame_radius, s[..., None], T), g, most, 9, 7)
+        return _peak(lambda T: _margin(request, n, frame_radius, s[..., None], T), g, most, 9, 7)
 
     def margin(s: Array) -> Array:
-        return _margin(wanted, n, frame_radius, s, best_T(s))
+        return _margin(request, n, frame_radius, s, best_T(s))
 
     s = _peak(margin, np.array(ends[0]), np.array(ends[1]), 25, 6)
     return float(s), float(best_T(s)), float(margin(s))
@@ -174,77 +174,81 @@ def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rou
     return peak
 
 
-def _margin(wanted: Wanted, n: int, frame_radius: float, s: Array, T: Array) -> Array:
+def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Array) -> Array:
     """By how much all bounds are kept (...) at s and T (...), positive iff they are.
 
     The largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² - tr Σ_frame >= t,
     m_shell >= least + t, and a single rotor's inertia larger by t ROTOR_SHARE than it must be.
     Each of `bounds` is one of these, linear in t, solved for t.
     """
-    c, slower = wanted.shell_factor, ROTOR_SHARE if n == 1 else 0.0
-    Z, tau = _Z(wanted, *np.broadcast_arrays(s, T))
+    c, slower = request.shell_factor, ROTOR_SHARE if n == 1 else 0.0
+    Z, tau = _Z(request, *np.broadcast_arrays(s, T))
     z = np.linalg.eigvalsh(Z)
     flattest = z[..., 0] if n < 2 else np.minimum(z[..., 0] + tau, z[..., 1])
     bounds = [flattest / (1 + slower)]
-    if wanted.d is None:
+    if request.d is None:
         # The shell has its least mass and t.
-        others, others_per_t = s - (1 + c) * wanted.shell, 1 + c
+        others, others_per_t = s - (1 + c) * request.shell, 1 + c
     else:
-        shell = (s - wanted.d) / c
-        others, others_per_t = wanted.d - shell, 0.0
-        bounds.append(shell - wanted.shell)
+        shell = (s - request.d) / c
+        others, others_per_t = request.d - shell, 0.0
+        bounds.append(shell - request.shell)
     trace = (1 - 3 * s) / 2 - T
-    for rotors, per_t in _rotor_masses(wanted, n, T, slower):
+    for rotors, per_t in _rotor_masses(request, n, T, slower):
         frame, frame_per_t = others - rotors, others_per_t + per_t
-        bounds.append((frame - wanted.frame) / (1 + frame_per_t))
+        bounds.append((frame - request.frame) / (1 + frame_per_t))
         if np.isfinite(frame_radius):
             room = frame_radius**2 * frame - trace
             bounds.append(room / (1 + frame_radius**2 * frame_per_t - slower))
     return np.min(np.broadcast_arrays(*bounds), axis=0)
 
 
-def _rotor_masses(wanted: Wanted, n: int, T: Array, slower: float) -> list[tuple[Array, float]]:
+def _rotor_masses(
+    request: DesignRequest, n: int, T: Array, slower: float
+) -> list[tuple[Array, float]]:
     """What the rotors' mass must reach, and each line's growth with t: inertia, least masses.
 
     For two the first is an upper bound, too large by no more than one's least mass.
     """
     if n == 0:
         return [(np.zeros_like(T), 0.0)]
-    inertia = T / wanted.rotor_radius**2 + (n - 1) * wanted.rotor
-    least = np.full_like(T, n * wanted.rotor)
-    return [(inertia, slower / wanted.rotor_radius**2), (least, 0.0)]
+    inertia = T / request.rotor_radius**2 + (n - 1) * request.rotor
+    least = np.full_like(T, n * request.rotor)
+    return [(inertia, slower / request.rotor_radius**2), (least, 0.0)]
 
 
-def _Z(wanted: Wanted, s: Array, T: Array) -> tuple[Array, Array]:
+def _Z(request: DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
     """Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
-    g = wanted.momentum(s) / wanted.speed
+    g = request.momentum(s) / request.speed
     per_T = 1 / np.maximum(T, 1e-300)
     given_back = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
-    P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * wanted.B
+    P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * request.B
     return P_less_T + given_back, T - per_T * (g * g).sum(axis=-1)
 
 
-def _bodies(wanted: Wanted, n: int, s: float, T: float, margin: float) -> Share:
-    if wanted.d is None:
-        shell = wanted.shell + margin
-        d = s - wanted.shell_factor * shell
+def _bodies(request: DesignRequest, n: int, s: float, T: float, margin: float) -> Share:
+    if request.d is None:
+        shell = request.shell + margin
+        d = s - request.shell_factor * shell
     else:
-        d = wanted.d
-        shell = (s - d) / wanted.shell_factor
-    inertias, axes = _rings(wanted, n, s, T, margin)
-    masses = np.maximum(inertias / wanted.rotor_radius**2, wanted.rotor)
+        d = request.d
+        shell = (s - d) / request.shell_factor
+    inertias, axes = _rings(request, n, s, T, margin)
+    masses = np.maximum(inertias / request.rotor_radius**2, request.rotor)
     return Share(margin, shell, float(d - shell - masses.sum()), masses, inertias, axes)
 
 
-def _rings(wanted: Wanted, n: int, s: float, T: float, margin: float) -> tuple[Array, Array]:
+def _rings(
+    request: DesignRequest, n: int, s: float, T: float, margin: float
+) -> tuple[Array, Array]:
     """Axial inertias (n,) and axes (n, 3) of the rotors."""
     if n == 0:
         return np.empty(0), np.empty((0, 3))
-    h = wanted.momentum(np.array(s))
+    h = request.momentum(np.array(s))
     if n == 1:
         return np.array([T + ROTOR_SHARE * margin]), h[None] / np.linalg.norm(h)
-    Z, tau = _Z(wanted, np.array(s), np.array(T))
-    j_n = two_rings(T, h / wanted.speed, np.linalg.eigh(Z)[1][:, 0], float(tau))
+    Z, tau = _Z(request, np.array(s), np.array(T))
+    j_n = two_rings(T, h / request.speed, np.linalg.eigh(Z)[1][:, 0], float(tau))
     inertias = np.linalg.norm(j_n, axis=1)
     return inertias, j_n / inertias[:, None]
 

@@ -1,4 +1,4 @@
-"""Wanted A, Ω, K and radius → a Ball that has them, or why there is none."""
+"""Requested A, Ω, K and radius → a Ball that has them, or why there is none."""
 
 import math
 from dataclasses import dataclass, replace
@@ -17,8 +17,8 @@ from robotball.bodies import (
 )
 from robotball.designing.decompose import (
     LEAST_MARGIN,
+    DesignRequest,
     Share,
-    Wanted,
     largest_margin,
     least_frame_radius,
     share,
@@ -41,7 +41,7 @@ WIDER = 1.1
 
 @dataclass(frozen=True)
 class Design:
-    """A ball with the wanted numbers, the rates that it needs, and whether it can be built.
+    """A ball with the requested numbers, the rates that it needs, and whether it can be built.
 
     frame_rate rad/s, about the shell's axis; rotor_rates (rotors,) rad/s; limits, those that it
     keeps. masses kg: with the first and more all mass can lie inside the shell, with less than the
@@ -97,7 +97,7 @@ def design(
     mass: float | None = None,
     limits: Limits | None = None,
 ) -> Design:
-    """A ball with the wanted numbers of the equations, by the fewest rotors.
+    """A ball with the requested numbers of the equations, by the fewest rotors.
 
     A: (3,) its diagonal or (3, 3), in the frame's axes, 1/(kg m²); Omega (3,) rad/s and K (3,)
     kg m²/s in the same axes; radius m; mass kg. The shell's axis is along Omega, or z where that is
@@ -115,15 +115,15 @@ def design(
     Omega, K = _vector("Omega", Omega), _vector("K", K)
     check_inertia_at(B, radius, mass, limits)
     unit = float(np.trace(B)) / radius**2  # kg
-    wanted = _wanted(B, Omega, K, radius, mass, limits)
-    check_least_masses(wanted, unit)
-    needed = wanted.frame_radius
-    found = share(wanted, needed)
-    if found is None and not limits.buildable and largest_margin(wanted, math.inf) > LEAST_MARGIN:
-        needed = least_frame_radius(wanted)
-        found = share(wanted, WIDER * needed) or share(wanted, math.inf)
+    request = _request(B, Omega, K, radius, mass, limits)
+    check_least_masses(request, unit)
+    needed = request.frame_radius
+    found = share(request, needed)
+    if found is None and not limits.buildable and largest_margin(request, math.inf) > LEAST_MARGIN:
+        needed = least_frame_radius(request)
+        found = share(request, WIDER * needed) or share(request, math.inf)
     if found is None:
-        raise refusal(wanted, limits, radius, unit)
+        raise refusal(request, limits, radius, unit)
     ball, rates = _ball(found, B, Omega, K, radius, limits)
     return Design(
         ball=ball,
@@ -187,14 +187,14 @@ def _vector(name: str, v: ArrayLike) -> Array:
     return vector
 
 
-def _wanted(
+def _request(
     B: Array, Omega: Array, K: Array, radius: float, mass: float | None, limits: Limits
-) -> Wanted:
+) -> DesignRequest:
     """The request in the units of decompose.py."""
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     frame_radius, rotor_radius = limits.radii(radius)
-    return Wanted(
+    return DesignRequest(
         B=B / trace,
         K=K / trace,
         Omega=Omega,

@@ -12,7 +12,7 @@ import numpy as np
 
 from robotball.designing.decompose import (
     LEAST_MARGIN,
-    Wanted,
+    DesignRequest,
     largest_margin,
     least_frame_radius,
     least_speed,
@@ -114,40 +114,40 @@ def check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits
         )
 
 
-def check_least_masses(wanted: Wanted, unit: float) -> None:
-    """Raises InputError where the least masses are too large; unit: kg in one of `wanted`'s."""
-    rotors = 0.0 if wanted.s_without_rotors else wanted.rotor
-    together = wanted.shell + wanted.frame + rotors
-    if wanted.d is not None and not together < wanted.d:
+def check_least_masses(request: DesignRequest, unit: float) -> None:
+    """Raises InputError where the least masses are too large; unit: kg in one of `request`'s."""
+    rotors = 0.0 if request.s_without_rotors else request.rotor
+    together = request.shell + request.frame + rotors
+    if request.d is not None and not together < request.d:
         raise InputError(
             f"masses: the least of shell, frame and rotor are {together * unit:.6g} kg together, "
-            f"and the ball is to have {wanted.d * unit:.6g} kg: "
-            f"{(together - wanted.d) * unit:.6g} kg too much"
+            f"and the ball is to have {request.d * unit:.6g} kg: "
+            f"{(together - request.d) * unit:.6g} kg too much"
         )
-    J_s = wanted.shell_factor * wanted.shell
-    s = J_s + (together if wanted.d is None else wanted.d)
-    if not s < wanted.largest_s:
+    J_s = request.shell_factor * request.shell
+    s = J_s + (together if request.d is None else request.d)
+    if not s < request.largest_s:
         raise InputError(
             f"masses: with the least of shell, frame and rotor, {together * unit:.6g} kg, "
             f"m + J_s/a² is {s * unit:.6g} kg at least; for the triangle inequality of what the "
-            f"shell leaves it must be less than {wanted.largest_s * unit:.6g} kg: "
-            f"{(s - wanted.largest_s) * unit:.6g} kg too much"
+            f"shell leaves it must be less than {request.largest_s * unit:.6g} kg: "
+            f"{(s - request.largest_s) * unit:.6g} kg too much"
         )
 
 
-def refusal(wanted: Wanted, limits: Limits, radius: float, unit: float) -> InputError:
+def refusal(request: DesignRequest, limits: Limits, radius: float, unit: float) -> InputError:
     """Why there is no share, though neither the inertia nor the least masses forbid one."""
-    within = wanted.frame_radius if limits.buildable else math.inf
-    any_speed = replace(wanted, speed=math.inf)
+    within = request.frame_radius if limits.buildable else math.inf
+    any_speed = replace(request, speed=math.inf)
     if largest_margin(any_speed, within) > LEAST_MARGIN:
-        needed = least_speed(wanted, within)
+        needed = least_speed(request, within)
         return InputError(
-            f"rotor speed: at most {wanted.speed:.6g} rad/s is allowed, and the momentum "
-            f"K + (J_s + d)Ω needs {needed:.4g} rad/s: {needed - wanted.speed:.4g} rad/s more"
+            f"rotor speed: at most {request.speed:.6g} rad/s is allowed, and the momentum "
+            f"K + (J_s + d)Ω needs {needed:.4g} rad/s: {needed - request.speed:.4g} rad/s more"
         )
     if limits.buildable and largest_margin(any_speed, math.inf) > LEAST_MARGIN:
         needed = radius * least_frame_radius(any_speed)
-        allowed = radius * wanted.frame_radius
+        allowed = radius * request.frame_radius
         return InputError(
             f"mass inside the shell: the frame may reach {allowed:.6g} m, and within the limits it "
             f"needs {needed:.4g} m: {needed - allowed:.4g} m more"

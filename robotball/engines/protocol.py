@@ -1,4 +1,4 @@
-"""What an engine is to the rest of the program, and what can be asked of one."""
+"""What an engine is to the rest of the program, and what can be requested of one."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -60,7 +60,7 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of an engine: a run by settings of its own, or by any that reach an accuracy.
+    """What is requested of an engine: a run by its own settings, or by any that reach an accuracy.
 
     settings: None where the accuracy chooses them; accuracy: the path error to reach, over the
     path's length, None where settings are given.

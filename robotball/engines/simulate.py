@@ -57,15 +57,15 @@ def request_of(
     """The request that a user's choices make.
 
     keep_going: not to end at the first fault. Raises InputError for an unknown engine or preset,
-    for both settings and accuracy, and for an accuracy that the engine cannot be asked for.
+    for both settings and accuracy, and for an accuracy that the engine cannot reach.
     """
-    asked = engine_named(of) if isinstance(of, str) else of
+    chosen = engine_named(of) if isinstance(of, str) else of
     if accuracy is not None:
-        _check_accuracy(asked, settings, accuracy, keep_going)
-        return Request(asked, None, float(accuracy))
+        _check_accuracy(chosen, settings, accuracy, keep_going)
+        return Request(chosen, None, float(accuracy))
     if not isinstance(settings, EngineSettings):
-        settings = preset_named(asked.presets, settings or asked.default)
-    return Request(asked, replace(settings, stop_at_fault=False) if keep_going else settings)
+        settings = preset_named(chosen.presets, settings or chosen.default)
+    return Request(chosen, replace(settings, stop_at_fault=False) if keep_going else settings)
 
 
 def run_request(

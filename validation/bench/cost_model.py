@@ -1,4 +1,4 @@
-"""The cost model that an asked accuracy is predicted by, measured again, and how well it goes.
+"""The cost model that a requested accuracy is predicted by, measured again, and how well it goes.
 
 Every scene of the catalog and random balls at both families of the recipe; the coefficients fitted
 to them beside those in use; and for four accuracies what was reached, how honest the estimate was
@@ -158,9 +158,9 @@ def coefficient_table(records: Sequence[Record]) -> Table:
 
 def case_table(records: Sequence[Record]) -> Table:
     """A row an accuracy: how many reached it, how honest the estimates were, what it took."""
-    table = Table(title="accuracies asked for", title_justify="left", box=box.SIMPLE_HEAD)
+    table = Table(title="accuracies requested", title_justify="left", box=box.SIMPLE_HEAD)
     for heading in (
-        "asked", "cases", "reached", "told", "silent", "estimate\n< half", "DOP853",
+        "requested", "cases", "reached", "reported", "silent", "estimate\n< half", "DOP853",
         "CPU / best\nmedian", "90 %", "largest", "over 2", "last run\nmedian", "largest",
     ):  # fmt: skip
         table.add_column(heading, justify="right")
@@ -177,8 +177,8 @@ def case_table(records: Sequence[Record]) -> Table:
             "all" if target is None else f"{target:g}",
             str(len(cases)),
             str(len(cases) - len(missed)),
-            count(lambda each: each["told"], missed),
-            count(lambda each: not each["told"], missed),
+            count(lambda each: each["reported"], missed),
+            count(lambda each: not each["reported"], missed),
             count(lambda each: each["dishonest"]),
             count(lambda each: each["adaptive"]),
             f"{np.median(whole):.2f}",

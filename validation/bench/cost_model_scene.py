@@ -91,7 +91,7 @@ def _run(scene: Scene, theory: Motion, settings: Settings) -> dict[str, Any]:
 
 def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
     """A run to an accuracy, its true error beside the estimate."""
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always", SceneWarning)
         motion = simulate(scene, theory.times, accuracy=target)
     agreement, settings = Agreement(theory, motion), own_settings(motion.report.settings)
@@ -101,7 +101,7 @@ def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
         "adaptive": settings.adaptive,
         "error": agreement.path_error,
         "estimate": agreement.report.estimated_error,
-        "told": bool(told),
+        "reported": bool(reported),
         "seconds": motion.report.total_seconds,
         "last_seconds": agreement.report.seconds,
     }

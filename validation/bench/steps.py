@@ -27,7 +27,7 @@ def main() -> None:
     console.print(
         f"Medians (ranges) over {ROUNDS} interleaved rounds of a scene's 10 s, as ratios to a bare "
         "loop of mj_step\non the same model; set-up is outside the clock. steps: a run's stepping, "
-        "all of it read and watched;\nrun: that and the Motion."
+        "all of it read and monitored;\nrun: that and the Motion."
     )
     for name in SCENES:
         console.print(_table(load_scene(name)))
@@ -68,7 +68,7 @@ def _measure(scene: Scene, models: dict[str, Model]) -> dict[str, list[float]]:
 
 
 def _bare_loop(model: Model) -> float:
-    """Seconds that the same steps take with nothing read, watched or kept."""
+    """Seconds that the same steps take with nothing read, monitored or kept."""
     data = model.start_data()
     began = time.perf_counter()
     for _ in range(_step_count(model)):

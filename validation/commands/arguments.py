@@ -60,7 +60,7 @@ class Run:
     """Go on after a fault, as long as there is a state."""
 
     def request(self, preset: str | None) -> Request:
-        """What is asked of the engine."""
+        """What is requested of the engine."""
         from robotball.engines.simulate import request_of
 
         return request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)

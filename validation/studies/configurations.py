@@ -116,7 +116,7 @@ def _sample() -> Iterator[Settings]:
         yield replace(RECIPE, integrator=pick(ALL), timestep=pick(STEPS), **level)
 
 
-_NOT_OPTIONS = ("name", "error_tolerance", "stop_at_fault", "max_steps")  # what MuJoCo is not told
+_NOT_OPTIONS = ("name", "error_tolerance", "stop_at_fault", "max_steps")  # no options of MuJoCo
 _STEPS = (*_NOT_OPTIONS, "integrator", "timestep", "rtol")
 FEW = 3  # changes that are named
 _DEFAULTS = {field.name: field.default for field in fields(Settings)}

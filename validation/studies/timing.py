@@ -57,7 +57,7 @@ class Cost:
 
 
 class BareLoop:
-    """mj_step over and over, with nothing read, watched or kept."""
+    """mj_step over and over, with nothing read, monitored or kept."""
 
     @cached_property
     def _model(self) -> Model:

@@ -254,16 +254,16 @@ def servo_droop(plan: PlannedRun) -> LimitCheck | None:
 def largest_number(plan: PlannedRun) -> LimitCheck | None:
     """MuJoCo calls a coordinate, a rate or a control beyond 1e10 bad.
 
-    The path by the speed of the start, the angles that the hinges turn through, and what the
-    actuators are told.
+    The path by the speed of the start, the angles that the hinges turn through, and the controls
+    of the actuators.
     """
     rates = [abs(float(drive.rate(0.0))) for drive in plan.scene.drives]
     speed = float(np.linalg.norm(plan.rolling_velocity))
-    told = [abs(float(drive.acceleration(0.0))) for drive in plan.scene.drives]
+    controls = [abs(float(drive.acceleration(0.0))) for drive in plan.scene.drives]
     reach = max(1.0, plan.duration)
     return LimitCheck(
         "the largest coordinate, rate or control",
-        max(speed * reach, *(rate * reach for rate in rates), *told, plan.rotation_rate),
+        max(speed * reach, *(rate * reach for rate in rates), *controls, plan.rotation_rate),
         LARGEST_STATE,
         "MuJoCo takes more for a bad state; choose other units or a shorter run",
     )

@@ -8,7 +8,7 @@ import mujoco
 
 from robotball.engines.mujoco.model import Model
 
-INSIDE = 1e-9  # s: how far before the end of a span its own side of a breakpoint is asked for
+INSIDE = 1e-9  # s: how far before the end of a span its own side of a breakpoint is taken
 
 
 @dataclass

@@ -102,7 +102,7 @@ class Portion:
     sampled  which of them, as an index, are at the run's sample times
     steps    how many were taken
     longest  of them [s]
-    again    gives what its rows began from; deferred, for it is asked for of faulty runs alone
+    again    gives what its rows began from; deferred, as only faulty runs need it
     failure  why the run can't go on, if it can't
     """
 

@@ -1,4 +1,4 @@
-"""From wanted A, Ω and K to bodies that have them, or to the reason why there are none."""
+"""From requested A, Ω and K to bodies that have them, or to the reason why there are none."""
 
 import math
 import re
@@ -229,15 +229,15 @@ def too_heavy_for_the_triangle_inequality(rng: np.random.Generator) -> Refused:
     b = buildable_b(rng)
     most = b.sum() - 2 * b.max()
     mass = most + rng.uniform(0.001, 0.999) * (b.min() - most)
-    wanted = {"A": symmetric(rng, b), "mass": mass}
-    return f"triangle inequality: .* breaks it by {NUMBER} kg m²", mass - most, wanted
+    request = {"A": symmetric(rng, b), "mass": mass}
+    return f"triangle inequality: .* breaks it by {NUMBER} kg m²", mass - most, request
 
 
 def too_heavy_for_a_positive_inertia(rng: np.random.Generator) -> Refused:
     b = buildable_b(rng)
     mass = b.min() * rng.uniform(1.001, 5)
-    wanted = {"A": symmetric(rng, b), "mass": mass}
-    return f"inertia not positive: .* principal moment {NUMBER} kg m²", b.min() - mass, wanted
+    request = {"A": symmetric(rng, b), "mass": mass}
+    return f"inertia not positive: .* principal moment {NUMBER} kg m²", b.min() - mass, request
 
 
 def least_masses_too_large(rng: np.random.Generator) -> Refused:
@@ -248,8 +248,8 @@ def least_masses_too_large(rng: np.random.Generator) -> Refused:
     parts *= (mass or most) * rng.uniform(1.001, 2) / parts.sum()
     limits = Limits(shell_mass=parts[0], frame_mass=parts[1], rotor_mass=parts[2])
     excess = parts.sum() - mass if mass else parts.sum() + 2 / 3 * parts[0] - most
-    wanted = {"A": symmetric(rng, b), "mass": mass, "limits": limits}
-    return f"masses: .* {NUMBER} kg too much", excess, wanted
+    request = {"A": symmetric(rng, b), "mass": mass, "limits": limits}
+    return f"masses: .* {NUMBER} kg too much", excess, request
 
 
 def mass_outside_the_shell(rng: np.random.Generator) -> Refused:
@@ -260,8 +260,8 @@ def mass_outside_the_shell(rng: np.random.Generator) -> Refused:
         x, y = rng.uniform(0.5, 1, 2)
         b = np.array([x, y, (x + y) * rng.uniform(0.67, 0.99)])
         mass, heaviest = None, b.sum() - 2 * b.max()
-    wanted = {"A": symmetric(rng, b), "mass": mass, "limits": Limits(buildable=True)}
-    return f"mass inside the shell: .* {NUMBER} kg too little", b.sum() / 5 - heaviest, wanted
+    request = {"A": symmetric(rng, b), "mass": mass, "limits": Limits(buildable=True)}
+    return f"mass inside the shell: .* {NUMBER} kg too little", b.sum() / 5 - heaviest, request
 
 
 def rotors_too_slow(rng: np.random.Generator) -> Refused:
@@ -269,13 +269,13 @@ def rotors_too_slow(rng: np.random.Generator) -> Refused:
     b = buildable_b(rng)
     K = b.sum() * rng.uniform(0.1, 10) * random_axis(rng)
     speed = 2 * float(np.linalg.norm(K)) / b.sum() * rng.uniform(0.3, 1)
-    wanted = {
+    request = {
         "A": symmetric(rng, b),
         "K": K,
         "Omega": np.zeros(3),
         "limits": Limits(rotor_speed=speed),
     }
-    return f"rotor speed: at most {NUMBER} rad/s is allowed, .* needs .* more", speed, wanted
+    return f"rotor speed: at most {NUMBER} rad/s is allowed, .* needs .* more", speed, request
 
 
 INFEASIBLE: dict[Callable[[np.random.Generator], Refused], int] = {
@@ -301,10 +301,10 @@ def test_infeasible_requests_are_all_refused_with_the_right_reason(
     """Each breaks one condition by construction; the line names it and by how much."""
     rng = np.random.default_rng(3)
     for _ in range(INFEASIBLE[make]):
-        reason, amount, wanted = make(rng)
+        reason, amount, request = make(rng)
         others = {"Omega": rng.normal(size=3), "K": rng.normal(size=3), "radius": 1.0}
         with pytest.raises(rb.InputError) as refusal:
-            design(**{**others, **wanted})
+            design(**{**others, **request})
         said = re.fullmatch(f"{reason}.*", str(refusal.value))
         assert said, str(refusal.value)
         # Numbers are printed to six digits; of b.min() - m and the like some cancel.
@@ -368,11 +368,11 @@ def test_two_rings_have_the_moments_asked_of_them(seed: int, cosine: float) -> N
     j_n = two_rings(T, g, e, tau)
     j = np.linalg.norm(j_n, axis=1)
     N = np.einsum("ra,rb->ab", j_n, j_n / j[:, None])
-    wanted = np.outer(g, g) / T + tau * np.outer(e, e)
+    request = np.outer(g, g) / T + tau * np.outer(e, e)
     # Measured at most 6e-16 T over 2e4 draws.
     assert j.sum() == pytest.approx(T, rel=1e-14)
     assert np.abs(j_n.sum(axis=0) - g).max() < 1e-14 * T
-    assert np.abs(N - wanted).max() < 1e-14 * T
+    assert np.abs(N - request).max() < 1e-14 * T
 
 
 def test_the_speed_that_a_refusal_names_is_enough() -> None:

@@ -135,7 +135,7 @@ def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
 
 @pytest.mark.slow
 def test_the_ablation_reports_every_variant() -> None:
-    """Rungs both ways, each timed as often as asked for; slip is over the rolling speed."""
+    """Both tables, each variant timed as often as requested; slip is over the rolling speed."""
     told: list[float] = []
     ablation = measure_ablation(
         rb.load_scene("fig12"), rb.sample_times(0.5), 1, lambda part, what: told.append(part)

@@ -1,7 +1,7 @@
 """Are failures missed, and are alarms false? Two seeded sets of random runs.
 
 A run has failed where its path is over a tenth of its length off the equations', or where it broke
-off. It is told of where the precheck warned of it or the monitor found a fault.
+off. It is reported where the precheck warned of it or the monitor found a fault.
 """
 
 import logging

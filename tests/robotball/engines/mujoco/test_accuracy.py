@@ -1,4 +1,4 @@
-"""A path error asked for is reached, or said not to be, and its estimate is honest."""
+"""A requested path error is reached, or said not to be, and its estimate is honest."""
 
 import warnings
 from collections.abc import Callable

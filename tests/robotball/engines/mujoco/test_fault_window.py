@@ -20,7 +20,7 @@ SLIPPERY = replace(FAST, sliding_friction=1.0)
 
 
 @pytest.fixture
-def dumped(tmp_path: Path) -> Callable[..., Path]:
+def written(tmp_path: Path) -> Callable[..., Path]:
     """Runs a scene with settings and gives the file of its fault."""
 
     def run(settings: rb.Settings, scene: rb.Scene = FIG12) -> Path:
@@ -38,9 +38,9 @@ def command(*arguments: object) -> int:
     return leaving.value.code
 
 
-def test_a_sound_run_leaves_nothing(dumped: Callable[..., Path]) -> None:
+def test_a_sound_run_leaves_nothing(written: Callable[..., Path]) -> None:
     """No fault, no file."""
-    assert not dumped(FAST).exists()
+    assert not written(FAST).exists()
 
 
 FAULTY = {
@@ -56,51 +56,51 @@ FAULTY = {
 
 @pytest.mark.parametrize("settings", FAULTY.values(), ids=FAULTY)
 def test_a_dump_steps_again_to_the_last_bit(
-    settings: rb.Settings, dumped: Callable[..., Path]
+    settings: rb.Settings, written: Callable[..., Path]
 ) -> None:
     """States, steps and readings are those of the run, from the first of the window on."""
-    dump = load(dumped(settings))
-    assert replay(dump).difference == 0.0
-    assert replay(dump).rows == len(dump.rows)
-    assert dump.bad <= AROUND
-    time = dump.columns.index("time [s]")
-    assert dump.table[dump.bad][time] == dump.time
-    assert dump.model.nq == len(dump.coordinates(0)[0])
+    window = load(written(settings))
+    assert replay(window).difference == 0.0
+    assert replay(window).rows == len(window.rows)
+    assert window.bad <= AROUND
+    time = window.columns.index("time [s]")
+    assert window.table[window.bad][time] == window.time
+    assert window.model.nq == len(window.coordinates(0)[0])
 
 
-def test_a_diverged_run_is_dumped_without_infinities(dumped: Callable[..., Path]) -> None:
+def test_a_diverged_run_is_dumped_without_infinities(written: Callable[..., Path]) -> None:
     """Numbers that are none are null, and the steps to the divergence are the same again."""
     wild = replace(
         FAST, integrator="Euler", timestep=0.1, error_tolerance=1e9, drive=rb.Servo(gain=1e4),
         sliding_friction=1e9, torsional_friction=1e9, stop_at_fault=False,
     )  # fmt: skip
-    path = dumped(wild)
+    path = written(wild)
     assert "NaN" not in path.read_text()
     assert "Infinity" not in path.read_text()
     assert replay(load(path)).difference == 0.0
 
 
-def test_drives_in_time_are_stepped_with_their_controls(dumped: Callable[..., Path]) -> None:
-    """The scene in the dump tells what the actuators were told."""
+def test_drives_in_time_are_stepped_with_their_controls(written: Callable[..., Path]) -> None:
+    """The scene in the window tells what the actuators were told."""
     scene = rb.load_scene("wobbling_drive")
-    dump = load(dumped(replace(FAST, sliding_friction=0.9), scene))
-    assert dump.scene is not None
-    assert replay(dump).difference == 0.0
+    window = load(written(replace(FAST, sliding_friction=0.9), scene))
+    assert window.scene is not None
+    assert replay(window).difference == 0.0
 
 
-def test_a_function_of_time_cannot_be_stepped_again(dumped: Callable[..., Path]) -> None:
+def test_a_function_of_time_cannot_be_stepped_again(written: Callable[..., Path]) -> None:
     """No file holds it; the table is there all the same, and the command says so."""
     scene = replace(FIG12, frame_rate=lambda t: 2.0 + 0.1 * np.sin(t))
-    dump = load(dumped(SLIPPERY, scene))
-    assert dump.scene is None
-    assert replay(dump).difference is None
-    assert replay(dump).why == "its drives are functions of time, which no file holds"
-    assert len(dump.table) == len(dump.rows) > AROUND / 2
+    window = load(written(SLIPPERY, scene))
+    assert window.scene is None
+    assert replay(window).difference is None
+    assert replay(window).why == "its drives are functions of time, which no file holds"
+    assert len(window.table) == len(window.rows) > AROUND / 2
 
 
-def test_a_changed_state_is_seen(dumped: Callable[..., Path]) -> None:
+def test_a_changed_state_is_seen(written: Callable[..., Path]) -> None:
     """One velocity off by 1e-9 in the window: not the same to the last bit."""
-    path = dumped(SLIPPERY)
+    path = written(SLIPPERY)
     fields = json.loads(path.read_text())
     fields["states"][2][12] += 1e-9
     path.write_text(json.dumps(fields))
@@ -111,10 +111,10 @@ def test_a_changed_state_is_seen(dumped: Callable[..., Path]) -> None:
 
 
 def test_the_command_shows_the_window_and_marks_the_bad_step(
-    dumped: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+    written: Callable[..., Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The cause and its time, every row, and whether the steps are the same."""
-    path = dumped(SLIPPERY)
+    path = written(SLIPPERY)
     assert command("replay", path) == 0
     out = capsys.readouterr().out
     assert "fig12, fast: contact lost at t = 0.22 s" in out
@@ -167,11 +167,11 @@ BROKEN: dict[str, Callable[[dict[str, Any]], str]] = {
 def test_a_broken_file_is_one_line(
     words: str,
     breaking: Callable[[dict[str, Any]], str],
-    dumped: Callable[..., Path],
+    written: Callable[..., Path],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Whatever is wrong with it: status 2 and one line."""
-    path = dumped(SLIPPERY)
+    path = written(SLIPPERY)
     path.write_text(breaking(json.loads(path.read_text())))
     assert command("replay", path) == 2
     err = capsys.readouterr().err
@@ -182,16 +182,16 @@ def test_a_broken_file_is_one_line(
     assert re.search(words.strip(), err)
 
 
-def test_another_mujoco_is_told(dumped: Callable[..., Path]) -> None:
+def test_another_mujoco_is_told(written: Callable[..., Path]) -> None:
     """Its bits may differ, so nothing is stepped."""
-    path = dumped(SLIPPERY)
+    path = written(SLIPPERY)
     path.write_text(path.read_text().replace(f'"{mujoco.__version__}"', '"3.1.0"'))
     assert replay(load(path)).why == f"it is of MuJoCo 3.1.0, and this is {mujoco.__version__}"
 
 
 def test_interactive_needs_a_terminal(
-    dumped: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+    written: Callable[..., Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In a pipe it is refused in one line."""
-    assert command("replay", dumped(SLIPPERY), "--interactive") == 2
+    assert command("replay", written(SLIPPERY), "--interactive") == 2
     assert "--interactive needs a terminal" in capsys.readouterr().err

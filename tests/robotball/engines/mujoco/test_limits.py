@@ -220,7 +220,7 @@ def test_the_friction_demand_at_the_start_is_the_mechanics(
 
 
 def test_rubber_without_its_torsional_row_is_another_ball() -> None:
-    """Condim 3 lets the ball spin: off by most of its path, and the watch sees the spin."""
+    """Condim 3 lets the ball spin: off by most of its path, and the monitor sees the spin."""
     settings = replace(FAST, condim=3)
     assert the_limit(contact_limits.contact_dimension, FIG12, settings, 2.0).exceeded
     agreement = run(FIG12, settings, 2.0)

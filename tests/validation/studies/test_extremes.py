@@ -17,7 +17,7 @@ from validation import compare
 from validation.cli import main
 from validation.studies.extremes.balls import gyrostat, momentum_of, redistributed, scaled
 from validation.studies.extremes.cells import QUICK, Cut, cells_of
-from validation.studies.extremes.maps import MAPS, TIMESTEPS, base, trial
+from validation.studies.extremes.maps import MAPS, TIMESTEPS, base, cell_run
 from validation.studies.extremes.measure import Outcome, classify, measure, reference
 from validation.studies.extremes.report import measured_limits, missed
 from validation.sweeps import Result
@@ -199,8 +199,8 @@ def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> 
     chosen = MAPS["momentum"]
     assert chosen.x_of("RK4") is TIMESTEPS
     assert "rtol" in chosen.x_of(ADAPTIVE).label
-    assert trial(chosen, "rubber", ADAPTIVE, 1e-7, 5.0).settings.rtol == 1e-7
-    assert trial(chosen, "rubber", "RK4", 1e-3, 5.0).settings.timestep == 1e-3
+    assert cell_run(chosen, "rubber", ADAPTIVE, 1e-7, 5.0).settings.rtol == 1e-7
+    assert cell_run(chosen, "rubber", "RK4", 1e-3, 5.0).settings.timestep == 1e-3
 
 
 @pytest.mark.slow

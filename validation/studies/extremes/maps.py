@@ -30,7 +30,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Trial:
+class CellRun:
     """What one cell runs.
 
     ample: whether friction is raised to three times the motion's demand where it is less.
@@ -45,7 +45,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Map:
-    """A failure map: `make` gives the trial of an integrator at (x, y) from the base scene.
+    """A failure map: `make` gives the run of an integrator at (x, y) from the base scene.
 
     The adaptive integrator has no timestep: where that is an axis, it is its rtol that varies.
     """
@@ -55,7 +55,7 @@ class Map:
     held: str
     x: Axis
     y: Axis
-    make: Callable[[Scene, str, float, float], Trial]
+    make: Callable[[Scene, str, float, float], CellRun]
     rollings: tuple[str, ...] = tuple(SCENES)
     limit: float = 60.0  # s of one cell
 
@@ -64,8 +64,8 @@ class Map:
         return ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
 
 
-def trial(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> Trial:
-    """The trial of a cell; raises InputError where there is no such ball."""
+def cell_run(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> CellRun:
+    """The run of a cell; raises InputError where there is no such ball."""
     return chosen.make(base(rolling), integrator, x, y)
 
 
@@ -95,67 +95,67 @@ def decades(low: float, high: float, count: int = COUNT) -> tuple[float, ...]:
     return tuple(float(f"{v:.3g}") for v in np.geomspace(low, high, count))
 
 
-def _momentum(scene: Scene, integrator: str, step: float, size: float) -> Trial:
+def _momentum(scene: Scene, integrator: str, step: float, size: float) -> CellRun:
     K = momentum_of(scene)
     ball = gyrostat(scene, frame_rate=_frame_rate(scene), K=K / np.linalg.norm(K) * size)
-    return Trial(ball, map_settings(integrator, step))
+    return CellRun(ball, map_settings(integrator, step))
 
 
-def _frame(scene: Scene, integrator: str, step: float, rate: float) -> Trial:
+def _frame(scene: Scene, integrator: str, step: float, rate: float) -> CellRun:
     ball = gyrostat(scene, frame_rate=rate, K=momentum_of(scene))
-    return Trial(ball, map_settings(integrator, step))
+    return CellRun(ball, map_settings(integrator, step))
 
 
-def _rotor(scene: Scene, integrator: str, step: float, rate: float) -> Trial:
+def _rotor(scene: Scene, integrator: str, step: float, rate: float) -> CellRun:
     ball = gyrostat(scene, frame_rate=_frame_rate(scene), K=momentum_of(scene), rotor_rate=rate)
-    return Trial(ball, map_settings(integrator, step))
+    return CellRun(ball, map_settings(integrator, step))
 
 
-def _masses(scene: Scene, integrator: str, frame_to_shell: float, rotor_to_frame: float) -> Trial:
+def _masses(scene: Scene, integrator: str, frame_to_shell: float, rotor_to_frame: float) -> CellRun:
     ball = redistributed(scene, frame_to_shell=frame_to_shell, rotor_to_frame=rotor_to_frame)
-    return Trial(ball, map_settings(integrator))
+    return CellRun(ball, map_settings(integrator))
 
 
-def _scale(scene: Scene, integrator: str, mass: float, length: float) -> Trial:
-    return Trial(scaled(scene, mass=mass, length=length), map_settings(integrator))
+def _scale(scene: Scene, integrator: str, mass: float, length: float) -> CellRun:
+    return CellRun(scaled(scene, mass=mass, length=length), map_settings(integrator))
 
 
-def _friction(scene: Scene, integrator: str, sliding: float, gravity: float) -> Trial:
+def _friction(scene: Scene, integrator: str, sliding: float, gravity: float) -> CellRun:
     settings = replace(map_settings(integrator), sliding_friction=sliding, torsional_friction=1e6)
-    return Trial(replace(scene, gravity=gravity), settings, ample=False)
+    return CellRun(replace(scene, gravity=gravity), settings, ample=False)
 
 
-def _torsion(scene: Scene, integrator: str, sliding: float, torsional: float) -> Trial:
+def _torsion(scene: Scene, integrator: str, sliding: float, torsional: float) -> CellRun:
     settings = replace(
         map_settings(integrator), sliding_friction=sliding, torsional_friction=torsional
     )
-    return Trial(scene, settings, ample=False)
+    return CellRun(scene, settings, ample=False)
 
 
-def _gravity(scene: Scene, integrator: str, gravity: float, constant: float) -> Trial:
+def _gravity(scene: Scene, integrator: str, gravity: float, constant: float) -> CellRun:
     settings = replace(map_settings(integrator), solref=(constant, 1.0))
-    return Trial(replace(scene, gravity=gravity), settings)
+    return CellRun(replace(scene, gravity=gravity), settings)
 
 
-def _contact(scene: Scene, integrator: str, constant: float, rate: float) -> Trial:
+def _contact(scene: Scene, integrator: str, constant: float, rate: float) -> CellRun:
     # The direct form of a critically damped contact, which MuJoCo does not soften to fit dt.
     settings = replace(
         map_settings(integrator),
         solref=(-1 / constant**2, -2 / constant),
         solreffriction=(-1.0, -rate),
     )
-    return Trial(scene, settings)
+    return CellRun(scene, settings)
 
 
-def _servo(scene: Scene, integrator: str, step: float, rate: float) -> Trial:
+def _servo(scene: Scene, integrator: str, step: float, rate: float) -> CellRun:
     gain = rate * scene.ball.rotors[0].axial_inertia
     settings = replace(map_settings(integrator, step), drive=Servo(gain=gain))
-    return Trial(scene, settings)
+    return CellRun(scene, settings)
 
 
-def _duration(scene: Scene, integrator: str, step: float, duration: float) -> Trial:
+def _duration(scene: Scene, integrator: str, step: float, duration: float) -> CellRun:
     settings = replace(map_settings(integrator, step), max_steps=MOST_STEPS)
-    return Trial(scene, settings, duration=duration)
+    return CellRun(scene, settings, duration=duration)
 
 
 def _frame_rate(scene: Scene) -> float:

@@ -26,9 +26,9 @@ from validation.studies.extremes.maps import (
     DURATION,
     MAPS,
     TIMESTEP,
+    CellRun,
     Map,
-    Trial,
-    trial,
+    cell_run,
 )
 from validation.sweeps import Result, sweep
 
@@ -115,13 +115,13 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
     place = (cell[key] for key in ("rolling", "integrator", "x", "y"))
     with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
         try:
-            record = _measured(trial(MAPS[cell["map"]], *place))
+            record = _measured(cell_run(MAPS[cell["map"]], *place))
         except InputError as error:
             record = {"outcome": Outcome.REFUSED.name, "refusal": str(error)}
     return {**record, "seconds": time.process_time() - began}
 
 
-def _measured(this: Trial) -> dict[str, Any]:
+def _measured(this: CellRun) -> dict[str, Any]:
     scene, times = this.scene, sample_times(this)
     theory = reference(scene, times)
     settings = ample(this.settings, theory) if this.ample else this.settings
@@ -176,7 +176,7 @@ def speed_scale(scene: Scene) -> float:
     return float(max(numbers.A) * size + np.linalg.norm(numbers.Omega))
 
 
-def sample_times(this: Trial) -> Array:
+def sample_times(this: CellRun) -> Array:
     """The times (n,) of a case, whole timesteps apart [s]: a few turns of the ball, unless it has
     a duration, and in enough steps of a fixed length.
     """

@@ -13,7 +13,7 @@ INSIDE = 1e-9  # s: how far before the end of a span its own side of a breakpoin
 
 @dataclass
 class Control:
-    """The controls of a model's actuated hinges within one smooth span of time [s].
+    """The controls of a model's hinges within one smooth span of time [s].
 
     MuJoCo calls it, held by `controlled`, whenever it needs the forces.
     """
@@ -24,7 +24,7 @@ class Control:
     def __call__(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
         begin, end = self.span
         t = max(begin, min(data.time, end - INSIDE))
-        data.ctrl[:] = [hinge.control(t) for hinge in self.model.actuated]
+        data.ctrl[:] = [hinge.control(t) for hinge in self.model.hinges]
 
 
 @contextmanager

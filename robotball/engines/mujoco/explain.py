@@ -1,7 +1,6 @@
 """What a model leaves out because its scene does not need it, and why."""
 
 from robotball.drives import turns
-from robotball.engines.mujoco.hinges import hinges_of
 from robotball.engines.mujoco.settings import Settings
 from robotball.scene import Scene
 
@@ -14,17 +13,12 @@ def left_out(scene: Scene, settings: Settings) -> list[str]:
     if not scene.ball.rotors:
         lines.append("rotor bodies: the scene has none")
     elif len(scene.ball.rotors) == 1:
-        lines.append("more rotor bodies: one about the axis of K makes the same motion")
+        lines.append("more rotor bodies: one along K + (J_s + d)Ω makes the same motion")
     names = ["frame", *(f"rotor{i}" for i in range(1, 1 + len(scene.ball.rotors)))]
     lines += [
         f"the hinge of {name}: its rate is zero for good, so it is fixed to its parent"
         for name, drive in zip(names, scene.drives, strict=True)
         if not turns(drive)
-    ]
-    lines += [
-        f"the actuator of {hinge.body}: its rate is constant, and a huge armature keeps it"
-        for hinge in hinges_of(scene, settings)
-        if not hinge.actuated
     ]
     if scene.rolling == "classical":
         lines.append(

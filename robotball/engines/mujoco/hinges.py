@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from robotball.drives import Constant, Drive, Servo, turns
+from robotball.drives import Drive, Servo, turns
 from robotball.engines.mujoco.settings import Prescribed, Settings
 from robotball.scene import Scene
 
@@ -53,11 +53,6 @@ class Hinge:
     @property
     def body(self) -> str:
         return f"rotor{self.index}" if self.index else "frame"
-
-    @property
-    def actuated(self) -> bool:
-        """A prescribed rate that is constant needs no actuator."""
-        return isinstance(self.actuation, Servo) or not isinstance(self.drive, Constant)
 
     def control(self, t: float) -> float:
         """Its actuator's control at t [s]: of a servo the rate, of a motor the acceleration."""

@@ -56,11 +56,6 @@ class Model:
         """
         return compiled_model(self.xml)
 
-    @property
-    def actuated(self) -> tuple[Hinge, ...]:
-        """The hinges with an actuator, in the order of MuJoCo's ctrl."""
-        return tuple(hinge for hinge in self.hinges if hinge.actuated)
-
     def start_data(self, start: Start | None = None) -> mujoco.MjData:
         """MjData at the scene's start, or at another one of the same ball."""
         data = mujoco.MjData(self.compiled)
@@ -185,7 +180,7 @@ def _friction(settings: Settings) -> list[float]:
 
 
 def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
-    """The joint of `body`, and its actuator where it needs one."""
+    """The joint of `body` and its actuator: every hinge that turns has one."""
     joint = body.add("joint", type="hinge", axis=axis)
     if isinstance(hinge.actuation, Servo):
         servo = root.actuator.add("velocity", name=hinge.body, joint=joint, kv=hinge.actuation.gain)
@@ -194,9 +189,8 @@ def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
         return
     # It acts on the hinge alone and adds no angular momentum of its own.
     joint.armature = hinge.actuation.armature
-    if hinge.actuated:
-        # Scaled by the gear, the control is the acceleration; MuJoCo refuses controls over 1e10.
-        root.actuator.add("motor", name=hinge.body, joint=joint, gear=[hinge.actuation.armature])
+    # Scaled by the gear, the control is the acceleration; MuJoCo refuses controls over 1e10.
+    root.actuator.add("motor", name=hinge.body, joint=joint, gear=[hinge.actuation.armature])
 
 
 def _add_sensors(root: Any, tree: Tree, hinges: tuple[Hinge, ...]) -> None:
@@ -225,7 +219,7 @@ def _add_sensors(root: Any, tree: Tree, hinges: tuple[Hinge, ...]) -> None:
 def _start_state(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
     """The start's qpos, qvel and ctrl."""
     qpos, qvel = _state_at(scene, settings, scene.start, hinges)
-    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
+    ctrl = np.array([hinge.control(0.0) for hinge in hinges])
     return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
 
 

@@ -246,7 +246,7 @@ def test_what_the_parts_switch_on_is_what_the_model_says_it_leaves_out() -> None
     """`model --explain` names every part of `tradeoff --parts`, and where their cost stands."""
     for name in ("fig12", "classical_regular"):
         said = " ".join(left_out(rb.load_scene(name), rb.preset("balanced")))
-        named = ["rotor bodies", "condim 6", "geoms", "lights", "textures", "sensors", "actuator"]
+        named = ["rotor bodies", "condim 6", "geoms", "lights", "textures", "sensors"]
         named += ["Newton", "100 iterations"]
         named += ["condim 4"] if name == "classical_regular" else []
         assert all(word in said for word in named)

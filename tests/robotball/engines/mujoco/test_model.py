@@ -71,10 +71,25 @@ def test_a_scene_without_motors_has_no_hinges() -> None:
 
 
 def test_a_run_has_nothing_to_look_at() -> None:
-    """Two geoms touch; no light, texture or material is in the model, no actuator either."""
+    """Two geoms touch; no light, texture or material is in the model."""
     compiled = model_of("fig12").compiled
     assert (compiled.ngeom, compiled.nlight, compiled.ntex, compiled.nmat) == (2, 0, 0, 0)
-    assert (compiled.nu, compiled.nbody, compiled.njnt) == (0, 4, 3)
+    assert (compiled.nu, compiled.nbody, compiled.njnt) == (2, 4, 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", rb.PRESETS)
+def test_every_hinge_that_turns_has_its_actuator(preset: str) -> None:
+    """A servo, or an ideal motor whose control is the acceleration: 0 at a constant rate."""
+    for name in rb.catalog():
+        scene = rb.load_scene(name)
+        model = build(scene, rb.preset(preset))
+        assert model.compiled.nu == len(model.hinges) == model.compiled.njnt - 1
+        controls = model.compiled.key_ctrl[0]
+        for hinge, control in zip(model.hinges, controls, strict=True):
+            servo = isinstance(hinge.actuation, rb.Servo)
+            constant = 0.0 if scene.steady else float(hinge.drive.acceleration(0.0))
+            assert control == (hinge.drive.rate(0.0) if servo else constant)
 
 
 def test_a_model_has_as_many_rotors_as_its_scene() -> None:

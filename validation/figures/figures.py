@@ -1,4 +1,4 @@
-"""The paper's Figs 5 to 14 as pictures, one file a figure; what each shows is in its own module.
+"""The paper's Figs 3 to 14 as pictures, one file a figure; what each shows is in its own module.
 
 Every picture has the caption's parameters and what was chosen where the caption does not say,
 the facts as corrected, and MuJoCo's motion over that of the equations wherever there is a path.
@@ -19,9 +19,12 @@ from validation.figures.sections import (
     figure13,
     figure14,
 )
+from validation.figures.structure import figure3, figure4
 from validation.output import replacing
 
 FIGURES: dict[int, dict[str, Callable[[], Figure]]] = {
+    3: {"fig03": figure3},
+    4: {"fig04": figure4},
     5: {"fig05": figure5},
     6: {"fig06": figure6},
     7: {"fig07": figure7},
@@ -58,7 +61,7 @@ def chosen(numbers: Sequence[int]) -> dict[str, Callable[[], Figure]]:
     """The pictures of the figures named, or of all for none, by their names."""
     for number in numbers:
         if number not in FIGURES:
-            raise InputError(f"no figure {number} to draw; there are Figs 5 to 14")
+            raise InputError(f"no figure {number} to draw; there are Figs 3 to 14")
     return {
         name: picture
         for number in (numbers or FIGURES)

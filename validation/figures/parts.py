@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -14,9 +15,11 @@ from robotball.errors import SceneWarning
 from robotball.palette import ENGINE, INK, THEORY
 from robotball.rotations import Array, multiply
 
+ENGINE_NAME = "MuJoCo"
 THEORY_LINE: dict[str, Any] = {"color": THEORY, "linewidth": 4.5, "alpha": 0.55}
 ENGINE_LINE: dict[str, Any] = {"color": ENGINE, "linewidth": 1.1}
 FAINT = "#9AA0A6"  # what is neither engine's: fields, boundaries
+HALO = [patheffects.withStroke(linewidth=3, foreground="white")]
 INCHES_HIGH, TEXT_WIDE = 5.6, 3.6
 UNBUILDABLE = "Mass outside the shell: not to be built."
 JUMP = 0.5  # of the disc: a longer step has gone round its rim

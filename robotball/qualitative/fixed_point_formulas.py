@@ -30,9 +30,7 @@ def without_rounding(parameters: Parameters) -> Parameters:
 
     turning = float(np.linalg.norm(parameters.Omega))
     size = float(np.linalg.norm(parameters.K)) + parameters.d * turning
-    return replace(
-        parameters, Omega=exact(parameters.Omega, turning), K=exact(parameters.K, size)
-    )
+    return replace(parameters, Omega=exact(parameters.Omega, turning), K=exact(parameters.K, size))
 
 
 def nu(parameters: Parameters, j: int) -> float:

@@ -69,15 +69,23 @@ def joined(parts: Sequence[Crossings]) -> Crossings:
 
 
 def crossings(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:
-    """Where a motion of `scene` crosses g = `g` [rad].
-
-    Between samples by cubics through values and rates, whose error is h⁴/384 of the fourth
-    derivative for samples h apart: 3e-9 s for the catalog's balls sampled every 5 ms. Two
-    crossings between neighbouring samples are not seen. Raises InputError where M = 0.
-    """
+    """Where a motion of `scene` crosses g = `g` [rad], as `sampled_crossings` finds it."""
     axes = rotation_matrix(motion.attitude) @ scene.principal_axes
     M = np.einsum("nji,nj->ni", axes, motion.momentum)
-    gamma, omega = axes[:, 2], motion.angular_velocity @ scene.principal_axes
+    omega = motion.angular_velocity @ scene.principal_axes
+    return sampled_crossings(motion.times, axes[:, 2], M, omega, g)
+
+
+def sampled_crossings(
+    times: Array, gamma: Array, M: Array, omega: Array, g: float = 0.0
+) -> Crossings:
+    """Where vectors γ and M (n, 3), constant in space, cross g = `g` [rad] at times (n,).
+
+    omega (n, 3): of the axes in which they are given. Between samples by cubics through values and
+    rates, whose error is h⁴/384 of the fourth derivative for samples h apart: 3e-9 s for the
+    catalog's balls sampled every 5 ms. Two crossings between neighbouring samples are not seen.
+    Raises InputError where M = 0.
+    """
     f, c = (M * M).sum(axis=1, keepdims=True), (M * gamma).sum(axis=1, keepdims=True)
     if not f.min() > 0:
         raise InputError("a section needs M other than zero, which has no g")
@@ -90,7 +98,7 @@ def crossings(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:
     changes = np.flatnonzero(value[:-1] * value[1:] < 0)
     if abs(value[0]) < ON_SECTION:
         changes = changes[changes > 0]
-    steps = np.diff(motion.times)[changes]
+    steps = np.diff(times)[changes]
 
     def cubic(v: Array, v_rate: Array, u: Array) -> Array:
         shape = (len(changes),) + (1,) * (v.ndim - 1)
@@ -112,7 +120,7 @@ def crossings(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:
     part = (low + high) / 2
     faces = cubic(facing, np.cross(facing, omega), part)[:, 2] < 0
     found = Crossings(
-        times=motion.times[changes] + part * steps,
+        times=times[changes] + part * steps,
         gamma=cubic(gamma, np.cross(gamma, omega), part),
         momenta=cubic(M, np.cross(M, omega), part),
         directions=np.sign(-value[changes]).astype(int),

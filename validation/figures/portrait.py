@@ -64,7 +64,11 @@ def draw_circle(chart: Chart, circle: FixedCircle) -> None:
     """The circle of fixed points: Σ_s solid, Σ_u dashed."""
     quarter = np.linspace(0.0, np.pi / 2, 100)
     for k, (colour, dashes, name) in enumerate(
-        2 * ((ATTRACTS, "-", r"$\Sigma_s$, attracts"), (REPELS, (0, (2.5, 1.2)), r"$\Sigma_u$, repels"))
+        2
+        * (
+            (ATTRACTS, "-", r"$\Sigma_s$, attracts"),
+            (REPELS, (0, (2.5, 1.2)), r"$\Sigma_u$, repels"),
+        )
     ):
         label = name if k < 2 else None
         chart.line(circle.at(quarter + k * np.pi / 2), color=colour, linestyle=dashes,

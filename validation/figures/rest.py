@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from robotball import Motion, sample_times
 from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.equilibria import FixedPoint, fixed_points
+from robotball.qualitative.equilibria import fixed_points
 from robotball.qualitative.fixed_circle import fixed_circle
 from robotball.qualitative.fixed_point_formulas import name_of
 from robotball.qualitative.limit_cycles import limit_cycles

@@ -53,10 +53,10 @@ class Globe:
         axes.fill(np.cos(turn), np.sin(turn), facecolor="#F4F6F8", edgecolor=FAINT, zorder=0)
         equator = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
         self.line(equator, color=FAINT, linewidth=0.8, linestyle=":")
-        corner = np.array([-1.0, -1.0])
         for i, tip in enumerate(0.2 * view.places(np.eye(3))):
-            axes.annotate("", corner + tip, corner, arrowprops=TRIAD)
-            x, y = corner + tip + 0.07 * tip / max(np.linalg.norm(tip), 0.05)
+            (x, y), longer = tip, 1 + 0.07 / max(float(np.linalg.norm(tip)), 0.05)
+            axes.annotate("", (x - 1.0, y - 1.0), (-1.0, -1.0), arrowprops=TRIAD)
+            x, y = longer * x - 1.0, longer * y - 1.0
             axes.text(x, y, f"γ{'₁₂₃'[i]}", color=INK, ha="center", va="center", fontsize=9)
         axes.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
         axes.set_aspect("equal")

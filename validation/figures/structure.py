@@ -11,9 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from robotball import Motion, Scene, integrate, preset, sample_times
-from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
+from robotball import Motion, Scene, integrate, sample_times
 from robotball.film import picture
 from robotball.palette import INK
 from robotball.rotations import Array, rotation_matrix
@@ -23,6 +21,7 @@ from validation.figures.parts import (
     FAINT,
     HALO,
     THEORY_LINE,
+    engine_motion,
     paper_scene,
     sheet,
 )
@@ -59,7 +58,9 @@ def figure3() -> Figure:
         "  of the sphere. How the bodies share the",
         "  inertia is chosen: the paper gives A and K.",
     )
-    figure, (axes,) = sheet("Fig. 3: structure of the ball, for one rotor", caption, facts, (7.4,))
+    title = "Fig. 3: structure of the ball, for one rotor"
+    figure, panels = sheet(title, caption, facts, [["ball"]], (7.4,))
+    axes = panels["ball"]
     bodies = posed(scene, integrate(scene, sample_times(ROLLED)), 0.0)
     attitude = rotation_matrix(scene.start.attitude)
     shell_axis, rotor_axis = attitude @ ball.shell.axis, attitude @ ball.rotors[0].axis
@@ -83,7 +84,7 @@ def figure3() -> Figure:
 def figure4() -> Figure:
     """The same ball after a while on the plane: the axes of space and of the frame."""
     scene, times = paper_scene(SCENE), sample_times(ROLLED)
-    theory, engine = integrate(scene, times), run(build(scene, preset("balanced")), times)
+    theory, engine = integrate(scene, times), engine_motion(scene, times)
     frame, a = rotation_matrix(theory.attitude[-1]), scene.ball.radius
     caption = (
         f"the ball of Fig. 12 after {ROLLED:g} s, drawn",
@@ -100,7 +101,9 @@ def figure4() -> Figure:
         "α, β, γ: OX, OY, OZ as seen from the frame;",
         "  here γ = ({:.4f}, {:.4f}, {:.4f}).".format(*frame[2]),
     )
-    figure, (axes,) = sheet("Fig. 4: the ball on the plane, and its axes", caption, facts, (7.4,))
+    title = "Fig. 4: the ball on the plane, and its axes"
+    figure, panels = sheet(title, caption, facts, [["ball"]], (7.4,))
+    axes = panels["ball"]
     foot, origin = np.array([*theory.contact_point[-1] / a, 0.0]), np.zeros(3)
     centre = np.array([foot[0], foot[1], 1.0])
     draw_floor(axes, np.stack([origin, foot])[:, :2])

@@ -49,7 +49,7 @@ def basins(
     settled = orbits(parameters, attitudes, momenta, np.array([0.0, transient]), TOLERANCE)
     labels = np.where(settled.status > 0, LOST, TORUS)
     at_end = settled.attitudes[:, 1]
-    labels[resting(parameters, at_end, momenta) & (settled.status == 0)] = LINE
+    labels[resting(parameters, at_end, momenta)] = LINE
     followed = np.flatnonzero(labels == TORUS)
     if not len(followed):
         return Basins(labels, ())
@@ -70,7 +70,7 @@ def basins(
             continue
         own = section(parameters, cycle.attitude[None], cycle.momentum[None], CROSSINGS)
         through = level_points(own.attitudes, cycle.momentum[None])[0]
-        reached = distance(points[:, -1], through) < NEAR
+        reached: Mask = distance(points[:, -1], through) < NEAR
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
             cycles.append(cycle)
@@ -84,12 +84,13 @@ def basins(
 
 def resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
     """Where (n,) the frame hardly turns, ω = 0, at attitudes (n, 4) with world momenta (n, 3)."""
-    followed = np.isfinite(attitudes).all(axis=1)
+    followed: Mask = np.asarray(np.isfinite(attitudes).all(axis=1))
     axes = rotation_matrix(np.where(followed[:, None], attitudes, [1.0, 0.0, 0.0, 0.0]))
     M = np.einsum("nij,ni->nj", axes, momenta)
-    omega = np.linalg.norm(parameters.angular_velocity(tuple(M.T), tuple(axes[:, 2].T)), axis=0)
+    omega = np.stack(parameters.angular_velocity(tuple(M.T), tuple(axes[:, 2].T)), axis=1)
     fastest = speed_bound(parameters, np.linalg.norm(momenta, axis=1))
-    return np.asarray(followed & (omega < AT_REST * fastest))
+    slow: Mask = np.linalg.norm(omega, axis=1) < AT_REST * fastest
+    return followed & slow
 
 
 def cycle_through(

@@ -3,19 +3,21 @@
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from robotball.engines.reduced.compiled.kernels import orbits
 from robotball.palette import INK
 from robotball.parameters import Parameters
 from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.equilibria import FixedPoint, attitude_at
+from robotball.qualitative.equilibria import FixedPoint, attitude_at, rate_scale
 from robotball.qualitative.fixed_circle import FixedCircle
 from robotball.qualitative.fixed_point_formulas import name_of
 from robotball.qualitative.limit_cycles import curve_of, lies_on, spread_points
-from robotball.qualitative.separatrices import Separatrix
+from robotball.qualitative.separatrices import Separatrix, separatrices
 from robotball.rotations import Array, rotation_matrix
 from validation.figures.parts import FAINT
-from validation.figures.sphere import Chart
+from validation.figures.sphere import Chart, Globe, Involute
+from validation.figures.view import View
 
 # Filled is stable, open is not; in grey, too.
 MARKS = {
@@ -32,6 +34,9 @@ MARKS = {
 CYCLE, ATTRACTS, REPELS = "#009E73", "#117733", "#AA4499"
 STARTS_DRAWN = 44
 DRAWN = 5.0  # rad, of a manifold
+FOLLOWED = 400.0  # s, for a manifold
+FIELD_TURNS = 18.0  # rad, by the rates of the flow, of each pale orbit
+VIEW = View(azimuth=62.0, elevation=30.0)
 
 
 def draw_field(chart: Chart, parameters: Parameters, duration: float) -> None:
@@ -111,6 +116,34 @@ def draw_cycles(chart: Chart, parameters: Parameters, cycles: Sequence[Cycle]) -
             known.add(name)
             chart.line(each, color=CYCLE, linestyle="-" if attracts else "--",
                        linewidth=2.4, label=label, zorder=3)  # fmt: skip
+
+
+def portrait(
+    title: str,
+    parameters: Parameters,
+    points: Sequence[FixedPoint],
+    circle: FixedCircle | None,
+    cycles: Sequence[Cycle],
+) -> Figure:
+    """All that stands still or repeats, on the sphere and on its involute, without a motion."""
+    figure = Figure(figsize=(13.0, 5.8), layout="constrained")
+    figure.suptitle(f"{title}: motion from rest", color=INK)
+    left, right = figure.subplots(1, 2, width_ratios=[4.6, 8.4])
+    manifolds = separatrices(parameters, points, FOLLOWED)
+    charts: tuple[Chart, ...] = (
+        Globe(left, VIEW, "vertical γ on the Poisson sphere"),
+        Involute(right, "its involute"),
+    )
+    for chart in charts:
+        draw_field(chart, parameters, FIELD_TURNS / rate_scale(parameters))
+        draw_separatrices(chart, manifolds, ())
+        if circle is not None:
+            draw_circle(chart, circle)
+        draw_cycles(chart, parameters, cycles)
+        draw_points(chart, parameters, points)
+    handles, labels = right.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    return figure
 
 
 def counted(points: Sequence[FixedPoint]) -> list[str]:

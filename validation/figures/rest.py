@@ -25,6 +25,8 @@ from validation.figures.parts import (
     theory_motion,
 )
 from validation.figures.portrait import (
+    FOLLOWED,
+    VIEW,
     counted,
     draw_circle,
     draw_cycles,
@@ -42,10 +44,9 @@ BALL_LINES = (
     "a = 1 m, M = 0 (from rest)",
     UNBUILDABLE,
 )
-VIEW5, VIEW6 = View(azimuth=28.0, elevation=-22.0), View(azimuth=62.0, elevation=30.0)
+VIEW5 = View(azimuth=28.0, elevation=-22.0)
 DURATIONS5 = {"b": 16.0, "c": 20.0, "d": 6.0}  # s, chosen: the captions have none
 DURATION = 60.0  # s, of Figs 6 to 8, chosen
-FOLLOWED = 400.0  # s, for a manifold
 
 
 def figure5() -> Figure:
@@ -154,7 +155,7 @@ def portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[
     )  # fmt: skip
     path, gamma, engine = both(scene)
     charts: tuple[Chart, ...] = (
-        Globe(axes["sphere"], VIEW6, "vertical γ on the Poisson sphere"),
+        Globe(axes["sphere"], VIEW, "vertical γ on the Poisson sphere"),
         Involute(axes["involute"], "its involute"),
     )
     for chart in charts:

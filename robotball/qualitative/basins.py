@@ -1,4 +1,4 @@
-"""Which attractor each of many starts reaches: a cycle, a torus or chaos."""
+"""Which attractor each of many starts reaches: a straight line, a cycle, a torus or chaos."""
 
 from dataclasses import dataclass
 
@@ -6,24 +6,26 @@ import numpy as np
 
 from robotball.engines.reduced.compiled.kernels import LONG_RUN_TOLERANCE, Integers, orbits
 from robotball.errors import InputError
-from robotball.parameters import Parameters
+from robotball.parameters import Parameters, speed_bound
 from robotball.qualitative.cycles import Cycle, close
 from robotball.qualitative.lyapunov import exponents
 from robotball.qualitative.sections import section
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, Mask, rotation_matrix
 
-TORUS, CHAOS, LOST = -1, -2, -3
+TORUS, CHAOS, LOST, LINE = -1, -2, -3, -4
 CROSSINGS = 64  # looked at after the transient; cycles that cross half as often are recognised
 NEAR = 1e-3  # of unit vectors: a point that near to a cycle has reached it
+AT_REST = 1e-4  # of the speed that |M| allows: a frame that slow has settled on a straight line
 # Over CHAOS_TIME a neighbour on a torus departs as the time does, by e^7; in chaos past e^30.
 CHAOS_TIME, CHAOTIC_GROWTH = 1000.0, 30.0
 
 
 @dataclass(frozen=True)
 class Basins:
-    """labels (n,): for each start the number of its cycle in `cycles`, or TORUS, CHAOS or LOST.
+    """labels (n,): for each start the number of its cycle in `cycles`, or TORUS, CHAOS, LINE, LOST.
 
-    Tori are not told from each other, nor chaotic attractors; LOST could not be followed.
+    Tori are not told from each other, nor chaotic attractors, nor straight-line motions (section
+    5.1); LOST could not be followed, or stops crossing the section g = 0.
     """
 
     labels: Integers
@@ -45,13 +47,19 @@ def basins(
     momenta = np.asarray(momenta, dtype=float)
     settled = orbits(parameters, attitudes, momenta, np.array([0.0, transient]), LONG_RUN_TOLERANCE)
     labels = np.where(settled.status > 0, LOST, TORUS)
-    followed = np.flatnonzero(settled.status == 0)
-    ends = settled.attitudes[followed, 1]
+    at_end = settled.attitudes[:, 1]
+    labels[resting(parameters, at_end, momenta)] = LINE
+    followed = np.flatnonzero(labels == TORUS)
+    if not len(followed):
+        return Basins(labels, ())
+    ends = at_end[followed]
     crossings = section(
         parameters, ends, momenta[followed], CROSSINGS, tolerance=LONG_RUN_TOLERANCE
     )
-    points = level_points(crossings.attitudes, momenta[followed])
     labels[followed[crossings.status > 0]] = LOST
+    # What does not cross is somewhere, but nowhere that counts.
+    crossed = np.where(np.isnan(crossings.attitudes), ends[:, None], crossings.attitudes)
+    points = level_points(crossed, momenta[followed])
     cycles: list[Cycle] = []
     for i, start in enumerate(followed):
         if labels[start] != TORUS:
@@ -63,7 +71,7 @@ def basins(
             continue
         own = section(parameters, cycle.attitude[None], cycle.momentum[None], CROSSINGS)
         through = level_points(own.attitudes, cycle.momentum[None])[0]
-        reached = distance(points[:, -1], through) < NEAR
+        reached: Mask = distance(points[:, -1], through) < NEAR
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
             cycles.append(cycle)
@@ -73,6 +81,17 @@ def basins(
         growth = exponents(parameters, begin, momenta[undecided], CHAOS_TIME, transient=100.0)
         labels[undecided[growth.largest * CHAOS_TIME > CHAOTIC_GROWTH]] = CHAOS
     return Basins(labels, tuple(cycles))
+
+
+def resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
+    """Where (n,) the frame hardly turns, ω = 0, at attitudes (n, 4) with world momenta (n, 3)."""
+    followed: Mask = np.asarray(np.isfinite(attitudes).all(axis=1))
+    axes = rotation_matrix(np.where(followed[:, None], attitudes, [1.0, 0.0, 0.0, 0.0]))
+    M = np.einsum("nij,ni->nj", axes, momenta)
+    omega = np.stack(parameters.angular_velocity(tuple(M.T), tuple(axes[:, 2].T)), axis=1)
+    fastest = speed_bound(parameters, np.linalg.norm(momenta, axis=1))
+    slow: Mask = np.linalg.norm(omega, axis=1) < AT_REST * fastest
+    return followed & slow
 
 
 def cycle_through(

@@ -4,6 +4,7 @@ With M = 0 the rubber model is a flow on the sphere of γ, which γ → -γ leav
 the direction of the contact point's path.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
@@ -15,6 +16,7 @@ from robotball.engines.reduced.compiled.duals import along, slopes
 from robotball.equations import Vector
 from robotball.errors import InputError
 from robotball.parameters import Parameters, as_vector
+from robotball.qualitative.fixed_point_formulas import closed_form_points, without_rounding
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 
 REST = (0.0, 0.0, 0.0)
@@ -60,17 +62,21 @@ def flow(parameters: Parameters, gamma: Vector) -> Vector:
 
 
 def fixed_points(parameters: Parameters) -> list[FixedPoint]:
-    """All fixed points of (4.1).
+    """All isolated fixed points of (4.1): fixed_circle.py has those that K = 0 adds.
 
     (Aγ,γ) dγ/dt is a cubic form in γ whose zeros are, complex ones included, seven lines through
     the centre: found as the eigenvalues of a resultant, made exact by Newton's method, and checked
-    by their indices, whose sum on a sphere is 2. Raises InputError for a classical ball, where
-    fixed points are not isolated, and where the check fails.
+    by their indices, whose sum on a sphere is 2. With K = 0 they are (4.4). Raises InputError for a
+    classical ball, where fixed points are not isolated, and where the check fails.
     """
     if parameters.rolling != "rubber":
         raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
+    parameters = without_rounding(parameters)
     if not np.any([parameters.Omega, parameters.K]):
         raise InputError("with Omega = 0 and K = 0 the ball rests at every gamma")
+    if not np.any(parameters.K):
+        isolated = closed_form_points(parameters).values()
+        return [fixed_point_at(parameters, gamma) for gamma in isolated]
     points: list[FixedPoint] = []
     for candidate in candidates(parameters):
         gamma = polished(parameters, candidate)
@@ -78,14 +84,19 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
             for each in (gamma, -gamma):
                 if all(np.abs(each - known.gamma).max() > SAME for known in points):
                     points.append(fixed_point_at(parameters, each))
-    indices = {"saddle": -1, "degenerate": 0}
-    total = sum(indices.get(point.kind, 1) for point in points)
+    total = index_sum(points)
     if total != 2:
         raise InputError(
             f"{len(points)} fixed points found, whose indices add up to {total}, not to 2: some "
             "are degenerate, or fill a curve"
         )
     return points
+
+
+def index_sum(points: Sequence[FixedPoint]) -> int:
+    """The sum of the indices: -1 for a saddle, 1 for others that are not degenerate."""
+    indices = {"saddle": -1, "degenerate": 0}
+    return sum(indices.get(point.kind, 1) for point in points)
 
 
 def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:

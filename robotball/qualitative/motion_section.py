@@ -69,15 +69,22 @@ def joined(parts: Sequence[Crossings]) -> Crossings:
 
 
 def crossings(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:
-    """Where a motion of `scene` crosses g = `g` [rad].
-
-    Between samples by cubics through values and rates, whose error is h⁴/384 of the fourth
-    derivative for samples h apart: 3e-9 s for the catalog's balls sampled every 5 ms. Raises
-    InputError where M = 0.
-    """
+    """Where a motion of `scene` crosses g = `g` [rad], as `sampled_crossings` finds it."""
     axes = rotation_matrix(motion.attitude) @ scene.principal_axes
     M = np.einsum("nji,nj->ni", axes, motion.momentum)
-    gamma, omega = axes[:, 2], motion.angular_velocity @ scene.principal_axes
+    omega = motion.angular_velocity @ scene.principal_axes
+    return sampled_crossings(motion.times, axes[:, 2], M, omega, g)
+
+
+def sampled_crossings(
+    times: Array, gamma: Array, M: Array, omega: Array, g: float = 0.0
+) -> Crossings:
+    """Where vectors γ and M (n, 3), constant in space, cross g = `g` [rad] at times (n,).
+
+    omega (n, 3): of the axes in which they are given. Between samples by cubics through values and
+    rates, whose error is h⁴/384 of the fourth derivative for samples h apart: 3e-9 s for the
+    catalog's balls sampled every 5 ms. Raises InputError where M = 0.
+    """
     f, c = (M * M).sum(axis=1, keepdims=True), (M * gamma).sum(axis=1, keepdims=True)
     if not f.min() > 0:
         raise InputError("a section needs M other than zero, which has no g")
@@ -87,15 +94,15 @@ def crossings(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:
     # √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃), as in steppers.section_function.
     ahead, facing = np.sin(g) * node - np.cos(g) * beta, np.cos(g) * node + np.sin(g) * beta
     value, rate = ahead[:, 2], np.cross(ahead, omega)[:, 2]
-    at = CubicHermiteSpline(motion.times, value, rate)
-    times = at.roots(extrapolate=False)
+    at = CubicHermiteSpline(times, value, rate)
+    found = at.roots(extrapolate=False)
     if abs(value[0]) < ON_SECTION:
-        times = times[times > motion.times[1]]
-    found = Crossings(
-        times=times,
-        gamma=CubicHermiteSpline(motion.times, gamma, np.cross(gamma, omega))(times),
-        momenta=CubicHermiteSpline(motion.times, M, np.cross(M, omega))(times),
-        directions=np.sign(at(times, 1)).astype(int),
+        found = found[found > times[1]]
+    crossed = Crossings(
+        times=found,
+        gamma=CubicHermiteSpline(times, gamma, np.cross(gamma, omega))(found),
+        momenta=CubicHermiteSpline(times, M, np.cross(M, omega))(found),
+        directions=np.sign(at(found, 1)).astype(int),
     )
-    faces = CubicHermiteSpline(motion.times, facing[:, 2], np.cross(facing, omega)[:, 2])(times)
-    return found[faces < 0]
+    faces = CubicHermiteSpline(times, facing[:, 2], np.cross(facing, omega)[:, 2])(found)
+    return crossed[faces < 0]

@@ -6,9 +6,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from robotball import load_scene
 from robotball.errors import check_count
 from validation.commands.arguments import AGREES, File, SceneName
+from validation.commands.suited import attracted_scene
 from validation.output import write_record
 from validation.progress import progress_bar
 from validation.studies.attractors.level import level_starts
@@ -32,15 +32,20 @@ class Basins:
     """Also write the starts and what they reach."""
 
     def run(self) -> int:
-        from robotball.qualitative.basins import CHAOS, LOST, TORUS, basins
+        from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins
 
-        scene = load_scene(self.scene)
+        scene = attracted_scene(self.scene, "a basin")
         check_count("starts", self.starts, 2)
         attitudes, momenta = level_starts(scene, self.starts, self.seed)
         with progress_bar(1) as show:
             show(0, f"{scene.name}: {self.starts} starts")
             found = basins(scene.parameters, attitudes, momenta, self.transient)
-        names = {TORUS: "torus", CHAOS: "chaos", LOST: "not followed"}
+        names = {
+            TORUS: "torus",
+            CHAOS: "chaos",
+            LINE: "straight line",
+            LOST: "stops crossing g = 0",
+        }
         for i, cycle in enumerate(found.cycles):
             names[i] = f"cycle of period {cycle.period:.6f} s"
         table = Table("attractor", "share of the starts", box=box.SIMPLE_HEAD)

@@ -1,107 +1,190 @@
 """The command `robotball equilibria`."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from robotball import load_scene
+from robotball import InputError, Scene
 from robotball.rotations import Array, rotation_matrix
-from validation.commands.arguments import AGREES, File, SceneName
-from validation.output import write_record
+from validation.commands.arguments import AGREES, OUT, File, SceneName
+from validation.commands.suited import steady_scene
+from validation.output import replacing, writable_folder, write_record
 from validation.progress import progress_bar
 from validation.studies.attractors.level import level_starts
 
-BATCH = 16  # starts followed at once, between two moves of the progress bar
+if TYPE_CHECKING:
+    from robotball.qualitative.cycles import Cycle
+    from robotball.qualitative.equilibria import ContactPath, FixedPoint
+    from robotball.qualitative.fixed_circle import FixedCircle
+    from robotball.qualitative.straight_motions import StraightMotion
+
+NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
 
 
 @dataclass(frozen=True)
 class Equilibria:
-    """List what stands still: fixed points from rest, straight-line motions, limit cycles."""
+    """List and draw what stands still: fixed points from rest, straight lines, limit cycles."""
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
     longest: float = 100.0
     """Period of the longest limit cycle to look for [s]; 0 for none."""
+    out: Path = OUT
+    """Folder for the picture of the motion from rest."""
     json: File = None
     """Also write them."""
 
     def run(self) -> int:
-        from robotball.qualitative.equilibria import contact_path, fixed_points
-        from robotball.qualitative.limit_cycles import limit_cycles
-        from robotball.qualitative.straight_motions import straight_motion, straight_motions
-
-        scene = load_scene(self.scene)
-        ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
-        with progress_bar(2) as show:
-            show(0, f"{scene.name}: fixed points")
-            rubber = ball.rolling == "rubber"
-            points = fixed_points(ball) if rubber else []
-            lines = straight_motions(ball, f) if rubber and f > 0 else []
-            show(1, f"{scene.name}: limit cycles")
-            cycles = limit_cycles(ball, self.longest) if rubber and self.longest > 0 else []
-            if not rubber:
-                gamma = level_starts(scene, 1, 0)[0]
-                lines = [straight_motion(ball, rotation_matrix(gamma)[0, 2])]
-        table = Table("", "γ", "eigenvalues [1/s] or multiplier", "", box=box.SIMPLE_HEAD)
-        circles = [contact_path(ball, point.gamma) for point in points]
-        for point, circle in zip(points, circles, strict=True):
-            # Beyond that, what bends the line is rounding.
-            straight = circle.radius > 1e9 * scene.ball.radius
-            path = "straight line" if straight else f"circle of {circle.radius:.4g} m"
-            kind = f"{point.kind},\n{path}"
-            table.add_row("fixed", row(point.gamma), row(point.eigenvalues), kind)
-        for cycle in cycles:
-            kind = f"period {cycle.period:.7f} s"
-            table.add_row("cycle", row(cycle.gamma), row(cycle.multipliers), kind)
-        for line in lines:
-            kind = "stable" if line.is_stable else "unstable"
-            table.add_row("straight", row(line.gamma), row(line.eigenvalues), kind)
-        console = Console()
-        if rubber:
-            console.print("Fixed points and cycles of the motion from rest (M = 0), straight-line")
-            console.print(f"motions with the scene's M² = {f:g} (kg m²/s)²; γ in principal axes:")
-        else:
-            console.print(
-                "A classical ball can roll straight on at any γ; at the scene's own, with"
+        scene = steady_scene(self.scene, "an equilibrium")
+        if scene.rolling == "classical":
+            return self._classical(scene)
+        if not np.any([scene.parameters.Omega, scene.parameters.K]):
+            raise InputError(
+                f"{scene.name}: nothing turns inside (Ω = 0, K = 0), so from rest the ball rests "
+                f"at every γ; 'robotball section {self.scene}' shows how it rolls"
             )
-            console.print(f"M = ({row(lines[0].momentum)}) kg m²/s; γ in principal axes:")
+        return self._rubber(scene)
+
+    def _classical(self, scene: Scene) -> int:
+        """A classical ball has an equilibrium at every γ, and no motion from rest of its own."""
+        from robotball.qualitative.straight_motions import straight_motion
+
+        gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
+        line = straight_motion(scene.parameters, gamma)
+        table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)
+        table.add_row(*straight_row(line))
+        console = Console()
+        console.print("A classical ball can roll straight on at any γ; at the scene's own, with")
+        console.print(f"M = ({row(line.momentum)}) kg m²/s; γ in principal axes:")
         console.print(table)
+        write_record(self.json, {"scene": scene.name, **record((), (), None, (), (line,), {})})
+        return AGREES
+
+    def _rubber(self, scene: Scene) -> int:
+        from robotball.qualitative.equilibria import contact_path, fixed_points, index_sum
+        from robotball.qualitative.fixed_circle import fixed_circle
+        from robotball.qualitative.fixed_point_formulas import name_of
+        from robotball.qualitative.limit_cycles import limit_cycles
+        from robotball.qualitative.straight_motions import straight_motions
+        from validation.figures.portrait import portrait
+
+        ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
+        picture = writable_folder(self.out) / f"{scene.name}-equilibria.png"
+        with progress_bar(3) as show:
+            show(0, f"{scene.name}: fixed points")
+            points, circle = fixed_points(ball), fixed_circle(ball)
+            points.sort(key=lambda point: name_of(ball, point.gamma))
+            lines = straight_motions(ball, f) if f > 0 and np.any(ball.Omega) else []
+            show(1, f"{scene.name}: limit cycles")
+            cycles = limit_cycles(ball, self.longest) if self.longest > 0 else []
+            show(2, f"{scene.name}: picture")
+            with replacing(picture) as temporary:
+                portrait(scene.title, ball, points, circle, cycles).savefig(temporary, dpi=120)
+        paths = [contact_path(ball, point.gamma) for point in points]
+        names = [name_of(ball, point.gamma) for point in points]
+        table = Table("", "γ", "eigenvalues [1/s] or multiplier", "", box=box.SIMPLE_HEAD)
+        for name, point, path in zip(names, points, paths, strict=True):
+            words = f"{point.kind},\n{path_words(path, ball.a)}"
+            table.add_row(name or "fixed", row(point.gamma), row(point.eigenvalues), words)
+        if circle is not None:
+            for name, angles, word in (
+                ("Σ_s", (0.0, np.pi / 2), "attracts"),
+                ("Σ_u", (np.pi / 2, np.pi), "repels"),
+            ):
+                ends = circle.at(np.array(angles))
+                rates = circle.rate(circle.at(np.linspace(*angles, 400)))
+                fastest = rates[np.argmax(np.abs(rates))]
+                table.add_row(
+                    name,
+                    f"± from {row(ends[0])}\nto {row(ends[1])}",
+                    f"0, and 0 to {fastest:.4g}",
+                    f"{word},\nstraight line",
+                )
+        for cycle in cycles:
+            words = f"period {cycle.period:.7f} s"
+            table.add_row("cycle", row(cycle.gamma), row(cycle.multipliers), words)
+        for line in lines:
+            table.add_row(*straight_row(line))
+        console = Console()
+        console.print("Fixed points and cycles of the motion from rest (M = 0), straight-line")
+        console.print(f"motions with the scene's M² = {f:g} (kg m²/s)²; γ in principal axes:")
+        console.print(table)
+        indices = f"{index_sum(points)} of the points"
+        if circle is not None:
+            indices += f" and {circle.index} of the circle (Ω, γ) = 0"
+        console.print(f"Indices on the sphere: {indices}; the sum is 2.")
+        if not np.any(ball.Omega):
+            console.print("Ω = 0: every motion from rest is closed, and none attracts.")
+        print(picture)
+        kept = {"picture": str(picture)}
         write_record(
             self.json,
-            {
-                "scene": scene.name,
-                "fixed_points": [
-                    {
-                        "gamma": p.gamma.tolist(),
-                        "eigenvalues": pairs(p.eigenvalues),
-                        "kind": p.kind,
-                        "contact_speed": c.speed,
-                        "contact_turning": c.turning,
-                    }
-                    for p, c in zip(points, circles, strict=True)
-                ],
-                "limit_cycles": [
-                    {
-                        "gamma": c.gamma.tolist(),
-                        "period": c.period,
-                        "multipliers": pairs(c.multipliers),
-                    }
-                    for c in cycles
-                ],
-                "straight_motions": [
-                    {
-                        "gamma": s.gamma.tolist(),
-                        "eigenvalues": pairs(s.eigenvalues),
-                        "speed": s.speed,
-                    }
-                    for s in lines
-                ],
-            },
+            {"scene": scene.name, **record(points, paths, circle, cycles, lines, kept, names)},
         )
         return AGREES
+
+
+def straight_row(line: "StraightMotion") -> tuple[str, str, str, str]:
+    """A straight-line motion as a row of the table."""
+    kind = "stable" if line.is_stable else "unstable"
+    return "straight", row(line.gamma), row(line.eigenvalues), kind
+
+
+def path_words(path: "ContactPath", a: float) -> str:
+    """What the contact point runs on, at a fixed point of a ball of radius a [m]."""
+    if path.speed < a * max(abs(path.turning), 1.0) / NEARLY_STRAIGHT:
+        return "spins on the spot" if path.turning else "at rest"
+    straight = path.radius > NEARLY_STRAIGHT * a
+    return "straight line" if straight else f"circle of {path.radius:.4g} m"
+
+
+def record(
+    points: Sequence["FixedPoint"],
+    paths: Sequence["ContactPath"],
+    circle: "FixedCircle | None",
+    cycles: Sequence["Cycle"],
+    lines: Sequence["StraightMotion"],
+    more: dict[str, Any],
+    names: Sequence[str] = (),
+) -> dict[str, Any]:
+    """All of it as plain data."""
+    return {
+        "fixed_points": [
+            {
+                "name": name,
+                "gamma": p.gamma.tolist(),
+                "eigenvalues": pairs(p.eigenvalues),
+                "kind": p.kind,
+                "contact_speed": c.speed,
+                "contact_turning": c.turning,
+            }
+            for name, p, c in zip(names, points, paths, strict=True)
+        ],
+        "fixed_circle": circle and {"axes": circle.axes.tolist(), "index": circle.index},
+        "limit_cycles": [
+            {
+                "gamma": c.gamma.tolist(),
+                "period": c.period,
+                "multipliers": pairs(c.multipliers),
+            }
+            for c in cycles
+        ],
+        "straight_motions": [
+            {
+                "gamma": s.gamma.tolist(),
+                "eigenvalues": pairs(s.eigenvalues),
+                "speed": s.speed,
+            }
+            for s in lines
+        ],
+        **more,
+    }
 
 
 def row(values: Array) -> str:

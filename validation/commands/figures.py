@@ -13,10 +13,11 @@ from validation.progress import progress_bar
 
 @dataclass(frozen=True)
 class Figures:
-    """Draw the paper's Figs 5 to 14, each with its facts and with MuJoCo's motion over it."""
+    """Draw the paper's Figs 3 to 14, each with its facts and with MuJoCo's motion over it."""
 
-    numbers: Positional[Annotated[tuple[int, ...], arg(metavar="N...")]] = ()
-    """Which figures; all of them if none is given."""
+    names: Positional[Annotated[tuple[str, ...], arg(metavar="N...")]] = ()
+    """Which figures, 3 to 14 or tori (both rolling models' trajectories on the same tori); all of
+    them if none is given."""
     out: Path = OUT
     """Folder for the pictures."""
     json: File = None
@@ -25,9 +26,9 @@ class Figures:
     def run(self) -> int:
         from validation.figures.figures import chosen, draw_figures
 
-        pictures, out = chosen(self.numbers), writable_folder(self.out)
+        pictures, out = chosen(self.names), writable_folder(self.out)
         with progress_bar(len(pictures)) as show:
-            written = draw_figures(self.numbers, out, show)
+            written = draw_figures(self.names, out, show)
         print(*written, sep="\n")
         write_record(self.json, {"figures": [str(path) for path in written]})
         return AGREES

@@ -8,8 +8,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from robotball import load_scene, preset
+from robotball import preset
 from validation.commands.arguments import AGREES, File, Preset, SceneName
+from validation.commands.suited import moving_scene
 from validation.output import write_record
 from validation.progress import progress_bar
 from validation.studies.attractors.level import level_starts
@@ -41,7 +42,7 @@ class Lyapunov:
         from robotball.qualitative.lyapunov import Exponents, exponents
         from validation.studies.attractors.contact_exponent import contact_exponent
 
-        scene = load_scene(self.scene)
+        scene = moving_scene(self.scene, "an exponent")
         settings = None if self.preset is None else preset(self.preset)
         attitudes, momenta = level_starts(scene, self.starts, self.seed)
         record: dict[str, Any] = {"scene": scene.name, "starts": self.starts, "seed": self.seed}

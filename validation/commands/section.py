@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from robotball import load_scene, preset
+from robotball import preset
 from robotball.errors import check_count
 from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName
+from validation.commands.suited import moving_scene
 from validation.output import replacing, writable_folder, write_record
 from validation.progress import progress_bar
 from validation.studies.attractors.level import level_starts
@@ -43,7 +44,7 @@ class Section:
             section_by_equations,
         )
 
-        scene = load_scene(self.scene)
+        scene = moving_scene(self.scene, "a section")
         settings = None if self.preset is None else preset(self.preset)
         path = writable_folder(self.out) / f"{scene.name}-section.png"
         attitudes, momenta = level_starts(scene, self.starts, self.seed, self.g)

@@ -3,35 +3,42 @@
 from dataclasses import replace
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball import preset, sample_times
-from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
-from robotball.engines.reduced import LABEL as THEORY
+from robotball import Motion, sample_times
 from robotball.equations import Vector
 from robotball.palette import INK
 from robotball.parameters import Parameters
 from robotball.qualitative.straight_motions import straight_motion
-from robotball.rotations import Array
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import Scene
 from validation.figures.parts import (
     ENGINE_LINE,
     FAINT,
+    HALO,
+    THEORY,
     THEORY_LINE,
     UNBUILDABLE,
     draw_paths,
+    engine_motion,
     paper_scene,
     sheet,
     theory_motion,
 )
+from validation.figures.sphere import Globe, draw_gamma
+from validation.figures.view import View
 
 LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
 LINE_K = (4.0, 5.0, 0.0)  # of Fig. 10
 LIMIT = 2.0806242  # of f there: above it σ₋ and δ₊ are unstable saddle-foci
+SIDE = 8.0  # of Fig. 9's region [kg m²/s]
 FINENESS = 90  # of the map's grid, each way
+SHOWN, LONG = 80.0, 600.0  # s, of Fig. 10
+VIEW = View(azimuth=48.0, elevation=22.0)
 BALL_LINES = (
     "A = diag(.5, .3, .6) 1/(kg m²)",
-    "Ω = (0, 0, 2) rad/s (chosen), a = 1 m",
+    "Ω = (0, 0, 1) rad/s, a = 1 m",
     UNBUILDABLE,
 )
 
@@ -66,73 +73,110 @@ def figure9() -> Figure:
     caption = (
         *BALL_LINES,
         "K = (K₁, K₂, 0) kg m²/s",
-        "f = 2 and f = 3 (chosen: the paper",
-        "  does not state its f)",
+        "Guessed, for the caption has neither:",
+        "  f = 2 and f = 3 (kg m²/s)²,",
+        f"  and the bounds ±{SIDE:g} of the region.",
     )
     facts = (
         "ω = 0, (Ω,γ) = 0, M = γ×K, f = M²:",
         "  the shell alone turns, and the ball goes",
         "  straight along Y at ∓a|Ω|.",
         "Shaded: σ₋ and δ₊ are stable; σ₊ and δ₋",
-        "  are so nowhere here. The size of Ω",
-        "  does not matter.",
+        "  are so nowhere. The size of Ω does not",
+        "  matter.",
         "E16: at K = (4, 5, 0) they are stable for",
         f"  f < {LIMIT:.4f} only, not at f = 3.",
     )
-    figure, panels = sheet("Fig. 9: stability of straight-line motions", caption, facts, (4.8, 4.8))
-    ball, side = paper_scene("fig10").parameters, np.linspace(-8, 8, FINENESS)
-    for axes, f in zip(panels, LEVELS, strict=True):
+    figure, panels = sheet(
+        "Fig. 9: stability of straight-line motions", caption, facts, [["2", "3"]], (4.9, 4.9)
+    )
+    ball, side = paper_scene("fig10").parameters, np.linspace(-SIDE, SIDE, FINENESS)
+    for axes, f in zip(panels.values(), LEVELS, strict=True):
         rates = np.array([[growth_rate(ball, (K1, K2, 0.0), f) for K1 in side] for K2 in side])
-        axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[THEORY.colour], alpha=0.45)
-        axes.contour(side, side, rates, levels=[0.0], colors=[THEORY.colour], linewidths=1.5)
-        for x in (6.8, -6.8):
-            axes.annotate("σ₋, δ₊", (x, x), color=INK, ha="center")
+        axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[THEORY], alpha=0.45)
+        axes.contour(side, side, rates, levels=[0.0], colors=[THEORY], linewidths=1.5)
+        for x in (5.9, -5.9):
+            axes.annotate("σ₋, δ₊ stable", (x, x), color=INK, ha="center", path_effects=HALO)
         turn = np.linspace(0, 2 * np.pi, 300)
-        axes.fill(
-            np.sqrt(f) * np.cos(turn), np.sqrt(f) * np.sin(turn), color=FAINT, alpha=0.5, lw=0
-        )
+        rim = np.sqrt(f) * np.stack([np.cos(turn), np.sin(turn)])
+        axes.fill(*rim, color=FAINT, alpha=0.5, lw=0)
         axes.annotate("K² < f", (0, 0), ha="center", va="center", color=INK)
         axes.plot(*LINE_K[:2], "o", color=INK)
-        axes.annotate("Fig. 10", LINE_K[:2], xytext=(6, 6), textcoords="offset points", color=INK)
-        axes.set(xlabel="K₁ [kg m²/s]", ylabel="K₂ [kg m²/s]", title=f"f = {f:g} (kg m²/s)²")
+        axes.annotate("Fig. 10", LINE_K[:2], xytext=(6, 6), textcoords="offset points",
+                      color=INK, path_effects=HALO)  # fmt: skip
+        axes.set(xlabel="K₁ [kg m²/s]", ylabel="K₂ [kg m²/s]")
+        axes.set_title(f"f = {f:g} (kg m²/s)², a guess")
         axes.set_aspect("equal")
     return figure
 
 
 def figure10() -> Figure:
     """The ball leaves one straight line and takes up another, the opposite way."""
+    scene, stable = paper_scene("fig10"), paper_scene("fig10_stable")
+    verticals = line_verticals(3.0, LINE_K)
     caption = (
         *BALL_LINES,
-        "K = (4, 5, 0) kg m²/s, f = 3 and 2 (kg m²/s)²",
-        "starts (chosen): γ ∝ σ₊ + 0.01 e₃,",
-        "  M along the part of e₃ across γ",
+        "K = (4, 5, 0) kg m²/s, f = 3 (kg m²/s)²",
+        "start near σ₊; how near is chosen:",
+        "  γ along σ₊ + 0.01 e₃, M along the part",
+        "  of e₃ across γ. Durations are chosen.",
+        "For comparison, below right: f = 2.",
     )
-    verticals = line_verticals(3.0, LINE_K)
     facts = (
-        *(f"{name}: γ = ({v[0]:.4f}, {v[1]:.4f}, 0) at f = 3" for name, v in verticals.items()),
+        *(f"{name}: γ = ({v[0]:.4f}, {v[1]:.4f}, 0)" for name, v in verticals.items()),
         "σ: dY/dt = -a|Ω|;  δ: dY/dt = +a|Ω| (E15)",
         "The unstable manifold of σ₊ goes to δ₊,",
         "  not to σ₋: the ball turns round.",
-        f"E16: δ₊ is unstable above f = {LIMIT:.4f}; at",
-        "  f = 3 the ball will leave it again, slowly.",
+        f"E16: δ₊ is unstable above f = {LIMIT:.4f}:",
+        "  at f = 3 the ball leaves it again, after",
+        "  some 300 s; at f = 2 it stays.",
     )
-    figure, (plane, speed) = sheet(
-        "Fig. 10: turning round from σ₊ to δ₊", caption, facts, (4.8, 4.8)
-    )
-    times = sample_times(30.0, 0.01)
-    for f in (3.0, 2.0):
-        scene = paper_scene("fig10" if f == 3 else "fig10_stable")
-        _, path = theory_motion(scene, times)
-        engine = run(build(scene, preset("balanced")), times)
-        draw_paths(plane, path, engine, "contact point, 30 s")
-        middle = (times[1:] + times[:-1]) / 2
-        speed.plot(middle, np.diff(path[:, 1]) / np.diff(times), **THEORY_LINE)
-        speed.plot(middle, np.diff(engine.contact_point[:, 1]) / np.diff(times), **ENGINE_LINE)
-        plane.annotate(f"f = {f:g}", path[-1], color=INK, ha="center", va="bottom")
-        if f == 3:
-            plane.legend(loc="center", bbox_to_anchor=(0.5, 0.75))
-    for level, name in ((-2.0, "σ: -a|Ω|"), (2.0, "δ: +a|Ω|")):
-        speed.axhline(level, color=INK, linestyle="--", linewidth=1)
-        speed.annotate(name, (15, level), xytext=(0, 4), textcoords="offset points", color=INK)
-    speed.set(xlabel="time [s]", ylabel="dY/dt [m/s]", title="speed along Y")
+    figure, axes = sheet(
+        "Fig. 10: turning round from σ₊ to δ₊",
+        caption, facts, [["sphere", "plane"], ["M", "speed"]], (5.0, 5.0), (4.8, 3.6),
+    )  # fmt: skip
+    times = sample_times(SHOWN, 0.02)
+    attitudes, path = theory_motion(scene, times)
+    frame, engine = rotation_matrix(attitudes), engine_motion(scene, times)
+    globe = Globe(axes["sphere"], VIEW, f"vertical γ on the Poisson sphere, {SHOWN:g} s")
+    draw_gamma(globe, frame[:, 2], engine.gamma @ scene.principal_axes)
+    for name, gamma in verticals.items():
+        globe.marks(gamma[None], "X", color="white", markeredgecolor=INK, markersize=8, zorder=6)
+        globe.name(gamma, name, fontsize=14,
+                   xytext=(-28, -4) if name[0] == "σ" else (9, -4))  # fmt: skip
+    draw_paths(axes["plane"], path, engine, f"contact point, {SHOWN:g} s")
+    axes["plane"].legend(loc="upper left")
+    draw_momentum(axes["M"], times, frame, scene.start.momentum, engine, scene)
+    for each, style in ((scene, "-"), (stable, (0, (3, 1.5)))):
+        draw_speed(axes["speed"], each, style)
+    for level, name in ((-1.0, "σ: -a|Ω|"), (1.0, "δ: +a|Ω|")):
+        axes["speed"].axhline(level, color=FAINT, linewidth=1, zorder=0)
+        axes["speed"].annotate(name, (0.3 * LONG, level), xytext=(0, -6), color=INK, ha="center",
+                               va="top", textcoords="offset points", path_effects=HALO)  # fmt: skip
+    axes["speed"].set(xlabel="time [s]", ylabel="dY/dt [m/s]", ylim=(-1.6, 1.9))
+    axes["speed"].set_title("speed along Y: f = 3 solid, f = 2 dashed")
     return figure
+
+
+def draw_momentum(
+    axes: Axes, times: Array, frame: Array, momentum: Array, engine: Motion, scene: Scene
+) -> None:
+    """M₁, M₂, M₃ in principal axes over time, by both engines; frame (n, 3, 3)."""
+    turned = rotation_matrix(engine.attitude) @ scene.principal_axes
+    theory = np.einsum("nji,j->ni", frame, momentum)
+    ours = np.einsum("nji,nj->ni", turned, engine.momentum)
+    for i, dashes in enumerate(("-", "--", ":")):
+        axes.plot(times, theory[:, i], **{**THEORY_LINE, "linewidth": 3.5})
+        axes.plot(times, ours[:, i], linestyle=dashes, **{**ENGINE_LINE, "linewidth": 1.4},
+                  label=f"M{'₁₂₃'[i]}")  # fmt: skip
+    axes.set(xlabel="time [s]", ylabel="[kg m²/s]", title="momentum M(t) in the frame's axes")
+    axes.legend(loc="upper right")
+
+
+def draw_speed(axes: Axes, scene: Scene, dashes: str | tuple[int, tuple[float, float]]) -> None:
+    """dY/dt of the contact point over a long time, by both engines."""
+    times = sample_times(LONG, 0.25)
+    middle = (times[1:] + times[:-1]) / 2
+    theory, engine = theory_motion(scene, times)[1], engine_motion(scene, times).contact_point
+    for points, style in ((theory, THEORY_LINE), (engine, ENGINE_LINE)):
+        axes.plot(middle, np.diff(points[:, 1]) / np.diff(times), linestyle=dashes, **style)

@@ -1,35 +1,41 @@
 """Figs 5 to 8: motion from rest, M = 0, a flow on the sphere of γ."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball import ContactMotion, preset, sample_times
-from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
-from robotball.engines.reduced.compiled.kernels import orbits
-from robotball.palette import INK
-from robotball.parameters import Parameters
-from robotball.qualitative.equilibria import FixedPoint, attitude_at, fixed_points
-from robotball.qualitative.limit_cycles import limit_cycles, spread_points
+from robotball import ContactMotion, sample_times
+from robotball.qualitative.cycles import Cycle
+from robotball.qualitative.equilibria import fixed_points
+from robotball.qualitative.fixed_circle import fixed_circle
+from robotball.qualitative.fixed_point_formulas import name_of
+from robotball.qualitative.limit_cycles import limit_cycles
+from robotball.qualitative.separatrices import Separatrix, separatrices
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from validation.figures.parts import (
     ENGINE_LINE,
-    FAINT,
-    THEORY_LINE,
+    ENGINE_NAME,
     UNBUILDABLE,
-    arrow,
-    disc,
-    disc_line,
     draw_paths,
-    on_disc,
+    engine_motion,
     paper_scene,
     sheet,
     theory_motion,
 )
+from validation.figures.portrait import (
+    FOLLOWED,
+    VIEW,
+    counted,
+    draw_circle,
+    draw_cycles,
+    draw_field,
+    draw_points,
+    draw_separatrices,
+)
+from validation.figures.sphere import Chart, Globe, Involute, draw_gamma
+from validation.figures.view import View
 from validation.studies.attractors.contact_map import own_start
 
 BALL_LINES = (
@@ -38,164 +44,157 @@ BALL_LINES = (
     "a = 1 m, M = 0 (from rest)",
     UNBUILDABLE,
 )
-# Filled is stable, open is not; in grey, too.
-MARKS = {
-    "saddle": ("X", "white"),
-    "stable focus": ("o", INK),
-    "slow stable focus": ("D", INK),
-    "unstable focus": ("o", "white"),
-    "stable node": ("s", INK),
-    "unstable node": ("s", "white"),
-}
-STARTS_DRAWN = 40
+VIEW5 = View(azimuth=28.0, elevation=-22.0)
+DURATIONS5 = {"b": 16.0, "c": 20.0, "d": 6.0}  # s, chosen: the captions have none
+DURATION = 60.0  # s, of Figs 6 to 8, chosen
 
 
 def figure5() -> Figure:
-    """Three motions with K₃ = 0, whose γ follows a curve (Aγ,γ) = const."""
-    scenes = {name: paper_scene(f"fig05{name}") for name in "bcd"}
-    chosen = ["starts (for the most part chosen):"]
-    for name, scene in scenes.items():
-        gamma = rotation_matrix(scene.start.attitude)[2]
-        chosen.append(f"  {name}: γ = ({', '.join(f'{x:.4g}' for x in gamma)})")
+    """Three motions with K = 0, whose γ follows a curve (Aγ,γ) = const."""
+    scenes = {
+        name: replace(paper_scene(f"fig05{name}"), duration=duration)
+        for name, duration in DURATIONS5.items()
+    }
+    ball = scenes["b"].parameters
+    circle, points = fixed_circle(ball), fixed_points(ball)
+    assert circle is not None
+    caption = (
+        *BALL_LINES,
+        "K = 0",
+        "b: γ(0) = (1/25, √471/50, -9/10)",
+        "   α(0) = (√8949/95, -2√19/95, 0) (E17)",
+        "c: γ(0) = (19/20, 0, √39/20) (E18)",
+        "d: γ(0) = (1, 0, 0); c, d: α(0) = (0, -1, 0)",
+        "Durations are chosen.",
+    )
     facts = (
-        "(Aγ,γ) is constant: γ runs along a curve",
-        "  of Euler's top, slower where (Ω,γ) is small,",
-        "  and rests on the circle (Ω,γ) = 0 (dashed).",
-        "On the circle the ball goes straight,",
+        "Fixed points, indices adding up to 2:",
+        *counted(points),
+        f"  and the circle (Ω,γ) = 0, of index {circle.index}.",
+        "(Aγ,γ) is kept: γ runs along a curve of",
+        "  Euler's top, the slower the smaller (Ω,γ).",
+        "b: the curve meets the circle, and γ stays",
+        r"  at $\Sigma_s$ (E24); the ball then goes straight,",
         "  at a|Ω| = 4.58 m/s.",
-        "A curve that misses the circle is periodic.",
-        "E17: α₂(0) = -2√19/95 in (b)",
-        "E18: γ₃(0) = √39/20 in (c)",
+        "c: it misses the circle: γ is periodic.",
+        "d: γ stays at Γ₁; the path is a circle of",
+        "  radius √5/4 m.",
     )
-    figure, (sphere, *plane) = sheet(
-        "Fig. 5: motion from rest without rotor momentum, K₃ = 0",
-        [*BALL_LINES, "K = 0", *chosen],
-        facts,
-        (4.6, 3.2, 3.2, 3.2),
-    )
-    disc(sphere, "vertical γ, with -γ as the same")
-    draw_field(sphere, scenes["b"].parameters, 8.0)
-    circle = np.linspace(0, 2 * np.pi, 400)
-    across = np.linalg.svd(np.array([[4.0, 2.0, 1.0]]))[2][1:]
-    equilibria = np.stack([np.cos(circle), np.sin(circle)], axis=1) @ across
-    disc_line(sphere, equilibria, color=INK, linestyle="--", linewidth=1.2)
-    for axes, (name, scene) in zip(plane, scenes.items(), strict=True):
-        path, theory_gamma, engine = both(scene)
-        draw_gamma(sphere, theory_gamma, engine.gamma)
-        place = tuple(on_disc(theory_gamma[0]))
-        sphere.annotate(name, place, color=INK, fontsize=12, fontweight="bold",
-                        xytext=(5, 5), textcoords="offset points")  # fmt: skip
-        draw_paths(axes, path, engine, f"({name}) contact point, {scene.duration:g} s")
-    plane[0].legend(loc="best")
+    figure, axes = sheet(
+        "Fig. 5: motion from rest with K = 0",
+        caption, facts, [["sphere", "b"], ["c", "d"]], (5.0, 5.0), (4.8, 4.2),
+    )  # fmt: skip
+    globe = Globe(axes["sphere"], VIEW5, "(a) vertical γ on the Poisson sphere")
+    draw_field(globe, ball, 8.0)
+    draw_circle(globe, circle)
+    draw_points(globe, ball, points)
+    for name, scene in scenes.items():
+        path, gamma, engine = both(scene)
+        draw_gamma(globe, gamma, engine.gamma)
+        globe.name(gamma[0], name, fontweight="bold", fontsize=13, xytext=(-14, -4))
+        draw_paths(axes[name], path, engine, f"({name}) contact point, {scene.duration:g} s")
+    axes["b"].legend(loc="best")
+    axes["sphere"].legend(loc="upper left", bbox_to_anchor=(-0.2, 1.02), frameon=False, fontsize=9)
     return figure
 
 
 def figure6() -> Figure:
-    """K₃ = 0.3: ten fixed points, and motions into the stable foci."""
-    scene = replace(paper_scene("fig06"), duration=30.0)
-    points = fixed_points(scene.parameters)
-    caption = (*BALL_LINES, "K = (0, 0, 0.3) kg m²/s", "start (chosen): γ = (0.6, 0.64, 0.48)")
+    """K₃ = 0.3: ten fixed points, and a motion into a stable focus."""
     facts = (
-        f"{len(points)} fixed points, in pairs ±γ:",
-        *counted(points),
         "The slow foci Γ₅, Γ₆ have imaginary",
         "  eigenvalues and attract by their first",
         "  Lyapunov value (E9).",
-        "|κ₁| = 1 at K₃ = 0.51503, |κ₂| = 1 at",
-        "  2.08207: there four fixed points vanish.",
+        "Closed contour: back in time the stable",
+        "  manifolds of δ₃, δ₄ end at δ₁, δ₂.",
+        "|κ₁| = 1 at K₃ = 0.51503: δ₁ … δ₄ vanish,",
+        "  and the contour becomes a limit cycle.",
+        "|κ₂| = 1 at 2.08207: θ₁ … θ₄ vanish.",
     )
-    return portrait("Fig. 6: motion from rest, K₃ = 0.3", scene, points, caption, facts)
+    start = ("γ(0) = (0, 49/50, 3√11/50), α(0) = (1, 0, 0)",)
+    return portrait_figure(6, "0.3", start, facts)
 
 
 def figure7() -> Figure:
     """K₃ = 0.52: a slow, unstable limit cycle."""
-    return cycle_figure(
-        7, 0.52, "So MuJoCo cannot stay on it: nor could", "  anything that is 1e-9 off."
+    facts = (
+        f"{ENGINE_NAME}, started on it, must leave it: in a",
+        "  period an error grows by the multiplier.",
+        "The contour of Fig. 6 has become a cycle;",
+        "  δ₁ … δ₄ are gone.",
     )
+    return portrait_figure(7, "0.52", STARTS78, facts)
 
 
 def figure8() -> Figure:
     """K₃ = 3: a fast, unstable limit cycle."""
-    return cycle_figure(8, 3.0)
+    facts = (f"{ENGINE_NAME}, started on it, follows it once.", "θ₁ … θ₄ are gone as well.")
+    return portrait_figure(8, "3", STARTS78, facts)
 
 
-def cycle_figure(number: int, K3: float, *remark: str) -> Figure:
-    """The portrait and the limit cycle, which both engines follow for one period."""
-    of_catalog = paper_scene(f"fig{number:02}")
-    ball = of_catalog.parameters
-    (cycle,) = limit_cycles(ball)[:1]
-    start = own_start(of_catalog, cycle.attitude, cycle.momentum)
-    scene = replace(of_catalog, start=start, duration=cycle.period)
-    points = fixed_points(ball)
-    caption = (*BALL_LINES, f"K = (0, 0, {K3:g}) kg m²/s", "start: on the limit cycle")
-    facts = (
-        f"{len(points)} fixed points:",
-        *counted(points),
-        "One limit cycle, up to γ → -γ:",
-        f"  period {cycle.period:.7f} s",
-        f"  multiplier {cycle.multipliers[0].real:.6g}: unstable.",
-        "Drawn over one period, in which an error",
-        f"  grows {cycle.multipliers[0].real:.3g} times.",
-        *remark,
+STARTS78 = ("γ(0) = (0, 39/40, √79/40), α(0) = (1, 0, 0)",)
+
+
+def portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[str]) -> Figure:
+    """The portrait on the sphere and on its involute, with one motion by both engines."""
+    scene = replace(paper_scene(f"fig{number:02}"), duration=DURATION)
+    ball = scene.parameters
+    points, cycles = fixed_points(ball), limit_cycles(ball)
+    manifolds = separatrices(ball, points, FOLLOWED)
+    contour = [] if cycles else closed_contour(scene, manifolds)
+    caption = (*BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, "Duration chosen: 60 s.")
+    found = [f"{len(points)} fixed points:", *counted(points)]
+    for cycle in cycles:
+        found += [
+            f"One limit cycle, period {cycle.period:.7f} s,",
+            f"  multiplier {cycle.multipliers[0].real:.3g}: unstable.",
+        ]
+    figure, axes = sheet(
+        f"Fig. {number}: motion from rest, K₃ = {K3}",
+        caption, [*found, *facts], [["sphere", "plane"], ["involute", "involute"]],
+        (5.0, 5.0), (4.8, 4.0),
+    )  # fmt: skip
+    path, gamma, engine = both(scene)
+    charts: tuple[Chart, ...] = (
+        Globe(axes["sphere"], VIEW, "vertical γ on the Poisson sphere"),
+        Involute(axes["involute"], "its involute"),
     )
-    title = f"Fig. {number}: motion from rest, K₃ = {K3:g}, and its limit cycle"
-    return portrait(title, scene, points, caption, facts)
-
-
-def portrait(
-    title: str,
-    scene: Scene,
-    points: list[FixedPoint],
-    caption: tuple[str, ...],
-    facts: tuple[str, ...],
-) -> Figure:
-    """The flow on the sphere with its fixed points, and one motion by both engines."""
-    figure, (sphere, plane) = sheet(title, caption, facts, (5.2, 5.2))
-    disc(sphere, "vertical γ, with -γ as the same point")
-    draw_field(sphere, scene.parameters, 20.0 if scene.duration > 10 else 5.0)
-    path, theory_gamma, engine = both(scene)
-    draw_gamma(sphere, theory_gamma, engine.gamma)
-    for kind in dict.fromkeys(point.kind for point in points):
-        mark, fill = MARKS[kind]
-        places = on_disc(np.array([point.gamma for point in points if point.kind == kind]))
-        sphere.plot(*places.T, mark, color=fill, markeredgecolor=INK, markersize=8, label=kind,
-                    linestyle="none", zorder=5)  # fmt: skip
-    sphere.legend(
-        loc="upper left", bbox_to_anchor=(-0.06, 0.04), ncols=2, frameon=False, fontsize=9
-    )
-    draw_paths(plane, path, engine, f"contact point, {scene.duration:.4g} s")
-    plane.legend(loc="best")
+    for chart in charts:
+        draw_field(chart, ball, 6.0)
+        draw_separatrices(chart, manifolds, contour)
+        draw_cycles(chart, ball, cycles)
+        for cycle in cycles:
+            chart.line(on_cycle(scene, cycle).gamma, **ENGINE_LINE, zorder=5)
+        draw_gamma(chart, gamma, engine.gamma)
+        draw_points(chart, ball, points)
+    draw_paths(axes["plane"], path, engine, f"contact point, {DURATION:g} s")
+    axes["plane"].legend(loc="best")
+    axes["involute"].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, fontsize=9,
+                            frameon=False)  # fmt: skip
     return figure
 
 
-def counted(points: list[FixedPoint]) -> list[str]:
-    """How many fixed points there are of each type."""
-    kinds = [point.kind for point in points]
-    return [f"  {kinds.count(kind)} × {kind}" for kind in dict.fromkeys(kinds)]
+def closed_contour(scene: Scene, manifolds: Sequence[Separatrix]) -> list[Separatrix]:
+    """The stable manifolds of δ₃ and δ₄ that come from δ₁ and δ₂."""
+    ball = scene.parameters
+    return [
+        each
+        for each in manifolds
+        if each.stable
+        and name_of(ball, each.saddle.gamma) in ("δ₃", "δ₄")
+        and each.end is not None
+        and name_of(ball, each.end.gamma) in ("δ₁", "δ₂")
+    ]
+
+
+def on_cycle(scene: Scene, cycle: Cycle) -> ContactMotion:
+    """The engine's motion from a point of a limit cycle, for a period."""
+    start = own_start(scene, cycle.attitude, cycle.momentum)
+    times = sample_times(cycle.period, cycle.period / 1000)
+    return engine_motion(replace(scene, start=start), times)
 
 
 def both(scene: Scene) -> tuple[Array, Array, ContactMotion]:
-    """The equations' contact points (n, 2) and γ (n, 3), and MuJoCo's motion."""
-    times = sample_times(scene.duration, scene.duration / 2000)
+    """The equations' contact points (n, 2) and γ (n, 3), and the engine's motion."""
+    times = sample_times(scene.duration, scene.duration / 3000)
     attitudes, path = theory_motion(scene, times)
-    return path, rotation_matrix(attitudes)[:, 2], run(build(scene, preset("balanced")), times)
-
-
-def draw_gamma(axes: Axes, theory: Array, engine: Array) -> None:
-    disc_line(axes, theory, **THEORY_LINE)
-    disc_line(axes, engine, **ENGINE_LINE)
-
-
-def draw_field(axes: Axes, parameters: Parameters, duration: float) -> None:
-    """Pale orbits with arrows from points all over the sphere."""
-    starts = spread_points(STARTS_DRAWN)
-    attitudes = np.array([attitude_at(gamma) for gamma in starts])
-    times = np.linspace(0, duration, 800)
-    found = orbits(parameters, attitudes, np.zeros((len(starts), 3)), times, 1e-10)
-    for each in found.attitudes:
-        gamma = rotation_matrix(each)[:, 2]
-        disc_line(axes, gamma, color=FAINT, linewidth=0.6, alpha=0.8)
-        length = np.cumsum(np.linalg.norm(np.diff(gamma, axis=0), axis=1))
-        if length[-1] > 0.2:
-            k = int(np.searchsorted(length, min(0.2, length[-1] / 2))) + 1
-            arrow(axes, on_disc(gamma[: 2 * k]), FAINT)
+    return path, rotation_matrix(attitudes)[:, 2], engine_motion(scene, times)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from robotball.qualitative.basins import CHAOS, TORUS, basins
+from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins
 from robotball.qualitative.drift import drift
 from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array
-from tests.figures import CHAOTIC, REGULAR, F
+from tests.figures import CHAOTIC, REGULAR, F, ball
 
 
 def some_starts(n: int) -> tuple[Array, Array]:
@@ -34,3 +34,12 @@ def test_fig11a_has_two_attractors() -> None:
 def test_fig11b_has_one_strange_attractor() -> None:
     """Every start ends in the chaos."""
     assert basins(CHAOTIC, *some_starts(32)).share(CHAOS) == 1
+
+
+@pytest.mark.parametrize(("f", "label"), [(2.0, LINE), (3.0, LOST)])
+def test_fig10s_ball_ends_on_a_straight_line_while_that_is_stable(f: float, label: int) -> None:
+    """Below f = 2.0806 every start does; above, it moves near one and never crosses g = 0."""
+    some = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0))
+    rng = np.random.default_rng(3)
+    starts = section_starts(rng.uniform(-1, 1, 12) * np.sqrt(f), rng.uniform(0, 6.28, 12), f)
+    assert basins(some, *starts).share(label) == 1

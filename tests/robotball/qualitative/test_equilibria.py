@@ -166,8 +166,10 @@ def test_degenerate_flows_are_refused() -> None:
         fixed_points(CLASSICAL)
     with pytest.raises(InputError, match="rests at every"):
         fixed_points(ball((0.5, 0.4, 0.3), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-    with pytest.raises(InputError, match=r"fill a curve|degenerate"):
+    with pytest.raises(InputError, match="three different moments"):
         fixed_points(ball((0.5, 0.5, 0.5), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
+    with pytest.raises(InputError, match=r"fill a curve|degenerate"):
+        fixed_points(ball((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, 0.1)))
 
 
 # Limit cycles ------------------------------------------------------------------------------

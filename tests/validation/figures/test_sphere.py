@@ -1,0 +1,91 @@
+"""The sphere of γ, seen from afar and unrolled, and bodies in space."""
+
+import mujoco
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from robotball.qualitative.fixed_point_formulas import closed_form_points
+from tests.figures import from_rest
+from validation.figures.solids import solid_of
+from validation.figures.sphere import Globe, Involute
+from validation.figures.structure import APART, spread, widest_gap
+from validation.figures.view import View
+
+
+def test_a_view_is_a_right_handed_frame() -> None:
+    """Right, up and towards the viewer; from a height of 0 the third axis points straight up."""
+    axes = View(azimuth=37.0, elevation=21.0).axes
+    assert axes @ axes.T == pytest.approx(np.eye(3))
+    assert np.linalg.det(axes) == pytest.approx(1)
+    assert View(azimuth=10.0, elevation=0.0).place(np.array([0.0, 0.0, 1.0])) == pytest.approx(
+        (0, 1)
+    )
+
+
+def test_the_involute_is_unrolled_once_and_keeps_areas() -> None:
+    """θ and δ stand a quarter turn apart where the paper's φ puts them; even stays even."""
+    involute = Involute(Figure().subplots(), "")
+    points = closed_form_points(from_rest(0.3))
+    places = {name: involute.places(gamma)[0] / np.pi for name, gamma in points.items()}
+    expected = {"δ₁": 1.25, "δ₂": 0.25, "δ₃": 0.25, "δ₄": 1.25,
+                "θ₁": 1.75, "θ₂": 0.75, "θ₃": 0.75, "θ₄": 1.75}  # fmt: skip
+    assert {name: places[name] for name in expected} == pytest.approx(expected)
+    gamma = np.random.default_rng(0).normal(size=(40_000, 3))
+    gamma /= np.linalg.norm(gamma, axis=1, keepdims=True)
+    phi, height = involute.places(gamma).T
+    assert 0 <= phi.min() < phi.max() < 2 * np.pi
+    counts = np.histogram2d(phi, height, bins=4, range=((0, 2 * np.pi), (-1, 1)))[0]
+    assert counts == pytest.approx(2500, abs=200)  # four standard errors of 50
+
+
+def test_a_line_on_the_involute_is_cut_and_not_drawn_across() -> None:
+    """Once round the equator there is a gap, and no segment longer than a step."""
+    involute = Involute(Figure().subplots(), "")
+    turn = np.linspace(0.0, 2 * np.pi, 200)
+    involute.line(np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1))
+    (line,) = involute.axes.get_lines()
+    x = np.asarray(line.get_xdata(), dtype=float)
+    assert np.isnan(x).sum() == 1
+    assert np.nanmax(np.abs(np.diff(x))) < 0.05
+
+
+def test_the_far_side_of_the_ball_is_pale() -> None:
+    """A circle towards the viewer is one whole line in front; turned round, one behind."""
+    globe = Globe(Figure().subplots(), View(azimuth=0.0, elevation=0.0), "")
+    turn = np.linspace(0.0, 2 * np.pi, 100)
+    ring = np.stack([np.full(100, 0.8), 0.6 * np.cos(turn), 0.6 * np.sin(turn)], axis=1)
+    for gamma, front, back in ((ring, 0, 100), (-ring, 100, 0)):
+        globe.line(gamma, alpha=1.0)
+        near, far = globe.axes.get_lines()[-2:]
+        assert np.isnan(np.asarray(near.get_xdata(), dtype=float)).sum() == front
+        assert np.isnan(np.asarray(far.get_xdata(), dtype=float)).sum() == back
+        assert far.get_alpha() < near.get_alpha()  # type: ignore[operator]
+
+
+SHAPES = """<mujoco><asset><material name="m"/></asset><worldbody><body name="a/" pos="1 2 3">
+  <geom type="box" size=".1 .2 .3" material="m"/></body><body name="b/" euler="20 30 40">
+  <geom type="cylinder" size=".5 .25" material="m"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("body", "volume"), [("a/", 0.048), ("b/", np.pi * 0.125)])
+def test_the_triangles_of_a_body_close_it(body: str, volume: float) -> None:
+    """Their volume by the divergence theorem; a round bar of 24 sides lacks 1.1 % of it."""
+    model = mujoco.MjModel.from_xml_string(SHAPES)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    corners = solid_of(model, data, body).corners
+    centred = corners - corners.reshape(-1, 3).mean(axis=0)
+    # Each with the sign that its outward normal has: the shapes are convex about their centre.
+    parts = np.abs(np.linalg.det(centred)) / 6
+    assert parts.sum() == pytest.approx(volume, rel=0.012)
+
+
+def test_names_on_the_ring_keep_apart() -> None:
+    """Three at nearly one place are spread; the free place is opposite."""
+    moved = spread({"a": 0.0, "b": 0.05, "c": 0.06, "d": 3.0})
+    angles = np.sort(list(moved.values()))
+    assert np.diff(angles).min() > 0.99 * APART
+    assert moved["d"] == pytest.approx(3.0)
+    assert moved["a"] < moved["b"] < moved["c"]
+    assert widest_gap([0.0, 1.0, 2.0]) == pytest.approx(1 + np.pi)

@@ -1,0 +1,109 @@
+"""Figs 12 to 14: motion on the attractors of Fig. 11, and how the engines part."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from robotball import load_scene, sample_times
+from robotball.palette import INK
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import Scene
+from validation.figures.parts import (
+    ENGINE_COLOUR,
+    ENGINE_NAME,
+    draw_paths,
+    engine_motion,
+    sheet,
+    theory_motion,
+)
+from validation.figures.sections import caption_of
+from validation.figures.sphere import Globe, draw_gamma
+from validation.figures.view import View
+
+VIEW = View(azimuth=40.0, elevation=25.0)
+DRIFT_FACTS = (
+    "  none along Y: the attractors are the same",
+    "  under (γ,M) → -(γ,M), which flips dY/dt.",
+    "OX lies against M, which is constant.",
+)
+
+
+def figure12() -> Figure:
+    """γ and the path on the limit cycle."""
+    facts = (
+        "Near the periodic orbit of Fig. 11a:",
+        "dX/dt = 3.65907 m/s in the mean,",
+        *DRIFT_FACTS,
+    )
+    return sphere_and_path(12, "(L, l) = (3.6, 0.6)", "on the limit cycle", facts)
+
+
+def figure13() -> Figure:
+    """γ and the path on the limit torus."""
+    facts = ("Near the limit torus of Fig. 11a:", "dX/dt = 3.665 m/s in the mean,", *DRIFT_FACTS)
+    return sphere_and_path(13, "(L, l) = (0, 1.96)", "on the limit torus", facts)
+
+
+def sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]) -> Figure:
+    """The two panels of Figs 12 and 13, and below how far apart the engines are."""
+    scene, duration = load_scene(f"fig{number}"), 40.0
+    caption = (*caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
+    figure, axes = sheet(
+        f"Fig. {number}: motion {where}",
+        caption, facts, [["sphere", "apart"], ["plane", "plane"]], (5.2, 5.2), (4.8, 3.6),
+    )  # fmt: skip
+    times = sample_times(duration)
+    attitudes, path = theory_motion(scene, times)
+    engine = engine_motion(scene, times)
+    globe = Globe(axes["sphere"], VIEW, f"vertical γ on the Poisson sphere, {duration:g} s")
+    gamma = engine.gamma @ scene.principal_axes
+    draw_gamma(globe, rotation_matrix(attitudes)[:, 2], gamma)
+    draw_paths(axes["plane"], path, engine, f"contact point, {duration:g} s")
+    unlike_scales(axes["plane"])
+    draw_distances(axes["apart"], scene, times, path)
+    return figure
+
+
+def figure14() -> Figure:
+    """The path on the strange attractor, and how the engines part on it."""
+    scene, duration, exponent = load_scene("fig14"), 160.0, 0.116
+    caption = (*caption_of(scene), "start: (L, l) = (0, 0.6)", f"Duration chosen: {duration:g} s.")
+    facts = (
+        "On the strange attractor of Fig. 11b, not",
+        "  on a limit cycle (E22).",
+        "dX/dt = 3.276 m/s in the mean,",
+        *DRIFT_FACTS,
+        f"Chaos: errors grow as exp({exponent:g} t) (dotted),",
+        "  so beyond some time both motions are",
+        "  right, and different.",
+    )
+    figure, axes = sheet(
+        "Fig. 14: the contact point on the strange attractor",
+        caption, facts, [["plane"], ["apart"]], (10.4,), (4.6, 3.4),
+    )  # fmt: skip
+    times = sample_times(duration)
+    _, path = theory_motion(scene, times)
+    draw_paths(axes["plane"], path, engine_motion(scene, times), f"contact point, {duration:g} s")
+    unlike_scales(axes["plane"])
+    draw_distances(axes["apart"], scene, times, path)
+    axes["apart"].semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5)
+    return figure
+
+
+def unlike_scales(axes: Axes) -> None:
+    """A long path, its width stretched to be seen."""
+    axes.set_aspect("auto")
+    axes.margins(y=0.25)
+    axes.set_title(f"{axes.get_title()} (X and Y to unlike scales)")
+    axes.legend(loc="upper center", ncols=3)
+
+
+def draw_distances(axes: Axes, scene: Scene, times: Array, theory: Array) -> None:
+    """How far the engine's contact point is from that of the equations (n, 2), by three presets."""
+    for style, name in (("-.", "fast"), ("--", "balanced"), ("-", "accurate")):
+        points = engine_motion(scene, times, name).contact_point
+        distance = np.linalg.norm(points - theory, axis=1)
+        axes.semilogy(times[1:], distance[1:], style, color=ENGINE_COLOUR, linewidth=1, label=name)
+    title = f"contact points: {ENGINE_NAME} from the equations"
+    axes.set(xlabel="time [s]", ylabel="distance [m]", title=title)
+    axes.legend(loc="lower right", ncols=3, fontsize=9)

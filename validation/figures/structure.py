@@ -1,0 +1,255 @@
+"""Figs 3 and 4: the structure of the ball and its axes, drawn from a scene's bodies and motion.
+
+The unit of length is the ball's radius, as in the parts of mjcf/.
+"""
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from robotball import Motion, Scene, integrate, sample_times
+from robotball.film import picture
+from robotball.palette import INK
+from robotball.rotations import Array, rotation_matrix
+from validation.figures.parts import (
+    ENGINE_LINE,
+    ENGINE_NAME,
+    FAINT,
+    HALO,
+    THEORY_LINE,
+    engine_motion,
+    paper_scene,
+    sheet,
+)
+from validation.figures.solids import Solid, draw_solid, solid_of
+from validation.figures.view import View
+
+SCENE = "fig12"  # one rotor, and mass inside the shell only
+VIEW = View(azimuth=114.0, elevation=20.0)
+ROLLED = 0.8  # s, before Fig. 4
+SHELL, FRAME, ROTOR = "ball0part0/", "ball0part1/", "ball0part2/"  # the film's bodies
+SHELL_COLOUR = "#59738C"
+FRAME_AXES, OMEGA, ROTOR_AXIS = "#117733", "#CC3311", "#8A5A00"
+NAMES_AT, APART = 1.42, 0.3  # radii from the centre; rad, at least, between two names
+
+
+def figure3() -> Figure:
+    """The ball of Fig. 12 at its start: shell, frame and one rotor, with what turns about what."""
+    scene = paper_scene(SCENE)
+    ball, rates = scene.ball, [float(drive.rate(0.0)) for drive in scene.drives]
+    caption = (
+        "one rotor, n = 1: the ball of Fig. 12 at its",
+        "  start, drawn from its bodies",
+        f"shell {ball.shell.mass:g} kg, frame {ball.frame.mass:.4g} kg,",
+        f"  rotor {ball.rotors[0].mass:.4g} kg, a = {ball.radius:g} m",
+        f"Ω = {rates[0]:g} rad/s, φ̇₁ = {rates[1]:.4g} rad/s",
+    )
+    facts = (
+        "The shell rolls on the plane.",
+        "The frame turns in the shell about the",
+        "  shell's axis of symmetry, at Ω(t).",
+        "The rotor turns on the frame about its own",
+        "  axis n₁, at φ̇₁(t).",
+        "All centres of mass are at C, the centre",
+        "  of the sphere. How the bodies share the",
+        "  inertia is chosen: the paper gives A and K.",
+    )
+    title = "Fig. 3: structure of the ball, for one rotor"
+    figure, panels = sheet(title, caption, facts, [["ball"]], (7.4,))
+    axes = panels["ball"]
+    bodies = posed(scene, integrate(scene, sample_times(ROLLED)), 0.0)
+    attitude = rotation_matrix(scene.start.attitude)
+    shell_axis, rotor_axis = attitude @ ball.shell.axis, attitude @ ball.rotors[0].axis
+    centre = np.array([0.0, 0.0, 1.0])
+    draw_ball(axes, bodies, centre)
+    draw_turning(axes, centre + 0.98 * shell_axis, 0.3 * shell_axis, OMEGA)
+    draw_turning(axes, centre, 0.9 * rotor_axis, ROTOR_AXIS)
+    draw_names(
+        axes,
+        centre,
+        {
+            "Ω(t): the shell's axis,\nabout which the frame turns": centre + 1.28 * shell_axis,
+            "n₁: the rotor's axis,\nit turns at φ̇₁(t)": centre + 0.9 * rotor_axis,
+            "frame": outermost(bodies[FRAME], centre, shell_axis),
+            "rotor": outermost(bodies[ROTOR], centre, rotor_axis),
+        },
+    )
+    return figure
+
+
+def figure4() -> Figure:
+    """The same ball after a while on the plane: the axes of space and of the frame."""
+    scene, times = paper_scene(SCENE), sample_times(ROLLED)
+    theory, engine = integrate(scene, times), engine_motion(scene, times)
+    frame, a = rotation_matrix(theory.attitude[-1]), scene.ball.radius
+    caption = (
+        f"the ball of Fig. 12 after {ROLLED:g} s, drawn",
+        "  from its bodies and its motion",
+        "O: where it started, X = Y = 0",
+        "P: X = {:.4f} m, Y = {:.4f} m".format(*theory.contact_point[-1]),
+    )
+    facts = (
+        "OXYZ stands still; OZ is vertical.",
+        "C x₁x₂x₃ turns with the frame, not with the",
+        "  shell: seen from it all mass stands still.",
+        "  These are principal axes of the inertia.",
+        "P: where the shell touches the plane.",
+        "α, β, γ: OX, OY, OZ as seen from the frame;",
+        "  here γ = ({:.4f}, {:.4f}, {:.4f}).".format(*frame[2]),
+    )
+    title = "Fig. 4: the ball on the plane, and its axes"
+    figure, panels = sheet(title, caption, facts, [["ball"]], (7.4,))
+    axes = panels["ball"]
+    foot, origin = np.array([*theory.contact_point[-1] / a, 0.0]), np.zeros(3)
+    centre = np.array([foot[0], foot[1], 1.0])
+    draw_floor(axes, np.stack([origin, foot])[:, :2])
+    for motion, style, name in (
+        (theory, THEORY_LINE, "contact point, equations"),
+        (engine, ENGINE_LINE, f"contact point, {ENGINE_NAME}"),
+    ):
+        path = np.column_stack([motion.contact_point / a, np.zeros(len(times))])
+        axes.plot(*VIEW.places(path).T, **style, label=name)
+    draw_ball(axes, posed(scene, theory, ROLLED), centre)
+    for name, axis in zip("XYZ", np.eye(3), strict=True):
+        draw_arrow(axes, origin, 1.2 * axis, INK)
+        draw_name(axes, name, 1.2 * axis, origin)
+    for name, axis in zip(("x₁", "x₂", "x₃"), frame.T, strict=True):
+        draw_arrow(axes, centre, centre + 1.4 * axis, FRAME_AXES)
+        draw_name(axes, name, centre + 1.4 * axis, centre, FRAME_AXES)
+    axes.plot(*VIEW.places(np.stack([foot, centre])).T, ":", color=INK, linewidth=1.4, zorder=6)
+    for name, point, away in (("P", foot, centre), ("O", origin, foot), ("C", centre, foot)):
+        axes.plot(*VIEW.places(point), "o", color=INK, markersize=4, zorder=8)
+        draw_name(axes, name, point, away)
+    axes.legend(loc="lower left", fontsize=10)
+    return figure
+
+
+def posed(scene: Scene, motion: Motion, time: float) -> dict[str, Solid]:
+    """The bodies of a scene's ball as its motion has them at a time [s], in radii."""
+    model = picture.build_stage(len(scene.ball.rotors), [SHELL_COLOUR])
+    data, track = mujoco.MjData(model), picture.track(scene.ball, motion, np.array([time]))
+    centre = np.array([*track.point[0], 1.0])
+    picture.pose(model, data, centre[None], track.attitudes[:1])
+    return {body: solid_of(model, data, body) for body in (SHELL, FRAME, ROTOR)}
+
+
+def draw_ball(axes: Axes, bodies: Mapping[str, Solid], centre: Array) -> None:
+    """The bodies, the shell see-through."""
+    place = VIEW.place(centre)
+    axes.add_patch(Circle(place, 1.0, facecolor="#DCE6EF", edgecolor="none", zorder=1))
+    draw_solid(axes, VIEW, list(bodies.values()))
+    axes.add_patch(Circle(place, 1.0, facecolor="#8FA9C4", edgecolor="none", alpha=0.16, zorder=4))
+    axes.add_patch(Circle(place, 1.0, facecolor="none", edgecolor=INK, linewidth=1.4, zorder=4))
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def draw_arrow(axes: Axes, begin: Array, end: Array, colour: str) -> None:
+    """An arrow in space, from (3,) to (3,)."""
+    axes.annotate(
+        "",
+        VIEW.place(end),
+        VIEW.place(begin),
+        zorder=6,
+        arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.0, "mutation_scale": 15,
+                    "shrinkA": 0, "shrinkB": 0},
+    )  # fmt: skip
+
+
+def draw_turning(axes: Axes, begin: Array, along: Array, colour: str) -> None:
+    """An arrow from a point (3,) along an axis (3,), and one about it for the sense of turning."""
+    draw_arrow(axes, begin, begin + along, colour)
+    axis = along / np.linalg.norm(along)
+    side = np.cross(axis, VIEW.axes[2])
+    side /= np.linalg.norm(side)
+    turn = np.linspace(0.15, 0.85, 60)[:, None] * 2 * np.pi
+    ring = 0.14 * (np.cos(turn) * np.cross(axis, side) - np.sin(turn) * side)
+    points = begin + 0.7 * along + ring
+    axes.plot(*VIEW.places(points[:-3]).T, color=colour, linewidth=1.8, zorder=6)
+    draw_arrow(axes, points[-4], points[-1], colour)
+
+
+def draw_name(axes: Axes, name: str, point: Array, away: Array, colour: str = INK) -> None:
+    """A name beside a point (3,), on the side that turns away from another (3,)."""
+    out = VIEW.places(point - away)
+    x, y = VIEW.places(point) + 0.13 * out / np.linalg.norm(out)
+    axes.text(
+        x, y, name, color=colour, fontsize=14, ha="center", va="center", path_effects=HALO,
+        zorder=9,
+    )  # fmt: skip
+
+
+def draw_floor(axes: Axes, points: Array) -> None:
+    """The plane's square grid under points (n, 2)."""
+    low, high = np.floor(points.min(axis=0)) - 1.0, np.ceil(points.max(axis=0)) + 1.0
+    for axis in (0, 1):
+        for at in np.arange(low[axis], high[axis] + 0.5):
+            line = np.zeros((2, 3))
+            line[:, axis], line[:, 1 - axis] = at, (low[1 - axis], high[1 - axis])
+            axes.plot(*VIEW.places(line).T, color=FAINT, linewidth=0.6, alpha=0.7, zorder=0)
+
+
+def outermost(body: Solid, centre: Array, axis: Array) -> Array:
+    """A point (3,) of a body's surface that is farthest out in the picture, across an axis (3,).
+
+    Of the two, on either side, the one nearer to the viewer.
+    """
+    points = body.corners.reshape(-1, 3)
+    out = (points - centre) @ np.cross(axis, VIEW.axes[2])
+    ends = points[[np.argmax(out), np.argmin(out)]]
+    return ends[np.argmax(VIEW.depth(ends))]
+
+
+def draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None:
+    """Names on a ring around the ball, each towards its point (3,), no two too near.
+
+    The shell is everywhere: its name is where most room is left. C stands at the centre.
+    """
+    middle = VIEW.places(centre)
+    places = {name: VIEW.places(point) for name, point in anchors.items()}
+    angles = spread({name: angle_of(place - middle) for name, place in places.items()})
+    free = widest_gap(list(angles.values()))
+    places["shell"], angles["shell"] = middle + direction(free), free
+    for name, angle in angles.items():
+        out = direction(angle)
+        line = np.stack([places[name], middle + (NAMES_AT - 0.04) * out])
+        axes.plot(*line.T, color=INK, linewidth=0.8, zorder=7)
+        across = "left" if out[0] > 0.2 else "right" if out[0] < -0.2 else "center"
+        along = "center" if across != "center" else "bottom" if out[1] > 0 else "top"
+        x, y = middle + NAMES_AT * out
+        axes.text(x, y, name, ha=across, va=along, fontsize=12, color=INK)
+    axes.plot(*middle, "o", color=INK, markersize=4, zorder=8)
+    axes.text(
+        middle[0] + 0.05, middle[1] + 0.05, "C", fontsize=14, color=INK, zorder=8, path_effects=HALO
+    )
+    axes.set(xlim=(middle[0] - 2.1, middle[0] + 2.1), ylim=(middle[1] - 1.55, middle[1] + 1.55))
+
+
+def angle_of(place: Array) -> float:
+    return float(np.arctan2(place[1], place[0]))
+
+
+def direction(angle: float) -> Array:
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def spread(angles: Mapping[str, float]) -> dict[str, float]:
+    """The angles [rad] moved until neighbours on the circle are at least APART."""
+    order = sorted(angles, key=lambda name: angles[name])
+    moved = np.array([angles[name] for name in order])
+    for _ in range(200):
+        short = np.maximum(APART - np.diff(np.append(moved, moved[0] + 2 * np.pi)), 0.0) / 2
+        moved += np.roll(short, 1) - short
+    return dict(zip(order, moved.tolist(), strict=True))
+
+
+def widest_gap(angles: list[float]) -> float:
+    """The middle [rad] of the widest free stretch of a circle."""
+    taken = np.sort(np.mod(angles, 2 * np.pi))
+    gaps = np.diff(np.append(taken, taken[0] + 2 * np.pi))
+    widest = int(np.argmax(gaps))
+    return float(taken[widest] + gaps[widest] / 2)

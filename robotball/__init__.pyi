@@ -20,7 +20,7 @@ from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning
 from .faults import Fault as Fault
 from .faults import FaultKind as FaultKind
-from .files.scene_file import catalog as catalog
+from .files.catalog import catalog as catalog
 from .files.scene_file import load_scene as load_scene
 from .files.scene_writer import scene_toml as scene_toml
 from .motion import ContactMotion as ContactMotion

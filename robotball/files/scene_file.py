@@ -19,6 +19,7 @@ from robotball.bodies import (
 from robotball.designing.design import Design, design
 from robotball.drives import Rate, Servo, as_drive
 from robotball.errors import InputError, check_size, unknown, warn
+from robotball.files.catalog import CATALOG, catalog
 from robotball.files.mjcf import frame_of_mjcf
 from robotball.files.scene_table import (
     FrameTable,
@@ -34,13 +35,6 @@ from robotball.files.scene_table import (
 from robotball.parameters import parameters_of
 from robotball.rotations import Array, normalised
 from robotball.scene import Scene
-
-CATALOG = Path(__file__).parent.parent / "scenes"
-
-
-def catalog() -> list[str]:
-    """The names of the scenes that come with robotball."""
-    return sorted(path.stem for path in CATALOG.glob("*.toml"))
 
 
 def load_scene(name: str | Path) -> Scene:

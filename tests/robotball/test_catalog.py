@@ -7,6 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball import equations as eq
+from robotball.files.catalog import entries
 from robotball.rotations import Array
 from validation import Agreement, compare
 
@@ -127,6 +128,15 @@ def test_the_integrable_balls_keep_their_energy(name: str) -> None:
 
     assert np.ptp(energy(rb.load_scene(name))) < 1e-12
     assert np.ptp(energy(rb.load_scene("fig12"))) > 10  # measured 27
+
+
+def test_the_head_of_a_file_is_that_of_its_scene() -> None:
+    """`robotball scenes` lists what the scenes say, and makes none of them."""
+    for entry in entries():
+        scene = rb.load_scene(entry.name)
+        assert (entry.title, entry.rolling) == (scene.title, scene.rolling)
+        assert entry.duration == scene.duration
+    assert [entry.name for entry in entries()] == rb.catalog()
 
 
 def test_every_scene_says_where_its_numbers_come_from() -> None:

@@ -2,18 +2,7 @@
 
 from dataclasses import dataclass
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-
-from robotball.errors import check_count
 from validation.commands.arguments import AGREES, File, SceneName
-from validation.commands.suited import attracted_scene
-from validation.output import write_record
-from validation.progress import progress_bar
-from validation.studies.attractors.level import level_starts
-
-BATCH = 16  # starts followed at once, between two moves of the progress bar
 
 
 @dataclass(frozen=True)
@@ -32,7 +21,16 @@ class Basins:
     """Also write the starts and what they reach."""
 
     def run(self) -> int:
+        from rich import box
+        from rich.console import Console
+        from rich.table import Table
+
+        from robotball.errors import check_count
         from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins
+        from validation.commands.suited import attracted_scene
+        from validation.output import write_record
+        from validation.progress import progress_bar
+        from validation.studies.attractors.level import level_starts
 
         scene = attracted_scene(self.scene, "a basin")
         check_count("starts", self.starts, 2)

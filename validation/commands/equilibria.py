@@ -1,30 +1,15 @@
 """The command `robotball equilibria`."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-from rich import box
-from rich.console import Console
-from rich.table import Table
-
-from robotball import InputError, Scene
-from robotball.rotations import Array, rotation_matrix
 from validation.commands.arguments import AGREES, OUT, File, SceneName
-from validation.commands.suited import steady_scene
-from validation.output import replacing, writable_folder, write_record
-from validation.progress import progress_bar
-from validation.studies.attractors.level import level_starts
 
 if TYPE_CHECKING:
-    from robotball.qualitative.cycles import Cycle
-    from robotball.qualitative.equilibria import ContactPath, FixedPoint
-    from robotball.qualitative.fixed_circle import FixedCircle
-    from robotball.qualitative.straight_motions import StraightMotion
-
-NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
+    from robotball import Scene
 
 
 @dataclass(frozen=True)
@@ -41,6 +26,11 @@ class Equilibria:
     """Also write them."""
 
     def run(self) -> int:
+        import numpy as np
+
+        from robotball import InputError
+        from validation.commands.suited import steady_scene
+
         scene = steady_scene(self.scene, "an equilibrium")
         if scene.rolling == "classical":
             return self._classical(scene)
@@ -53,7 +43,15 @@ class Equilibria:
 
     def _classical(self, scene: Scene) -> int:
         """A classical ball has an equilibrium at every γ, and no motion from rest of its own."""
+        from rich import box
+        from rich.console import Console
+        from rich.table import Table
+
         from robotball.qualitative.straight_motions import straight_motion
+        from robotball.rotations import rotation_matrix
+        from validation.output import write_record
+        from validation.studies.attractors.level import level_starts
+        from validation.studies.equilibria_report import record, row, straight_row
 
         gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
         line = straight_motion(scene.parameters, gamma)
@@ -67,12 +65,26 @@ class Equilibria:
         return AGREES
 
     def _rubber(self, scene: Scene) -> int:
+        import numpy as np
+        from rich import box
+        from rich.console import Console
+        from rich.table import Table
+
         from robotball.qualitative.equilibria import contact_path, fixed_points, index_sum
         from robotball.qualitative.fixed_circle import fixed_circle
         from robotball.qualitative.fixed_point_formulas import name_of
         from robotball.qualitative.limit_cycles import limit_cycles
         from robotball.qualitative.straight_motions import straight_motions
         from validation.figures.portrait import portrait
+        from validation.output import writable_folder, write_picture, write_record
+        from validation.progress import progress_bar
+        from validation.studies.equilibria_report import (
+            circle_rows,
+            path_words,
+            record,
+            row,
+            straight_row,
+        )
 
         ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
         picture = writable_folder(self.out) / f"{scene.name}-equilibria.png"
@@ -84,8 +96,7 @@ class Equilibria:
             show(1, f"{scene.name}: limit cycles")
             cycles = limit_cycles(ball, self.longest) if self.longest > 0 else []
             show(2, f"{scene.name}: picture")
-            with replacing(picture) as temporary:
-                portrait(scene.title, ball, points, circle, cycles).savefig(temporary, dpi=120)
+            write_picture(picture, portrait(scene.title, ball, points, circle, cycles))
         paths = [contact_path(ball, point.gamma) for point in points]
         names = [name_of(ball, point.gamma) for point in points]
         table = Table("", "γ", "eigenvalues [1/s] or multiplier", "", box=box.SIMPLE_HEAD)
@@ -93,19 +104,8 @@ class Equilibria:
             words = f"{point.kind},\n{path_words(path, ball.a)}"
             table.add_row(name or "fixed", row(point.gamma), row(point.eigenvalues), words)
         if circle is not None:
-            for name, angles, word in (
-                ("Σ_s", (0.0, np.pi / 2), "attracts"),
-                ("Σ_u", (np.pi / 2, np.pi), "repels"),
-            ):
-                ends = circle.at(np.array(angles))
-                rates = circle.rate(circle.at(np.linspace(*angles, 400)))
-                fastest = rates[np.argmax(np.abs(rates))]
-                table.add_row(
-                    name,
-                    f"± from {row(ends[0])}\nto {row(ends[1])}",
-                    f"0, and 0 to {fastest:.4g}",
-                    f"{word},\nstraight line",
-                )
+            for cells in circle_rows(circle):
+                table.add_row(*cells)
         for cycle in cycles:
             words = f"period {cycle.period:.7f} s"
             table.add_row("cycle", row(cycle.gamma), row(cycle.multipliers), words)
@@ -128,74 +128,3 @@ class Equilibria:
             {"scene": scene.name, **record(points, paths, circle, cycles, lines, kept, names)},
         )
         return AGREES
-
-
-def straight_row(line: "StraightMotion") -> tuple[str, str, str, str]:
-    """A straight-line motion as a row of the table."""
-    kind = "stable" if line.is_stable else "unstable"
-    return "straight", row(line.gamma), row(line.eigenvalues), kind
-
-
-def path_words(path: "ContactPath", a: float) -> str:
-    """What the contact point runs on, at a fixed point of a ball of radius a [m]."""
-    if path.speed < a * max(abs(path.turning), 1.0) / NEARLY_STRAIGHT:
-        return "spins on the spot" if path.turning else "at rest"
-    straight = path.radius > NEARLY_STRAIGHT * a
-    return "straight line" if straight else f"circle of {path.radius:.4g} m"
-
-
-def record(
-    points: Sequence["FixedPoint"],
-    paths: Sequence["ContactPath"],
-    circle: "FixedCircle | None",
-    cycles: Sequence["Cycle"],
-    lines: Sequence["StraightMotion"],
-    more: dict[str, Any],
-    names: Sequence[str] = (),
-) -> dict[str, Any]:
-    """All of it as plain data."""
-    return {
-        "fixed_points": [
-            {
-                "name": name,
-                "gamma": p.gamma.tolist(),
-                "eigenvalues": pairs(p.eigenvalues),
-                "kind": p.kind,
-                "contact_speed": c.speed,
-                "contact_turning": c.turning,
-            }
-            for name, p, c in zip(names, points, paths, strict=True)
-        ],
-        "fixed_circle": circle and {"axes": circle.axes.tolist(), "index": circle.index},
-        "limit_cycles": [
-            {
-                "gamma": c.gamma.tolist(),
-                "period": c.period,
-                "multipliers": pairs(c.multipliers),
-            }
-            for c in cycles
-        ],
-        "straight_motions": [
-            {
-                "gamma": s.gamma.tolist(),
-                "eigenvalues": pairs(s.eigenvalues),
-                "speed": s.speed,
-            }
-            for s in lines
-        ],
-        **more,
-    }
-
-
-def row(values: Array) -> str:
-    """Numbers side by side, rounding left out; conjugate ones as a ± bi."""
-    values = np.round(values, 12) + 0.0
-    if np.isrealobj(values) or not np.any(values.imag):
-        return ", ".join(f"{x:.5g}" for x in values.real)
-    above = [z for z in values if z.imag >= 0]
-    return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
-
-
-def pairs(values: Array) -> list[list[float]]:
-    """Complex numbers as [real, imaginary]."""
-    return [[float(z.real), float(z.imag)] for z in values]

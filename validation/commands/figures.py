@@ -7,13 +7,11 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from validation.commands.arguments import AGREES, OUT, File
-from validation.output import writable_folder, write_record
-from validation.progress import progress_bar
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Draw the paper's Figs 3 to 14, each with its facts and with MuJoCo's motion over it."""
+    """Draw the paper's Figs 3 to 14, each with its facts and with an engine's motion over it."""
 
     names: Positional[Annotated[tuple[str, ...], arg(metavar="N...")]] = ()
     """Which figures, 3 to 14 or tori (both rolling models' trajectories on the same tori); all of
@@ -25,6 +23,8 @@ class Figures:
 
     def run(self) -> int:
         from validation.figures.figures import chosen, draw_figures
+        from validation.output import writable_folder, write_record
+        from validation.progress import progress_bar
 
         pictures, out = chosen(self.names), writable_folder(self.out)
         with progress_bar(len(pictures)) as show:

@@ -1,26 +1,15 @@
 """The command `robotball lyapunov`."""
 
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-from rich import box
-from rich.console import Console
-from rich.table import Table
-
-from robotball import preset
 from validation.commands.arguments import AGREES, File, Preset, SceneName
-from validation.commands.suited import moving_scene
-from validation.output import write_record
-from validation.progress import progress_bar
-from validation.studies.attractors.level import level_starts
 
 BATCH = 16  # starts followed at once, between two moves of the progress bar
 
 
 @dataclass(frozen=True)
 class Lyapunov:
-    """Measure a scene's Lyapunov exponents, by the equations and, if asked, by MuJoCo."""
+    """Measure a scene's Lyapunov exponents, by the equations and, on request, by an engine."""
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
@@ -31,21 +20,32 @@ class Lyapunov:
     transient: float = 1000.0
     """Time before that [s]."""
     preset: Preset = None
-    """Also measure the largest one by MuJoCo with these settings, of a tenth of the duration."""
+    """Also measure the largest one by the engine so set, over a tenth of the duration."""
     seed: int = 0
     """Of the random starts."""
     json: File = None
     """Also write the results, start by start."""
 
     def run(self) -> int:
+        import numpy as np
+        from rich import box
+        from rich.console import Console
+        from rich.table import Table
+
+        from robotball import preset
+        from robotball.engines.mujoco import LABEL
         from robotball.engines.mujoco.model import build
         from robotball.qualitative.lyapunov import Exponents, exponents
+        from validation.commands.suited import moving_scene
+        from validation.output import write_record
+        from validation.progress import progress_bar
         from validation.studies.attractors.contact_exponent import contact_exponent
+        from validation.studies.attractors.level import level_starts
 
         scene = moving_scene(self.scene, "an exponent")
         settings = None if self.preset is None else preset(self.preset)
         attitudes, momenta = level_starts(scene, self.starts, self.seed)
-        record: dict[str, Any] = {"scene": scene.name, "starts": self.starts, "seed": self.seed}
+        record: dict[str, object] = {"scene": scene.name, "starts": self.starts, "seed": self.seed}
         with progress_bar(self.starts * (1 if settings is None else 2)) as show:
             parts = []
             for i in range(0, self.starts, BATCH):
@@ -85,12 +85,15 @@ class Lyapunov:
                     self.duration / 10,
                     min(100.0, self.transient),
                     interval=10.0,
-                    progress=lambda part: show(self.starts * (1 + part), f"{scene.name}: MuJoCo"),
+                    progress=lambda part: show(
+                        self.starts * (1 + part), f"{scene.name}: {LABEL.name}"
+                    ),
                 )
-                rows[f"λ₁ by MuJoCo, {settings.name} [1/s]"] = (contact.mean, contact.error)
+                rows[f"λ₁ by {LABEL.name}, {settings.name} [1/s]"] = (contact.mean, contact.error)
                 record |= {
-                    "mujoco_duration": self.duration / 10,
-                    "mujoco_largest": (contact.growth.mean(axis=1) / contact.interval).tolist(),
+                    "engine": LABEL.name,
+                    "engine_duration": self.duration / 10,
+                    "engine_largest": (contact.growth.mean(axis=1) / contact.interval).tolist(),
                 }
         table = Table("", "mean", "standard error", box=box.SIMPLE_HEAD)
         for name, (value, error) in rows.items():

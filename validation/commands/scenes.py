@@ -15,11 +15,10 @@ class Scenes:
         from rich.console import Console
         from rich.table import Table
 
-        from robotball import catalog, load_scene
+        from robotball.files.catalog import entries
 
         table = Table("scene", "rolling", "duration", "title")
-        for name in catalog():
-            scene = load_scene(name)
-            table.add_row(name, scene.rolling, f"{scene.duration:g} s", scene.title)
+        for each in entries():
+            table.add_row(each.name, each.rolling, f"{each.duration:g} s", each.title)
         Console().print(table)
         return AGREES

@@ -3,15 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from robotball import preset
-from robotball.errors import check_count
 from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName
-from validation.commands.suited import moving_scene
-from validation.output import replacing, writable_folder, write_record
-from validation.progress import progress_bar
-from validation.studies.attractors.level import level_starts
 
 
 @dataclass(frozen=True)
@@ -29,7 +21,7 @@ class Section:
     g: float = 0.0
     """The section's g₀ [rad]."""
     preset: Preset = None
-    """Draw MuJoCo's crossings as well, of the scene's own start, with these settings."""
+    """Draw the engine's crossings as well, of the scene's own start, with these settings."""
     seed: int = 0
     """Of the random starts."""
     out: Path = OUT
@@ -38,6 +30,16 @@ class Section:
     """Also write the points."""
 
     def run(self) -> int:
+        import numpy as np
+
+        from robotball import preset
+        from robotball.engines.mujoco import LABEL
+        from robotball.engines.reduced import LABEL as EQUATIONS
+        from robotball.errors import check_count
+        from validation.commands.suited import moving_scene
+        from validation.output import writable_folder, write_picture, write_record
+        from validation.progress import progress_bar
+        from validation.studies.attractors.level import level_starts
         from validation.studies.attractors.section_study import (
             draw_section,
             section_by_contact,
@@ -54,13 +56,12 @@ class Section:
             points = section_by_equations(scene, attitudes, momenta, total, self.g)
             engine = None
             if settings is not None:
-                show(1, f"{scene.name}: MuJoCo, {settings.name}")
+                show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
                 duration = float(points.times[0, -1])
                 engine = section_by_contact(scene, settings, duration, self.g).late(self.skip)
             points = points.late(self.skip)
-            with replacing(path) as temporary:
-                draw_section(scene, points, engine, self.g).savefig(temporary, dpi=120)
-        drawn = {"equations": points} | ({} if engine is None else {"mujoco": engine})
+            write_picture(path, draw_section(scene, points, engine, self.g))
+        drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
         for name, each in drawn.items():
             growing = int(np.count_nonzero(each.directions == 1))
             total = len(each.directions)

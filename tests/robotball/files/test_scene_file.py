@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.files.scene_file import CATALOG
+from robotball.files.catalog import CATALOG
 from robotball.rotations import rotation_matrix
 from tests.scenes import FOUR
 

@@ -10,7 +10,7 @@ from tests.validation.commands.test_cli import Robotball, robotball  # noqa: F40
 
 COMMANDS = {
     "section fig12 --count 40 --preset fast --json a.json": (
-        r"equations: 40 crossings, 20 with g growing, 20 falling\nmujoco: 40 crossings"
+        r"equations: 40 crossings, 20 with g growing, 20 falling\nMuJoCo: 40 crossings"
     ),
     "section classical_chaotic --starts 3 --count 20 --skip 2 --g 0.4 --json a.json": (
         r"equations: 60 crossings"

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Equilibria:
-    """List and draw what stands still: fixed points from rest, straight lines, limit cycles."""
+    """List and draw fixed points and limit cycles of the motion from rest, and straight lines."""
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""

@@ -24,7 +24,7 @@ VIEW = View(azimuth=40.0, elevation=25.0)
 DRIFT_FACTS = (
     "  none along Y: the attractors are the same",
     "  under (γ,M) → -(γ,M), which flips dY/dt.",
-    "OX lies against M, which is constant.",
+    "The axis OX points opposite to M.",
 )
 
 

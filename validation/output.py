@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robotball.errors import InputError
+from robotball.files.replacing import followed, no_regular_file, refused
 from robotball.files.replacing import replacing as replacing
 
 if TYPE_CHECKING:
@@ -77,8 +78,12 @@ def writable_folder(path: Path) -> Path:
 
 
 def writable_file(path: Path) -> Path:
-    """`path`, in a folder that it can be written to; raises InputError where there is none."""
-    writable_folder(path.parent)
-    if path.is_dir():
-        raise InputError(f"{path} cannot be written: it is a folder")
+    """`path`, if it can be written as `replacing` does it; raises InputError where it cannot."""
+    with refused(path):
+        if path.is_dir():
+            raise InputError(f"{path} cannot be written: it is a folder")
+        if not no_regular_file(path):
+            writable_folder(followed(path).parent)
+        elif not os.access(path, os.W_OK):
+            raise InputError(f"{path} cannot be written: no permission")
     return path

@@ -1,6 +1,8 @@
 """Files that are whole or not there."""
 
 import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,16 +12,48 @@ from robotball.errors import InputError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that takes its place when the block ends well.
+    """A temporary path whose file takes the place of `path` when the block ends well.
 
-    The folder is made if need be. Raises InputError where nothing can be written.
+    The folder is made if need be. A link is followed: the file that it names is replaced. What is
+    no regular file, as a device or a pipe, is not replaced but written into. Raises InputError
+    where nothing can be written.
     """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    with refused(path):
+        if no_regular_file(path):
+            with tempfile.TemporaryDirectory() as folder:
+                temporary = Path(folder, f"whole{path.suffix}")
+                yield temporary
+                with temporary.open("rb") as whole, path.open("wb") as file:
+                    shutil.copyfileobj(whole, file)
+            return
+        target = followed(path)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # Cut, so that a name of any length that is allowed stays so.
+        temporary = target.with_name(f".{path.stem[:20]}.{os.getpid()}{path.suffix[:20]}")
+        try:
+            yield temporary
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def refused(path: Path) -> Iterator[None]:
+    """Makes an InputError, with the path, of what the system says against writing it."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
-        temporary.replace(path)
+        yield
     except OSError as error:
         raise InputError(f"{path} cannot be written: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+
+
+def followed(path: Path) -> Path:
+    """The file that `path` names, links followed; raises OSError where they run in a circle."""
+    try:
+        return path.resolve()
+    except RuntimeError as error:  # an OSError from Python 3.13 on
+        raise OSError(str(error)) from None
+
+
+def no_regular_file(path: Path) -> bool:
+    """Whether there is something at `path`, links followed, that is no regular file."""
+    return path.exists() and not path.is_file()

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from robotball import palette
 from robotball.errors import InputError
+from robotball.files.replacing import replacing
 from robotball.film import gl
 from robotball.film.canvas import Canvas, Pixels
 from robotball.film.picture import Strip, build_stage, pose, strip, track
@@ -77,19 +78,17 @@ def write_video(
         raise InputError(f"a video must be an .mp4 file in a folder that exists, not {path}")
     pictures = frames(motion, theory, fps=fps, size=size)
     number = len(_frame_times(motion, theory, fps))
-    unfinished = path.with_name(f".{path.stem}.unfinished.mp4")
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
-    try:
-        with mediapy.VideoWriter(
+    with (
+        replacing(path) as unfinished,
+        mediapy.VideoWriter(
             unfinished, size, fps=fps, crf=20, ffmpeg_args="-preset veryfast"
-        ) as video:
-            for i, picture in enumerate(pictures, start=1):
-                video.add_image(picture)
-                if progress is not None:
-                    progress(i / number)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+        ) as video,
+    ):
+        for i, picture in enumerate(pictures, start=1):
+            video.add_image(picture)
+            if progress is not None:
+                progress(i / number)
 
 
 @dataclass(frozen=True)

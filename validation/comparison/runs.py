@@ -5,9 +5,9 @@ from functools import partial
 from pathlib import Path
 
 from robotball import Request, Scene, integrate
+from robotball.files.replacing import refused
 from robotball.rotations import Array
 from validation.comparison.agreement import Agreement, compare_with
-from validation.output import replacing
 from validation.progress import Show, progress_bar
 
 
@@ -50,9 +50,11 @@ def film(path: Path, agreement: Agreement) -> None:
     """Both motions of an agreement, side by side, as an mp4 at `path`."""
     from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
-    with progress_bar(1) as show, replacing(path) as temporary:
+    with refused(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with progress_bar(1) as show:
         write_video(
-            temporary,
+            path,
             agreement.motion,
             agreement.theory,
             progress=lambda part: show(part, f"{agreement.scene.name}: video"),

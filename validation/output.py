@@ -11,13 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robotball.errors import InputError
-from robotball.files.replacing import followed, no_regular_file, refused
+from robotball.files.replacing import STANDARD_OUTPUT, followed, no_regular_file, refused
 from robotball.files.replacing import replacing as replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import Console
+    from rich.table import Table
 
 DPI = 120
+WIDEST = 10_000  # characters, more than a table has
 PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
 
 
@@ -59,12 +62,21 @@ def write_rows(
         temporary.write_text(text.getvalue())
 
 
+def print_whole(table: "Table", console: "Console") -> None:
+    """Print a table as wide as it is: a narrow terminal breaks its lines, and cuts no number."""
+    terminal, console.width = console.width, WIDEST
+    console.print(table)
+    console.width = terminal
+
+
 def writable_folder(path: Path) -> Path:
     """`path`, in which files can be written; raises InputError where they can't.
 
     It is tried by making the folder; one that was not there is taken away again, so that nothing
     stays of a command that is refused later.
     """
+    if path == STANDARD_OUTPUT:
+        raise InputError("`-` is standard output, and the output folder must be a folder")
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -82,6 +94,8 @@ def writable_file(path: Path) -> Path:
     with refused(path):
         if path.is_dir():
             raise InputError(f"{path} cannot be written: it is a folder")
+        if path == STANDARD_OUTPUT:
+            return path
         if not no_regular_file(path):
             writable_folder(followed(path).parent)
         elif not os.access(path, os.W_OK):

@@ -1,7 +1,9 @@
 """Files that are whole or not there."""
 
+import contextlib
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,22 +11,23 @@ from pathlib import Path
 
 from robotball.errors import InputError
 
+STANDARD_OUTPUT = Path("-")
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path whose file takes the place of `path` when the block ends well.
 
     The folder is made if need be. A link is followed: the file that it names is replaced. What is
-    no regular file, as a device or a pipe, is not replaced but written into. Raises InputError
-    where nothing can be written.
+    no regular file, as a device or a pipe, is not replaced but written into, and so is standard
+    output, as `-`. Raises InputError where nothing can be written.
     """
     with refused(path):
         if no_regular_file(path):
             with tempfile.TemporaryDirectory() as folder:
                 temporary = Path(folder, f"whole{path.suffix}")
                 yield temporary
-                with temporary.open("rb") as whole, path.open("wb") as file:
-                    shutil.copyfileobj(whole, file)
+                _write_into(path, temporary)
             return
         target = followed(path)
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -35,6 +38,13 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.replace(target)
         finally:
             temporary.unlink(missing_ok=True)
+
+
+def discard(path: Path) -> None:
+    """Takes a regular file away, if there is one; raises InputError where that is forbidden."""
+    with refused(path):
+        if path.is_file():
+            path.unlink()
 
 
 @contextmanager
@@ -55,5 +65,17 @@ def followed(path: Path) -> Path:
 
 
 def no_regular_file(path: Path) -> bool:
-    """Whether there is something at `path`, links followed, that is no regular file."""
-    return path.exists() and not path.is_file()
+    """Whether there is something at `path`, links followed, that is no regular file; or `-`."""
+    return path == STANDARD_OUTPUT or (path.exists() and not path.is_file())
+
+
+def _write_into(path: Path, whole: Path) -> None:
+    with whole.open("rb") as text:
+        if path != STANDARD_OUTPUT:
+            with path.open("wb") as file:
+                shutil.copyfileobj(text, file)
+        elif sys.__stdout__ is not None:
+            sys.__stdout__.flush()
+            # A reader who has seen enough, as head, has what he asked for.
+            with contextlib.suppress(BrokenPipeError), open(1, "wb", closefd=False) as file:
+                shutil.copyfileobj(text, file)

@@ -21,6 +21,7 @@ class Demo:
 
         from robotball import PRESETS, InputError, load_scene
         from robotball.engines.simulate import request_of
+        from validation.comparison.names import file_stem
         from validation.comparison.plots import draw
         from validation.comparison.results import write_csv, write_json, write_markdown
         from validation.comparison.runs import compare_all, film
@@ -39,7 +40,7 @@ class Demo:
             written += draw([each for each in agreements if each.scene.name == name], out)
         for agreement in agreements:
             if (agreement.scene.name, agreement.settings.name) == FILMED:
-                path = out / f"{agreement.scene.name}.mp4"
+                path = out / f"{file_stem([agreement])}.mp4"
                 try:
                     film(path, agreement)
                     written.append(path)

@@ -14,7 +14,7 @@ class Replay:
     """Step through the fault window that a faulty run left, and take its steps again."""
 
     file: Positional[Annotated[Path, arg(metavar="FILE")]]
-    """A SCENE-PRESET-fault.json of compare or video."""
+    """A SCENE-PRESET-fault.json, which compare or video leaves of a faulty run."""
     step: DisallowNone[Annotated[int | None, arg(metavar="N")]] = None
     """Show all of this row alone: its readings, positions and velocities."""
     interactive: bool = False

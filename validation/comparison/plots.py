@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from robotball.rotations import Array
 from validation.comparison.agreement import Agreement
+from validation.comparison.names import file_stem
 from validation.output import replacing
 
 # Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
@@ -18,8 +19,8 @@ INCHES = (8.0, 7.0)
 
 
 def draw(agreements: Sequence[Agreement], out: Path) -> list[Path]:
-    """Two pictures of one scene's agreements, one an agreement's settings, as PNGs in `out`."""
-    name = agreements[0].scene.name
+    """Two pictures of one scene's agreements, by one engine, as PNGs in `out`."""
+    name = file_stem(agreements)
     written = []
     for kind, picture in (("path", path_picture), ("momentum", momentum_picture)):
         path = out / f"{name}-{kind}.png"

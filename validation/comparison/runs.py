@@ -8,6 +8,7 @@ from robotball import Request, Scene, integrate
 from robotball.files.replacing import refused
 from robotball.rotations import Array
 from validation.comparison.agreement import Agreement, compare_with
+from validation.comparison.names import fault_window_path
 from validation.progress import Show, progress_bar
 
 
@@ -32,18 +33,15 @@ def compare_all(
                 progress = partial(_show, show, len(agreements), f"{scene.name}: {request.name}")
                 window = None
                 if fault_windows is not None:
-                    window = fault_window_path(fault_windows, scene, request.name)
+                    window = fault_window_path(
+                        fault_windows, scene, request.engine.label, request.name
+                    )
                 agreements.append(
                     compare_with(
                         theory, request, strict=strict, fault_window=window, progress=progress
                     )
                 )
     return agreements
-
-
-def fault_window_path(folder: Path, scene: Scene, name: str) -> Path:
-    """Where the states around the first fault of a run go, by the name of its request."""
-    return folder / f"{scene.name}-{name.replace(' ', '-')}-fault.json"
 
 
 def film(path: Path, agreement: Agreement) -> None:
@@ -68,6 +66,6 @@ def _show(show: Show, done: int, what: str, part: float) -> None:
 def tell_fault_windows(agreements: Sequence[Agreement], folder: Path) -> None:
     """Print how to look at the first fault of each faulty run that left a fault window."""
     for each in agreements:
-        path = fault_window_path(folder, each.scene, each.settings.name)
+        path = fault_window_path(folder, each.scene, each.motion.engine, each.settings.name)
         if each.faults and path.exists():
             print(f"robotball replay {path}", "steps through its first fault")

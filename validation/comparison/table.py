@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from validation.comparison.agreement import Agreement
+from validation.output import print_whole
 
 
 def show(agreements: Sequence[Agreement], console: Console) -> None:
@@ -31,7 +32,7 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
             _word(each),
             style="" if each.agrees else "yellow",
         )
-    console.print(table)
+    print_whole(table, console)
     for each in agreements:
         if not each.agrees:
             console.print(

@@ -64,7 +64,7 @@ def test_compare_exits_1_where_they_do_not(robotball: Robotball) -> None:
 
 def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_path: Path) -> None:
     """The JSON has every number, setting and version; run again it gives the same numbers."""
-    arguments = ["compare", "fig12", "classical_regular", "--preset", "naive", "balanced"]
+    arguments = ["compare", "fig12", "classical_regular", "--preset", "naive,balanced"]
     arguments += ["--duration", "1", "--no-plots", "--json", "a.json", "--csv", "a.csv"]
     assert robotball(*arguments)[0] == 1
     records = json.loads((tmp_path / "a.json").read_text())

@@ -25,7 +25,7 @@ FLOORS = (
     ("validation.figures", "validation.paper", "validation.bench"),
     ("validation.commands",),
     ("validation.streams", "validation.cli"),
-    ("validation.__main__",),
+    ("validation.endings", "validation.__main__"),
 )
 
 

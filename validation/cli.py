@@ -1,7 +1,7 @@
 """The `robotball` command: arguments in, exit status out.
 
-Exit status: 0 agreement within the stated bound, 1 not, 2 bad input. Nothing that a command needs
-is imported before it runs.
+Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what the system refuses.
+Nothing that a command needs is imported before it runs.
 """
 
 import contextlib
@@ -44,6 +44,7 @@ Command = (
 )  # fmt: skip
 
 
+INTERRUPTED = 130
 FORMER_NAMES = {"ladder": "ablation"}
 
 
@@ -58,11 +59,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command = parse(_renamed(sys.argv[1:] if arguments is None else arguments))
         with standard_output_of(command):
             status = command.run()
+        sys.stdout.flush()
     except InputError as error:
         print(f"robotball: {error}", file=sys.stderr)
         status = BAD_INPUT
+    except OSError as error:
+        what = f"{error.filename}: " if error.filename else ""
+        print(f"robotball: {what}{error.strerror or error}", file=sys.stderr)
+        status = BAD_INPUT
+    except MemoryError:
+        print("robotball: there is not enough memory for this; ask for less", file=sys.stderr)
+        status = BAD_INPUT
     except KeyboardInterrupt:
-        status = 130
+        status = INTERRUPTED
     sys.exit(status)
 
 

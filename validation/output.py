@@ -77,8 +77,8 @@ def writable_folder(path: Path) -> Path:
     """
     if path == STANDARD_OUTPUT:
         raise InputError("`-` is standard output, and the output folder must be a folder")
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
+        made = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path} cannot be made: {error.strerror or error}") from None

@@ -14,27 +14,35 @@ from robotball.files.replacing import STANDARD_OUTPUT
 
 
 class Lasting(io.TextIOWrapper):
-    """A stream that goes on, to nowhere, when its reader has left."""
+    """A stream that goes on, to nowhere, when its reader has left.
+
+    Raises InputError where it cannot be written for another reason, as on a full disk.
+    """
 
     def write(self, text: str) -> int:
-        try:
-            return super().write(text)
-        except BrokenPipeError:
-            drop(self)
-            return len(text)
+        with self._going_on():
+            super().write(text)
+        return len(text)
 
     def flush(self) -> None:
-        try:
+        with self._going_on():
             super().flush()
+
+    @contextlib.contextmanager
+    def _going_on(self) -> Iterator[None]:
+        try:
+            yield
         except BrokenPipeError:
-            drop(self)
+            self._drop()
+        except OSError as error:
+            self._drop()
+            raise InputError(f"the output cannot be written: {error.strerror}") from None
 
-
-def drop(stream: io.TextIOBase | Any) -> None:
-    """Send what a stream still holds, and all that is to come, to nowhere."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
+    def _drop(self) -> None:
+        """Send what it still holds, and all that is to come, to nowhere."""
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self.fileno())
+        os.close(nowhere)
 
 
 def make_lasting() -> None:

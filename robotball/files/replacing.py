@@ -26,18 +26,36 @@ def replacing(path: Path) -> Iterator[Path]:
         if no_regular_file(path):
             with tempfile.TemporaryDirectory() as folder:
                 temporary = Path(folder, f"whole{path.suffix}")
-                yield temporary
-                _write_into(path, temporary)
+                with _unfinished(temporary):
+                    yield temporary
+                    _write_into(path, temporary)
             return
         target = followed(path)
         target.parent.mkdir(parents=True, exist_ok=True)
         # Cut, so that a name of any length that is allowed stays so.
         temporary = target.with_name(f".{path.stem[:20]}.{os.getpid()}{path.suffix[:20]}")
-        try:
+        with _unfinished(temporary):
             yield temporary
             temporary.replace(target)
-        finally:
-            temporary.unlink(missing_ok=True)
+
+
+_UNFINISHED: set[Path] = set()
+
+
+@contextmanager
+def _unfinished(temporary: Path) -> Iterator[None]:
+    _UNFINISHED.add(temporary)
+    try:
+        yield
+    finally:
+        temporary.unlink(missing_ok=True)
+        _UNFINISHED.discard(temporary)
+
+
+def remove_unfinished() -> None:
+    """Takes all temporary files away, for a process that ends at once."""
+    for temporary in list(_UNFINISHED):
+        temporary.unlink(missing_ok=True)
 
 
 def discard(path: Path) -> None:

@@ -1,6 +1,7 @@
 """Two motions → frames → mp4: their balls side by side, each in its engine's colour."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -81,6 +82,7 @@ def write_video(
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
     with (
         replacing(path) as unfinished,
+        _refused_by_the_encoder(path),
         mediapy.VideoWriter(
             unfinished, size, fps=fps, crf=20, ffmpeg_args="-preset veryfast"
         ) as video,
@@ -89,6 +91,18 @@ def write_video(
             video.add_image(picture)
             if progress is not None:
                 progress(i / number)
+
+
+@contextmanager
+def _refused_by_the_encoder(path: Path) -> Iterator[None]:
+    """Makes an InputError of what mediapy raises where the encoder ends before the film does."""
+    try:
+        yield
+    except RuntimeError as error:
+        if not str(error).startswith("Error writing"):
+            raise
+        why = (str(error).splitlines() or [""])[-1]
+        raise InputError(f"{path} cannot be written: the encoder says {why!r}") from None
 
 
 @dataclass(frozen=True)

@@ -191,3 +191,24 @@ def test_an_old_result_stays_whole_when_writing_fails(
     assert "a.json cannot be written: No space left on device" in err
     assert old.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (f"compare fig12 --json {'n' * 256}", "File name too long"),
+        (f"compare fig12 --out {'n' * 256}", "File name too long"),
+        (f"compare {'n' * 256}.toml", "File name too long"),
+        ("replay .", "Is a directory"),
+        ("tradeoff fig12 --quick --out t", r"t/fig12-tradeoff.jsonl"),
+    ],
+)
+def test_what_the_system_refuses_is_one_line_too(
+    robotball: Robotball, tmp_path: Path, arguments: str, words: str
+) -> None:
+    """Status 2: 1 says that the motions do not agree."""
+    (tmp_path / "t" / "fig12-tradeoff.jsonl").mkdir(parents=True)
+    status, _, err = robotball(*arguments.split())
+    assert status == 2
+    assert words in err
+    assert err.count("\n") == 1

@@ -38,8 +38,18 @@ def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
     if path is None:
         return
     text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
-    with replacing(writable_file(path)) as temporary:
-        temporary.write_text(text + "\n")
+    write_text(writable_file(path), text + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """A text file, in UTF-8 wherever it is written."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def in_picture(text: str) -> str:
+    """A user's text as a picture shows it: its dollars are no formula."""
+    return text.replace("$", r"\$")
 
 
 def write_picture(path: Path, figure: "Figure") -> Path:
@@ -58,8 +68,7 @@ def write_rows(
     table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
     table.writeheader()
     table.writerows(rows)
-    with replacing(path) as temporary:
-        temporary.write_text(text.getvalue())
+    write_text(path, text.getvalue())
 
 
 def print_whole(table: "Table", console: "Console") -> None:

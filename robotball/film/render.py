@@ -197,7 +197,7 @@ def _write(canvas: Canvas, title: str, story: _Story, i: int) -> Pixels:
     pen.rectangle((0, 0, canvas.width, 2.7 * line), fill=(255, 255, 255, 215))
     left, right = 0.7 * line, canvas.width - 0.7 * line
     state = f"contact points {_metres(story.apart[i])} apart"
-    pen.text((left, line), title, palette.INK, bold, "lm")
+    pen.text((left, line), " ".join(title.split()), palette.INK, bold, "lm")
     pen.text((left, 2 * line), state, palette.INK, plain, "lm")
     pen.text((right, 2 * line), f"t = {story.times[i]:.2f} s", palette.INK, plain, "rm")
     ahead = NAME_AHEAD * np.array([np.cos(story.heading), np.sin(story.heading), 0.0])

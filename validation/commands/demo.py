@@ -18,6 +18,7 @@ class Demo:
 
     def run(self) -> int:
         from rich.console import Console
+        from rich.markup import escape
 
         from robotball import PRESETS, InputError, load_scene
         from robotball.engines.simulate import request_of
@@ -45,6 +46,6 @@ class Demo:
                     film(path, agreement)
                     written.append(path)
                 except InputError as error:
-                    console.print(f"no video: {error}", style="yellow")
-        console.print("Written:", *(f"  {path}" for path in written), sep="\n")
+                    console.print(escape(f"no video: {error}"), style="yellow")
+        console.print("Written:", *(escape(f"  {path}") for path in written), sep="\n")
         return AGREES

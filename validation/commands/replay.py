@@ -22,6 +22,7 @@ class Replay:
 
     def run(self) -> int:
         from rich.console import Console
+        from rich.markup import escape
 
         from robotball.engines.mujoco.fault_window import load, replay
         from validation.comparison.fault_report import outcome_of, show_row, show_rows, walk
@@ -31,10 +32,8 @@ class Replay:
             show_row(window, self.step, console)
             return AGREES
         replayed = replay(window)
-        console.print(
-            f"{window.name}, {window.settings.get('name')}: {' and '.join(window.causes)} "
-            f"at t = {window.time:.6g} s"
-        )
+        run, causes = f"{window.name}, {window.settings.get('name')}", " and ".join(window.causes)
+        console.print(escape(f"{run}: {causes} at t = {window.time:.6g} s"))
         if self.interactive:
             walk(window, console)
         else:

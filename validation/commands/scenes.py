@@ -13,6 +13,7 @@ class Scenes:
 
     def run(self) -> int:
         from rich.console import Console
+        from rich.markup import escape
         from rich.table import Table
 
         from robotball import catalog, load_scene
@@ -20,6 +21,6 @@ class Scenes:
         table = Table("scene", "rolling", "duration", "title")
         for name in catalog():
             scene = load_scene(name)
-            table.add_row(name, scene.rolling, f"{scene.duration:g} s", scene.title)
+            table.add_row(name, scene.rolling, f"{scene.duration:g} s", escape(scene.title))
         Console().print(table)
         return AGREES

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from validation.comparison.agreement import Agreement
@@ -21,9 +22,9 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
     table.add_column("verdict", no_wrap=True)
     for each in agreements:
         table.add_row(
-            each.scene.name,
+            escape(each.scene.name),
             each.scene.rolling,
-            each.settings.name,
+            escape(each.settings.name),
             f"{each.report.timestep * 1e3:.3g}",
             scientific(each.path_error),
             scientific(each.gamma_error),
@@ -35,9 +36,8 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
     print_whole(table, console)
     for each in agreements:
         if not each.agrees:
-            console.print(
-                f"{each.scene.name}, {each.settings.name}: {each.verdict}", style="yellow"
-            )
+            line = f"{each.scene.name}, {each.settings.name}: {each.verdict}"
+            console.print(escape(line), style="yellow")
 
 
 def _word(agreement: Agreement) -> str:

@@ -5,11 +5,15 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
+import robotball as rb
 from validation.cli import main
+from validation.output import in_picture
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 SHORT = ("--duration", "0.2", "--no-plots")
@@ -25,7 +29,8 @@ def robotball(tmp_path: Path) -> Run:
             cwd=tmp_path,
             env={**os.environ, **environment},
             capture_output=True,
-            text=True,
+            encoding="utf-8",
+            errors="replace",
         )
 
     return run
@@ -119,3 +124,53 @@ def test_a_reader_who_leaves_ends_nothing(tmp_path: Path, arguments: str) -> Non
     assert done.returncode == 0
     assert "Error" not in done.stderr
     assert "Traceback" not in done.stderr
+
+
+ODD = "$5 and $6 [/b] [red] \\"
+
+
+def test_a_users_text_is_shown_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither a formula in a picture nor a style in the terminal: title, file's name, settings."""
+    monkeypatch.chdir(tmp_path)
+    scene = replace(rb.load_scene("fig12"), title=ODD)
+    name = "x$_{$[red]"
+    Path(f"{name}.toml").write_text(rb.scene_toml(scene))
+    assert here("compare", f"{name}.toml", "--preset", "naive", "--duration", "0.1") == 1
+    assert name in capsys.readouterr().out
+    window = next(Path("out").glob("*-fault.json"))
+    assert window.name == f"{name}-naive-fault.json"
+    window.write_text(window.read_text().replace("hinge rate", "hinge [/rate]"))
+    assert here("replay", str(window)) == 0
+    assert f"{name}, naive: hinge [/rate]" in capsys.readouterr().out
+
+
+def test_a_picture_has_a_titles_dollars() -> None:
+    """As text, not as a formula."""
+    title = Figure().suptitle(in_picture(ODD))
+    assert title._preprocess_math(title.get_text()) == (ODD, False)  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "locale",
+    [
+        {"PYTHONIOENCODING": "latin-1"},
+        {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "PYTHONIOENCODING": ""},
+    ],
+    ids=["Latin-1", "ASCII"],
+)
+def test_a_locale_without_greek_letters_shows_something_else(
+    robotball: Run, tmp_path: Path, locale: dict[str, str]
+) -> None:
+    """What is printed has `?` for γ; files are the same everywhere, in UTF-8."""
+    scene = replace(rb.load_scene("fig12"), title="γ")
+    (tmp_path / "greek.toml").write_bytes(rb.scene_toml(scene).encode())
+    files = ("--json", "a.json", "--csv", "a.csv")
+    done = robotball("compare", "greek.toml", "--duration", "0.1", *files, **locale)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "? error" in done.stdout
+    assert "γ" in robotball("design", "greek.toml", **locale).stdout + (
+        tmp_path / "out" / "greek_designed.toml"
+    ).read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
 # Two commands, each with all its own set-up:  make demo   make test
 # On the way:  make check   make test-fast
 UV_VERSION := 0.13.8
-PYTHON_RANGE := >=3.11,<3.13
+PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
 export UV_PYTHON_DOWNLOADS := never
 export UV_PROJECT_ENVIRONMENT := .venv

@@ -24,7 +24,8 @@ FLOORS = (
     ("validation.studies",),
     ("validation.figures", "validation.paper", "validation.bench"),
     ("validation.commands",),
-    ("validation.cli",),
+    ("validation.streams", "validation.cli"),
+    ("validation.endings", "validation.__main__"),
 )
 
 
@@ -167,7 +168,10 @@ def test_an_engines_name_is_typed_in_its_room_alone() -> None:
 
 
 # What tyro and Python's own library need comes on top.
-HELP_IMPORTS = {"robotball", "robotball.errors", "validation"}
+HELP_IMPORTS = {
+    "robotball", "robotball.errors", "robotball.files", "robotball.files.replacing", "validation",
+    "validation.streams",
+}  # fmt: skip
 
 
 @pytest.mark.slow

@@ -1,7 +1,7 @@
 """The `robotball` command: arguments in, exit status out.
 
-Exit status: 0 agreement within the stated bound, 1 not, 2 bad input. Nothing that a command needs
-is imported before it runs.
+Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what the system refuses.
+Nothing that a command needs is imported before it runs.
 """
 
 import contextlib
@@ -35,6 +35,7 @@ from validation.commands.scenes import Scenes
 from validation.commands.section import Section
 from validation.commands.tradeoff import Tradeoff
 from validation.commands.video import Video
+from validation.streams import make_lasting, standard_output_of
 
 Command = (
     Scenes | Engines | Compare | Video | Replay | Model | Design | Demo
@@ -43,6 +44,7 @@ Command = (
 )  # fmt: skip
 
 
+INTERRUPTED = 130
 FORMER_NAMES = {"ladder": "ablation"}
 
 
@@ -52,13 +54,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     logging.getLogger("absl").setLevel(logging.ERROR)
     warnings.simplefilter("once", SceneWarning)
     warnings.showwarning = _show_warning
+    make_lasting()
     try:
-        status = parse(_renamed(sys.argv[1:] if arguments is None else arguments)).run()
+        command = parse(_renamed(sys.argv[1:] if arguments is None else arguments))
+        with standard_output_of(command):
+            status = command.run()
+        sys.stdout.flush()
     except InputError as error:
         print(f"robotball: {error}", file=sys.stderr)
         status = BAD_INPUT
+    except OSError as error:
+        what = f"{error.filename}: " if error.filename else ""
+        print(f"robotball: {what}{error.strerror or error}", file=sys.stderr)
+        status = BAD_INPUT
+    except MemoryError:
+        print("robotball: there is not enough memory for this; ask for less", file=sys.stderr)
+        status = BAD_INPUT
     except KeyboardInterrupt:
-        status = 130
+        status = INTERRUPTED
     sys.exit(status)
 
 
@@ -84,6 +97,13 @@ def parse(arguments: Sequence[str] | None) -> Command:
     except SystemExit as leaving:
         if not leaving.code:
             raise
-        # tyro draws a box of several lines; its words up to the first rule are the error.
-        words = re.split(r"─{4,}\s*│?\n", re.sub(r"^╭.*\n", "", refusal.getvalue()))[0]
-        raise InputError(" ".join(re.sub(r"[│╰╯]", " ", words).split())) from None
+        raise InputError(_words_of(refusal.getvalue())) from None
+
+
+def _words_of(refusal: str) -> str:
+    """What tyro says in a box of several lines: below its title, above the first rule after it."""
+    parts = re.split(r"[─-]{4,}", re.sub(r"[│╰╯]", " ", refusal.partition("\n")[2]))
+    words = next(" ".join(part.split()) for part in parts if part.strip())
+    if re.match("Unrecognized options: [^-]", words):
+        words += "; names stand together, and values of one option have commas between them"
+    return words

@@ -11,12 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robotball.errors import InputError
+from robotball.files.replacing import STANDARD_OUTPUT, followed, no_regular_file, refused
 from robotball.files.replacing import replacing as replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from rich.console import Console
+    from rich.table import Table
 
 DPI = 120
+WIDEST = 10_000  # characters, more than a table has
 PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
 
 
@@ -34,8 +38,18 @@ def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
     if path is None:
         return
     text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
-    with replacing(writable_file(path)) as temporary:
-        temporary.write_text(text + "\n")
+    write_text(writable_file(path), text + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """A text file, in UTF-8 wherever it is written."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def in_picture(text: str) -> str:
+    """A user's text as a picture shows it: its dollars are no formula."""
+    return text.replace("$", r"\$")
 
 
 def write_picture(path: Path, figure: "Figure") -> Path:
@@ -54,8 +68,14 @@ def write_rows(
     table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
     table.writeheader()
     table.writerows(rows)
-    with replacing(path) as temporary:
-        temporary.write_text(text.getvalue())
+    write_text(path, text.getvalue())
+
+
+def print_whole(table: "Table", console: "Console") -> None:
+    """Print a table as wide as it is: a narrow terminal breaks its lines, and cuts no number."""
+    terminal, console.width = console.width, WIDEST
+    console.print(table)
+    console.width = terminal
 
 
 def writable_folder(path: Path) -> Path:
@@ -64,8 +84,10 @@ def writable_folder(path: Path) -> Path:
     It is tried by making the folder; one that was not there is taken away again, so that nothing
     stays of a command that is refused later.
     """
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    if path == STANDARD_OUTPUT:
+        raise InputError("`-` is standard output, and the output folder must be a folder")
     try:
+        made = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{path} cannot be made: {error.strerror or error}") from None
@@ -77,8 +99,14 @@ def writable_folder(path: Path) -> Path:
 
 
 def writable_file(path: Path) -> Path:
-    """`path`, in a folder that it can be written to; raises InputError where there is none."""
-    writable_folder(path.parent)
-    if path.is_dir():
-        raise InputError(f"{path} cannot be written: it is a folder")
+    """`path`, if it can be written as `replacing` does it; raises InputError where it cannot."""
+    with refused(path):
+        if path.is_dir():
+            raise InputError(f"{path} cannot be written: it is a folder")
+        if path == STANDARD_OUTPUT:
+            return path
+        if not no_regular_file(path):
+            writable_folder(followed(path).parent)
+        elif not os.access(path, os.W_OK):
+            raise InputError(f"{path} cannot be written: no permission")
     return path

@@ -24,7 +24,7 @@ def progress_bar(total: float) -> Iterator[Show]:
     if not console.is_terminal:
         yield _lines_now_and_then(console, total)
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=total)
         yield lambda done, what: bar.update(task, completed=done, description=what)
@@ -37,6 +37,7 @@ def _lines_now_and_then(console: Console, total: float) -> Show:
         nonlocal last
         if time.monotonic() - last >= LINE_EVERY:
             last = time.monotonic()
-            console.print(f"{done / total:.0%}: {what}", soft_wrap=True, highlight=False)
+            line = f"{done / total:.0%}: {what}"
+            console.print(line, soft_wrap=True, highlight=False, markup=False)
 
     return show

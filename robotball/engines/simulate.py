@@ -29,8 +29,8 @@ def simulate(
     engine's settings, its default preset if None. engine: its name or itself. accuracy: instead of
     settings, the path error to reach, relative to the path's length. A run that faults ends there,
     with fewer times; with stop_at_fault off, only one that has no state any more does.
-    fault_window: where the states around the first fault go, if there is one, for `robotball
-    replay`. progress is called with the simulated fraction.
+    fault_window: where the states around the first fault go, for `robotball replay`; without a
+    fault the file of a former run is taken away. progress is called with the simulated fraction.
 
     Warns of an accuracy that is not reached, and of settings that are predicted to fail, which are
     an InputError if `strict`. Raises InputError on unusable times, an unknown engine or preset, a

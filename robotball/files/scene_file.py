@@ -107,7 +107,7 @@ def _scene(path: Path, table: SceneTable) -> Scene:
     ball, rates, motors = _parts(table, path.parent)
     at_start = parameters_of(ball, table.rolling, [float(as_drive(r).rate(0.0)) for r in rates])
     return Scene(
-        name=path.stem,
+        name=path.stem.encode(errors="replace").decode(),  # bytes that are no text are shown as ?
         title=table.title,
         source=table.source,
         ball=ball,

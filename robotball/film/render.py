@@ -1,6 +1,7 @@
 """Two motions → frames → mp4: their balls side by side, each in its engine's colour."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from robotball import palette
 from robotball.errors import InputError
+from robotball.files.replacing import replacing
 from robotball.film import gl
 from robotball.film.canvas import Canvas, Pixels
 from robotball.film.picture import Strip, build_stage, pose, strip, track
@@ -77,19 +79,30 @@ def write_video(
         raise InputError(f"a video must be an .mp4 file in a folder that exists, not {path}")
     pictures = frames(motion, theory, fps=fps, size=size)
     number = len(_frame_times(motion, theory, fps))
-    unfinished = path.with_name(f".{path.stem}.unfinished.mp4")
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
-    try:
-        with mediapy.VideoWriter(
+    with (
+        replacing(path) as unfinished,
+        _refused_by_the_encoder(path),
+        mediapy.VideoWriter(
             unfinished, size, fps=fps, crf=20, ffmpeg_args="-preset veryfast"
-        ) as video:
-            for i, picture in enumerate(pictures, start=1):
-                video.add_image(picture)
-                if progress is not None:
-                    progress(i / number)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
+        ) as video,
+    ):
+        for i, picture in enumerate(pictures, start=1):
+            video.add_image(picture)
+            if progress is not None:
+                progress(i / number)
+
+
+@contextmanager
+def _refused_by_the_encoder(path: Path) -> Iterator[None]:
+    """Makes an InputError of what mediapy raises where the encoder ends before the film does."""
+    try:
+        yield
+    except RuntimeError as error:
+        if not str(error).startswith("Error writing"):
+            raise
+        why = (str(error).splitlines() or [""])[-1]
+        raise InputError(f"{path} cannot be written: the encoder says {why!r}") from None
 
 
 @dataclass(frozen=True)
@@ -184,7 +197,7 @@ def _write(canvas: Canvas, title: str, story: _Story, i: int) -> Pixels:
     pen.rectangle((0, 0, canvas.width, 2.7 * line), fill=(255, 255, 255, 215))
     left, right = 0.7 * line, canvas.width - 0.7 * line
     state = f"contact points {_metres(story.apart[i])} apart"
-    pen.text((left, line), title, palette.INK, bold, "lm")
+    pen.text((left, line), " ".join(title.split()), palette.INK, bold, "lm")
     pen.text((left, 2 * line), state, palette.INK, plain, "lm")
     pen.text((right, 2 * line), f"t = {story.times[i]:.2f} s", palette.INK, plain, "rm")
     ahead = NAME_AHEAD * np.array([np.cos(story.heading), np.sin(story.heading), 0.0])

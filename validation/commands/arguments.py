@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, arg
+from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, UseAppendAction, arg
 
 if TYPE_CHECKING:
     from robotball import Request, Scene
@@ -23,6 +23,8 @@ SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
 Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS")]]
 File = DisallowNone[Annotated[Path | None, arg(metavar="FILE")]]
 Preset = DisallowNone[Annotated[str | None, arg(metavar="PRESET")]]
+# One value an option, so that it never takes the scenes that follow; `listed` reads it.
+Names = UseAppendAction[Annotated[tuple[str, ...], arg(metavar="NAME,…")]]
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,11 @@ class Study:
 
 
 StudyOptions = OmitArgPrefixes[Study]
+
+
+def listed(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of an option of `Names`: lists with commas, of all times that it is given."""
+    return tuple(name.strip() for each in names for name in each.split(",") if name.strip())
 
 
 def times_of(duration: float | None) -> Array | None:

@@ -1,5 +1,6 @@
 """The command `robotball compare`."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -9,9 +10,11 @@ from validation.commands.arguments import (
     AGREES,
     DISAGREES,
     File,
+    Names,
     Run,
     RunOptions,
     check_files,
+    listed,
     times_of,
 )
 
@@ -22,9 +25,9 @@ class Compare:
 
     scenes: Positional[Annotated[tuple[str, ...], arg(metavar="SCENE...")]]
     """Names from the catalog, or paths to TOML files."""
-    preset: tuple[str, ...] = ()
+    preset: Names = ()
     """The engine's settings to run each scene with, such as naive, fast, balanced, accurate or
-    adaptive; balanced if not given."""
+    adaptive; balanced if not given. Several: naive,fast."""
     run_options: RunOptions = field(default_factory=Run)
     plots: bool = True
     """Draw each scene's paths and momentum into the output folder."""
@@ -44,8 +47,10 @@ class Compare:
 
         if not self.scenes:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
-        options, scenes = self.run_options, [load_scene(name) for name in self.scenes]
-        requests = [options.request(name) for name in self.preset or (None,)]
+        options = self.run_options
+        requests = [options.request(name) for name in listed(self.preset) or (None,)]
+        self._check_no_preset_is_a_scene(requests[0].engine.presets)
+        scenes = [load_scene(name) for name in self.scenes]
         check_files(self.json, self.csv)
         out = writable_folder(options.out)
         agreements = compare_all(
@@ -63,3 +68,11 @@ class Compare:
         show(agreements, Console())
         tell_fault_windows(agreements, out)
         return AGREES if all(agreement.agrees for agreement in agreements) else DISAGREES
+
+    def _check_no_preset_is_a_scene(self, presets: Collection[str]) -> None:
+        from robotball import InputError, catalog
+
+        for name in self.scenes:
+            if name in presets and name not in catalog():
+                several = ",".join([*listed(self.preset), name])
+                raise InputError(f"{name!r} is a preset and no scene: write --preset {several}")

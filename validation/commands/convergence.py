@@ -1,11 +1,8 @@
 """The command `robotball convergence`."""
 
 from dataclasses import dataclass, field
-from typing import Annotated
 
-from tyro.conf import arg
-
-from validation.commands.arguments import AGREES, SceneName, Study, StudyOptions
+from validation.commands.arguments import AGREES, Names, SceneName, Study, StudyOptions, listed
 
 
 @dataclass(frozen=True)
@@ -16,8 +13,9 @@ class Convergence:
     """A name from the catalog, or a path to a TOML file."""
     preset: str = "accurate"
     """The settings whose contact model it is; integrator and step are swept."""
-    without: Annotated[tuple[str, ...], arg(metavar="CHOICE...")] = ()
-    """Choices to undo in it, as the ablation names them: softness, noslip, start, drive, …"""
+    without: Names = ()
+    """Choices to undo in it, as the ablation names them: softness, noslip, start, drive, …
+    Several: softness,noslip."""
     study: StudyOptions = field(default_factory=Study)
 
     def run(self) -> int:
@@ -31,7 +29,7 @@ class Convergence:
         from validation.studies.convergence import HALVINGS, measure_convergence
 
         options, scene = self.study, load_scene(self.scene)
-        settings = without(preset(self.preset), self.without)
+        settings = without(preset(self.preset), listed(self.without))
         times, out = options.times(scene), writable_folder(options.out)
         with progress_bar(1) as show:
             halvings = HALVINGS - 2 * options.quick

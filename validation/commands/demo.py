@@ -18,9 +18,11 @@ class Demo:
 
     def run(self) -> int:
         from rich.console import Console
+        from rich.markup import escape
 
         from robotball import PRESETS, InputError, load_scene
         from robotball.engines.simulate import request_of
+        from validation.comparison.names import file_stem
         from validation.comparison.plots import draw
         from validation.comparison.results import write_csv, write_json, write_markdown
         from validation.comparison.runs import compare_all, film
@@ -39,11 +41,11 @@ class Demo:
             written += draw([each for each in agreements if each.scene.name == name], out)
         for agreement in agreements:
             if (agreement.scene.name, agreement.settings.name) == FILMED:
-                path = out / f"{agreement.scene.name}.mp4"
+                path = out / f"{file_stem([agreement])}.mp4"
                 try:
                     film(path, agreement)
                     written.append(path)
                 except InputError as error:
-                    console.print(f"no video: {error}", style="yellow")
-        console.print("Written:", *(f"  {path}" for path in written), sep="\n")
+                    console.print(escape(f"no video: {error}"), style="yellow")
+        console.print("Written:", *(escape(f"  {path}") for path in written), sep="\n")
         return AGREES

@@ -30,7 +30,7 @@ class Design:
     def run(self) -> int:
         from robotball import Limits, load_scene, scene_toml
         from robotball.designing.design import describe, redesign
-        from validation.output import replacing, writable_folder
+        from validation.output import writable_folder, write_text
 
         scene = load_scene(self.scene)
         limits = Limits(
@@ -40,7 +40,6 @@ class Design:
         )
         found, designed = redesign(scene, self.mass, limits)
         path = writable_folder(self.out) / f"{designed.name}.toml"
-        with replacing(path) as temporary:
-            temporary.write_text(scene_toml(designed))
+        write_text(path, scene_toml(designed))
         print(describe(found), path, sep="\n")
         return AGREES

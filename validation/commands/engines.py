@@ -11,6 +11,7 @@ class Engines:
 
     def run(self) -> int:
         from rich.console import Console
+        from rich.markup import escape
         from rich.table import Table
 
         from robotball import InputError, engine_named, engine_names
@@ -20,8 +21,9 @@ class Engines:
             try:
                 each = engine_named(key)
             except InputError as error:
-                table.add_row(key, "-", "-", str(error))
+                table.add_row(escape(key), "-", "-", escape(str(error)))
             else:
-                table.add_row(key, each.label.name, each.label.version, ", ".join(each.presets))
+                label, presets = each.label, ", ".join(each.presets)
+                table.add_row(*map(escape, (key, label.name, label.version, presets)))
         Console().print(table)
         return AGREES

@@ -26,7 +26,7 @@ class Model:
         from robotball import load_scene, preset
         from robotball.engines.mujoco.explain import left_out
         from robotball.engines.mujoco.model import build
-        from validation.output import replacing, writable_file
+        from validation.output import writable_file, write_text
 
         scene, settings = load_scene(self.scene), preset(self.preset)
         if self.explain:
@@ -38,6 +38,5 @@ class Model:
         if self.out is None:
             print(xml)
         else:
-            with replacing(writable_file(self.out)) as temporary:
-                temporary.write_text(xml)
+            write_text(writable_file(self.out), xml)
         return AGREES

@@ -14,7 +14,7 @@ class Replay:
     """Step through the fault window that a faulty run left, and take its steps again."""
 
     file: Positional[Annotated[Path, arg(metavar="FILE")]]
-    """A SCENE-PRESET-fault.json of compare or video."""
+    """A SCENE-PRESET-fault.json, which compare or video leaves of a faulty run."""
     step: DisallowNone[Annotated[int | None, arg(metavar="N")]] = None
     """Show all of this row alone: its readings, positions and velocities."""
     interactive: bool = False
@@ -22,6 +22,7 @@ class Replay:
 
     def run(self) -> int:
         from rich.console import Console
+        from rich.markup import escape
 
         from robotball.engines.mujoco.fault_window import load, replay
         from validation.comparison.fault_report import outcome_of, show_row, show_rows, walk
@@ -31,10 +32,8 @@ class Replay:
             show_row(window, self.step, console)
             return AGREES
         replayed = replay(window)
-        console.print(
-            f"{window.name}, {window.settings.get('name')}: {' and '.join(window.causes)} "
-            f"at t = {window.time:.6g} s"
-        )
+        run, causes = f"{window.name}, {window.settings.get('name')}", " and ".join(window.causes)
+        console.print(escape(f"{run}: {causes} at t = {window.time:.6g} s"))
         if self.interactive:
             walk(window, console)
         else:

@@ -25,6 +25,7 @@ class Video:
 
     def run(self) -> int:
         from robotball import load_scene
+        from validation.comparison.names import file_stem
         from validation.comparison.runs import compare_all, film, tell_fault_windows
         from validation.output import writable_folder
 
@@ -36,7 +37,7 @@ class Video:
         )
         (agreement,) = agreements
         tell_fault_windows(agreements, out)
-        path = out / f"{scene.name}.mp4"
+        path = out / f"{file_stem(agreements)}.mp4"
         film(path, agreement)
         print(path)
         return AGREES if agreement.agrees else DISAGREES

@@ -9,8 +9,7 @@ from rich.table import Table
 
 from robotball.engines.mujoco.fault_window import FaultWindow, Replayed
 from robotball.errors import InputError
-
-WIDTH = 100  # characters that the table needs
+from validation.output import print_whole
 
 
 def show_rows(window: FaultWindow, console: Console) -> None:
@@ -25,9 +24,7 @@ def show_rows(window: FaultWindow, console: Console) -> None:
         table.add_row(*cells, style="yellow" if bad else "")
     if window.bad == len(window.table):
         table.add_row(f"{window.bad}", *("" for _ in window.columns), "<- no further")
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    console.print(table)
+    print_whole(table, console)
 
 
 def walk(window: FaultWindow, console: Console) -> None:

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from robotball.rotations import Array
 from validation.comparison.agreement import Agreement
-from validation.output import replacing
+from validation.comparison.names import file_stem
+from validation.output import in_picture, replacing
 
 # Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
 STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
@@ -18,8 +19,8 @@ INCHES = (8.0, 7.0)
 
 
 def draw(agreements: Sequence[Agreement], out: Path) -> list[Path]:
-    """Two pictures of one scene's agreements, one an agreement's settings, as PNGs in `out`."""
-    name = agreements[0].scene.name
+    """Two pictures of one scene's agreements, by one engine, as PNGs in `out`."""
+    name = file_stem(agreements)
     written = []
     for kind, picture in (("path", path_picture), ("momentum", momentum_picture)):
         path = out / f"{name}-{kind}.png"
@@ -82,7 +83,7 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
 def _two_panels(agreements: Sequence[Agreement]) -> tuple[Figure, Axes, Axes]:
     figure = Figure(figsize=INCHES, layout="constrained")
     scene = agreements[0].scene
-    figure.suptitle(f"{scene.name}: {scene.title}")
+    figure.suptitle(in_picture(f"{scene.name}: {scene.title}"))
     above, below = figure.subplots(2, 1)
     below.set_yscale("log")
     for axes in (above, below):
@@ -97,7 +98,7 @@ def _styled(agreements: Sequence[Agreement]) -> list[tuple[Agreement, Any]]:
 
 
 def _label(agreement: Agreement) -> str:
-    return f"{agreement.motion.engine.name}, {agreement.settings.name}"
+    return in_picture(f"{agreement.motion.engine.name}, {agreement.settings.name}")
 
 
 def _log_line(axes: Axes, agreement: Agreement, values: Array, style: Any) -> None:
@@ -109,7 +110,7 @@ def _log_line(axes: Axes, agreement: Agreement, values: Array, style: Any) -> No
         color=agreement.motion.engine.colour,
     )
     if agreement.finished:
-        _beside(axes, agreement.settings.name, values.max())
+        _beside(axes, in_picture(agreement.settings.name), values.max())
 
 
 def _beside(axes: Axes, text: str, height: float) -> None:

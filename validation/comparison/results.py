@@ -12,7 +12,7 @@ import numpy as np
 from robotball import Fault, Motion
 from validation.comparison.agreement import Agreement
 from validation.comparison.sensitivity import Sensitivity
-from validation.output import replacing, versions, write_rows
+from validation.output import versions, write_rows, write_text
 
 TABLE_COLUMNS = (
     "scene",
@@ -90,8 +90,7 @@ def write_json(path: Path, agreements: Sequence[Agreement]) -> None:
     """A list of records, one an agreement."""
     records = [record(agreement) for agreement in agreements]
     text = json.dumps(records, indent=2, allow_nan=False, ensure_ascii=False)
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n")
+    write_text(path, text + "\n")
 
 
 def write_csv(path: Path, agreements: Sequence[Agreement]) -> None:
@@ -111,5 +110,4 @@ def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
         cells += ["-" if error is None else f"{error:.1e}" for error in errors]
         cells += [f"{each['realtime_factor']:.0f}"]
         lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n")
+    write_text(path, "\n".join(lines) + "\n")

@@ -5,9 +5,10 @@ from functools import partial
 from pathlib import Path
 
 from robotball import Request, Scene, integrate
+from robotball.files.replacing import refused
 from robotball.rotations import Array
 from validation.comparison.agreement import Agreement, compare_with
-from validation.output import replacing
+from validation.comparison.names import fault_window_path
 from validation.progress import Show, progress_bar
 
 
@@ -32,7 +33,9 @@ def compare_all(
                 progress = partial(_show, show, len(agreements), f"{scene.name}: {request.name}")
                 window = None
                 if fault_windows is not None:
-                    window = fault_window_path(fault_windows, scene, request.name)
+                    window = fault_window_path(
+                        fault_windows, scene, request.engine.label, request.name
+                    )
                 agreements.append(
                     compare_with(
                         theory, request, strict=strict, fault_window=window, progress=progress
@@ -41,18 +44,15 @@ def compare_all(
     return agreements
 
 
-def fault_window_path(folder: Path, scene: Scene, name: str) -> Path:
-    """Where the states around the first fault of a run go, by the name of its request."""
-    return folder / f"{scene.name}-{name.replace(' ', '-')}-fault.json"
-
-
 def film(path: Path, agreement: Agreement) -> None:
     """Both motions of an agreement, side by side, as an mp4 at `path`."""
     from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
-    with progress_bar(1) as show, replacing(path) as temporary:
+    with refused(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with progress_bar(1) as show:
         write_video(
-            temporary,
+            path,
             agreement.motion,
             agreement.theory,
             progress=lambda part: show(part, f"{agreement.scene.name}: video"),
@@ -66,6 +66,6 @@ def _show(show: Show, done: int, what: str, part: float) -> None:
 def tell_fault_windows(agreements: Sequence[Agreement], folder: Path) -> None:
     """Print how to look at the first fault of each faulty run that left a fault window."""
     for each in agreements:
-        path = fault_window_path(folder, each.scene, each.settings.name)
+        path = fault_window_path(folder, each.scene, each.motion.engine, each.settings.name)
         if each.faults and path.exists():
             print(f"robotball replay {path}", "steps through its first fault")

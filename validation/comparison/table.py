@@ -4,9 +4,11 @@ from collections.abc import Sequence
 
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from validation.comparison.agreement import Agreement
+from validation.output import print_whole
 
 
 def show(agreements: Sequence[Agreement], console: Console) -> None:
@@ -20,9 +22,9 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
     table.add_column("verdict", no_wrap=True)
     for each in agreements:
         table.add_row(
-            each.scene.name,
+            escape(each.scene.name),
             each.scene.rolling,
-            each.settings.name,
+            escape(each.settings.name),
             f"{each.report.timestep * 1e3:.3g}",
             scientific(each.path_error),
             scientific(each.gamma_error),
@@ -31,12 +33,11 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
             _word(each),
             style="" if each.agrees else "yellow",
         )
-    console.print(table)
+    print_whole(table, console)
     for each in agreements:
         if not each.agrees:
-            console.print(
-                f"{each.scene.name}, {each.settings.name}: {each.verdict}", style="yellow"
-            )
+            line = f"{each.scene.name}, {each.settings.name}: {each.verdict}"
+            console.print(escape(line), style="yellow")
 
 
 def _word(agreement: Agreement) -> str:

@@ -12,7 +12,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from validation.output import replacing, versions
+from validation.output import versions, write_text
 from validation.paper.claim import Claim, Finding, Verdict, examine
 from validation.progress import progress_bar
 
@@ -72,5 +72,4 @@ def write_findings(path: Path, findings: Sequence[Finding]) -> None:
     """The records and the versions that they depend on."""
     content = {"versions": versions(), "claims": [record(each) for each in findings]}
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
-    with replacing(path) as temporary:
-        temporary.write_text(text + "\n")
+    write_text(path, text + "\n")

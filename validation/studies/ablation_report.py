@@ -10,11 +10,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from robotball.engines.mujoco import LABEL
 from robotball.palette import INK
 from validation.comparison.table import scientific
+from validation.output import in_picture
 from validation.studies.ablation import Ablation, Variant, fault_of
 
 BUILT = "Built up, every choice made so far: the worst to come hides what is done."
@@ -38,7 +40,7 @@ DIAMOND: dict[str, Any] = {
 
 def show_ablation(ablation: Ablation, console: Console) -> None:
     """Print both tables, and what the columns mean."""
-    console.print(f"{ablation.scene.name}: {ablation.scene.title}", style="bold")
+    console.print(escape(f"{ablation.scene.name}: {ablation.scene.title}"), style="bold")
     console.print(BUILT)
     console.print(_table(ablation, ablation.built, "+ "))
     console.print(UNDONE)
@@ -70,7 +72,7 @@ def _table(ablation: Ablation, variants: Sequence[Variant], sign: str) -> Table:
 def ablation_picture(ablation: Ablation) -> Figure:
     """Path error (bars) and momentum error (diamonds) of every variant, its cost beside."""
     figure = Figure(figsize=INCHES, layout="constrained")
-    figure.suptitle(f"{ablation.scene.name}: {ablation.scene.title}")
+    figure.suptitle(in_picture(f"{ablation.scene.name}: {ablation.scene.title}"))
     left, right = figure.subplots(1, 2, sharex=True)
     _panel(left, ablation, ablation.built, "+ ")
     _panel(right, ablation, ablation.undone, "− ")

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from robotball.engines.mujoco import LABEL
@@ -15,6 +16,7 @@ from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.palette import INK
 from validation.comparison.table import scientific
+from validation.output import in_picture
 from validation.studies.convergence import ORDERS, REFERENCES, Convergence, Reference
 from validation.studies.order import Order
 
@@ -38,7 +40,7 @@ def show_convergence(study: Convergence, console: Console) -> None:
     console.print(_runs(study))
     console.print(_orders(study))
     console.print(NOTE)
-    limit, name = study.limit, f"{study.scene.name}, {study.settings.name}"
+    limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
     console.print(
         f"{name}: the own limit is {limit.model_error:.1e} of the path off the equations;\n"
         f"it is by {limit.method}, and known to {limit.known_to:.1e}."
@@ -90,7 +92,8 @@ def order_text(order: Order | None) -> str:
 def convergence_picture(study: Convergence) -> Figure:
     """Two panels of path error over step, with the fitted slopes, and where they cannot go on."""
     figure = Figure(figsize=INCHES, layout="constrained")
-    figure.suptitle(f"{study.scene.name}, {study.settings.name}: {study.duration:g} s")
+    title = f"{study.scene.name}, {study.settings.name}: {study.duration:g} s"
+    figure.suptitle(in_picture(title))
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     limit = study.limit
     lines: tuple[tuple[Reference, float, str], ...] = (

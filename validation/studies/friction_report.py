@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from robotball import Scene
 from robotball.engines.mujoco import LABEL
 from robotball.palette import ACCENT, INK
+from validation.output import in_picture
 from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL
 from validation.sweeps import Result
 
@@ -23,7 +24,7 @@ def friction_picture(scene: Scene, results: Sequence[Result], needed: float) -> 
     needed: the torsional friction that the motion demands [m].
     """
     figure = Figure(figsize=INCHES, layout="constrained")
-    figure.suptitle(f"{scene.name}: the recipe with more friction")
+    figure.suptitle(f"{in_picture(scene.name)}: the recipe with more friction")
     left, right = figure.subplots(1, 2)
     for axes in (left, right):
         axes.set(xscale="log", yscale="log")

@@ -8,12 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.integrators import INTEGRATORS
 from robotball.palette import ACCENT, FAINT, INK
 from validation.comparison.table import scientific
+from validation.output import in_picture
 from validation.studies.tradeoff import TARGET, Configuration, Line, Tradeoff, known
 
 NOTE = (
@@ -29,7 +31,8 @@ def show_tradeoff(study: Tradeoff, console: Console) -> None:
     """Print the front, the presets, and the ratio at the target."""
     failed = sum(not each.sound for each in study.configurations)
     console.print(
-        f"{study.scene.name}: {len(study.configurations)} configurations, {failed} no result",
+        f"{escape(study.scene.name)}: {len(study.configurations)} configurations, "
+        f"{failed} no result",
         style="bold",
     )
     console.print("The Pareto front: nothing is both cheaper and better.")
@@ -37,7 +40,7 @@ def show_tradeoff(study: Tradeoff, console: Console) -> None:
     console.print("The presets.")
     console.print(_table(sorted(study.presets.values(), key=lambda p: p.title)))
     console.print(NOTE)
-    console.print(verdict(study))
+    console.print(escape(verdict(study)))
 
 
 def verdict(study: Tradeoff) -> str:
@@ -82,9 +85,8 @@ def _table(configurations: Iterable[Configuration]) -> Table:
 def tradeoff_picture(study: Tradeoff) -> Figure:
     """Every configuration that has an error, the front, the presets, and first order prolonged."""
     figure = Figure(figsize=INCHES, layout="constrained")
-    figure.suptitle(
-        f"{study.scene.name}: what accuracy costs, {len(study.configurations)} configurations"
-    )
+    name = in_picture(study.scene.name)
+    figure.suptitle(f"{name}: what accuracy costs, {len(study.configurations)} configurations")
     axes = figure.subplots()
     axes.set(xscale="log", yscale="log", xlabel="path error, relative to the path's length")
     axes.set_ylabel("processor time of a simulated second [s]")

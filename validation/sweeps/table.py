@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from validation.output import replacing
+from validation.output import write_text
 from validation.sweeps.cells import Result
 
 
@@ -26,8 +26,7 @@ def write_table(path: Path, results: Sequence[Result]) -> None:
     for cell, record, result in zip(cells, records, results, strict=True):
         row = {**record, **cell, "failure": result.failure}
         table.writerow({name: _plain(value) for name, value in row.items()})
-    with replacing(path) as temporary:
-        temporary.write_text(text.getvalue())
+    write_text(path, text.getvalue())
 
 
 def _plain(value: Any) -> Any:

@@ -17,6 +17,7 @@ from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.stepping import Portion, by_steps
 from robotball.engines.protocol import Progress
 from robotball.faults import Fault, FaultKind
+from robotball.files.replacing import discard
 from robotball.motion import ContactMotion, ContactReport
 from robotball.rotations import Array
 from robotball.start import Start
@@ -32,13 +33,16 @@ def run(
     """The motion of a built model at sample times (n,) [s] from 0, which are not checked.
 
     start: where to begin, if not at the scene's own start; fault_window: the file for the states
-    around the first fault, if there is one. Raises InputError for a run of more steps than the
-    settings allow.
+    around the first fault, which is taken away if there is none. Raises InputError for a run of
+    more steps than the settings allow.
     """
     check_length(model.scene, model.settings, times)
     rows, record = _run(model, times, progress, start, keep_window=fault_window is not None)
-    if fault_window is not None and record.window is not None:
-        write(fault_window, model, record.window)
+    if fault_window is not None:
+        if record.window is None:
+            discard(fault_window)  # that of a former run
+        else:
+            write(fault_window, model, record.window)
     readings = Readings(model, rows)
     return ContactMotion(
         scene=model.scene,

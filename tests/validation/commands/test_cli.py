@@ -64,7 +64,7 @@ def test_compare_exits_1_where_they_do_not(robotball: Robotball) -> None:
 
 def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_path: Path) -> None:
     """The JSON has every number, setting and version; run again it gives the same numbers."""
-    arguments = ["compare", "fig12", "classical_regular", "--preset", "naive", "balanced"]
+    arguments = ["compare", "fig12", "classical_regular", "--preset", "naive,balanced"]
     arguments += ["--duration", "1", "--no-plots", "--json", "a.json", "--csv", "a.csv"]
     assert robotball(*arguments)[0] == 1
     records = json.loads((tmp_path / "a.json").read_text())
@@ -191,3 +191,24 @@ def test_an_old_result_stays_whole_when_writing_fails(
     assert "a.json cannot be written: No space left on device" in err
     assert old.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (f"compare fig12 --json {'n' * 256}", "File name too long"),
+        (f"compare fig12 --out {'n' * 256}", "File name too long"),
+        (f"compare {'n' * 256}.toml", "File name too long"),
+        ("replay .", "Is a directory"),
+        ("tradeoff fig12 --quick --out t", r"t/fig12-tradeoff.jsonl"),
+    ],
+)
+def test_what_the_system_refuses_is_one_line_too(
+    robotball: Robotball, tmp_path: Path, arguments: str, words: str
+) -> None:
+    """Status 2: 1 says that the motions do not agree."""
+    (tmp_path / "t" / "fig12-tradeoff.jsonl").mkdir(parents=True)
+    status, _, err = robotball(*arguments.split())
+    assert status == 2
+    assert words in err
+    assert err.count("\n") == 1

@@ -6,15 +6,15 @@ found by a shorter step from the same start, so no interpolant is needed and eve
 the full order.
 """
 
-import hashlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-import numba
 import numpy as np
 
 from robotball.engines.reduced.compiled.flatten import LANES
+from robotball.engines.reduced.compiled.kept import Function, compiled_from
 from robotball.engines.reduced.compiled.steppers import (
     ALLOWED,
     BALL,
@@ -25,42 +25,23 @@ from robotball.engines.reduced.compiled.steppers import (
     STATE,
     TARGET,
     TIME,
-    cache_folder,
 )
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2
 STEP = "FunctionType(void(f8[::1]))"
 COMPILED_FROM = ("flatten", "steppers", "marching", "crossing")
 
 
-def sources_digest() -> str:
-    """A name for all the source that the loops are compiled from."""
+@cache
+def sources() -> str:
+    """All the source that the loops are compiled from."""
     folder = Path(__file__).parent
-    source = b"".join((folder / f"{name}.py").read_bytes() for name in COMPILED_FROM)
-    return hashlib.sha256(source).hexdigest()[:16]
-
-
-CACHE = cache_folder() / f"loops_{sources_digest()}"
+    return "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in COMPILED_FROM)
 
 
 def compiled(signature: str) -> Callable[[Function], Function]:
-    """Numba's njit with what every loop here wants.
-
-    Numba renews a cached function when its own file changes, but not when the constants and
-    functions do that it took in from others; so the cache's folder is named after all of them.
-    """
-
-    def decorate(function: Function) -> Function:
-        usual = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(CACHE)
-        try:
-            return numba.njit(signature, cache=True, nogil=True, error_model="numpy")(function)
-        finally:
-            numba.config.CACHE_DIR = usual
-
-    return decorate
+    """Numba's njit with what every loop here wants."""
+    return compiled_from(sources(), signature, nogil=True, error_model="numpy")
 
 
 @compiled("void(f8[::1], i8, f8[::1], f8, f8)")

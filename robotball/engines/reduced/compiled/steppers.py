@@ -5,14 +5,11 @@ compiled once a rolling model; a ball is data. Only unit vectors are judged for 
 no tolerance has a unit.
 """
 
-import hashlib
-import importlib.util
-import os
+import math
 import sys
-import tempfile
 from collections.abc import Callable, Sequence
 from functools import cache
-from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numba
@@ -20,6 +17,7 @@ from numba.core.codegen import get_host_cpu_features
 from scipy.integrate import DOP853
 
 from robotball.engines.reduced.compiled.flatten import Tape, at, lane_function, least
+from robotball.engines.reduced.compiled.kept import compiled_from
 from robotball.engines.reduced.compiled.systems import Level, State, System, section_function
 from robotball.equations import Scalar
 from robotball.parameters import Parameters, Rolling
@@ -124,50 +122,15 @@ def row_of(parameters: Parameters) -> list[float]:
     return [*p.I, p.d, p.a, *p.Omega, *p.K]
 
 
-HEADER = '''"""Generated from robotball's equations; not to be edited."""
-
-from math import sqrt
-
-from numba import njit
-
-
-@njit("void(f8[::1])", cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-'''
-
-
 @cache
 def stepper(system: System, rolling: Rolling) -> Any:
-    """The compiled step (workspace) -> None of a system; from the cache where it is there.
-
-    The generated source is kept in a file, because that is where numba keeps a compiled
-    function: beside its source.
-    """
-    source = HEADER + flat_step(system, rolling) + "\n"
-    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
-    name = f"robotball_{system.name}_{rolling}_{digest}"
-    path = cache_folder() / f"{name}.py"
-    if not path.exists():
-        # Written aside and renamed, so that another process never reads half of it.
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=".tmp", delete=False) as file:
-            file.write(source)
-        Path(file.name).replace(path)
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+    """The compiled step (workspace) -> None of a system; kept from one process to the next."""
+    source = flat_step(system, rolling)
+    name = f"robotball_{system.name}_{rolling}"
+    module = ModuleType(name)
     sys.modules[name] = module  # by its name numba finds it when it loads the compiled step
-    spec.loader.exec_module(module)
-    return module.step
-
-
-def cache_folder() -> Path:
-    """Where generated steps are kept: the user's cache, or a temporary folder if that is closed."""
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    for folder in (home / "robotball", Path(tempfile.gettempdir()) / f"robotball-{os.getuid()}"):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return folder
-    raise OSError(f"no folder to keep compiled steps in; set XDG_CACHE_HOME (tried {home})")
+    vars(module)["sqrt"] = math.sqrt
+    exec(compile(source, f"<{name}, from robotball's equations>", "exec"), vars(module))
+    options = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+    module.__dict__["step"] = step = compiled_from(source, "void(f8[::1])", **options)(module.step)
+    return step

@@ -137,6 +137,29 @@ def test_compare_says_where_the_dump_is(
     assert load(tmp_path / "out" / "fig12-naive-fault.json").name == "fig12"
 
 
+def test_a_sound_run_takes_the_file_of_a_former_one_away(dumped: Callable[..., Path]) -> None:
+    """It would tell of a fault that is mended."""
+    assert dumped(SLIPPERY).exists()
+    assert not dumped(FAST).exists()
+
+
+def test_no_number_is_cut_on_a_narrow_terminal(
+    dumped: Callable[..., Path],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Forty columns break the lines, and show the same numbers as two hundred."""
+    path, shown = dumped(SLIPPERY), []
+    for columns in ("40", "200"):
+        for name, value in (("COLUMNS", columns), ("FORCE_COLOR", "1"), ("TERM", "xterm")):
+            monkeypatch.setenv(name, value)
+        assert command("replay", path) == 0
+        shown.append(capsys.readouterr().out.split())
+    assert shown[0] == shown[1]
+    assert any("e-" in word for word in shown[0])
+    assert not any("…" in word for word in shown[0])
+
+
 def change(fields: dict[str, Any], **changes: Any) -> str:
     return json.dumps({**fields, **changes})
 

@@ -1,0 +1,176 @@
+"""The command among others: its streams and its files' names, as a shell's user meets them."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+import robotball as rb
+from validation.cli import main
+from validation.output import in_picture
+
+Run = Callable[..., "subprocess.CompletedProcess[str]"]
+SHORT = ("--duration", "0.2", "--no-plots")
+
+
+@pytest.fixture
+def robotball(tmp_path: Path) -> Run:
+    """Runs the command as a process of its own in an empty folder."""
+
+    def run(*arguments: str, **environment: str) -> "subprocess.CompletedProcess[str]":
+        return subprocess.run(
+            [sys.executable, "-m", "validation", *arguments],
+            cwd=tmp_path,
+            env={**os.environ, **environment},
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+        )
+
+    return run
+
+
+def here(*arguments: str) -> int:
+    """The exit status of the command in this process."""
+    with pytest.raises(SystemExit) as leaving:
+        main(arguments)
+    assert isinstance(leaving.value.code, int)
+    return leaving.value.code
+
+
+@pytest.mark.slow
+def test_a_dash_is_standard_output(robotball: Run, tmp_path: Path) -> None:
+    """It holds the result alone, whole; the table goes to standard error, and no file is left."""
+    done = robotball("compare", "fig12", *SHORT, "--json", "-")
+    assert done.returncode == 0
+    assert [each["scene"] for each in json.loads(done.stdout)] == ["fig12"]
+    assert "agrees" in done.stderr
+    done = robotball("compare", "fig12", *SHORT, "--csv", "-")
+    assert done.stdout.startswith("scene,rolling,")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("compare fig12 --json - --csv -", "standard output takes one result"),
+        ("compare fig12 --out -", "the output folder must be a folder"),
+        (
+            "compare fig12 --preset naive fast",
+            "options: fast; names stand together, and values of one option have com",
+        ),
+        ("compare fig12 fast", "'fast' is a preset and no scene: write --preset fast"),
+    ],
+)
+def test_what_is_meant_otherwise_is_said(
+    arguments: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Status 2, in one line."""
+    assert here(*arguments.split()) == 2
+    err = capsys.readouterr().err
+    assert words in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "presets", ["--preset naive --preset fast", "--preset naive,fast", "--preset=naive,fast,"]
+)
+def test_every_preset_counts_and_takes_no_scene(
+    presets: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Given twice or with a comma, before the scene."""
+    data = tmp_path / "a.json"
+    out = ("--out", str(tmp_path), "--json", str(data))
+    assert here("compare", *presets.split(), "fig12", *SHORT, *out) == 1
+    assert [each["preset"] for each in json.loads(data.read_text())] == ["naive", "fast"]
+
+
+@pytest.mark.slow
+def test_pictures_of_different_settings_have_different_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The default preset alone is left out of the name."""
+    monkeypatch.chdir(tmp_path)
+    for options in ("", "--preset fast", "--preset fast,balanced", "--accuracy 1e-5"):
+        assert here("compare", "fig12", "--duration", "0.2", *options.split()) == 0
+    assert sorted(path.name for path in Path("out").glob("*-path.png")) == [
+        "fig12-fast-balanced-path.png", "fig12-fast-path.png", "fig12-path.png",
+        "fig12-to-1e-05-path.png",
+    ]  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "arguments", ["scenes", "model fig12", f"compare fig12 {' '.join(SHORT)} --json -"]
+)
+def test_a_reader_who_leaves_ends_nothing(tmp_path: Path, arguments: str) -> None:
+    """As `| head` does: no word on standard error but the table, and the command's own status."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        [sys.executable, "-m", "validation", *arguments.split()],
+        cwd=tmp_path,
+        stdout=writing,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    os.close(writing)
+    assert done.returncode == 0
+    assert "Error" not in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+ODD = "$5 and $6 [/b] [red] \\"
+
+
+def test_a_users_text_is_shown_as_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither a formula in a picture nor a style in the terminal: title, file's name, settings."""
+    monkeypatch.chdir(tmp_path)
+    scene = replace(rb.load_scene("fig12"), title=ODD)
+    name = "x$_{$[red]"
+    Path(f"{name}.toml").write_text(rb.scene_toml(scene))
+    assert here("compare", f"{name}.toml", "--preset", "naive", "--duration", "0.1") == 1
+    assert name in capsys.readouterr().out
+    window = next(Path("out").glob("*-fault.json"))
+    assert window.name == f"{name}-naive-fault.json"
+    window.write_text(window.read_text().replace("hinge rate", "hinge [/rate]"))
+    assert here("replay", str(window)) == 0
+    assert f"{name}, naive: hinge [/rate]" in capsys.readouterr().out
+
+
+def test_a_picture_has_a_titles_dollars() -> None:
+    """As text, not as a formula."""
+    title = Figure().suptitle(in_picture(ODD))
+    assert title._preprocess_math(title.get_text()) == (ODD, False)  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "locale",
+    [
+        {"PYTHONIOENCODING": "latin-1"},
+        {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "PYTHONIOENCODING": ""},
+    ],
+    ids=["Latin-1", "ASCII"],
+)
+def test_a_locale_without_greek_letters_shows_something_else(
+    robotball: Run, tmp_path: Path, locale: dict[str, str]
+) -> None:
+    """What is printed has `?` for γ; files are the same everywhere, in UTF-8."""
+    scene = replace(rb.load_scene("fig12"), title="γ")
+    (tmp_path / "greek.toml").write_bytes(rb.scene_toml(scene).encode())
+    files = ("--json", "a.json", "--csv", "a.csv")
+    done = robotball("compare", "greek.toml", "--duration", "0.1", *files, **locale)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "? error" in done.stdout
+    assert "γ" in robotball("design", "greek.toml", **locale).stdout + (
+        tmp_path / "out" / "greek_designed.toml"
+    ).read_text(encoding="utf-8")

@@ -1,0 +1,25 @@
+"""The `robotball` command as a process; `python -m validation` is the same."""
+
+import sys
+import traceback
+
+from validation.endings import ended_by_signals
+
+DEFECT = 3
+
+
+def main() -> None:
+    """Run the command, and exit with its status; with 3 where robotball itself is wrong."""
+    with ended_by_signals() as signals:
+        from validation.cli import main as command
+
+        try:
+            command()
+        except Exception:
+            if not signals:
+                traceback.print_exc()
+            sys.exit(DEFECT)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,66 @@
+"""Ctrl-C and SIGTERM end a command soon, wherever it is, and leave no unfinished file."""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from robotball.files.replacing import remove_unfinished
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+GRACE = 2.0  # s that Python has to end the command; compiled code may not let it
+
+
+def status_of(number: int) -> int:
+    """The exit status of what a signal has ended, as shells give it: 130 after Ctrl-C."""
+    return 128 + number
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[list[int]]:
+    """Ends the block by KeyboardInterrupt at a signal, and the process if that takes too long.
+
+    Python acts on a signal between two of its own steps. While compiled code runs there are none,
+    but the signal's number arrives in a pipe, at whose other end a thread waits. Whatever the
+    block makes of the interrupt, as a library may that was being imported, it leaves by SystemExit.
+    Gives the numbers of the signals that came.
+    """
+    came: list[int] = []
+    left = threading.Event()
+
+    def interrupt(number: int, _frame: FrameType | None) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    # A signal that is ignored already, as by nohup, stays so.
+    heard = [each for each in SIGNALS if signal.getsignal(each) != signal.SIG_IGN]
+    former = {each: signal.signal(each, interrupt) for each in heard}
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    threading.Thread(target=_end_at_last, args=(read, left), daemon=True).start()
+    try:
+        yield came
+    except BaseException:
+        if not came:
+            raise
+    finally:
+        left.set()
+        signal.set_wakeup_fd(-1)
+        os.close(write)
+        for each, handler in former.items():
+            signal.signal(each, handler)
+    if came:
+        sys.exit(status_of(came[0]))
+
+
+def _end_at_last(read: int, left: threading.Event) -> None:
+    """Wait for a signal's number; end the process where the block is not left GRACE after it."""
+    while numbers := os.read(read, 1):
+        if numbers[0] in SIGNALS and not left.wait(GRACE):
+            remove_unfinished()
+            os._exit(status_of(numbers[0]))
+    os.close(read)

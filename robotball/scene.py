@@ -25,7 +25,8 @@ class Scene:
     frame_rate is the frame's turning rate about the shell's axis, relative to the shell, and
     rotor_rates (one a rotor) are relative to the frame: numbers [rad/s], drives, or functions of
     time. motors, in the same order, are the servos that real hinges have; a hinge without one
-    keeps its rate exactly. No motors at all is none on any hinge.
+    keeps its rate exactly. No motors at all is none on any hinge. A start that is on the rolling
+    model but for rounding is put there: its attitude is a unit quaternion, a rubber M horizontal.
     """
 
     name: str
@@ -53,11 +54,13 @@ class Scene:
             raise InputError(
                 f"{len(self.drives)} hinges need as many motors, or none, not {len(self.motors)}"
             )
-        unit("attitude", self.start.attitude)
         for part in self.start.momentum.tolist():
             check_size("the start's momentum", part, "kg m²/s", LARGEST**3)
+        attitude, momentum = unit("attitude", self.start.attitude), self.start.momentum
         if self.rolling == "rubber":
-            horizontal(self.start.momentum)
+            momentum = horizontal(momentum, self.momentum_scale)
+        # Every engine starts from what is made exact here.
+        object.__setattr__(self, "start", Start(attitude, momentum))
 
     @cached_property
     def times(self) -> Array:

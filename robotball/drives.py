@@ -6,25 +6,26 @@ Times are scalars or increasing columns, in s from the start of the motion; SI u
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, Literal, Protocol
+from functools import cached_property
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
 
-from robotball.errors import LARGEST, InputError, check_positive, check_size
+from robotball.errors import LARGEST, InputError, check_positive, check_size, warn
+from robotball.polynomials import Polynomials, polynomials_of
 
 Time = Any  # a float, or a column (n,)
 
-STENCIL = 2e-3  # s, between the points of a difference: rounding and truncation both near 1e-12
-JUMP_WIDTH = 1e-9  # s, around a breakpoint
-JUMP = 1e-4  # of 1 rad/s and the rate: more is no slope but a jump
-PANEL = 0.25  # s, at most, of a quadrature by eight points
-MOST_PANELS = 4e5  # 1e5 s: a quarter of a minute for a cheap function
+LONGEST = 1e5  # s, that a function is followed: half a minute for a cheap one
+ROUNDING = 1e-9  # relative: as far beyond the end a time is the end
+FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
+GIVEN = 1e-6  # relative: a derivative or integral that is given may be so far off the function
 
 
+@runtime_checkable
 class Drive(Protocol):
-    """What a hinge's rate must tell."""
+    """What a hinge's rate must tell; an object of your own that tells it is a rate of a scene."""
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
@@ -170,13 +171,28 @@ class Sine(
 
 @dataclass(frozen=True)
 class Custom:
-    """A rate given by a function of time, smooth between `breakpoints`.
+    """A rate given by a function of time, continuous, and smooth between `breakpoints`.
 
-    Its derivative is taken by differences and its integral by quadrature, both to about 1e-11.
+    derivative [rad/s²] and integral [rad], functions of time as well, are taken from polynomials
+    that follow the function, where they are not given. None is asked outside a run's times.
     """
 
     function: Callable[[float], float]
     breakpoints: tuple[float, ...] = ()
+    derivative: Callable[[float], float] | None = None
+    integral: Callable[[float], float] | None = None
+
+
+@dataclass(frozen=True)
+class Followed:
+    """The drive of a Custom rate over a run from 0 to `end` [s], and nowhere else."""
+
+    custom: Custom
+    end: float
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return self.custom.breakpoints
 
     def rate(self, t: Time) -> Any:
         return _each(self._rate, t)
@@ -185,17 +201,38 @@ class Custom:
         return _each(self._acceleration, t)
 
     def angle(self, t: Time) -> Any:
-        ends = np.atleast_1d(np.asarray(t, dtype=float))
-        if not ends[-1] / PANEL < MOST_PANELS:
+        return _each(self._angle, t)
+
+    @cached_property
+    def polynomials(self) -> Polynomials:
+        """What follows the function over the whole run.
+
+        Raises InputError where the function jumps, or where a derivative or integral given for it
+        is not its own; warns where it is not smooth and no derivative is given.
+        """
+        if not self.end <= LONGEST:
             raise InputError(
-                f"a drive's function can be integrated to t = {PANEL * MOST_PANELS:g} s at most, "
-                f"not to {ends[-1]:g} s; a number, a Ramp or a Sine has no such limit"
+                f"a drive's function can be followed to t = {LONGEST:g} s at most, not to "
+                f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
             )
-        angles = np.cumsum([self._turn(a, b) for a, b in pairwise([0.0, *ends.tolist()])])
-        return angles if np.ndim(t) else float(angles[0])
+        inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
+        found = polynomials_of(self._rate, [0.0, *inside, self.end])
+        follows = found.off <= FOLLOWED * (1 + found.size)
+        middles = (found.edges[:-1] + found.edges[1:])[follows] / 2
+        if self.custom.derivative is not None:
+            _check_own("derivative", self._acceleration, found.slope, middles, "rad/s²")
+        elif not follows.all():
+            warn(
+                f"a drive's function is not smooth at t = {found.edges[found.off.argmax()]:.6g} s: "
+                f"its derivative there follows it to {found.off.max():.1g} rad/s only; give "
+                "Custom its breakpoints, or its derivative"
+            )
+        if self.custom.integral is not None:
+            _check_own("integral", self._angle, found.area, middles, "rad")
+        return found
 
     def _rate(self, t: float) -> float:
-        value = float(self.function(t))
+        value = float(self.custom.function(t := self._inside(t)))
         if not abs(value) <= LARGEST:
             raise InputError(
                 f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
@@ -204,52 +241,67 @@ class Custom:
         return value
 
     def _acceleration(self, t: float) -> float:
-        # The slope of the quartic through five points on this side of any breakpoint.
-        below = max([b for b in self.breakpoints if b <= t], default=-np.inf)
-        above = min([b for b in self.breakpoints if b > t], default=np.inf)
-        step = min(STENCIL, (above - below) / 8)
-        first = min(max(t - 2 * step, below), above - 4 * step)
-        nodes = first + step * np.arange(5)
-        return float(
-            np.polynomial.Polynomial.fit(nodes, [self._rate(s) for s in nodes], 4).deriv()(t)
-        )
+        t, given = self._inside(t), self.custom.derivative
+        return self.polynomials.slope(t) if given is None else float(given(t))
 
-    def _turn(self, begin: float, end: float) -> float:
-        edges = [begin, *(b for b in self.breakpoints if begin < b < end), end]
-        panels = [np.linspace(a, b, 2 + int((b - a) / PANEL)) for a, b in pairwise(edges)]
-        parts = np.concatenate(panels)
-        x, weights = np.polynomial.legendre.leggauss(8)
-        middle, half = (parts[1:] + parts[:-1]) / 2, (parts[1:] - parts[:-1]) / 2
-        values = [[self._rate(m + h * s) for s in x] for m, h in zip(middle, half, strict=True)]
-        return float(half @ (np.array(values) @ weights))
+    def _angle(self, t: float) -> float:
+        t, given = self._inside(t), self.custom.integral
+        return self.polynomials.area(t) if given is None else float(given(t)) - float(given(0.0))
+
+    def _inside(self, t: float) -> float:
+        """The time, without the rounding that may carry it beyond the end."""
+        if not t <= self.end * (1 + ROUNDING):
+            raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
+        return min(t, self.end)
 
 
-Rate = float | Ramp | Sine | Custom | Callable[[float], float]
+def _check_own(
+    name: str, given: Callable[[float], float], own: Callable[[float], float], at: Any, unit: str
+) -> None:
+    """Raises InputError where what is given for a function is not its own at some time."""
+    for t in at.tolist():
+        theirs, ours = given(t), own(t)
+        if not abs(theirs - ours) <= GIVEN * (1 + abs(ours)):
+            raise InputError(
+                f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, where that "
+                f"of its function is {ours:.6g} {unit}"
+            )
 
 
-def as_drive(rate: Rate) -> Drive:
-    """A drive of a number [rad/s], a drive, or a function of time.
+Rate = float | Ramp | Sine | Custom | Drive | Callable[[float], float]
 
-    Raises InputError where the rate is not finite at the start, or a function of time jumps at one
-    of its breakpoints.
+
+def as_drive(rate: Rate, end: float) -> Drive:
+    """The drive of a rate in a run from 0 to `end` [s].
+
+    rate: a number [rad/s], a Ramp, a Sine, a function of time, a Custom, or an object of one's
+    own with a Drive's members. Raises InputError where it is none of these, or not finite at the
+    start.
     """
-    if isinstance(rate, Ramp | Sine):
-        drive: Drive = rate
-    elif isinstance(rate, Custom) or callable(rate):
-        drive = rate if isinstance(rate, Custom) else Custom(rate)
-        _check_continuous(drive)
+    drive: Drive
+    if isinstance(rate, Constant | Ramp | Sine):
+        drive = rate
+    elif isinstance(rate, Custom):
+        drive = Followed(rate, end)
+    elif isinstance(rate, Drive):
+        own = Custom(rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
+        drive = Followed(own, end)
+    elif callable(rate):
+        drive = Followed(Custom(rate), end)
     else:
-        drive = Constant(float(rate))
+        drive = Constant(_number(rate))
     check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
     return drive
 
 
-def _check_continuous(drive: Drive) -> None:
-    for t in drive.breakpoints:
-        before, after = drive.rate(max(t - JUMP_WIDTH, 0.0)), drive.rate(t + JUMP_WIDTH)
-        jump = abs(float(after - before))
-        if jump > JUMP * (1 + abs(before)):
-            raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:g} s; ramp it")
+def _number(rate: Any) -> float:
+    try:
+        return float(rate)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"a rate is a number, a function of time, or a drive with breakpoints, rate, "
+            f"acceleration and angle, not {rate!r}"
+        ) from None
 
 
 def turns(drive: Drive) -> bool:

@@ -1,12 +1,12 @@
 """Scene: a ball, its drives, a rolling model and a start; all that an engine needs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from robotball.bodies import Ball
-from robotball.drives import Constant, Drive, Rate, Servo, as_drive
+from robotball.drives import Constant, Drive, Followed, Rate, Servo, as_drive
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
@@ -80,7 +80,20 @@ class Scene:
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
         """The frame's drive, then the rotors'."""
-        return (as_drive(self.frame_rate), *map(as_drive, self.rotor_rates))
+        return tuple(as_drive(rate, self.duration) for rate in (self.frame_rate, *self.rotor_rates))
+
+    def until(self, end: float) -> "Scene":
+        """The scene of a run that ends at `end` [s]: its drives are asked from 0 to there.
+
+        Raises InputError where a drive given by a function jumps on the way.
+        """
+        if self.steady:
+            return self
+        scene = replace(self, duration=end)
+        for drive in scene.drives:
+            if isinstance(drive, Followed):
+                assert drive.polynomials  # refused here, if at all
+        return scene
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:

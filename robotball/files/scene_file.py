@@ -111,7 +111,8 @@ def _explained(message: str) -> str:
 
 def _scene(path: Path, table: SceneTable) -> Scene:
     ball, rates, motors = _parts(table, path.parent)
-    at_start = parameters_of(ball, table.rolling, [float(as_drive(r).rate(0.0)) for r in rates])
+    drives = [as_drive(rate, table.duration) for rate in rates]
+    at_start = parameters_of(ball, table.rolling, [float(each.rate(0.0)) for each in drives])
     return Scene(
         name=path.stem,
         title=table.title,

@@ -1,7 +1,7 @@
 """Scene → Motion by the paper's equations: one rotation, integrated to round-off."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -43,10 +43,11 @@ def integrate(
         raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
     if offset := imbalance(scene.ball):
         raise InputError(f"{offset}, where the equations need it; only a contact engine rolls it")
+    ours = scene.until(float(times[-1]))
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        motion = motion_of(scene, times, _states(scene, times, rtol, max_steps))
+        motion = motion_of(ours, times, _states(ours, times, rtol, max_steps))
     _check_finite(scene, motion)
-    return motion
+    return replace(motion, scene=scene)
 
 
 def motion_of(scene: Scene, times: Array, states: Array) -> Motion:

@@ -1,9 +1,9 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
+from .custom import Custom as Custom
 from .designing.design import Design as Design
 from .designing.design import design as design
 from .designing.feasibility import Limits as Limits
-from .drives import Custom as Custom
 from .drives import Ramp as Ramp
 from .drives import Servo as Servo
 from .drives import Sine as Sine

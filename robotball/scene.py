@@ -6,7 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from robotball.bodies import Ball
-from robotball.drives import Constant, Drive, Followed, Rate, Servo, as_drive
+from robotball.custom import Followed
+from robotball.drives import Constant, Drive, Rate, Servo, as_drive
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix

@@ -27,6 +27,7 @@ from .motion import ContactMotion as ContactMotion
 from .motion import ContactReport as ContactReport
 from .motion import Loads as Loads
 from .motion import Motion as Motion
+from .motion import ReferenceMotion as ReferenceMotion
 from .scene import Scene as Scene
 from .scene import sample_times as sample_times
 from .settings import EngineSettings as EngineSettings

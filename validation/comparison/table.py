@@ -33,10 +33,9 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
         )
     console.print(table)
     for each in agreements:
-        if not each.agrees:
-            console.print(
-                f"{each.scene.name}, {each.settings.name}: {each.verdict}", style="yellow"
-            )
+        if each.verdict != "agrees":
+            style = "" if each.agrees else "yellow"
+            console.print(f"{each.scene.name}, {each.settings.name}: {each.verdict}", style=style)
 
 
 def _word(agreement: Agreement) -> str:

@@ -1,9 +1,9 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
+from .custom import Custom as Custom
 from .designing.design import Design as Design
 from .designing.design import design as design
 from .designing.feasibility import Limits as Limits
-from .drives import Custom as Custom
 from .drives import Ramp as Ramp
 from .drives import Servo as Servo
 from .drives import Sine as Sine
@@ -27,6 +27,7 @@ from .motion import ContactMotion as ContactMotion
 from .motion import ContactReport as ContactReport
 from .motion import Loads as Loads
 from .motion import Motion as Motion
+from .motion import ReferenceMotion as ReferenceMotion
 from .scene import Scene as Scene
 from .scene import sample_times as sample_times
 from .settings import EngineSettings as EngineSettings

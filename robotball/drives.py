@@ -6,25 +6,18 @@ Times are scalars or increasing columns, in s from the start of the motion; SI u
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
 
-from robotball.errors import LARGEST, InputError, check_positive, check_size
-
-Time = Any  # a float, or a column (n,)
-
-STENCIL = 2e-3  # s, between the points of a difference: rounding and truncation both near 1e-12
-JUMP_WIDTH = 1e-9  # s, around a breakpoint
-JUMP = 1e-4  # of 1 rad/s and the rate: more is no slope but a jump
-PANEL = 0.25  # s, at most, of a quadrature by eight points
-MOST_PANELS = 4e5  # 1e5 s: a quarter of a minute for a cheap function
+from robotball.custom import Custom, Followed, Time
+from robotball.errors import InputError, check_positive, check_size
 
 
+@runtime_checkable
 class Drive(Protocol):
-    """What a hinge's rate must tell."""
+    """What a hinge's rate must tell; an object of your own that tells it is a rate of a scene."""
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
@@ -168,96 +161,42 @@ class Sine(
         return self.mean * t + self.amplitude * swing
 
 
-@dataclass(frozen=True)
-class Custom:
-    """A rate given by a function of time, smooth between `breakpoints`.
+Rate = float | Ramp | Sine | Custom | Drive | Callable[[float], float]
 
-    Its derivative is taken by differences and its integral by quadrature, both to about 1e-11.
+
+def as_drive(rate: Rate, end: float) -> Drive:
+    """The drive of a rate in a run from 0 to `end` [s].
+
+    rate: a number [rad/s], a Ramp, a Sine, a function of time, a Custom, or an object of one's
+    own with a Drive's members. Raises InputError where it is none of these, or not finite at the
+    start.
     """
-
-    function: Callable[[float], float]
-    breakpoints: tuple[float, ...] = ()
-
-    def rate(self, t: Time) -> Any:
-        return _each(self._rate, t)
-
-    def acceleration(self, t: Time) -> Any:
-        return _each(self._acceleration, t)
-
-    def angle(self, t: Time) -> Any:
-        ends = np.atleast_1d(np.asarray(t, dtype=float))
-        if not ends[-1] / PANEL < MOST_PANELS:
-            raise InputError(
-                f"a drive's function can be integrated to t = {PANEL * MOST_PANELS:g} s at most, "
-                f"not to {ends[-1]:g} s; a number, a Ramp or a Sine has no such limit"
-            )
-        angles = np.cumsum([self._turn(a, b) for a, b in pairwise([0.0, *ends.tolist()])])
-        return angles if np.ndim(t) else float(angles[0])
-
-    def _rate(self, t: float) -> float:
-        value = float(self.function(t))
-        if not abs(value) <= LARGEST:
-            raise InputError(
-                f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
-                f"{LARGEST:g} rad/s"
-            )
-        return value
-
-    def _acceleration(self, t: float) -> float:
-        # The slope of the quartic through five points on this side of any breakpoint.
-        below = max([b for b in self.breakpoints if b <= t], default=-np.inf)
-        above = min([b for b in self.breakpoints if b > t], default=np.inf)
-        step = min(STENCIL, (above - below) / 8)
-        first = min(max(t - 2 * step, below), above - 4 * step)
-        nodes = first + step * np.arange(5)
-        return float(
-            np.polynomial.Polynomial.fit(nodes, [self._rate(s) for s in nodes], 4).deriv()(t)
-        )
-
-    def _turn(self, begin: float, end: float) -> float:
-        edges = [begin, *(b for b in self.breakpoints if begin < b < end), end]
-        panels = [np.linspace(a, b, 2 + int((b - a) / PANEL)) for a, b in pairwise(edges)]
-        parts = np.concatenate(panels)
-        x, weights = np.polynomial.legendre.leggauss(8)
-        middle, half = (parts[1:] + parts[:-1]) / 2, (parts[1:] - parts[:-1]) / 2
-        values = [[self._rate(m + h * s) for s in x] for m, h in zip(middle, half, strict=True)]
-        return float(half @ (np.array(values) @ weights))
-
-
-Rate = float | Ramp | Sine | Custom | Callable[[float], float]
-
-
-def as_drive(rate: Rate) -> Drive:
-    """A drive of a number [rad/s], a drive, or a function of time.
-
-    Raises InputError where the rate is not finite at the start, or a function of time jumps at one
-    of its breakpoints.
-    """
-    if isinstance(rate, Ramp | Sine):
-        drive: Drive = rate
-    elif isinstance(rate, Custom) or callable(rate):
-        drive = rate if isinstance(rate, Custom) else Custom(rate)
-        _check_continuous(drive)
+    drive: Drive
+    if isinstance(rate, Constant | Ramp | Sine):
+        drive = rate
+    elif isinstance(rate, Custom):
+        drive = Followed(rate, end)
+    elif isinstance(rate, Drive):
+        own = Custom(rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
+        drive = Followed(own, end)
+    elif callable(rate):
+        drive = Followed(Custom(rate), end)
     else:
-        drive = Constant(float(rate))
+        drive = Constant(_number(rate))
     check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
     return drive
 
 
-def _check_continuous(drive: Drive) -> None:
-    for t in drive.breakpoints:
-        before, after = drive.rate(max(t - JUMP_WIDTH, 0.0)), drive.rate(t + JUMP_WIDTH)
-        jump = abs(float(after - before))
-        if jump > JUMP * (1 + abs(before)):
-            raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:g} s; ramp it")
+def _number(rate: Any) -> float:
+    try:
+        return float(rate)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"a rate is a number, a function of time, or a drive with breakpoints, rate, "
+            f"acceleration and angle, not {rate!r}"
+        ) from None
 
 
 def turns(drive: Drive) -> bool:
     """Whether the hinge turns at all; a body whose rate is zero for good is fixed, motorless."""
     return drive != Constant(0.0)
-
-
-def _each(function: Callable[[float], float], t: Time) -> Any:
-    if np.ndim(t) == 0:
-        return function(float(t))
-    return np.array([function(float(s)) for s in t])

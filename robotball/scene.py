@@ -1,11 +1,12 @@
 """Scene: a ball, its drives, a rolling model and a start; all that an engine needs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from robotball.bodies import Ball
+from robotball.custom import Followed
 from robotball.drives import Constant, Drive, Rate, Servo, as_drive
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
@@ -25,7 +26,8 @@ class Scene:
     frame_rate is the frame's turning rate about the shell's axis, relative to the shell, and
     rotor_rates (one a rotor) are relative to the frame: numbers [rad/s], drives, or functions of
     time. motors, in the same order, are the servos that real hinges have; a hinge without one
-    keeps its rate exactly. No motors at all is none on any hinge.
+    keeps its rate exactly. No motors at all is none on any hinge. A start that is on the rolling
+    model but for rounding is put there: its attitude is a unit quaternion, a rubber M horizontal.
     """
 
     name: str
@@ -53,11 +55,13 @@ class Scene:
             raise InputError(
                 f"{len(self.drives)} hinges need as many motors, or none, not {len(self.motors)}"
             )
-        unit("attitude", self.start.attitude)
         for part in self.start.momentum.tolist():
             check_size("the start's momentum", part, "kg m²/s", LARGEST**3)
+        attitude, momentum = unit("attitude", self.start.attitude), self.start.momentum
         if self.rolling == "rubber":
-            horizontal(self.start.momentum)
+            momentum = horizontal(momentum, self.momentum_scale)
+        # Every engine starts from what is made exact here.
+        object.__setattr__(self, "start", Start(attitude, momentum))
 
     @cached_property
     def times(self) -> Array:
@@ -77,7 +81,20 @@ class Scene:
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
         """The frame's drive, then the rotors'."""
-        return (as_drive(self.frame_rate), *map(as_drive, self.rotor_rates))
+        return tuple(as_drive(rate, self.duration) for rate in (self.frame_rate, *self.rotor_rates))
+
+    def until(self, end: float) -> "Scene":
+        """The scene of a run that ends at `end` [s]: its drives are asked from 0 to there.
+
+        Raises InputError where a drive given by a function jumps on the way.
+        """
+        if self.steady:
+            return self
+        scene = replace(self, duration=end)
+        for drive in scene.drives:
+            if isinstance(drive, Followed):
+                assert drive.polynomials  # refused here, if at all
+        return scene
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:

@@ -11,6 +11,8 @@ from robotball.rotations import Array, from_matrix, normalised
 # How far a given unit vector, right angle or horizontal momentum may be off: a caption's six
 # digits pass, a wrong number does not. What passes is then made exact.
 CAPTION = 1e-5
+# How far a momentum may be off by rounding alone, relative to the terms that it is the sum of.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -79,13 +81,14 @@ def unit(name: str, v: Array) -> Array:
     return normalised(v)
 
 
-def horizontal(M: Array) -> Array:
+def horizontal(M: Array, scale: float) -> Array:
     """A rubber start's M (3,), world axes, without its vertical part, which (3.1) makes zero.
 
-    Raises InputError where that part is not rounding.
+    scale: the size of the terms whose sum M is; where they cancel, M is their rounding [kg m²/s].
+    Raises InputError where the vertical part is more than a caption's rounding.
     """
     size, vertical = math.hypot(*M.tolist()), float(M[2])
-    if not abs(vertical) <= CAPTION * size:
+    if not abs(vertical) <= max(CAPTION * size, ROUNDING * scale):
         raise InputError(
             f"M is not horizontal, as the rubber model's is by (3.1): (M, gamma) = {vertical:.6g} "
             f"of |M| = {size:.6g} kg m²/s"

@@ -81,15 +81,17 @@ def run_request(
     """`simulate` by a request; loads: of the whole motion, where a reference knows them."""
     if why := request.engine.cannot_express(scene):
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
-    return request.engine.run(
-        scene,
-        scene.times if times is None else check_times(times),
+    times = scene.times if times is None else check_times(times)
+    motion = request.engine.run(
+        scene.until(float(times[-1])),
+        times,
         request,
         loads=loads,
         strict=strict,
         fault_window=fault_window,
         progress=progress,
     )
+    return replace(motion, scene=scene)
 
 
 def _check_accuracy(

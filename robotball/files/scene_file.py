@@ -67,9 +67,9 @@ def read_scene(path: Path, text: bytes | str) -> Scene:
         _check_numbers("", msgspec.to_builtins(table))
         return _scene(path, table)
     except msgspec.ValidationError as error:
-        raise InputError(f"{path}: {_explained(str(error))}") from None
+        raise InputError(f"{path}: {_counted(_explained(str(error)))}") from None
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {_counted(str(error))}") from None
     # ValueError: bytes that are no text, an integer of thousands of digits; RecursionError: as
     # many brackets.
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
@@ -86,6 +86,11 @@ def _check_numbers(key: str, value: object) -> None:
     if isinstance(value, list | tuple):
         for i, inner in enumerate(value):
             _check_numbers(f"{key}[{i}]", inner)
+
+
+def _counted(message: str) -> str:
+    """The message with its rotors named as the bodies are: rotor1 is rotor[0]."""
+    return re.sub(r"\brotor\[(\d+)\]", lambda found: f"rotor{int(found[1]) + 1}", message)
 
 
 def _explained(message: str) -> str:
@@ -105,7 +110,8 @@ def _explained(message: str) -> str:
 
 def _scene(path: Path, table: SceneTable) -> Scene:
     ball, rates, motors = _parts(table, path.parent)
-    at_start = parameters_of(ball, table.rolling, [float(as_drive(r).rate(0.0)) for r in rates])
+    drives = [as_drive(rate, table.duration) for rate in rates]
+    at_start = parameters_of(ball, table.rolling, [float(each.rate(0.0)) for each in drives])
     return Scene(
         name=path.stem.encode(errors="replace").decode(),  # bytes that are no text are shown as ?
         title=table.title,
@@ -137,7 +143,7 @@ def _parts(table: SceneTable, folder: Path) -> tuple[Ball, list[Rate], list[Serv
         rotors=tuple(_rotor(i, rotor) for i, rotor in enumerate(table.rotor, start=1)),
     )
     hinges: list[HingeTable] = [table.frame, *table.rotor]
-    names = ["frame", *(f"rotor[{i}]" for i in range(len(table.rotor)))]
+    names = ["frame", *(f"rotor{i}" for i in range(1, 1 + len(table.rotor)))]
     motors = [_motor(name, hinge) for name, hinge in zip(names, hinges, strict=True)]
     return ball, [hinge.rate for hinge in hinges], motors
 
@@ -194,7 +200,7 @@ def _rotor(number: int, table: RotorTable) -> Rotor:
         mass=table.mass,
         axial_inertia=table.inertia.axial,
         transverse_inertia=table.inertia.transverse,
-        axis=_direction(f"rotor {number}'s axis", table.axis),
+        axis=_direction(f"rotor{number}'s axis", table.axis),
         centre=np.array(table.centre),
     )
 

@@ -1,6 +1,5 @@
 """The tables of a scene's TOML: every key that there is, with its type."""
 
-from dataclasses import replace
 from typing import Literal
 
 import msgspec
@@ -149,22 +148,18 @@ def read_start(table: StartTable, ball: Ball, parameters: Parameters) -> Start:
     axes = ball.principal[1]
     if given == {"section"} and table.section:
         gamma, M = starts.section_state(*msgspec.structs.astuple(table.section))
-        start = starts.along_momentum(axes @ gamma, axes @ M)
-    elif given == {"gamma", "momentum"}:
+        return starts.along_momentum(axes @ gamma, axes @ M)
+    if given == {"gamma", "momentum"}:
         gamma = starts.unit("gamma", np.array(table.gamma))
-        start = starts.along_momentum(gamma, np.array(table.momentum))
-    elif (
+        return starts.along_momentum(gamma, np.array(table.momentum))
+    if (
         given - MOMENTUM_KEYS in ({"attitude"}, {"gamma", "alpha"})
         and len(given & MOMENTUM_KEYS) == 1
     ):
         attitude = _attitude(table)
-        start = Start(attitude, _momentum(table, rotation_matrix(attitude), axes, parameters))
-    else:
-        keys = ", ".join(sorted(given)) or "nothing"
-        raise InputError(f"start gives {keys}; it takes one form: {START_FORMS}")
-    if parameters.rolling == "rubber":
-        return replace(start, momentum=starts.horizontal(start.momentum))
-    return start
+        return Start(attitude, _momentum(table, rotation_matrix(attitude), axes, parameters))
+    keys = ", ".join(sorted(given)) or "nothing"
+    raise InputError(f"start gives {keys}; it takes one form: {START_FORMS}")
 
 
 MOMENTUM_KEYS = {"momentum", "momentum_world", "angular_velocity", "rest"}

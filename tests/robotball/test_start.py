@@ -1,5 +1,7 @@
 """The forms in which a start is given, and what each of them places."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -8,8 +10,10 @@ from numpy.typing import ArrayLike
 
 import robotball as rb
 from robotball import start as starts
+from robotball.parameters import as_vector
 from robotball.rotations import Array, rotation_matrix
 from tests.scenes import FOUR
+from validation import compare
 
 NAN, INF = float("nan"), float("inf")
 ROUNDING = 2e-14  # of vectors of length up to 10; measured at most 4.7e-15
@@ -147,12 +151,42 @@ def test_unit_vectors_are_made_exact_and_others_refused() -> None:
 
 def test_rubber_momentum_is_made_horizontal_and_others_refused() -> None:
     """A vertical part of 1e-6 |M| is dropped, one of 1e-3 is refused with both numbers."""
-    np.testing.assert_array_equal(starts.horizontal(np.array([3.0, 4.0, 1e-6])), [3.0, 4.0, 0.0])
-    np.testing.assert_array_equal(starts.horizontal(np.zeros(3)), np.zeros(3))
+    near = starts.horizontal(np.array([3.0, 4.0, 1e-6]), scale=0.0)
+    np.testing.assert_array_equal(near, [3.0, 4.0, 0.0])
+    np.testing.assert_array_equal(starts.horizontal(np.zeros(3), scale=0.0), np.zeros(3))
     with pytest.raises(rb.InputError, match=r"\(3\.1\): \(M, gamma\) = 0\.005 of \|M\| = 5 kg"):
-        starts.horizontal(np.array([3.0, 4.0, 0.005]))
+        starts.horizontal(np.array([3.0, 4.0, 0.005]), scale=5.0)
     with pytest.raises(rb.InputError, match="M is not horizontal"):
-        starts.horizontal(np.array([3.0, 4.0, NAN]))
+        starts.horizontal(np.array([3.0, 4.0, NAN]), scale=5.0)
+
+
+@pytest.mark.parametrize("number", range(20))
+def test_a_rubber_ball_whose_momentum_is_zero_starts_at_any_attitude(number: int) -> None:
+    """By ω with M(ω, γ) = 0, whose rounding is 1e-16 of K and dΩ: all of it may be vertical."""
+    scene = rb.load_scene("fig12")
+    attitude = np.random.default_rng(number).normal(size=4)
+    attitude /= np.linalg.norm(attitude)
+    gamma = as_vector(rotation_matrix(attitude)[2])
+    omega = scene.parameters.angular_velocity((0.0, 0.0, 0.0), gamma)
+    M = rotation_matrix(attitude) @ scene.parameters.momentum(omega, gamma)
+    assert np.linalg.norm(M) < 1e-14 * scene.momentum_scale  # measured 1e-16 to 1.5e-15
+    rolling = replace(scene, start=starts.Start(attitude, M))
+    assert rolling.start.momentum[2] == 0.0
+    upright = starts.Start(attitude, np.array([0.0, 0.0, 1e-9]))
+    with pytest.raises(rb.InputError, match="M is not horizontal"):
+        replace(scene, start=upright)
+
+
+def test_a_start_that_is_nearly_on_the_model_is_the_same_in_both_engines() -> None:
+    """M_z of 9e-6 |M| and an attitude as long as 1 + 9e-6, given by Python, are set right once."""
+    scene, times = rb.load_scene("fig12"), np.linspace(0.0, 5.0, 51)
+    size = float(np.linalg.norm(scene.start.momentum))
+    off = np.array([0.0, 0.0, 9e-6 * size])
+    near = starts.Start(scene.start.attitude * (1 + 9e-6), scene.start.momentum + off)
+    started = replace(scene, start=near)
+    np.testing.assert_array_equal(started.start.momentum, scene.start.momentum)
+    # Measured 1.4e-12, RK4's error; 1.5e-6 where M_z is left to the equations alone.
+    assert (compare(started, "accurate", times).path_error or 1.0) < 6e-12
 
 
 def test_rubber_shell_that_spins_on_the_spot_is_refused() -> None:

@@ -1,5 +1,6 @@
 """The command `robotball compare`."""
 
+import sys
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -8,6 +9,7 @@ from tyro.conf import Positional, arg
 
 from validation.commands.arguments import (
     AGREES,
+    BAD_INPUT,
     DISAGREES,
     File,
     Names,
@@ -39,7 +41,7 @@ class Compare:
     def run(self) -> int:
         from rich.console import Console
 
-        from robotball import InputError, load_scene
+        from robotball import InputError, Scene, load_scene
         from validation.comparison.results import write_csv, write_json
         from validation.comparison.runs import compare_all, tell_fault_windows
         from validation.comparison.table import show
@@ -53,9 +55,24 @@ class Compare:
         scenes = [load_scene(name) for name in self.scenes]
         check_files(self.json, self.csv)
         out = writable_folder(options.out)
+        given = dict(zip(map(id, scenes), self.scenes, strict=True))
+        refused: list[str] = []
+
+        def refuse(scene: Scene, error: InputError) -> None:
+            file = given[id(scene)]
+            name = scene.name if file == scene.name else f"{scene.name} ({file})"
+            refused.append(f"{name}: {error}")
+
         agreements = compare_all(
-            scenes, requests, times_of(options.duration), strict=options.strict, fault_windows=out
+            scenes,
+            requests,
+            times_of(options.duration),
+            strict=options.strict,
+            fault_windows=out,
+            refuse=refuse,
         )
+        if not agreements:
+            raise InputError("; ".join(refused))
         if self.json:
             write_json(self.json, agreements)
         if self.csv:
@@ -64,9 +81,14 @@ class Compare:
             from validation.comparison.plots import draw
 
             for scene in scenes:
-                draw([each for each in agreements if each.scene is scene], out)
+                if drawn := [each for each in agreements if each.scene is scene]:
+                    draw(drawn, out)
         show(agreements, Console())
         tell_fault_windows(agreements, out)
+        for line in refused:
+            print(f"robotball: {line}", file=sys.stderr)
+        if refused:
+            return BAD_INPUT
         return AGREES if all(agreement.agrees for agreement in agreements) else DISAGREES
 
     def _check_no_preset_is_a_scene(self, presets: Collection[str]) -> None:

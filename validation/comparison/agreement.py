@@ -12,6 +12,7 @@ from robotball.engines.simulate import request_of, run_request
 from robotball.motion import (
     ContactMotion,
     ContactReport,
+    ReferenceMotion,
     attitude_error,
     gamma_error,
     momentum_error,
@@ -21,6 +22,8 @@ from robotball.motion import (
 )
 from robotball.rotations import Array
 from validation.comparison.sensitivity import Sensitivity, sensitivity
+
+LIMITED = 3.0  # times the reference's own error: a smaller path error tells no more of the engine
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,18 @@ class Agreement:
             value is not None and value <= self.tolerance for value in measured
         )
 
+    @property
+    def reference_error(self) -> float | None:
+        """The reference's own path error, as it estimates it; None of one that does not."""
+        theory = self.theory
+        return theory.reference_error if isinstance(theory, ReferenceMotion) else None
+
+    @property
+    def limited_by_reference(self) -> bool:
+        """Whether the path error may be as much the reference's own as the engine's."""
+        error, own = self.path_error, self.reference_error
+        return error is not None and own is not None and error < LIMITED * own
+
     @cached_property
     def sensitivity(self) -> Sensitivity | None:
         """What the motion itself makes of small errors, where the path alone is off; else None.
@@ -137,7 +152,9 @@ class Agreement:
             return "; ".join(str(fault) for fault in self.faults)
         if self.sensitive:
             return str(self.sensitivity)
-        return "agrees" if self.agrees else f"off by more than {self.tolerance:g}"
+        if self.agrees:
+            return "agrees, limited by the reference" if self.limited_by_reference else "agrees"
+        return f"off by more than {self.tolerance:g}"
 
 
 def compare(

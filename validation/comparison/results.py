@@ -43,6 +43,7 @@ def record(agreement: Agreement) -> dict[str, Any]:
         "samples": len(agreement.theory.times),
         "path_length": agreement.theory.path_length,
         "path_error": agreement.path_error,
+        "reference_error": agreement.reference_error,
         "estimated_error": report.estimated_error,
         "gamma_error": agreement.gamma_error,
         "attitude_error": agreement.attitude_error,

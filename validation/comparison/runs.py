@@ -1,10 +1,10 @@
 """Long work with its progress shown: many comparisons, a film."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from robotball import Request, Scene, integrate
+from robotball import InputError, Request, Scene, integrate
 from robotball.files.replacing import refused
 from robotball.rotations import Array
 from validation.comparison.agreement import Agreement, compare_with
@@ -19,28 +19,35 @@ def compare_all(
     *,
     strict: bool = False,
     fault_windows: Path | None = None,
+    refuse: Callable[[Scene, InputError], None] | None = None,
 ) -> list[Agreement]:
     """Every scene by every request; the equations are integrated once a scene.
 
-    strict: as in simulate; fault_windows: the folder for the states around each run's first fault.
+    strict: as in simulate; fault_windows: the folder for the states around each run's first fault;
+    refuse: told of a scene that cannot be run, after which the others are; without it the
+    InputError ends all.
     """
     agreements: list[Agreement] = []
     with progress_bar(len(scenes) * len(requests)) as show:
-        for scene in scenes:
-            show(len(agreements), f"{scene.name}: equations")
-            theory = integrate(scene, times)
-            for request in requests:
-                progress = partial(_show, show, len(agreements), f"{scene.name}: {request.name}")
-                window = None
-                if fault_windows is not None:
-                    window = fault_window_path(
-                        fault_windows, scene, request.engine.label, request.name
+        for i, scene in enumerate(scenes):
+            show(i * len(requests), f"{scene.name}: equations")
+            try:
+                theory = integrate(scene, times)
+                for j, request in enumerate(requests, start=i * len(requests)):
+                    progress = partial(_show, show, j, f"{scene.name}: {request.name}")
+                    window = None
+                    if fault_windows is not None:
+                        label = request.engine.label
+                        window = fault_window_path(fault_windows, scene, label, request.name)
+                    agreements.append(
+                        compare_with(
+                            theory, request, strict=strict, fault_window=window, progress=progress
+                        )
                     )
-                agreements.append(
-                    compare_with(
-                        theory, request, strict=strict, fault_window=window, progress=progress
-                    )
-                )
+            except InputError as error:
+                if refuse is None:
+                    raise
+                refuse(scene, error)
     return agreements
 
 

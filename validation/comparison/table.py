@@ -35,9 +35,10 @@ def show(agreements: Sequence[Agreement], console: Console) -> None:
         )
     print_whole(table, console)
     for each in agreements:
-        if not each.agrees:
+        if each.verdict != "agrees":
+            style = "" if each.agrees else "yellow"
             line = f"{each.scene.name}, {each.settings.name}: {each.verdict}"
-            console.print(escape(line), style="yellow")
+            console.print(escape(line), style=style)
 
 
 def _word(agreement: Agreement) -> str:

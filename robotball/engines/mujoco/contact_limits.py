@@ -33,7 +33,7 @@ def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
         return None
     return LimitCheck(
         "torsional friction",
-        plan.settings.torsional_friction,
+        plan.torsional_friction,
         float(plan.loads.torsional_friction.max()),
         "the ball spins on the spot; give torsional_friction more",
         "m",
@@ -59,7 +59,7 @@ def drag(plan: PlannedRun) -> LimitCheck | None:
     """
     eats = plan.settings.rolling_friction if plan.condim >= 6 else 0.0
     if plan.scene.rolling == "classical" and plan.condim >= 4:
-        eats += plan.settings.torsional_friction
+        eats += plan.torsional_friction
     if not eats:
         return None
     weight = plan.scene.ball.mass * plan.scene.gravity
@@ -138,7 +138,7 @@ def noslip_determinant(plan: PlannedRun) -> LimitCheck | None:
     rows = plan.condim - 1
     slide, spin, roll = (
         plan.settings.sliding_friction,
-        plan.settings.torsional_friction,
+        plan.torsional_friction,
         plan.settings.rolling_friction,
     )
     scale = np.diag([slide, slide, spin, roll, roll][:rows])

@@ -45,7 +45,7 @@ class MuJoCo(Engine):
     ) -> ContactMotion:
         """The scene's motion; also warns of a ball that is not balanced."""
         if offset := imbalance(scene.ball):
-            warn(f"{offset}; no equations describe it")
+            warn(f"{scene.name}: {offset}; no equations describe it")
         if request.accuracy is not None:
             motion = _to_accuracy(scene, times, request.accuracy, fault_window, progress)
             precheck(scene, own_settings(motion.report.settings), times, loads, strict=strict)

@@ -9,6 +9,8 @@ from robotball.drives import Drive, Servo, turns
 from robotball.engines.mujoco.settings import Prescribed, Settings
 from robotball.scene import Scene
 
+RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
+
 
 @dataclass(frozen=True)
 class Tree:
@@ -62,7 +64,7 @@ class Hinge:
 
 def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
     """The hinges that turn; any other body is fixed to its parent."""
-    tree = Tree(settings.root)
+    tree, times = Tree(settings.root), np.linspace(0.0, scene.duration, RATES_SEEN)
     motors = scene.motors or (None,) * len(scene.drives)
     return tuple(
         Hinge(
@@ -71,7 +73,7 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
             drive,
             actuation=motor or settings.drive,
             own_motor=motor is not None,
-            largest_rate=float(np.abs(drive.rate(scene.times)).max()) or 1.0,
+            largest_rate=float(np.abs(drive.rate(times)).max()) or 1.0,
         )
         for index, (drive, motor) in enumerate(zip(scene.drives, motors, strict=True))
         if motor or turns(drive)

@@ -130,7 +130,7 @@ def _compose(
         geom1="floor",
         geom2=f"{tree.shell}sphere",
         condim=condim,
-        friction=_friction(settings)[: FRICTIONS[condim]],
+        friction=_friction(scene, settings)[: FRICTIONS[condim]],
     )
     for name in PAIR_OPTIONS:
         _set(pair, name, getattr(settings, name))
@@ -169,11 +169,11 @@ def _condim(scene: Scene, settings: Settings) -> int:
     return 4 if scene.rolling == "rubber" else 3
 
 
-def _friction(settings: Settings) -> list[float]:
+def _friction(scene: Scene, settings: Settings) -> list[float]:
     """MuJoCo's five coefficients of a pair, of which a contact takes as many as it has rows."""
     slide, spin, roll = (
         settings.sliding_friction,
-        settings.torsional_friction,
+        settings.torsional_friction_of(scene.ball.radius),
         settings.rolling_friction,
     )
     return [slide, slide, spin, roll, roll]

@@ -92,6 +92,11 @@ class PlannedRun:
         return self.settings.condim or self.needed_condim
 
     @property
+    def torsional_friction(self) -> float:
+        """The coefficient [m]."""
+        return self.settings.torsional_friction_of(self.scene.ball.radius)
+
+    @property
     def needed_condim(self) -> int:
         return 4 if self.scene.rolling == "rubber" else 3
 

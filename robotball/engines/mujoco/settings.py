@@ -24,6 +24,13 @@ class Prescribed:
         check_positive("the armature", self.armature, "kg m²")
 
 
+@dataclass(frozen=True)
+class Radii:
+    """A length in radii of the ball, which so goes with the ball's size."""
+
+    radii: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Settings(EngineSettings):
     """How MuJoCo is to run a scene; None leaves a choice at MuJoCo's own default.
@@ -54,7 +61,7 @@ class Settings(EngineSettings):
     # The contact's dimension; None is what the rolling model needs: 4 for rubber, 3 for classical.
     condim: int | None = None
     sliding_friction: float = 1.0  # MuJoCo's default
-    torsional_friction: float = 0.005  # m, MuJoCo's default
+    torsional_friction: float | Radii = 0.005  # m, MuJoCo's default
     rolling_friction: float = 1e-4  # m, MuJoCo's default; in force where condim is 6
     # The body with the free joint; the other one hangs on it by the frame's hinge.
     root: Literal["shell", "frame"] = "shell"
@@ -71,6 +78,11 @@ class Settings(EngineSettings):
                 raise InputError(f"{name} must be {words}, not {value!r}")
         if self.adaptive and self.rtol is None:
             raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
+
+    def torsional_friction_of(self, radius: float) -> float:
+        """Of a ball of this radius [m]: the coefficient [m]."""
+        given = self.torsional_friction
+        return given.radii * radius if isinstance(given, Radii) else given
 
     @property
     def adaptive(self) -> bool:
@@ -164,7 +176,10 @@ RULES = {
     ),
     "condim": _one_of(3, 4, 6),
     "sliding_friction": FRICTION,
-    "torsional_friction": FRICTION,
+    "torsional_friction": Rule(
+        lambda value: _not_negative(value.radii if isinstance(value, Radii) else value),
+        f"{FRICTION.words}, or Radii of such a number",
+    ),
     "rolling_friction": FRICTION,
     "root": _one_of("shell", "frame"),
     "start_in_equilibrium": _one_of(True, False),
@@ -202,7 +217,7 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         # Slip decays at a fixed rate 1/s; tied to 1/timestep it would cost an order.
         solreffriction=(-1.0, -0.5),
         sliding_friction=20.0,
-        torsional_friction=20.0,
+        torsional_friction=Radii(20.0),
         start_in_equilibrium=True,
         drive=Prescribed(armature=1e14),
     )
@@ -240,6 +255,8 @@ def settings_from(plain: Mapping[str, Any]) -> Settings:
     try:
         drive = values.pop("drive")
         kind = Servo if "gain" in drive else Prescribed
+        if isinstance(spin := values.get("torsional_friction"), Mapping):
+            values["torsional_friction"] = Radii(**spin)
         return Settings(drive=kind(**drive), **values)
     except (TypeError, KeyError) as error:
         raise InputError(f"these are no settings of a run: {error}") from None

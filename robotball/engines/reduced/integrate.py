@@ -11,7 +11,7 @@ from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate
 from robotball.engines.reduced import LABEL
 from robotball.errors import InputError, too_many_steps
 from robotball.loads import loads_of
-from robotball.motion import Motion
+from robotball.motion import Motion, ReferenceMotion
 from robotball.parameters import as_vector, check_speed, speed_bound
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
@@ -21,6 +21,7 @@ from robotball.scene import Scene, check_times
 LONG = 1e4
 # What takes one to three minutes: at the usual rates a day here, and a month by compiled steps.
 MAX_STEPS, MAX_COMPILED_STEPS = 1_000_000, 100_000_000
+COARSER = 4.0  # times the error of a step, of the motion by which its own error is estimated
 
 
 def integrate(
@@ -28,8 +29,8 @@ def integrate(
     times: Array | None = None,
     rtol: float = LEAST_RTOL,
     max_steps: int | None = None,
-) -> Motion:
-    """The motion of the ball by (3.2) or (3.3).
+) -> ReferenceMotion:
+    """The motion of the ball by (3.2) or (3.3), with an estimate of its own error.
 
     M is constant in space, so the state is one unit quaternion q and the contact point:
     dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; the scene's own if None.
@@ -43,10 +44,14 @@ def integrate(
         raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
     if offset := imbalance(scene.ball):
         raise InputError(f"{offset}, where the equations need it; only a contact engine rolls it")
+    ours = scene.until(float(times[-1]))
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        motion = motion_of(scene, times, _states(scene, times, rtol, max_steps))
+        motion = motion_of(ours, times, _states(ours, times, rtol, max_steps))
     _check_finite(scene, motion)
-    return motion
+    values = {each.name: getattr(motion, each.name) for each in fields(motion)} | {"scene": scene}
+    return ReferenceMotion(
+        **values, again=lambda: _states(ours, times, rtol, max_steps, COARSER)[:, 4:]
+    )
 
 
 def motion_of(scene: Scene, times: Array, states: Array) -> Motion:
@@ -113,15 +118,20 @@ def right_hand_side(scene: Scene) -> Rate:
     return rate
 
 
-def _states(scene: Scene, times: Array, rtol: float, max_steps: int | None) -> Array:
-    """States (n, 6) at the times, with q from principal axes to world."""
+def _states(
+    scene: Scene, times: Array, rtol: float, max_steps: int | None, coarser: float = 1.0
+) -> Array:
+    """States (n, 6) at the times, with q from principal axes to world.
+
+    coarser: times the error that a step may have.
+    """
     at_start = scene.parameters_at(0.0)
     size = np.array([math.hypot(*scene.start.momentum.tolist())])
     check_speed(at_start, size)
     if scene.steady and speed_bound(at_start, size)[0] * times[-1] > LONG:
         limit = MAX_COMPILED_STEPS if max_steps is None else max_steps
-        return compiled_states(scene, times, max(rtol / 10, LEAST_RTOL), limit)
-    return _solve(scene, times, rtol, MAX_STEPS if max_steps is None else max_steps)
+        return compiled_states(scene, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
+    return _solve(scene, times, coarser * rtol, MAX_STEPS if max_steps is None else max_steps)
 
 
 def compiled_states(

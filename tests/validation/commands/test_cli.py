@@ -168,9 +168,51 @@ def test_a_scene_refused_by_the_equations_leaves_nothing(
     status, out, err = robotball("compare", "off.toml", "--out", "new/folder")
     assert (status, out) == (2, "")
     assert re.fullmatch(
-        r"robotball: the ball is not balanced: .*only a contact engine rolls it\n", err
+        r"robotball: off \(off\.toml\): the ball is not balanced: .*contact engine rolls it\n",
+        err,
     )
     assert [path.name for path in tmp_path.iterdir()] == ["off.toml"]
+
+
+def test_a_scene_that_is_refused_does_not_end_the_batch(
+    robotball: Robotball, tmp_path: Path
+) -> None:
+    """The others are run, drawn and written; a line names the scene and its file; status 2."""
+    scene = rb.load_scene("fig12")
+    off_centre = replace(scene.ball.rotors[0], centre=np.array([0.1, 0.0, 0.0]))
+    text = rb.scene_toml(replace(scene, ball=replace(scene.ball, rotors=(off_centre,))))
+    (tmp_path / "off.toml").write_text(text)
+    status, out, err = robotball(
+        "compare", "fig12", "off.toml", "fig13", "--preset", "fast", "--duration", 0.2,
+        "--json", "a.json",
+    )  # fmt: skip
+    assert status == 2
+    assert re.fullmatch(r"robotball: off \(off\.toml\): the ball is not balanced: .*\n", err)
+    assert [line.split()[0] for line in out.splitlines() if "agrees" in line] == ["fig12", "fig13"]
+    records = json.loads((tmp_path / "a.json").read_text())
+    assert [each["scene"] for each in records] == ["fig12", "fig13"]
+    assert (tmp_path / "out" / "fig13-path.png").exists()
+
+
+def test_rotors_are_counted_from_one_in_every_message(robotball: Robotball, tmp_path: Path) -> None:
+    """As the bodies are named: by a wrong key, a wrong value, a servo without a gain, a body."""
+    text = rb.scene_toml(rb.load_scene("three_rotors"))
+    first, *rotors = text.split("[[rotor]]")
+    changes = {
+        "rotor2.mas: ": ("mass", "mas"),
+        "rotor2.mass: Expected `float`": ("mass = ", "mass = true #"),
+        "rotor2.mass must be finite": ("mass = ", "mass = nan #"),
+        "rotor2: a servo needs its gain": ("rate = ", 'drive = "servo"\nrate = '),
+        "rotor2's mass must be positive": ("mass = ", "mass = -"),
+        "rotor2's axis must have a length": ("axis = ", "axis = [0.0, 0.0, 0.0] #"),
+    }
+    for words, change in changes.items():
+        changed = [rotors[0], rotors[1].replace(*change), *rotors[2:]]
+        (tmp_path / "bad.toml").write_text("[[rotor]]".join([first, *changed]))
+        status, _, err = robotball("compare", "bad.toml")
+        assert status == 2
+        assert words.removesuffix(".mas: ") in err
+        assert "rotor[" not in err
 
 
 def test_an_old_result_stays_whole_when_writing_fails(

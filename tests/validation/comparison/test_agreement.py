@@ -83,6 +83,22 @@ def test_agreement_needs_the_momentum_as_well_as_the_path() -> None:
     assert agreement.verdict == "off by more than 5e-06"
 
 
+def test_an_agreement_as_good_as_the_reference_says_so() -> None:
+    """A path error below three times the reference's own tells no more of the engine."""
+    theory = rb.integrate(SCENE, rtol=1e-9)
+    own = theory.reference_error
+    assert 6e-10 < own < 3e-9  # measured 1.2e-9
+    for error, verdict in ((2.9, "agrees, limited by the reference"), (3.1, "agrees")):
+        contact_point = theory.contact_point.copy()
+        contact_point[100, 0] += error * own * theory.path_scale
+        motion = as_contact(theory, SOUND, contact_point=contact_point)
+        agreement = Agreement(theory, motion)
+        assert agreement.reference_error == own
+        assert agreement.verdict == verdict
+        assert agreement.agrees
+    assert Agreement(motion, motion).reference_error is None  # of a reference that has none
+
+
 def test_a_fault_forbids_agreement_whatever_the_numbers() -> None:
     """A run with a fault is no result, and its verdict says the time and the cause."""
     faulty = replace(SOUND, faults=(rb.Fault(rb.FaultKind.CONTACT_LOST, 1.25),))

@@ -192,11 +192,11 @@ def sample_times(this: CellRun) -> Array:
 
 def ample(settings: Settings, theory: Motion) -> Settings:
     """The settings with friction AMPLE times what the motion demands, where it is less."""
-    loads = theory.loads
+    loads, spin = theory.loads, settings.torsional_friction_of(theory.scene.ball.radius)
     return replace(
         settings,
         sliding_friction=max(settings.sliding_friction, AMPLE * loads.sliding_friction.max()),
-        torsional_friction=max(settings.torsional_friction, AMPLE * loads.torsional_friction.max()),
+        torsional_friction=max(spin, AMPLE * loads.torsional_friction.max()),
     )
 
 

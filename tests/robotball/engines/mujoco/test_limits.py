@@ -9,11 +9,13 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import contact_limits, precheck, step_limits
+from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.planned_run import LimitCheck, PlannedRun
 from robotball.engines.mujoco.precheck import exceeded, limit_checks
-from robotball.engines.mujoco.settings import Prescribed, recipe
+from robotball.engines.mujoco.settings import Prescribed, Radii, recipe, settings_from
 from tests.scenes import FOUR
 from validation import Agreement, compare
+from validation.studies.extremes.balls import scaled
 from validation.studies.extremes.random_runs import rescaled
 from validation.studies.random_scenes import random_scene
 
@@ -217,6 +219,34 @@ def test_the_friction_demand_at_the_start_is_the_mechanics(
         assert the_limit(predict, scene, settings, 1.0).exceeded == (factor < 1)
         faults = [fault.text for fault in run(scene, settings, 0.01).faults]
         assert ("friction cone saturated" in faults) == (factor < 1)
+
+
+@pytest.mark.parametrize("length", [0.01, 1.0, 100.0])
+def test_the_recipe_has_friction_for_a_ball_of_any_size(length: float) -> None:
+    """The same motion, rates and times held: λ₀/N goes with the radius, and so does the friction.
+
+    The smallest room that the recipe leaves is the same to rounding at any size.
+    """
+    scene = scaled(FIG12, mass=1.0, length=length)
+    agreement = run(scene, FAST, 2.0)
+    assert agreement.agrees  # at 100 m the cone was saturated while the friction was 20 m
+    # Measured 2.1e-7: RK4's error.
+    assert error(agreement) == pytest.approx(error(run(FIG12, FAST, 2.0)), rel=1e-3)
+    limit = the_limit(contact_limits.torsional_friction, scene, FAST, 2.0)
+    assert limit.value == 20.0 * length * FIG12.ball.radius
+    here = the_limit(contact_limits.torsional_friction, FIG12, FAST, 2.0)
+    assert limit.nearness == pytest.approx(here.nearness, rel=1e-12)
+    friction = build(scene, FAST).compiled.pair_friction[0]
+    assert friction[:3].tolist() == [20.0, 20.0, limit.value]
+
+
+def test_friction_in_radii_comes_back_from_plain_data() -> None:
+    """Radii are told from metres in a record, and checked as they are."""
+    assert FAST.plain()["torsional_friction"] == {"radii": 20.0}
+    assert settings_from(FAST.plain()) == FAST
+    assert replace(FAST, torsional_friction=0.3).torsional_friction_of(100.0) == 0.3
+    with pytest.raises(rb.InputError, match=r"torsional_friction must be finite .*, not Radii"):
+        replace(FAST, torsional_friction=Radii(-1.0))
 
 
 def test_rubber_without_its_torsional_row_is_another_ball() -> None:

@@ -1,36 +1,56 @@
-"""Processes to run cells in, wherever they are."""
+"""Where cells run: on this machine, or, in cluster.py, on others."""
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 
-from validation.sweeps.cells import Cell
+from robotball import InputError
+from validation.sweeps.cells import Cell, Work, reason, to_line
+from validation.sweeps.process import Outcome, Worker
 
-DIED = "ended its process"
-"""Why a cell has no record that took its process with it."""
+CHECK = 5.0
+"""How long [s] a pool may give no results before it is checked."""
 
 
 @dataclass(frozen=True)
 class Pool:
     """Where cells run.
 
-    place: as the user knows it; window: how many cells to have handed in at once, enough to keep
-    every process busy; death: why a cell's process died, by what its future raised, or None if it
-    did not.
+    place: as the user knows it; window: how many cells to have handed in at once, which keep every
+    process busy; submit: what will come of a cell; killed: what is raised instead where a worker
+    ended, its processes with it; check: raises InputError where nothing can come.
     """
 
     place: str
     window: int
-    submit: Callable[[Cell], "Future[str]"]
-    death: Callable[[BaseException], str | None]
+    submit: Callable[[Cell], "Future[Outcome]"]
+    killed: tuple[type[Exception], ...] = ()
+    check: Callable[[], None] = lambda: None
 
-    def run(self, cells: Iterable[Cell], at_once: int) -> Iterator[tuple[Cell, "Future[str]"]]:
-        """The cells with their futures, each as soon as it is done; `at_once` are handed in."""
+    def lines(self, cells: Sequence[Cell]) -> Iterator[str]:
+        """The cells' results, each as soon as it is known; raises InputError where none can run.
+
+        What ended a process may be the memory that all took together, so its cell is run again
+        when the others are done, with no other beside it.
+        """
+        again = []
+        for cell, (line, died) in self._outcomes(cells):
+            if died:
+                again.append(cell)
+            else:
+                yield line
+        for cell in again:
+            for _, (line, _) in self._outcomes([cell]):
+                yield line
+
+    def _outcomes(self, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Outcome]]:
+        """The cells with what came of them, each as soon as it is done."""
         waiting = iter(cells)
-        running: dict[Future[str], Cell] = {}
-        done: SimpleQueue[Future[str]] = SimpleQueue()
+        running: dict[Future[Outcome], Cell] = {}
+        done: SimpleQueue[Future[Outcome]] = SimpleQueue()
 
         def hand_in(count: int) -> None:
             for cell in islice(waiting, count):
@@ -38,8 +58,45 @@ class Pool:
                 running[future] = cell
                 future.add_done_callback(done.put)
 
-        hand_in(at_once)
+        hand_in(self.window)
         while running:
-            future = done.get()
-            hand_in(1)
-            yield running.pop(future), future
+            try:
+                future = done.get(timeout=CHECK)
+            except Empty:
+                self.check()
+            else:
+                cell = running.pop(future)
+                yield cell, self._outcome(cell, future)
+                hand_in(1)
+
+    def _outcome(self, cell: Cell, future: "Future[Outcome]") -> Outcome:
+        try:
+            return future.result()
+        except self.killed:
+            return to_line(cell, None, "ended its worker"), True
+        except CancelledError:  # by dask, whose scheduler does not answer
+            raise InputError(f"{self.place} has gone: start it, and this again to go on") from None
+        except Exception as error:
+            raise InputError(f"no cells can run on {self.place}: {reason(error)}") from None
+
+
+@contextmanager
+def local_pool(work: Work, limit: float | None, count: int) -> Iterator[Pool]:
+    """So many processes of this machine, which end with the block, whatever they do."""
+    workers = [Worker() for _ in range(count)]
+    free = list(workers)
+
+    def outcome(cell: Cell) -> Outcome:
+        worker = free.pop()
+        try:
+            return worker.outcome(work, cell, limit)
+        finally:
+            free.append(worker)
+
+    executor = ThreadPoolExecutor(count)
+    try:
+        yield Pool("the local cores", 2 * count, lambda cell: executor.submit(outcome, cell))
+    finally:
+        for worker in workers:
+            worker.close()
+        executor.shutdown(cancel_futures=True)

@@ -1,21 +1,18 @@
 """A sweep: every cell's result, in spite of cells that fail and of being killed."""
 
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import Future
-from contextlib import AbstractContextManager, closing
-from functools import partial
+import os
+import time
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from robotball import InputError
 from robotball.errors import check_count, check_positive
 from validation.progress import Show
-from validation.sweeps.attempt import reason
-from validation.sweeps.cells import Cell, Result, Work, identity, to_line
+from validation.sweeps.cells import Cell, Result, Work, identity
 from validation.sweeps.cluster import cluster_pool
 from validation.sweeps.journal import journal
-from validation.sweeps.local import local_pool
-from validation.sweeps.pool import Pool
-from validation.sweeps.progress import Progress
+from validation.sweeps.pool import Pool, local_pool
 
 
 def sweep(
@@ -35,17 +32,18 @@ def sweep(
     other sweeps of the same work may be there too. Failures are kept like records: to try one
     again, delete its line; to do all again, as after a change of the work, delete the file.
 
-    workers: processes on this machine, as many as it has cores if None; cluster: the tcp:// address
-    of a dask scheduler to run on instead, whose workers need the same packages but not this file;
-    limit: s after which a cell is given up; show: called with the number of cells done and with
-    how many failed and the time left.
+    workers: processes on this machine, as many as it has cores for us if None; cluster: the tcp://
+    address of a dask scheduler to run on instead, whose workers need the same packages but not
+    this file; limit: s after which a cell is given up, whatever it does, not counting a time in
+    which the machine sleeps; show: called with the number of cells done and with how many failed
+    and the time left.
 
-    A cell that raises, ends its process or outlasts the limit fails alone: those that ran beside
-    it are run again. The limit takes effect at the next step in Python; where a call of compiled
-    code does not return the process is ended at twice the limit, but not so on a cluster.
+    A cell that raises, ends its process or outlasts the limit fails alone. One whose process died
+    is run again before that is its failure, as something else may have killed it.
 
     Raises InputError on cells that are not distinct plain data, on a file of another work or of
-    other versions, and where the cluster does not answer.
+    other versions or that can't be read or written, and where no process starts, or the cluster
+    does not answer or loses its workers.
     """
     distinct = _distinct(cells)
     if limit is not None:
@@ -54,10 +52,10 @@ def sweep(
         missing = [cell for key, cell in distinct.items() if key not in kept.results]
         there = [kept.results[key] for key in distinct if key in kept.results]
         progress = Progress(show, there, len(cells))
-        pools = partial(_pool, work, limit, workers, cluster)
-        with closing(_lines(pools, missing)) as lines:
-            for line in lines:
-                progress.add(kept.add(line))
+        if missing:
+            with _pool(work, limit, workers, cluster, len(missing)) as pool:
+                for line in pool.lines(missing):
+                    progress.add(kept.add(line))
         return [kept.results[key] for key in distinct]
 
 
@@ -82,44 +80,45 @@ def _pool(
         if workers is not None:
             raise InputError("a cluster has its own workers: give one of workers and cluster")
         return cluster_pool(work, limit, cluster)
-    from joblib import cpu_count  # the usable ones
-
-    chosen = cpu_count() if workers is None else check_count("workers", workers, 1)
+    chosen = _cores() if workers is None else check_count("workers", workers, 1)
     return local_pool(work, limit, min(chosen, count))
 
 
-def _lines(
-    pools: Callable[[int], AbstractContextManager[Pool]], cells: Sequence[Cell]
-) -> Generator[str, None, None]:
-    """The cells' results as lines, each as soon as it is known; pools: for so many cells.
-
-    When a process dies nobody knows which of the cells handed in was to blame, so each of them is
-    run again with no other beside it.
-    """
-    if not cells:
-        return
-    suspects = []
-    with pools(len(cells)) as pool:
-        for cell, future in pool.run(cells, pool.window):
-            line, death = _outcome(pool, future)
-            if death:
-                suspects.append(cell)
-            else:
-                yield line
-    if not suspects:
-        return
-    with pools(1) as pool:
-        for cell, future in pool.run(suspects, 1):
-            line, death = _outcome(pool, future)
-            yield to_line(cell, None, death) if death else line
+def _cores() -> int:
+    """Those that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _outcome(pool: Pool, future: "Future[str]") -> tuple[str, str | None]:
-    """The line of a cell that is done, and why its process died, if it did."""
-    try:
-        return future.result(), None
-    except Exception as error:
-        death = pool.death(error)
-        if death is None:
-            raise InputError(f"no cells can run on {pool.place}: {reason(error)}") from None
-        return "", death
+class Progress:
+    """Tells `show` after every result; those there `before` say nothing about the speed."""
+
+    def __init__(self, show: Show | None, before: Sequence[Result], total: int) -> None:
+        self.show, self.total = show, total
+        self.before = self.done = len(before)
+        self.failed = sum(result.failure is not None for result in before)
+        self.start = time.monotonic()
+        self._tell()
+
+    def add(self, result: Result) -> None:
+        """Counts one more."""
+        self.done += 1
+        self.failed += result.failure is not None
+        self._tell()
+
+    def _tell(self) -> None:
+        if self.show is None:
+            return
+        words = [f"{self.done} of {self.total} cells"]
+        if self.failed:
+            words.append(f"{self.failed} failed")
+        if self.before < self.done < self.total:
+            each = (time.monotonic() - self.start) / (self.done - self.before)
+            words.append(f"{duration(each * (self.total - self.done))} left")
+        self.show(self.done, ", ".join(words))
+
+
+def duration(seconds: float) -> str:
+    """A time to come, as precisely as it can be known."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

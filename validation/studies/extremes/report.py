@@ -23,7 +23,7 @@ def outcome_of(result: Result) -> Outcome:
     if result.record is not None:
         return Outcome[result.record["outcome"]]
     assert result.failure is not None
-    return Outcome.UNFINISHED if "took longer" in result.failure else Outcome.FAILED
+    return Outcome.UNFINISHED if result.outlasted else Outcome.FAILED
 
 
 def foretold(result: Result) -> bool:

@@ -180,7 +180,7 @@ def test_an_old_result_stays_whole_when_writing_fails(
     old = tmp_path / "a.json"
     old.write_text("old")
 
-    def full_disk(path: Path, text: str) -> int:
+    def full_disk(path: Path, text: str, **_: str) -> int:
         path.touch()
         raise OSError(28, "No space left on device")
 

@@ -5,9 +5,12 @@ import math
 import sys
 import warnings
 from collections.abc import Iterable
+from numbers import Real
 
 # In SI units, beyond any ball; products of a few such numbers do not overflow.
 LARGEST = 1e50
+MOST = 10_000_000  # of anything that is counted: more fill the memory
+LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
 PACKAGES = ("robotball", "validation")
 
 
@@ -15,8 +18,15 @@ class InputError(ValueError):
     """Input that cannot be used; the message is one line: the value, the limit, what to do."""
 
     def __init__(self, message: str) -> None:
-        # A quoted key or a file's name may hold a line break of its own.
-        super().__init__(" ".join(message.splitlines()))
+        # A quoted key or a file's name may hold a line break of its own, and be of any length.
+        words = (_shortened(word, LONGEST_WORD) for word in message.split())
+        super().__init__(_shortened(" ".join(words), LONGEST_LINE))
+
+
+def _shortened(text: str, most: int) -> str:
+    """A text without its middle, where it is longer than `most` characters."""
+    half = (most - 1) // 2
+    return text if len(text) <= most else f"{text[:half]}…{text[-half:]}"
 
 
 class SceneWarning(UserWarning):
@@ -47,8 +57,19 @@ def too_many_steps(taken: int, reached: float, end: float, speed: float) -> Inpu
     )
 
 
+def is_number(value: object) -> bool:
+    """Whether it is one real number, of Python's or of NumPy's."""
+    return isinstance(value, Real)
+
+
+def _check_number(what: str, value: object) -> None:
+    if not is_number(value):
+        raise InputError(f"{what} must be a number, not {value!r}")
+
+
 def check_positive(what: str, value: float, unit: str) -> None:
     """Raises InputError unless `value` is positive and finite, and neither tiny nor huge."""
+    _check_number(what, value)
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{what} must be positive and finite, not {value:g} {unit}")
     if not 1 / LARGEST <= value <= LARGEST:
@@ -59,13 +80,22 @@ def check_positive(what: str, value: float, unit: str) -> None:
 
 def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST) -> None:
     """Raises InputError unless `value` is finite and at most `largest` in size."""
+    _check_number(what, value)
     if not abs(value) <= largest:
         line = f"{what} must be finite and at most {largest:g} in size, not {value:g} {unit}"
         raise InputError(line.rstrip())
 
 
-def check_count(name: str, value: int, least: int) -> int:
-    """`value`; raises InputError where it is below `least`."""
+def check_count(name: str, value: int, least: int, most: int = MOST) -> int:
+    """`value`; raises InputError where it is below `least` or above `most`."""
+    _check_number(name, value)
     if value < least:
         raise InputError(f"{name} must be at least {least}, not {value}")
+    if value > most:
+        raise InputError(f"{name} must be at most {most}, not {value}")
     return value
+
+
+def check_seed(seed: int) -> int:
+    """`seed`; raises InputError where it can start no random numbers."""
+    return check_count("seed", seed, 0, 2**63 - 1)

@@ -1,6 +1,7 @@
 """Files that are whole or not there."""
 
 import contextlib
+import errno
 import os
 import shutil
 import sys
@@ -77,9 +78,12 @@ def refused(path: Path) -> Iterator[None]:
 def followed(path: Path) -> Path:
     """The file that `path` names, links followed; raises OSError where they run in a circle."""
     try:
-        return path.resolve()
-    except RuntimeError as error:  # an OSError from Python 3.13 on
-        raise OSError(str(error)) from None
+        target = path.resolve()
+    except RuntimeError:  # until Python 3.12
+        target = path
+    if target.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
+    return target
 
 
 def no_regular_file(path: Path) -> bool:

@@ -91,7 +91,7 @@ class Study:
         from robotball import sample_times
 
         check_files(self.json, self.csv)
-        return sample_times(self.duration or (QUICK if self.quick else scene.duration))
+        return sample_times(seconds_of(self.duration, self.quick, scene))
 
 
 StudyOptions = OmitArgPrefixes[Study]
@@ -100,6 +100,16 @@ StudyOptions = OmitArgPrefixes[Study]
 def listed(names: tuple[str, ...]) -> tuple[str, ...]:
     """The names of an option of `Names`: lists with commas, of all times that it is given."""
     return tuple(name.strip() for each in names for name in each.split(",") if name.strip())
+
+
+def seconds_of(duration: float | None, quick: bool, scene: Scene) -> float:
+    """The simulated time [s] of a study; InputError unless it can be one."""
+    from robotball.errors import check_positive
+
+    if duration is None:
+        return QUICK if quick else scene.duration
+    check_positive("duration", duration, "s")
+    return duration
 
 
 def times_of(duration: float | None) -> Array | None:

@@ -41,7 +41,8 @@ class Compare:
     def run(self) -> int:
         from rich.console import Console
 
-        from robotball import InputError, Scene, load_scene
+        from robotball import InputError, Scene
+        from validation.comparison.names import scenes_of
         from validation.comparison.results import write_csv, write_json
         from validation.comparison.runs import compare_all, tell_fault_windows
         from validation.comparison.table import show
@@ -52,7 +53,7 @@ class Compare:
         options = self.run_options
         requests = [options.request(name) for name in listed(self.preset) or (None,)]
         self._check_no_preset_is_a_scene(requests[0].engine.presets)
-        scenes = [load_scene(name) for name in self.scenes]
+        scenes = scenes_of(self.scenes)
         check_files(self.json, self.csv)
         out = writable_folder(options.out)
         given = dict(zip(map(id, scenes), self.scenes, strict=True))

@@ -68,14 +68,15 @@ class Extremes:
         return DISAGREES if any(each["missed"] for each in records) else AGREES
 
     def _random(self, count: int) -> int:
-        from robotball.errors import check_count
+        from robotball.errors import check_count, check_seed
         from validation.output import write_record
         from validation.progress import progress_bar
         from validation.studies.extremes.detection import measure_detection
 
         check_count("random", count, 1)
+        seed = check_seed(self.seed)
         with progress_bar(2 * count) as tell:
-            found = measure_detection(count, self.seed, tell)
+            found = measure_detection(count, seed, tell)
         print(*found.lines, sep="\n")
         write_record(self.json, found.record())
         return DISAGREES if found.missed else AGREES

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from validation.commands.arguments import (
     AGREES,
-    QUICK,
     Duration,
     SceneName,
     Sweep,
     SweepOptions,
+    seconds_of,
 )
 
 if TYPE_CHECKING:
@@ -45,12 +45,13 @@ class Tradeoff:
         if self.parts and self.friction:
             raise InputError("tradeoff does one study at a time: give one of parts and friction")
         scene = load_scene(self.scene)
+        seconds = seconds_of(self.duration, self.sweep.quick, scene)
         writable_folder(self.sweep.out)
         study = self._parts if self.parts else self._friction if self.friction else self._front
-        print(*study(scene), sep="\n")
+        print(*study(scene, seconds), sep="\n")
         return AGREES
 
-    def _front(self, scene: Scene) -> Sequence[Path]:
+    def _front(self, scene: Scene, seconds: float) -> Sequence[Path]:
         from rich.console import Console
 
         from validation.output import write_picture, write_record
@@ -60,7 +61,7 @@ class Tradeoff:
 
         rounds = 2 if self.sweep.quick else ROUNDS
         settings = configurations(self.sweep.quick)
-        cells = cells_of(self.scene, settings, self._seconds(scene), rounds)
+        cells = cells_of(self.scene, settings, seconds, rounds)
         results = self._sweep(measure, cells, "tradeoff", scene)
         study = tradeoff_of(scene, results)
         picture, data = self._path(scene, "tradeoff.png"), self._path(scene, "tradeoff.json")
@@ -69,13 +70,13 @@ class Tradeoff:
         show_tradeoff(study, Console())
         return picture, data, self._table(scene, "tradeoff", results)
 
-    def _friction(self, scene: Scene) -> Sequence[Path]:
+    def _friction(self, scene: Scene, seconds: float) -> Sequence[Path]:
         from robotball import integrate
         from validation.output import write_picture, write_record
         from validation.studies.friction import friction_cells, friction_run
         from validation.studies.friction_report import friction_picture
 
-        cells = friction_cells(self.scene, self._seconds(scene), self.sweep.quick)
+        cells = friction_cells(self.scene, seconds, self.sweep.quick)
         results = self._sweep(friction_run, cells, "friction", scene)
         needed = float(integrate(scene).loads.torsional_friction.max())
         picture, data = self._path(scene, "friction.png"), self._path(scene, "friction.json")
@@ -84,7 +85,7 @@ class Tradeoff:
         write_record(data, {"scene": scene.name, "torsional_friction_needed": needed, "runs": runs})
         return picture, data, self._table(scene, "friction", results)
 
-    def _parts(self, scene: Scene) -> Sequence[Path]:
+    def _parts(self, scene: Scene, _seconds: float) -> Sequence[Path]:
         from rich.console import Console
 
         from validation.output import write_record, write_rows
@@ -100,9 +101,6 @@ class Tradeoff:
         write_record(data, {"scene": scene.name, "rounds": rounds, "parts": rows(parts, costs)})
         write_rows(listed, rows(parts, costs))
         return data, listed
-
-    def _seconds(self, scene: Scene) -> float:
-        return self.duration or (QUICK if self.sweep.quick else scene.duration)
 
     def _path(self, scene: Scene, name: str) -> Path:
         return self.sweep.out / f"{scene.name}-{name}"

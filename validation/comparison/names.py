@@ -1,14 +1,38 @@
 """What the files of a comparison are called: no two of different runs share a name."""
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path
 
-from robotball import Scene, engine_named
+from robotball import Scene, catalog, engine_named, load_scene
 from robotball.engines import DEFAULT
 from robotball.motion import Label
 from validation.comparison.agreement import Agreement
 
 ALL = "all"  # of an engine's presets
+
+
+def scenes_of(names: Sequence[str]) -> list[Scene]:
+    """The scenes of catalog names and paths, each once, and no two with one name.
+
+    Those of files with the same name in two folders are named after the folder as well. Raises
+    InputError where one cannot be loaded.
+    """
+    distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
+    scenes = [load_scene(name) for name in distinct.values()]
+    often = Counter(scene.name for scene in scenes)
+    named: list[Scene] = []
+    for path, scene in zip(distinct, scenes, strict=True):
+        name = scene.name
+        if often[name] > 1 and isinstance(path, Path):
+            name = f"{path.parent.name}-{name}"
+        taken = {each.name for each in named}
+        others = (f"{name}-{number}" for number in count(2))
+        free = next(each for each in chain((name,), others) if each not in taken)
+        named.append(replace(scene, name=free))
+    return named
 
 
 def file_stem(agreements: Sequence[Agreement]) -> str:

@@ -1,14 +1,13 @@
 """Settings of a MuJoCo run, and the presets: every number of the recipe, once."""
 
-import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, fields
 from typing import Any, Literal, NamedTuple
 
 from robotball.drives import Servo
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
-from robotball.errors import LARGEST, InputError, check_positive
+from robotball.errors import LARGEST, InputError, check_positive, is_number
 from robotball.settings import EngineSettings, preset_named
 
 MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
@@ -72,10 +71,14 @@ class Settings(EngineSettings):
     drive: Servo | Prescribed
 
     def __post_init__(self) -> None:
-        for name, (fits, words) in RULES.items():
+        left_open = {each.name for each in fields(self) if each.default is None}
+        for name, rule in RULES.items():
             value = getattr(self, name)
-            if value is not None and not _fits(fits, value):
-                raise InputError(f"{name} must be {words}, not {value!r}")
+            if value is None and name in left_open:
+                continue
+            if not rule.allows(value):
+                raise InputError(f"{name} must be {rule.words}, not {value!r}")
+            object.__setattr__(self, name, rule.plain(value))
         if self.adaptive and self.rtol is None:
             raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
 
@@ -91,37 +94,49 @@ class Settings(EngineSettings):
 
 
 class Rule(NamedTuple):
-    """What a value of a field has to satisfy, and how that is said."""
+    """What a value of a field has to satisfy, how that is said, and the value as plain data."""
 
     fits: Callable[[Any], bool]
     words: str
+    plain: Callable[[Any], Any] = lambda value: value
+
+    def allows(self, value: Any) -> bool:
+        try:
+            return bool(self.fits(value))
+        except (TypeError, ValueError, OverflowError):  # of another type altogether
+            return False
 
 
-def _fits(fits: Callable[[Any], bool], value: Any) -> bool:
-    try:
-        return fits(value)
-    except (TypeError, ValueError):  # of another type altogether
-        return False
+def _numbers(value: Any) -> tuple[float, ...]:
+    return tuple(map(float, value))
 
 
 def _not_huge(*values: float) -> bool:
-    return all(abs(value) <= LARGEST for value in values)  # NaN is not
+    return all(is_number(value) and abs(value) <= LARGEST for value in values)  # NaN is not
 
 
 def _positive(value: float) -> bool:
-    return 1 / LARGEST <= value <= LARGEST
+    return is_number(value) and 1 / LARGEST <= value <= LARGEST
 
 
 def _not_negative(value: float) -> bool:
-    return 0 <= value <= LARGEST
+    return is_number(value) and 0 <= value <= LARGEST
 
 
-def _count(least: int) -> Callable[[Any], bool]:
-    return lambda value: int(value) == value and least <= value < 2**31
+def _count(least: int) -> Rule:
+    return Rule(
+        lambda value: is_number(value) and int(value) == value and least <= value < 2**31,
+        f"a whole number, {least} at least",
+        int,
+    )
 
 
-def _one_of(*names: object) -> Rule:
-    return Rule(lambda value: value in names, f"one of {', '.join(map(str, names))}")
+def _one_of(*names: Any) -> Rule:
+    return Rule(
+        lambda value: isinstance(value, Hashable) and value in names,
+        f"one of {', '.join(map(str, names))}",
+        lambda value: names[names.index(value)],
+    )
 
 
 def _reference(value: tuple[float, float]) -> bool:
@@ -142,27 +157,31 @@ def _impedance(value: tuple[float, float, float, float, float]) -> bool:
 
 
 REFERENCE = Rule(
-    _reference, "two finite numbers: a positive time constant and ratio, or neither positive"
+    _reference,
+    "two finite numbers: a positive time constant and ratio, or neither positive",
+    _numbers,
 )
-POSITIVE = Rule(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}")
-FRICTION = Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most")
+POSITIVE = Rule(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}", float)
+NOT_NEGATIVE = Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most", float)
 # What is not None must fit; MuJoCo's own choices are named as it names them.
 RULES = {
     "name": Rule(lambda value: isinstance(value, str) and "\0" not in value, "a text"),
     "error_tolerance": POSITIVE,
     "accuracy": POSITIVE,
-    "timestep": Rule(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g} s"),
+    "timestep": POSITIVE._replace(words=f"{POSITIVE.words} s"),
     "integrator": _one_of(*INTEGRATORS),
     "rtol": Rule(
-        lambda value: LEAST_RTOL <= value < math.inf, f"finite and {LEAST_RTOL:g} at least"
+        lambda value: is_number(value) and LEAST_RTOL <= value <= LARGEST,
+        f"finite and {LEAST_RTOL:g} at least",
+        float,
     ),
     "solver": _one_of("PGS", "CG", "Newton"),
     "jacobian": _one_of("dense", "sparse", "auto"),
-    "iterations": Rule(_count(1), "a whole number, 1 at least"),
-    "tolerance": Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
-    "ls_tolerance": Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
-    "noslip_iterations": Rule(_count(0), "a whole number, 0 at least"),
-    "noslip_tolerance": Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most"),
+    "iterations": _count(1),
+    "tolerance": NOT_NEGATIVE,
+    "ls_tolerance": NOT_NEGATIVE,
+    "noslip_iterations": _count(0),
+    "noslip_tolerance": NOT_NEGATIVE,
     "cone": _one_of("pyramidal", "elliptic"),
     "impratio": POSITIVE,
     "warmstart": _one_of("enable", "disable"),
@@ -173,18 +192,20 @@ RULES = {
         _impedance,
         "dmin, dmax, width, midpoint, power: the first two and the "
         "midpoint between 0 and 1, the width positive, the power 1 at least",
+        _numbers,
     ),
     "condim": _one_of(3, 4, 6),
-    "sliding_friction": FRICTION,
+    "sliding_friction": NOT_NEGATIVE,
     "torsional_friction": Rule(
         lambda value: _not_negative(value.radii if isinstance(value, Radii) else value),
-        f"{FRICTION.words}, or Radii of such a number",
+        f"{NOT_NEGATIVE.words}, or Radii of such a number",
+        lambda value: value if isinstance(value, Radii) else float(value),
     ),
-    "rolling_friction": FRICTION,
+    "rolling_friction": NOT_NEGATIVE,
     "root": _one_of("shell", "frame"),
     "start_in_equilibrium": _one_of(True, False),
     "stop_at_fault": _one_of(True, False),
-    "max_steps": Rule(_count(1), "a whole number, 1 at least"),
+    "max_steps": _count(1),
     "drive": Rule(lambda value: isinstance(value, Servo | Prescribed), "a Servo or Prescribed"),
 }
 # It is there to show how wrong a newcomer's model gets, so it goes on.

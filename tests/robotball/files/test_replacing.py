@@ -54,7 +54,7 @@ def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
     """By an InputError, before anything is written."""
     link = tmp_path / "link"
     link.symlink_to(link)
-    with pytest.raises(rb.InputError, match=r"link cannot be written: .*loop"):
+    with pytest.raises(rb.InputError, match="Too many levels of symbolic links"):
         write(link, "new")
 
 

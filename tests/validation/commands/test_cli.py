@@ -131,6 +131,11 @@ BAD_INPUT = {
     "compare fig12 --preset balancd": r"no preset is called 'balancd'; did you mean balanced\?",
     "compare fig12 --duration 0": r"duration must be positive and finite, not 0 s",
     "compare fig12 --duration nan": r"duration must be positive and finite, not nan s",
+    "tradeoff fig12 --duration -1": r"duration must be positive and finite, not -1 s",
+    "tradeoff fig12 --friction --duration 0": r"duration must be positive and finite, not 0 s",
+    "ablation fig12 --duration 0": r"duration must be positive and finite, not 0 s",
+    "convergence fig12 --duration -1": r"duration must be positive and finite, not -1 s",
+    "extremes --random 2 --seed -1": r"seed must be at least 0, not -1",
     "compare fig12 --duration soon": r"--duration.*'soon'",
     "compare fig12 --durration 1": r"Unrecognized options: --durration",
     "compare": r"compare needs a scene",
@@ -222,7 +227,7 @@ def test_an_old_result_stays_whole_when_writing_fails(
     old = tmp_path / "a.json"
     old.write_text("old")
 
-    def full_disk(path: Path, text: str) -> int:
+    def full_disk(path: Path, text: str, **_: str) -> int:
         path.touch()
         raise OSError(28, "No space left on device")
 

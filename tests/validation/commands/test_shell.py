@@ -106,6 +106,25 @@ def test_pictures_of_different_settings_have_different_names(
 
 
 @pytest.mark.slow
+def test_scenes_of_one_name_are_told_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By their folders, in table, files and pictures; the same scene twice is run once."""
+    monkeypatch.chdir(tmp_path)
+    for folder, of in (("a", "fig13"), ("b", "fig14"), ("far/b", "fig12")):
+        path = Path(folder, "fig12.toml")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(rb.scene_toml(rb.load_scene(of)))
+    paths = ("a/fig12.toml", "fig12", "b/fig12.toml", "./a/fig12.toml", "far/b/fig12.toml", "fig12")
+    assert here("compare", *paths, "--duration", "0.1", "--csv", "a.csv") == 0
+    names = ["a-fig12", "fig12", "b-fig12", "b-fig12-2"]
+    rows = Path("a.csv").read_text().splitlines()[1:]
+    assert [row.partition(",")[0] for row in rows] == names
+    pictures = sorted(path.name for path in Path("out").glob("*-path.png"))
+    assert pictures == sorted(f"{name}-path.png" for name in names)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments", ["scenes", "model fig12", f"compare fig12 {' '.join(SHORT)} --json -"]
 )

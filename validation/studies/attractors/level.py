@@ -3,7 +3,7 @@
 import numpy as np
 
 from robotball import Scene
-from robotball.errors import check_count
+from robotball.errors import check_count, check_seed
 from robotball.rotations import Array, multiply
 
 
@@ -15,6 +15,7 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
     from robotball.qualitative.sections import section_starts  # compiled code takes a while to come
 
     check_count("starts", count, 1)
+    check_seed(seed)
     M = scene.start.momentum
     attitude = multiply(scene.start.attitude, scene.principal_quaternion)
     if count == 1:

@@ -97,7 +97,7 @@ def test_friction_short_of_the_demand_is_told_with_both_numbers() -> None:
     with pytest.warns(rb.SceneWarning) as told:
         compare(rb.load_scene("fig12"), "naive")
     lines = [str(each.message) for each in told]
-    assert any("sliding friction is 1 and must be at least 1.321" in line for line in lines)
+    assert any(
         "fig12, naive: sliding friction is 1 and must be at least 1.321" in line for line in lines
     )
     assert any(

@@ -137,19 +137,19 @@ def test_compare_says_where_the_dump_is(
     assert load(tmp_path / "out" / "fig12-naive-fault.json").name == "fig12"
 
 
-def test_a_sound_run_takes_the_file_of_a_former_one_away(dumped: Callable[..., Path]) -> None:
+def test_a_sound_run_takes_the_file_of_a_former_one_away(written: Callable[..., Path]) -> None:
     """It would tell of a fault that is mended."""
-    assert dumped(SLIPPERY).exists()
-    assert not dumped(FAST).exists()
+    assert written(SLIPPERY).exists()
+    assert not written(FAST).exists()
 
 
 def test_no_number_is_cut_on_a_narrow_terminal(
-    dumped: Callable[..., Path],
+    written: Callable[..., Path],
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Forty columns break the lines, and show the same numbers as two hundred."""
-    path, shown = dumped(SLIPPERY), []
+    path, shown = written(SLIPPERY), []
     for columns in ("40", "200"):
         for name, value in (("COLUMNS", columns), ("FORCE_COLOR", "1"), ("TERM", "xterm")):
             monkeypatch.setenv(name, value)

@@ -97,9 +97,9 @@ def test_friction_short_of_the_demand_is_told_with_both_numbers() -> None:
     with pytest.warns(rb.SceneWarning) as told:
         compare(rb.load_scene("fig12"), "naive")
     lines = [str(each.message) for each in told]
-    assert any("fig12, naive: sliding friction is 1, and 1.321 the least" in line for line in lines)
+    assert any("sliding friction is 1 and must be at least 1.321" in line for line in lines)
     assert any(
-        "fig12, naive: torsional friction is 0.005 m, and 1.873 m the least" in line
+        "fig12, naive: torsional friction is 0.005 m and must be at least 1.873 m" in line
         for line in lines
     )
 

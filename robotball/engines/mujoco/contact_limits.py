@@ -1,4 +1,4 @@
-"""Limits of the contact and of the hinges: friction, softness, and what numbers can hold."""
+"""Limits of the contact: friction, softness, and what numbers can hold."""
 
 import numpy as np
 
@@ -229,28 +229,6 @@ def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
-def servo_droop(plan: PlannedRun) -> LimitCheck | None:
-    """A velocity servo gives torque only for an error of its rate: τ/kv, relative to the rate.
-
-    Measured 0.75 to 0.99 of that, where it is small.
-    """
-    if not plan.servos or not plan.balanced:
-        return None
-    own = plan.scene.motors or (None,) * len(plan.scene.drives)
-    worst = 0.0
-    for i, servo in plan.servos:
-        rate = abs(float(plan.scene.drives[i].rate(0.0)))
-        torque = float(np.abs(plan.loads.motor_torques[:, i]).max())
-        if own[i] is None and rate:  # an error of the scene's own motor belongs to the motion
-            worst = max(worst, torque / servo.gain / rate)
-    return LimitCheck(
-        "the part of its rate that a servo loses under its load",
-        worst,
-        plan.settings.error_tolerance,
-        "take a higher gain, or prescribe the rate",
-    )
-
-
 def largest_number(plan: PlannedRun) -> LimitCheck | None:
     """MuJoCo calls a coordinate, a rate or a control beyond 1e10 bad.
 
@@ -287,6 +265,5 @@ LAWS: Laws = {
     start_depth: "a start just touching falls into the contact",
     first_step: "the first step of a start just touching slips by α dt",
     solver_tolerance: "beside huge armatures a solver stops before it has begun",
-    servo_droop: "a velocity servo loses τ/kv of its rate",
     largest_number: "a coordinate, a rate or a control is 1e10 at most",
 }

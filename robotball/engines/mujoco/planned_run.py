@@ -243,8 +243,8 @@ class LimitCheck:
         unit = f" {self.unit}" if self.unit else ""
         bound = "least" if self.least else "most"
         return (
-            f"{self.what} is {self.value:.4g}{unit}, and {self.limit:.4g}{unit} the {bound} "
-            f"that works: {self.fix}"
+            f"{self.what} is {self.value:.4g}{unit} and must be at {bound} {self.limit:.4g}{unit}: "
+            f"{self.fix}"
         )
 
 

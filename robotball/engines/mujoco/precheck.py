@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from robotball.engines.mujoco import contact_limits, step_limits
+from robotball.engines.mujoco import contact_limits, hinge_limits, step_limits
 from robotball.engines.mujoco.planned_run import LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Settings
 from robotball.engines.mujoco.stepping import step_count
@@ -13,7 +13,7 @@ from robotball.motion import Loads
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-LAWS = step_limits.LAWS | contact_limits.LAWS
+LAWS = step_limits.LAWS | contact_limits.LAWS | hinge_limits.LAWS
 
 
 def limit_checks(

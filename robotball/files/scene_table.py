@@ -84,6 +84,12 @@ class SectionTable(Table):
 
 
 class StartTable(Table):
+    """An attitude and a momentum, in one of the forms of START_FORMS.
+
+    rest: M = 0, which is the paper's rest. It is not ω = 0: a frame or rotor that turns at the
+    start turns the ball. A ball that stands still has angular_velocity = [0, 0, 0].
+    """
+
     section: SectionTable | None = None
     attitude: Quadruple | None = None
     gamma: Triple | None = None
@@ -138,7 +144,8 @@ def known_keys(table: str) -> list[str]:
 
 START_FORMS = (
     "section, or gamma and momentum, or an attitude (attitude, or gamma and alpha) with one of "
-    "momentum, momentum_world, angular_velocity and rest"
+    "momentum, momentum_world, angular_velocity and rest (M = 0; a ball that stands still has "
+    "angular_velocity = [0, 0, 0])"
 )
 
 

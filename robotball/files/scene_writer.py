@@ -11,6 +11,8 @@ from robotball.drives import Ramp, Rate, Servo, Sine
 from robotball.errors import InputError
 from robotball.scene import GRAVITY, Scene
 
+AT_REST = "M = 0; ω is not, where frame or rotors turn"
+
 
 def scene_toml(scene: Scene) -> str:
     """The text of a scene file with the bodies, rates and start of `scene`; its name is the file's.
@@ -38,7 +40,8 @@ def _lines(scene: Scene) -> Iterator[str]:
         yield from _rotor(rotor)
         yield from _hinge(rate, motor)
     yield from ("", "[start]", f"attitude = {_array(scene.start.attitude)}")
-    yield f"momentum_world = {_array(scene.start.momentum)}"
+    momentum = f"momentum_world = {_array(scene.start.momentum)}"
+    yield momentum if np.any(scene.start.momentum) else f"{momentum}  # {AT_REST}"
 
 
 def _shell(shell: Shell) -> Iterator[str]:

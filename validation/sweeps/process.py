@@ -8,12 +8,14 @@ import fcntl
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
+from types import ModuleType
 
 from validation.sweeps.cells import OUTLASTED, Cell, Work, reason, to_line
 
@@ -80,7 +82,7 @@ class Worker:
         _FORKSERVER.set_forkserver_preload([work.__module__, __name__])
         self._pipe, theirs = _FORKSERVER.Pipe()
         process = _FORKSERVER.Process(target=_serve, args=(theirs,), daemon=True)
-        with theirs, _for_workers():
+        with theirs, _for_a_worker(work):
             process.start()
         self._process = process
         if self._closed:  # meanwhile
@@ -110,16 +112,23 @@ def _death(status: int) -> str:
 
 
 @contextmanager
-def _for_workers() -> Iterator[None]:
-    """What is started in the block has one thread a library, and leaves Ctrl-C to us."""
+def _for_a_worker(work: Work) -> Iterator[None]:
+    """What is started in the block has one thread a library, and leaves Ctrl-C to us.
+
+    Nor does it run the script again that asked for the sweep, unless that defines the work.
+    """
     with _CHILDREN:
         resource_tracker.ensure_running()  # whose start would unblock SIGINT
         before = {name: os.environ[name] for name in ONE_THREAD if name in os.environ}
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         os.environ.update(ONE_THREAD)
+        main = sys.modules["__main__"]
+        if work.__module__ != "__main__":
+            sys.modules["__main__"] = ModuleType("__main__")
         try:
             yield
         finally:
+            sys.modules["__main__"] = main
             for name in ONE_THREAD:
                 del os.environ[name]
             os.environ.update(before)

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import random
 import signal
+import subprocess
 import sys
 import time
 import types
@@ -171,6 +172,19 @@ def test_a_process_has_one_thread(tmp_path: Path) -> None:
     """BLAS has no threads of its own, which would take the other cells' cores."""
     (result,) = sweep(square, cells_of(tmp_path, 1, trouble="threads"), tmp_path / "sweep.jsonl")
     assert result.record == {"sum": 400.0**3, "threads": 1}
+
+
+def test_a_script_that_sweeps_is_not_run_by_the_processes(tmp_path: Path) -> None:
+    """So it needs no guard, and need not even be a file."""
+    script = f"""
+from pathlib import Path
+from tests.validation.sweeps.work import cells_of, square
+from validation.sweeps import sweep
+folder = Path({str(tmp_path)!r})
+print(len(sweep(square, cells_of(folder, 2), folder / "sweep.jsonl")))
+"""
+    ran = subprocess.run([sys.executable, "-"], input=script, capture_output=True, text=True)
+    assert (ran.stdout, ran.stderr) == ("2\n", "")
 
 
 def test_a_work_that_no_process_can_load_is_refused(

@@ -6,7 +6,7 @@ from robotball.engines.mujoco.hinges import hinges_of
 from robotball.engines.mujoco.planned_run import Laws, LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Prescribed
 
-MAGNIFIED = 40.0  # times a relative error of a rate: what it may make of the path, relative
+MAGNIFIED = 10.0  # times a relative error of a rate: what it may well make of the path, relative
 
 
 def servo_droop(plan: PlannedRun) -> LimitCheck | None:

@@ -1,8 +1,9 @@
 """Motion: what every engine returns, and how far two motions of one scene are apart."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,7 +120,7 @@ class Motion:
     @property
     def gamma(self) -> Array:
         """γ (n, 3): the upward vertical, frame axes."""
-        return rotation_matrix(self.attitude)[:, 2, :]
+        return gamma_of(self.attitude)
 
     @property
     def motor_powers(self) -> Array:
@@ -138,6 +139,11 @@ class Motion:
         A ball that turns on the spot has no path.
         """
         return max(self.path_length, self.scene.ball.radius)
+
+
+def gamma_of(attitude: Array) -> Array:
+    """γ (n, 3) of attitudes (n, 4)."""
+    return rotation_matrix(attitude)[:, 2, :]
 
 
 @dataclass(frozen=True)
@@ -167,6 +173,56 @@ class ContactMotion(Motion):
     report: ContactReport
 
 
+AnyMotion = TypeVar("AnyMotion", bound=Motion)
+
+# Long motions are made and measured in pieces, so that what is needed on the way stays small.
+
+PIECE = 65_536  # samples; a multiple of what BLAS takes at once, or last bits would change
+
+
+def pieces(count: int) -> Iterator[slice]:
+    """Consecutive slices over `count` samples."""
+    return (slice(i, min(i + PIECE, count)) for i in range(0, count, PIECE))
+
+
+def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
+    """One motion of its consecutive parts, of `count` times at most in all.
+
+    Each part is let go before the next is made.
+    """
+    done, whole, last = 0, {}, None
+    for last in parts:
+        size = len(last.times)
+        for place, array in _arrays(last):
+            if place not in whole:
+                whole[place] = np.empty((count, *array.shape[1:]), array.dtype)
+            whole[place][done : done + size] = array
+        done += size
+    assert last is not None
+    return _with_arrays(last, {place: array[:done] for place, array in whole.items()})
+
+
+Place = tuple[str, ...]
+
+
+def _arrays(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[Any]]]:
+    """The arrays over the times of a motion, of its loads and of its report, by their names."""
+    for each in fields(record):
+        value = getattr(record, each.name)
+        if isinstance(value, np.ndarray):
+            yield (*place, each.name), value
+        elif isinstance(value, Loads | ContactReport):
+            yield from _arrays(value, (*place, each.name))
+
+
+def _with_arrays(record: Any, arrays: Mapping[Place, NDArray[Any]]) -> Any:
+    own: dict[str, Any] = {place[0]: array for place, array in arrays.items() if len(place) == 1}
+    for name in {place[0] for place in arrays} - set(own):
+        inner = {place[1:]: array for place, array in arrays.items() if place[0] == name}
+        own[name] = _with_arrays(getattr(record, name), inner)
+    return replace(record, **own)
+
+
 # How far a motion is from a reference of the same scene. The motion's times, fewer where it broke
 # off, must be among the reference's.
 
@@ -184,16 +240,22 @@ def path_error(motion: Motion, reference: Motion) -> float:
 
 def attitude_error(motion: Motion, reference: Motion) -> float:
     """The largest angle by which the two frames are turned against each other [rad]."""
-    there = reference.attitude[_shared(motion, reference)]
-    turn = multiply(conjugate(there), motion.attitude)
-    return float((2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0]))).max())
+    there, largest = reference.attitude[_shared(motion, reference)], []
+    for piece in pieces(len(motion.times)):
+        turn = multiply(conjugate(there[piece]), motion.attitude[piece])
+        half = np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0]))
+        largest.append((2 * half).max())
+    return float(max(largest))
 
 
 def gamma_error(motion: Motion, reference: Motion) -> float:
     """The largest angle between the two verticals, seen from the frame [rad]."""
-    ours, theirs = motion.gamma, reference.gamma[_shared(motion, reference)]
-    sine = np.linalg.norm(np.cross(ours, theirs), axis=1)
-    return float(np.arctan2(sine, (ours * theirs).sum(axis=1)).max())
+    there, largest = reference.attitude[_shared(motion, reference)], []
+    for piece in pieces(len(motion.times)):
+        ours, theirs = gamma_of(motion.attitude[piece]), gamma_of(there[piece])
+        sine = np.linalg.norm(np.cross(ours, theirs), axis=1)
+        largest.append(np.arctan2(sine, (ours * theirs).sum(axis=1)).max())
+    return float(max(largest))
 
 
 def momentum_errors(motion: Motion, reference: Motion) -> Array:
@@ -207,8 +269,11 @@ def momentum_error(motion: Motion, reference: Motion) -> float:
     return float(momentum_errors(motion, reference).max())
 
 
-def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp]:
+def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
     """The places (n,) of the motion's times among the reference's."""
+    first = slice(len(motion.times))
+    if np.array_equal(reference.times[first], motion.times):
+        return first
     places = np.searchsorted(reference.times, motion.times)
     found = reference.times[np.minimum(places, len(reference.times) - 1)]
     if not np.array_equal(found, motion.times):

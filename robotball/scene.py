@@ -15,7 +15,7 @@ from robotball.start import Start, horizontal, unit
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
-MOST_SAMPLES = 1e7  # of a motion: some 300 bytes each
+MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each, and a comparison has two motions
 SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 
 

@@ -61,4 +61,4 @@ def _body_of(path: Path, name: str) -> dict[str, Any]:
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return {"error": f"it takes more than {mjcf_body.SECONDS} s to load"}
     why = (done.stderr.decode(errors="replace").splitlines() or ["no word"])[-1]
-    return {"error": f"MuJoCo cannot load it with {mjcf_body.MEMORY / 1e6:.0f} MB of memory: {why}"}
+    return {"error": f"it cannot be loaded with {mjcf_body.MEMORY / 1e6:.0f} MB of memory: {why}"}

@@ -1,7 +1,8 @@
 """A built model over sample times → Motion, stepped, read and monitored."""
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from robotball.engines.mujoco.stepping import Portion, by_steps
 from robotball.engines.protocol import Progress
 from robotball.faults import Fault, FaultKind
 from robotball.files.replacing import discard
-from robotball.motion import ContactMotion, ContactReport
+from robotball.motion import PIECE, ContactMotion, ContactReport, joined
 from robotball.rotations import Array
 from robotball.start import Start
 
@@ -37,44 +38,78 @@ def run(
     more steps than the settings allow.
     """
     check_length(model.scene, model.settings, times)
-    rows, record = _run(model, times, progress, start, keep_window=fault_window is not None)
+    record = _Record(keeps_window=fault_window is not None)
+    rows = _in_pieces(_run(model, times, progress, start, record))
+    motion = joined(_parts(model, times, rows), len(times))
     if fault_window is not None:
         if record.window is None:
             discard(fault_window)  # that of a former run
         else:
             write(fault_window, model, record.window)
-    readings = Readings(model, rows)
-    return ContactMotion(
-        scene=model.scene,
-        engine=LABEL,
-        times=times[: len(rows)],
-        contact_point=readings.centre[:, :2],
-        attitude=readings.attitude,
-        momentum=readings.momentum,
-        angular_velocity=readings.angular_velocity,
-        hinge_angles=readings.hinge_angles,
-        hinge_rates=readings.hinge_rates,
-        loads=readings.loads,
-        report=ContactReport(
-            settings=model.settings,
-            slip=readings.slip,
-            spin=readings.spin,
-            depth=model.scene.ball.radius - readings.centre[:, 2],
-            friction_used=readings.friction_used,
-            hinge_rate_error=readings.hinge_rate_error(model.hinges),
-            faults=tuple(record.faults.values()),
-            timestep=record.longest,
-            steps=record.steps,
-            seconds=record.seconds,
-            total_seconds=record.seconds,
-        ),
+    report = replace(
+        motion.report,
+        faults=tuple(record.faults.values()),
+        timestep=record.longest,
+        steps=record.steps,
+        seconds=record.seconds,
+        total_seconds=record.seconds,
     )
+    return replace(motion, times=times[: len(motion.times)], report=report)
+
+
+def _parts(model: Model, times: Array, rows: Iterator[Array]) -> Iterator[ContactMotion]:
+    """The motion of consecutive rows at the times; of its report only what the rows tell."""
+    done = 0
+    for some in rows:
+        readings = Readings(model, some)
+        yield ContactMotion(
+            scene=model.scene,
+            engine=LABEL,
+            times=times[done : done + len(some)],
+            contact_point=readings.centre[:, :2],
+            attitude=readings.attitude,
+            momentum=readings.momentum,
+            angular_velocity=readings.angular_velocity,
+            hinge_angles=readings.hinge_angles,
+            hinge_rates=readings.hinge_rates,
+            loads=readings.loads,
+            report=ContactReport(
+                settings=model.settings,
+                slip=readings.slip,
+                spin=readings.spin,
+                depth=model.scene.ball.radius - readings.centre[:, 2],
+                friction_used=readings.friction_used,
+                hinge_rate_error=readings.hinge_rate_error(model.hinges),
+                faults=(),
+                timestep=0.0,
+                steps=0,
+                seconds=0.0,
+                total_seconds=0.0,
+            ),
+        )
+        done += len(some)
+
+
+def _in_pieces(rows: Iterator[Array]) -> Iterator[Array]:
+    """The same rows, so many at once that their number costs nothing."""
+    waiting: list[Array] = []
+    for some in rows:
+        waiting.append(some)
+        if sum(map(len, waiting)) >= PIECE:
+            yield np.concatenate(waiting)
+            waiting = []
+    if waiting:
+        yield np.concatenate(waiting)
 
 
 @dataclass
 class _Record:
-    """What a run leaves besides its rows: the first fault of each kind, and what it took."""
+    """What a run leaves besides its rows: the first fault of each kind, and what it took.
 
+    keeps_window: whether it is to hold the window around the first fault.
+    """
+
+    keeps_window: bool
     faults: dict[tuple[FaultKind, str], Fault] = field(default_factory=dict)
     window: Window | None = None
     steps: int = 0
@@ -93,13 +128,10 @@ class _Record:
 
 
 def _run(
-    model: Model, times: Array, progress: Progress | None, start: Start | None, keep_window: bool
-) -> tuple[Array, _Record]:
-    """Sensor rows at the times, fewer if the run broke off, and its record.
-
-    keep_window: whether it is to hold the window around the first fault.
-    """
-    record, sampled, monitor = _Record(), [], Monitor(model)
+    model: Model, times: Array, progress: Progress | None, start: Start | None, record: _Record
+) -> Iterator[Array]:
+    """Sensor rows at the times, fewer if the run breaks off; fills its record meanwhile."""
+    monitor = Monitor(model)
     data = model.start_data(start)
     march = by_forward if model.settings.adaptive else by_steps
     before: Portion | None = None
@@ -113,13 +145,12 @@ def _run(
                 break
             found = monitor.look(Readings(model, portion.rows), portion.failure)
             ends = record.add(portion, found)
-            if keep_window and found and record.window is None:
+            if record.keeps_window and found and record.window is None:
                 record.window = window_around(found, portion, before)
             kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
-            sampled.append(portion.rows[kept])
+            yield portion.rows[kept]
             if ends is not None:
                 break
             before = portion
             if progress is not None:
                 progress(monitor.last_time / times[-1])
-    return np.concatenate(sampled), record

@@ -1,7 +1,7 @@
 """Scene → Motion by the paper's equations: one rotation, integrated to round-off."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate
 from robotball.engines.reduced import LABEL
 from robotball.errors import InputError, too_many_steps
 from robotball.loads import loads_of
-from robotball.motion import Motion, ReferenceMotion
+from robotball.motion import Motion, ReferenceMotion, joined, pieces
 from robotball.parameters import as_vector, check_speed, speed_bound
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
@@ -56,6 +56,11 @@ def integrate(
 
 def motion_of(scene: Scene, times: Array, states: Array) -> Motion:
     """The motion of states (n, 6) = (q, X, Y), q from principal axes to world, of any length."""
+    parts = (_part(scene, times[piece], states[piece]) for piece in pieces(len(times)))
+    return replace(joined(parts, len(times)), times=times)
+
+
+def _part(scene: Scene, times: Array, states: Array) -> Motion:
     attitude = states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True)
     axes = rotation_matrix(attitude)
     M = axes.transpose(0, 2, 1) @ scene.start.momentum

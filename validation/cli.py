@@ -27,6 +27,7 @@ from validation.commands.ladder import Ladder
 from validation.commands.lyapunov import Lyapunov
 from validation.commands.model import Model
 from validation.commands.paper import Paper
+from validation.commands.portraits import Portraits
 from validation.commands.replay import Replay
 from validation.commands.scenes import Scenes
 from validation.commands.section import Section
@@ -35,7 +36,7 @@ from validation.commands.video import Video
 
 Command = (
     Scenes | Compare | Video | Replay | Model | Design | Demo
-    | Figures | Section | Lyapunov | Basins | Equilibria | Paper
+    | Figures | Section | Lyapunov | Basins | Equilibria | Portraits | Paper
     | Ladder | Convergence | Tradeoff | Extremes
 )  # fmt: skip
 

@@ -1,0 +1,42 @@
+"""The command `robotball portraits`."""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from rich.console import Console
+from tyro.conf import Positional, arg
+
+from validation.commands.arguments import AGREES, DISAGREES, File, Sweep, SweepOptions
+from validation.output import writable_folder, write_record
+from validation.progress import progress_bar
+
+
+@dataclass(frozen=True)
+class Portraits:
+    """Map the phase portraits of motion from rest over K₃ and Ω, which section 4.2 leaves open."""
+
+    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...")]] = ()
+    """Which maps, axial (K₃ and Ω₃) or azimuth (K₃ and the angle of Ω₁, Ω₂); both if none."""
+    sweep: SweepOptions = field(default_factory=Sweep)
+    json: File = None
+    """Also write how many cells have which portrait."""
+
+    def run(self) -> int:
+        from validation.studies.portraits.measure import COUNT, QUICK_COUNT, chosen, survey
+        from validation.studies.portraits.report import draw, show, summary
+        from validation.sweeps import write_table
+
+        planes, out = chosen(self.maps), writable_folder(self.sweep.out)
+        count = QUICK_COUNT if self.sweep.quick else COUNT
+        with progress_bar(len(planes) * count**2) as tell:
+            found = survey(planes, count, out / "portraits.jsonl", self.sweep, tell)
+        records = summary(planes, found)
+        show(records, Console())
+        pictures = [out / f"portraits-{plane.name}.png" for plane in planes]
+        for plane, path in zip(planes, pictures, strict=True):
+            draw(plane, found[plane.name], path)
+        table = out / "portraits.csv"
+        write_table(table, [result for results in found.values() for result in results])
+        print(*pictures, table, sep="\n")
+        write_record(self.json, {"quick": self.sweep.quick, "summary": records})
+        return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

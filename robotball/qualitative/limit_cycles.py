@@ -31,7 +31,7 @@ from robotball.rotations import Array, from_matrix, rotation_matrix
 NO_MOMENTUM = np.zeros(3)
 SAMPLES = 4000  # of a closed curve
 STRIDE = 0.1  # rad, at most, between two samples of an orbit that is to come back
-TOLERANCE = 1e-11  # of a step of it
+TOLERANCE = 1e-9  # of a step of it
 NOISE = 1e-6  # rad: what the returns may be off by, between samples STRIDE apart
 FIRST_LOOK = 6  # part of the time after which those near a sink are left out
 KEPT = 0.03  # of a sink: what is that near stays

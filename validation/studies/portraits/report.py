@@ -22,12 +22,12 @@ from validation.output import replacing
 from validation.studies.portraits.measure import A, Plane
 from validation.sweeps import Result
 
-FINE = 160  # values of an axis for the curves
+FINE = 70  # values of an axis for the curves
 CURVES: dict[str, tuple[Callable[[Parameters], float], str, Any]] = {
-    "|κ₁| = 1": (lambda ball: abs(kappa(ball, 1)) - 1, "#D55E00", "-"),
-    "|κ₂| = 1": (lambda ball: abs(kappa(ball, 0)) - 1, "#0072B2", "-"),
-    "A₁A₂ = 0": (lambda ball: np.prod(proposition_2(ball)[:2]), "#D55E00", "--"),
-    "B = 0": (lambda ball: proposition_2(ball)[2], "#0072B2", ":"),
+    "|κ₁| = 1": (lambda ball: abs(kappa(ball, 1)) - 1, "#CC3311", "-"),
+    "|κ₂| = 1": (lambda ball: abs(kappa(ball, 0)) - 1, "#117733", "-"),
+    "A₁A₂ = 0": (lambda ball: np.prod(proposition_2(ball)[:2]), "#CC3311", "--"),
+    "B = 0": (lambda ball: proposition_2(ball)[2], "#117733", ":"),
 }
 GREYS = ("#FFFFFF", "#DADDE1", "#A9AFB6", "#6F767E", "#3A4047")
 OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen

@@ -30,6 +30,7 @@ from validation.commands.figures import Figures
 from validation.commands.lyapunov import Lyapunov
 from validation.commands.model import Model
 from validation.commands.paper import Paper
+from validation.commands.portraits import Portraits
 from validation.commands.replay import Replay
 from validation.commands.scenes import Scenes
 from validation.commands.section import Section
@@ -39,7 +40,8 @@ from validation.streams import make_lasting, standard_output_of
 
 Command = (
     Scenes | Engines | Compare | Video | Replay | Model | Design | Demo
-    | Figures | Section | Lyapunov | Attractors | Basins | Equilibria | Paper
+    | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
+    | Portraits | Paper
     | Ablation | Convergence | Tradeoff | Extremes
 )  # fmt: skip
 

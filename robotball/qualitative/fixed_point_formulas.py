@@ -45,6 +45,17 @@ def kappa(parameters: Parameters, j: int) -> float:
     return float(level / np.hypot(parameters.Omega[j], parameters.Omega[2]))
 
 
+def proposition_2(parameters: Parameters) -> tuple[float, float, float]:
+    """A₁, A₂ [1/s] and B of Proposition 2, by which Γ₅ and Γ₆ are saddles or weak foci.
+
+    A₁A₂ < 0: saddles; else weak foci, stable iff B/A₁ < 0, with B without the paper's factor K₃.
+    """
+    (a1, a2, a3), (Omega1, Omega2, Omega3) = parameters.A, parameters.Omega
+    A1 = a1 * a3 * parameters.K[2] + (a1 - a3) * Omega3
+    A2 = a2 * a3 * parameters.K[2] + (a2 - a3) * Omega3
+    return A1, A2, Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - (a1 - a3) ** 2 * A2**2)
+
+
 def closed_form_points(parameters: Parameters) -> dict[str, Array]:
     """All isolated fixed points γ (3,) of (4.1) by the paper's names; two that coincide twice.
 

@@ -1,0 +1,124 @@
+"""The maps of phase portraits over K₃ and Ω, and the portrait of one ball."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from robotball.errors import InputError
+from robotball.qualitative.equilibria import fixed_points
+from robotball.qualitative.fixed_point_formulas import proposition_2
+from robotball.qualitative.limit_cycles import limit_cycles
+from robotball.qualitative.phase_portrait import basin_shares, phase_portrait
+from tests.figures import ball, from_rest
+from tests.validation.commands.test_cli import Robotball, robotball  # noqa: F401
+from validation.studies.portraits.measure import PLANES, cells_of, chosen, measure
+from validation.studies.portraits.report import as_predicted
+
+
+@pytest.mark.slow
+def test_the_balls_of_figs_6_to_8_have_their_portraits() -> None:
+    """Ten, six and two fixed points; the cycle of Figs 7 and 8 alone; two foci share the sphere."""
+    for K3, points, cycles in ((0.3, 10, 0), (0.52, 6, 1), (3.0, 2, 1)):
+        found = phase_portrait(from_rest(K3))
+        assert len(found.points) == points
+        assert [abs(cycle.multipliers[0]) > 1 for cycle in found.cycles] == [True] * cycles
+        assert sum(found.basins.values()) == pytest.approx(1)
+        assert set(found.basins) == ({"Γ₅,₆"} if K3 == 3 else {"Γ₅,₆", "θ₃,₄"})
+
+
+def test_back_in_time_the_repelling_cycle_attracts_all() -> None:
+    """Fig. 8's ball turned round: its cycle has the whole sphere, with the multiplier's inverse."""
+    some = ball((0.5, 0.4, 0.3), (-4.0, -2.0, -1.0), (0.0, 0.0, -3.0))
+    found = phase_portrait(some)
+    assert found.basins == {"cycle 0": 1.0}
+    (forwards,) = limit_cycles(from_rest(3.0))
+    assert found.cycles[0].multipliers[0] * forwards.multipliers[0] == pytest.approx(1, abs=1e-8)
+
+
+def test_a_basin_goes_to_whoever_is_nearest_at_the_end() -> None:
+    """Without the slow foci among the attractors, a control, θ₃,₄ would be given all of Fig. 6."""
+    some = from_rest(0.3)
+    points = fixed_points(some)
+    shares = basin_shares(some, points, [], 200)
+    assert 0.03 < shares["Γ₅,₆"] < 0.09  # measured 0.055
+    fast = [point for point in points if "slow" not in point.kind]
+    assert basin_shares(some, fast, [], 200) == {"θ₃,₄": 1.0}
+
+
+@pytest.mark.slow
+def test_proposition_2_says_what_the_poles_are() -> None:
+    """A₁A₂ < 0 a saddle, else stable iff B/A₁ < 0: 200 random balls, none wrong.
+
+    With B's sign turned round, a control, it is wrong for every focus.
+    """
+    rng = np.random.default_rng(8)
+    kinds: list[tuple[bool, bool]] = []
+    for _ in range(200):
+        A, Omega = rng.uniform(0.2, 1.0, 3), rng.uniform(-4, 4, 3)
+        some = ball(tuple(A), tuple(Omega), (0.0, 0.0, rng.uniform(-3, 3)), d=0.01)
+        A1, A2, B = proposition_2(some)
+        kind = next(point.kind for point in fixed_points(some) if point.gamma[2] > 1 - 1e-9)
+        assert (kind == "saddle") == (A1 * A2 < 0)
+        if kind != "saddle":
+            kinds.append((kind == "slow stable focus", B / A1 < 0))
+    assert len(kinds) > 100
+    assert all(found == expected for found, expected in kinds)
+    assert not any(found == (not expected) for found, expected in kinds)
+
+
+def test_no_limit_cycle_is_a_closed_orbit_of_an_integrable_ball() -> None:
+    """K = 0 and Ω = 0: whole families of closed orbits, and none of them counts."""
+    assert limit_cycles(from_rest(0.0)) == []
+    assert limit_cycles(ball((0.5, 0.4, 0.3), (0.0, 0.0, 0.0), (1.0, 2.0, 0.5))) == []
+
+
+def test_a_cycle_that_settling_misses_is_found_once_with_its_own_period() -> None:
+    """Its cycle closes after 0.65913 s, and has no shorter or longer copies."""
+    rng = np.random.default_rng(5)
+    A, Omega, K = rng.uniform(0.25, 1, 3), 2 * rng.normal(size=3), rng.normal(size=3)
+    some = ball(tuple(A), tuple(Omega), tuple(K * 10 ** rng.uniform(-1.5, 1)), d=0.01)
+    (cycle,) = limit_cycles(some, 60.0)
+    assert cycle.period == pytest.approx(0.659134, abs=1e-6)
+    assert cycle.multipliers[0].real == pytest.approx(1.0264, abs=1e-4)
+
+
+def test_every_map_passes_through_the_balls_of_the_paper() -> None:
+    """The same Ω at the place that the pictures mark; and no cell is on the line K₃ = 0."""
+    angle = float(np.degrees(np.arctan2(2.0, 4.0)))
+    for name, y in (("axial", 1.0), ("azimuth", angle)):
+        assert PLANES[name].ball(0.3, y).Omega == pytest.approx((4.0, 2.0, 1.0))
+        assert pytest.approx((0.5, 0.4, 0.3)) == PLANES[name].ball(0.3, y).A
+        assert all(cell["K3"] != 0 for cell in cells_of(PLANES[name], 28))
+    with pytest.raises(InputError, match=r"no map is called 'axail'; there are axial, azimuth"):
+        chosen(["axail"])
+
+
+def test_a_cell_agrees_with_the_formulas_and_a_wrong_one_would_not() -> None:
+    """Number of points and type of Γ₅; for another K₃ the same record is told to be wrong."""
+    record = measure({"map": "axial", "K3": 0.3, "y": 1.0})
+    assert as_predicted(PLANES["axial"].ball(0.3, 1.0), record)
+    assert not as_predicted(PLANES["axial"].ball(0.6, 1.0), record)
+    assert not as_predicted(PLANES["axial"].ball(-0.3, -1.0), record)
+
+
+@pytest.mark.slow
+def test_the_command_draws_and_resumes(robotball: Robotball, tmp_path: Path) -> None:  # noqa: F811
+    """A quick map: a picture, a table, a record; the second time nothing is measured again."""
+    arguments = ("portraits", "axial", "--quick", "--workers", 2, "--json", "a.json")
+    status, out, _ = robotball(*arguments)
+    assert status == 0
+    assert "0 cells differ" in " ".join(out.split())
+    record = json.loads((tmp_path / "a.json").read_text())
+    assert record["summary"][0]["cells"] == 16
+    assert record["summary"][0]["failed"] == 0
+    assert imread(tmp_path / "out" / "portraits-axial.png").shape[0] > 1000
+    with (tmp_path / "out" / "portraits.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == 16
+    kept = (tmp_path / "out" / "portraits.jsonl").read_bytes()
+    assert robotball(*arguments)[1] == out
+    assert (tmp_path / "out" / "portraits.jsonl").read_bytes() == kept
+    assert robotball("portraits", "axail")[0] == 2

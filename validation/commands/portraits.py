@@ -1,0 +1,51 @@
+"""The command `robotball portraits`."""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from validation.commands.arguments import AGREES, DISAGREES, File, Sweep, SweepOptions
+
+
+@dataclass(frozen=True)
+class Portraits:
+    """Map the phase portraits of motion from rest over K₃ and Ω, which section 4.2 leaves open."""
+
+    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...")]] = ()
+    """Which maps, axial (K₃ and Ω₃) or azimuth (K₃ and the angle of Ω₁, Ω₂); both if none."""
+    sweep: SweepOptions = field(default_factory=Sweep)
+    json: File = None
+    """Also write how many cells have which portrait."""
+
+    def run(self) -> int:
+        from rich.console import Console
+
+        from validation.output import writable_folder, write_picture, write_record
+        from validation.progress import progress_bar
+        from validation.studies.portraits.measure import COUNT, QUICK_COUNT, chosen, survey
+        from validation.studies.portraits.report import picture, show, summary
+        from validation.sweeps import write_table
+
+        planes, out = chosen(self.maps), writable_folder(self.sweep.out)
+        count = QUICK_COUNT if self.sweep.quick else COUNT
+        with progress_bar(len(planes) * count**2) as tell:
+            found = survey(
+                planes,
+                count,
+                out / "portraits.jsonl",
+                tell,
+                workers=self.sweep.workers,
+                cluster=self.sweep.cluster,
+            )
+        records = summary(planes, found)
+        show(records, Console())
+        pictures = [
+            write_picture(out / f"portraits-{plane.name}.png", picture(plane, found[plane.name]))
+            for plane in planes
+        ]
+        table = out / "portraits.csv"
+        write_table(table, [result for results in found.values() for result in results])
+        print(*pictures, table, sep="\n")
+        write_record(self.json, {"quick": self.sweep.quick, "summary": records})
+        return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

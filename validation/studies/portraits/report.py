@@ -1,0 +1,179 @@
+"""The maps of phase portraits as pictures and tables, with the curves of section 4.2 over them."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from robotball.palette import INK
+from robotball.parameters import Parameters
+from robotball.qualitative.fixed_point_formulas import kappa, proposition_2
+from robotball.rotations import Array
+from validation.studies.portraits.measure import A, Plane
+from validation.sweeps import Result
+
+FINE = 70  # values of an axis for the curves
+CURVES: dict[str, tuple[Callable[[Parameters], float], str, Any]] = {
+    "|κ₁| = 1": (lambda ball: abs(kappa(ball, 1)) - 1, "#CC3311", "-"),
+    "|κ₂| = 1": (lambda ball: abs(kappa(ball, 0)) - 1, "#117733", "-"),
+    "A₁A₂ = 0": (lambda ball: np.prod(proposition_2(ball)[:2]), "#CC3311", "--"),
+    "B = 0": (lambda ball: proposition_2(ball)[2], "#117733", ":"),
+}
+GREYS = ("#FFFFFF", "#DADDE1", "#A9AFB6", "#6F767E", "#3A4047")
+OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
+
+
+def number_of_points(record: Mapping[str, Any]) -> str:
+    """Of fixed points, those of index 1 counted with the saddles."""
+    return f"{len(record['points'])} fixed points"
+
+
+def type_of_poles(record: Mapping[str, Any]) -> str:
+    """Of Γ₅ and Γ₆, which are of one type."""
+    return f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}"
+
+
+def kind_of_cycles(record: Mapping[str, Any]) -> str:
+    """How many limit cycles there are, C and -C as one."""
+    stable = sum(abs(cycle["multiplier"]) < 1 for cycle in record["cycles"])
+    unstable = len(record["cycles"]) - stable
+    if stable + unstable == 0:
+        return "no limit cycle"
+    parts = [f"{n} {word}" for n, word in ((stable, "stable"), (unstable, "unstable")) if n]
+    return f"cycles: {', '.join(parts)}"
+
+
+def largest_basin(record: Mapping[str, Any]) -> str:
+    """Whose basin is the largest."""
+    if not record["basins"]:
+        return "nothing attracts"
+    name = max(record["basins"], key=lambda each: record["basins"][each])
+    return f"largest basin: {'a cycle' if name.startswith('cycle') else name}"
+
+
+PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
+    "how many fixed points": number_of_points,
+    "the type of Γ₅ and Γ₆": type_of_poles,
+    "limit cycles": kind_of_cycles,
+    "whose basin is the largest": largest_basin,
+}
+
+
+def picture(plane: Plane, results: Sequence[Result]) -> Figure:
+    """Four panels of the same cells, each by one property, with the curves over them."""
+    figure = Figure(figsize=(12.5, 11.5), layout="constrained")
+    figure.suptitle(
+        f"Phase portraits of motion from rest: A = diag{A}, K = (0, 0, K₃), {plane.held}",
+        color=INK,
+    )
+    panels, curves = figure.subplots(2, 2), curves_of(plane)
+    for axes, (title, property_of) in zip(panels.flat, PANELS.items(), strict=True):
+        draw_cells(axes, results, property_of)
+        for levels, (_, colour, dashes) in zip(curves, CURVES.values(), strict=True):
+            lines = axes.contour(*levels, levels=[0.0], colors=[colour], linewidths=1.8)
+            lines.set_linestyle(dashes)
+        axes.set(xlabel="K₃ [kg m²/s]", ylabel=plane.label, title=title)
+        for K3, name in ((0.3, "6"), (0.52, "7"), (3.0, "8")):
+            y = 1.0 if plane.name == "axial" else float(np.degrees(np.arctan2(2.0, 4.0)))
+            axes.plot(K3, y, "o", color=INK, markersize=4, clip_on=False, zorder=5)
+            axes.annotate(f"Fig. {name}", (K3, y), xytext=(-3 if name == "6" else 3, 5),
+                          textcoords="offset points", fontsize=8, color=INK, zorder=5,
+                          ha={"6": "right", "7": "left", "8": "right"}[name])  # fmt: skip
+    handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
+              for name, (_, colour, dashes) in CURVES.items()]  # fmt: skip
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False,
+                  title="curves by the formulas of section 4.2, corrected")  # fmt: skip
+    return figure
+
+
+def draw_cells(
+    axes: Axes, results: Sequence[Result], property_of: Callable[[Mapping[str, Any]], str]
+) -> None:
+    """Each cell in the grey of its property, with a legend of what is there."""
+    across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
+    words = [property_of(each.record) if each.record else "no result" for each in results]
+    kinds = sorted(set(words) - {"no result"})
+    colours = dict(zip(kinds, GREYS, strict=False))
+    for each, word in zip(results, words, strict=True):
+        x, y = each.cell["K3"], each.cell["y"]
+        half = (across[1] - across[0]) / 2, (up[1] - up[0]) / 2
+        axes.fill(
+            x + half[0] * np.array([-1, 1, 1, -1]),
+            y + half[1] * np.array([-1, -1, 1, 1]),
+            color=colours.get(word, OTHER),
+            linewidth=0,
+        )
+    shown = [*kinds, *(["no result"] if "no result" in words else [])]
+    handles = [Patch(facecolor=colours.get(kind, OTHER), edgecolor="0.5", label=kind)
+               for kind in shown]  # fmt: skip
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2,
+                frameon=False, fontsize=8)  # fmt: skip
+    axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
+
+
+def curves_of(plane: Plane) -> list[tuple[Array, Array, Array]]:
+    """For each of CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
+    across = np.linspace(-plane.K3, plane.K3, FINE)
+    up = np.linspace(plane.low, plane.high, FINE)
+    balls = [[plane.ball(K3, y) for K3 in across] for y in up]
+    return [
+        (across, up, np.array([[function(ball) for ball in row] for row in balls]))
+        for function, _, _ in CURVES.values()
+    ]
+
+
+def summary(planes: Sequence[Plane], found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
+    """A record for each map: how many cells have which portrait, and where the formulas fail."""
+    records = []
+    for plane in planes:
+        results = found[plane.name]
+        sound = [(each.cell, each.record) for each in results if each.record is not None]
+        counts = {
+            title: dict(Counter(property_of(record) for _, record in sound).most_common())
+            for title, property_of in PANELS.items()
+        }
+        wrong = sum(
+            not as_predicted(plane.ball(cell["K3"], cell["y"]), record) for cell, record in sound
+        )
+        records.append(
+            {
+                "map": plane.name,
+                "cells": len(results),
+                "failed": len(results) - len(sound),
+                "against_the_formulas": wrong,
+                "counts": counts,
+            }
+        )
+    return records
+
+
+def as_predicted(ball: Parameters, record: Mapping[str, Any]) -> bool:
+    """Whether the number of points is that of κ₁, κ₂ and the type of Γ₅ that of Proposition 2."""
+    expected = 2 + 4 * (abs(kappa(ball, 1)) < 1) + 4 * (abs(kappa(ball, 0)) < 1)
+    A1, A2, B = proposition_2(ball)
+    focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"
+    kind = "saddle" if A1 * A2 < 0 else focus
+    return len(record["points"]) == expected and record["points"]["Γ₅"] == kind
+
+
+def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
+    """Print the counts, and how the formulas did."""
+    for record in records:
+        table = Table(f"map {record['map']}: {record['cells']} cells", "cells", box=box.SIMPLE_HEAD)
+        for counts in record["counts"].values():
+            for words, count in counts.items():
+                table.add_row(words, str(count))
+            table.add_section()
+        console.print(table)
+        console.print(
+            f"number of fixed points and type of Γ₅ against the formulas: "
+            f"{record['against_the_formulas']} cells differ; {record['failed']} without a result"
+        )

@@ -1,5 +1,6 @@
 """Scene: a ball, its drives, a rolling model and a start; all that an engine needs."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -126,9 +127,10 @@ class Scene:
         are zero as well, it is the M of a ball that falls as far as its radius. So the scale goes
         with the masses, whatever their unit.
         """
-        start = float(np.linalg.norm(self.start.momentum))
-        numbers = self.parameters_at(0.0)
-        turned = float(np.linalg.norm(numbers.K) + numbers.d * np.linalg.norm(numbers.Omega))
+        start = math.hypot(*self.start.momentum.tolist())
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by the equations, not here
+            numbers = self.parameters_at(0.0)
+        turned = math.hypot(*numbers.K) + numbers.d * math.hypot(*numbers.Omega)
         falling = self.ball.d * float(np.sqrt(self.gravity / self.ball.radius))
         return max(start, SMALL * turned) or falling
 

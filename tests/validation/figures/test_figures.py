@@ -63,14 +63,14 @@ def test_the_drawn_motions_from_rest_agree(name: str) -> None:
 
 def test_fig5_runs_along_curves_of_eulers_top() -> None:
     """With K = 0 (Aγ,γ) is constant, along MuJoCo's motion too, and the end is a straight line."""
-    scene = paper_scene("fig05b")
+    scene = replace(paper_scene("fig05b"), duration=20.0)
     _, _, engine = both(scene)
     A = np.array(scene.parameters.A)
     level = (engine.gamma**2) @ A
     assert np.ptp(level) < 1e-7  # measured 1.1e-8
-    assert np.ptp(engine.gamma[:, 2]) > 0.1
+    assert np.ptp(engine.gamma[:, 2]) > 0.04  # measured 0.051
     across = engine.gamma[-1] @ np.array(scene.parameters.Omega)
-    assert abs(across) < 0.05  # measured 0.006: it comes to rest on the circle (Ω,γ) = 0
+    assert abs(across) < 0.003  # measured 0.0015: it comes to rest on the circle (Ω,γ) = 0
     speed = np.linalg.norm(np.diff(engine.contact_point[-2:], axis=0)) / np.diff(engine.times[-2:])
     assert speed[0] == pytest.approx(np.sqrt(21), rel=1e-3)  # a|Ω|; measured 2e-4 off
 
@@ -93,18 +93,18 @@ def test_fig9s_straight_lines_go_opposite_ways() -> None:
 
 
 def test_fig10_turns_round_in_both_engines() -> None:
-    """From dY/dt = -a|Ω| to +a|Ω| in 30 s: the ball has gone from σ₊ to δ₊."""
+    """From dY/dt = -a|Ω| to +a|Ω| in 60 s: the ball has gone from σ₊ to δ₊."""
     scene = paper_scene("fig10")
-    times = rb.sample_times(30.0)
+    times = rb.sample_times(60.0)
     attitudes, path = theory_motion(scene, times)
     engine = rb.simulate(scene, times)
     for Y in (path[:, 1], engine.contact_point[:, 1]):
         speeds = np.diff(Y) / np.diff(times)
-        assert speeds[0] == pytest.approx(-2, abs=0.05)  # the start is 0.01 off
-        assert speeds[-1] == pytest.approx(2, abs=1e-2)
+        assert speeds[0] == pytest.approx(-1, abs=0.05)  # the start is 0.01 off
+        assert speeds[-1] == pytest.approx(1, abs=3e-5)  # measured 8.6e-6 off
     end = line_verticals(3.0, LINE_K)["δ₊"]
     assert rotation_matrix(attitudes[-1])[2] == pytest.approx(end, abs=1e-2)
-    # Measured 1.4e-8 m of 60 m, though errors grow by e every 1.9 s on the way from σ₊.
+    # Measured 1.4e-8 m of 60 m, though errors grow by e every 4 s on the way from σ₊.
     assert np.abs(engine.contact_point - path).max() < 1e-6
 
 

@@ -9,10 +9,12 @@ from tyro.conf import DisallowNone, arg
 
 @dataclass(frozen=True)
 class Paper:
-    """Check every claim of the paper by computation, misprints included.
+    """Check the paper's statements one by one, in its order, misprints included.
 
-    Takes half a minute; the first time, another to compile. Exit status 0 where all that can be
-    checked holds, as printed or as corrected.
+    Each row has its place, what is checked, what is printed where that is something else, by what
+    means, and the number with its bound; then come statements of our own. Takes about a minute;
+    the first time, another to compile. Exit status 0 where all that can be checked holds, as
+    printed or as corrected.
     """
 
     json: DisallowNone[Annotated[Path | None, arg(metavar="FILE")]] = None
@@ -22,13 +24,14 @@ class Paper:
         from rich.console import Console
 
         from validation.output import writable_file
-        from validation.paper import CLAIMS
+        from validation.paper import SECTIONS
         from validation.paper.report import examine_all, show_findings, write_findings
 
         if self.json:
             writable_file(self.json)
-        findings = examine_all(CLAIMS)
+        parts = examine_all(SECTIONS)
         if self.json:
-            write_findings(self.json, findings)
-        show_findings(findings, Console())
-        return int(any(each.verdict == "does not reproduce" for each in findings))
+            write_findings(self.json, parts)
+        show_findings(parts, Console())
+        failing = "does not reproduce"
+        return int(any(each.verdict == failing for part in parts for each in part.findings))

@@ -1,14 +1,47 @@
-"""The paper's claims, misprints included, each checked by computation.
+"""The paper's statements in its order, misprints included, each checked by computation.
 
-What the paper states is in the modules, one a part of it; what is made of it, in claim.py.
+A section of the paper is a module, or two; what is made of a claim is in claim.py. formulas.py has
+the paper's formulas, typed a second time; point_masses.py a ball that knows only Newton and Euler;
+engine.py MuJoCo's ball; captions.py what the captions print.
 """
 
-from validation.paper import appendix, attractors, from_rest, rolling, straight_lines
+from validation.paper import (
+    appendix_a,
+    ours,
+    ours_balls,
+    ours_numbers,
+    section_1,
+    section_2,
+    section_2_equations,
+    section_3_1,
+    section_3_2,
+    section_3_3,
+    section_4,
+    section_4_1,
+    section_4_1_orbits,
+    section_4_2,
+    section_4_2_points,
+    section_5_1,
+    section_5_1_lines,
+    section_5_2,
+    section_5_3,
+    section_5_3_paths,
+)
+from validation.paper.claim import Section
 
-CLAIMS = (
-    *rolling.CLAIMS,
-    *from_rest.CLAIMS,
-    *straight_lines.CLAIMS,
-    *attractors.CLAIMS,
-    *appendix.CLAIMS,
+OURS = "Ours, not the paper's"
+SECTIONS = (
+    Section("1. Introduction", section_1.CLAIMS),
+    Section("2. Equations of motion", section_2.CLAIMS + section_2_equations.CLAIMS),
+    Section("3.1. Rolling without slipping and spinning (rubber model)", section_3_1.CLAIMS),
+    Section("3.2. Rolling without slipping (classical model)", section_3_2.CLAIMS),
+    Section("3.3. Reconstruction", section_3_3.CLAIMS),
+    Section("4. Motion from rest", section_4.CLAIMS),
+    Section("4.1. K = 0", section_4_1.CLAIMS + section_4_1_orbits.CLAIMS),
+    Section("4.2. K ≠ 0", section_4_2.CLAIMS + section_4_2_points.CLAIMS),
+    Section("5.1. Straight-line motions", section_5_1.CLAIMS + section_5_1_lines.CLAIMS),
+    Section("5.2. Poincaré map", section_5_2.CLAIMS),
+    Section("5.3. Attractors", section_5_3.CLAIMS + section_5_3_paths.CLAIMS),
+    Section("Appendix A", appendix_a.CLAIMS),
+    Section(OURS, ours.CLAIMS + ours_numbers.CLAIMS + ours_balls.CLAIMS),
 )

@@ -33,8 +33,8 @@ class Residual:
 
     def __str__(self) -> str:
         printed = "" if self.printed is None else f"printed {self.printed:.3g}, corrected "
-        bound = "" if self.bound == 0 else f", bound {self.bound:.1g}"
-        return f"{printed}{self.corrected:.2g}{bound} {self.unit}".rstrip()
+        bound = "" if self.bound == 0 else f", bound {self.bound:.3g}"
+        return f"{printed}{self.corrected:.3g}{bound} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -61,25 +61,56 @@ class Value:
 
     def __str__(self) -> str:
         printed = "" if self.printed is None else f"printed {self.printed:g}, corrected "
-        bound = "" if self.bound == 0 else f" ± {self.bound:.1g}"
+        bound = "" if self.bound == 0 else f" ± {self.bound:.2g}"
         stated = f"{printed}{self.corrected:.6g}{bound} {self.unit}".rstrip()
         return f"{stated}; is {self.measured:.6g}"
 
 
-Evidence = Residual | Value
+@dataclass(frozen=True)
+class AtLeast:
+    """A number that a statement needs to be as large as `bound`, as "not zero" does; in `unit`."""
+
+    measured: float
+    bound: float
+    unit: str = ""
+
+    @property
+    def error(self) -> float:
+        return self.bound - self.measured
+
+    def __str__(self) -> str:
+        return f"{self.measured:.3g}, at least {self.bound:.3g} {self.unit}".rstrip()
+
+
+Evidence = Residual | Value | AtLeast
+Check = Callable[[float], Evidence]
 
 
 @dataclass(frozen=True)
 class Claim:
     """A statement of the paper, and where it stands there.
 
-    check computes the evidence; where the paper as we have it leaves nothing to compute, it is
-    the reason in words.
+    statement: as it should read; printed: as the paper has it, where that is something else.
+    means: by what independent means it is checked. check: computes the evidence; at 1 of the
+    statement as it stands, at `control` of the statement with `twist` changed, which must fail.
+    Where there is nothing to compute, check is the reason in words.
     """
 
     place: str
     statement: str
-    check: Callable[[], Evidence] | str
+    check: Check | str
+    means: str = ""
+    twist: str = ""
+    control: float = -1.0
+    printed: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the paper, or the part that is not the paper's, with its claims in order."""
+
+    title: str
+    claims: tuple[Claim, ...]
 
 
 @dataclass(frozen=True)
@@ -91,12 +122,12 @@ class Finding:
     evidence: Evidence | str
 
 
-def examine(claim: Claim) -> Finding:
-    """Compute what there is to compute about a claim."""
+def examine(claim: Claim, twist: float = 1.0) -> Finding:
+    """Compute what there is to compute about a claim, or about it twisted."""
     if isinstance(claim.check, str):
         return Finding(claim, "not checked", claim.check)
     try:
-        evidence = claim.check()
+        evidence = claim.check(twist)
     except InputError as error:
         return Finding(claim, "does not reproduce", str(error))
     return Finding(claim, verdict_on(evidence), evidence)
@@ -104,10 +135,12 @@ def examine(claim: Claim) -> Finding:
 
 def verdict_on(evidence: Evidence) -> Verdict:
     """The verdict: a misprint is one only if the printed form fails where the corrected holds."""
-    printed = evidence.printed_error
     # Not a number is no agreement, and for a printed form no refutation either.
+    if isinstance(evidence, AtLeast):
+        return "holds" if evidence.measured >= evidence.bound else "does not reproduce"
     if not evidence.error <= evidence.bound:
         return "does not reproduce"
+    printed = evidence.printed_error
     if printed is None:
         return "holds"
     if math.isnan(printed) or printed <= evidence.bound:

@@ -1,90 +1,120 @@
-"""What MuJoCo's ball does, as the columns that equations.py computes with."""
+"""What MuJoCo's ball does, as the rows that the paper's formulas take."""
 
+import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
-from robotball import Motion, Scene, load_scene, sample_times, simulate
-from robotball.equations import Vector
-from robotball.parameters import Parameters, parameters_of
+from robotball import Motion, Scene, SceneWarning, load_scene, sample_times, simulate
+from robotball.parameters import parameters_of
 from robotball.rotations import Array, rotation_matrix
+from validation.paper.formulas import Numbers, numbers
 
 INTERVAL = 0.005  # s between samples: each step of "balanced"
+RUBBER, CLASSICAL, DRIVEN = "fig12", "classical_chaotic", "wobbling_drive"
+EACH = (RUBBER, CLASSICAL, DRIVEN)
+INNER = slice(2, -2)  # the samples at which `rate` is known
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A motion of MuJoCo's ball at n times, in principal axes; a vector is three columns (n,).
+    """A motion of MuJoCo's ball at n times, in principal axes.
 
-    axes (n, 3, 3): from principal axes to world. parameters: with Omega and K as columns, for
-    the drives may change in time. gamma; omega rad/s; Omega_rate rad/s²; k_rate kg m²/s².
+    axes (n, 3, 3): from principal axes to world, so that their rows are α, β and γ. numbers: at
+    each time, for the drives may change.
     """
 
     motion: Motion
     axes: Array
-    parameters: Parameters
-    gamma: Vector
-    omega: Vector
-    Omega_rate: Vector
-    k_rate: Vector
+    numbers: tuple[Numbers, ...]
+    omega: Array
 
-    @property
-    def momentum(self) -> Vector:
-        """M by (3.1) or by section 3.2, kg m²/s."""
-        return self.parameters.momentum(self.omega, self.gamma)
+    @cached_property
+    def gamma(self) -> Array:
+        """γ (n, 3)."""
+        return self.axes[:, 2]
 
-    def drift(self, M: Vector) -> float:
-        """The largest change of a vector in space, over the motion."""
-        in_space = np.einsum("nij,jn->ni", self.axes, np.array(M))
-        return largest((in_space - in_space[0]).T)
+    @cached_property
+    def momentum(self) -> Array:
+        """M (n, 3) in principal axes, from MuJoCo's own momenta of its bodies."""
+        return np.einsum("nij,ni->nj", self.axes, self.motion.momentum)
+
+    @cached_property
+    def path_velocity(self) -> Array:
+        """(Ẋ, Ẏ, 0) (n - 4, 3) in world axes, by differences."""
+        return np.pad(rate(self.motion.contact_point), ((0, 0), (0, 1)))
+
+    @cached_property
+    def centre_velocity(self) -> Array:
+        """v (n - 4, 3): that of the centre, above the contact point, in principal axes."""
+        return np.einsum("nij,ni->nj", self.axes[INNER], self.path_velocity)
+
+    def of(self, formula: Callable[[Numbers, Array, Array], Array | float]) -> Array:
+        """A function of the ball's numbers, ω and γ, at all times."""
+        states = zip(self.numbers, self.omega, self.gamma, strict=True)
+        return np.array([formula(n, omega, gamma) for n, omega, gamma in states])
+
+    def carried(self, rows: Array) -> Array:
+        """The first of vectors (n, 3) given in principal axes, as one that stays in space."""
+        return np.einsum("nij,i->nj", self.axes, self.axes[0] @ rows[0])
+
+    def drift(self, rows: Array) -> float:
+        """The largest change of a vector (n, 3) in space, over the motion."""
+        return largest(rows - self.carried(rows))
+
+
+@cache
+def paper_scene(name: str) -> Scene:
+    """A scene of the catalog; that its ball cannot be built is a claim of its own, no warning."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)
+        return load_scene(name)
 
 
 @cache
 def seen(name: str, duration: float = 10.0) -> Seen:
     """A scene of the catalog, rolled by MuJoCo at "balanced"."""
-    return seen_of(load_scene(name), duration)
+    return seen_of(paper_scene(name), duration)
 
 
-def seen_of(scene: Scene, duration: float) -> Seen:
+@cache
+def long(name: str, duration: float) -> Seen:
+    """The same, sampled every 0.05 s only."""
+    return seen_of(paper_scene(name), duration, 0.05)
+
+
+def seen_of(scene: Scene, duration: float, interval: float = INTERVAL) -> Seen:
     """A scene, rolled by MuJoCo at "balanced" for a duration [s]."""
-    motion = simulate(scene, sample_times(duration, INTERVAL))
-    axes = rotation_matrix(motion.attitude) @ scene.principal_axes
-    now = [scene.parameters_at(t) for t in motion.times.tolist()]
-    # Ω and k are linear in the hinges' rates, so their rates are those of the accelerations.
-    accelerations = np.stack([drive.acceleration(motion.times) for drive in scene.drives], axis=1)
-    change = [parameters_of(scene.ball, scene.rolling, each) for each in accelerations]
+    motion = simulate(scene, sample_times(duration, interval))
     return Seen(
         motion=motion,
-        axes=axes,
-        parameters=replace(
-            now[0],
-            Omega=columns(np.array([p.Omega for p in now])),
-            K=columns(np.array([p.K for p in now])),
-        ),
-        gamma=columns(axes[:, 2]),
-        omega=columns(motion.angular_velocity @ scene.principal_axes),
-        Omega_rate=columns(np.array([p.Omega for p in change])),
-        k_rate=columns(np.array([p.k for p in change])),
+        axes=rotation_matrix(motion.attitude) @ scene.principal_axes,
+        numbers=tuple(numbers_at(scene, motion.times)),
+        omega=motion.angular_velocity @ scene.principal_axes,
     )
 
 
-def columns(rows: Array) -> Vector:
-    """Rows (n, 3) as three columns (n,)."""
-    return (rows[:, 0], rows[:, 1], rows[:, 2])
+def numbers_at(scene: Scene, times: Array) -> list[Numbers]:
+    """The ball's numbers at n times, with their rates."""
+    if scene.steady:
+        return [numbers(scene.parameters)] * len(times)
+    # Ω and k are linear in the hinges' rates, so their rates are those of the accelerations.
+    accelerations = np.stack([drive.acceleration(times) for drive in scene.drives], axis=1)
+    change = [parameters_of(scene.ball, scene.rolling, each) for each in accelerations]
+    return [
+        replace(numbers(scene.parameters_at(t)), Omega_rate=np.array(p.Omega), k_rate=np.array(p.k))
+        for t, p in zip(times.tolist(), change, strict=True)
+    ]
 
 
-def largest(v: Vector | Array) -> float:
-    """The greatest length of a vector of three columns."""
-    return float(np.linalg.norm(np.array(v), axis=0).max())
+def largest(rows: Array) -> float:
+    """The greatest length of vectors (n, k), or size of numbers (n,)."""
+    return float(np.abs(rows).max() if rows.ndim == 1 else np.linalg.norm(rows, axis=1).max())
 
 
 def rate(samples: Array) -> Array:
     """d/dt (n - 4, …) of samples (n, …) at INTERVAL, by differences of fourth order."""
     ahead, behind = samples[3:-1] - samples[1:-3], samples[4:] - samples[:-4]
     return (8 * ahead - behind) / (12 * INTERVAL)
-
-
-def inner(v: Vector) -> Vector:
-    """The columns at the times at which `rate` is known."""
-    return (v[0][2:-2], v[1][2:-2], v[2][2:-2])

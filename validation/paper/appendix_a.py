@@ -1,0 +1,176 @@
+"""Appendix A: the constraints in the shell's axes, and the kinetic energy of the bodies."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from robotball.rotations import Array, rotation_matrix
+from validation.paper import formulas as f
+from validation.paper.claim import Claim, Residual
+from validation.paper.engine import INNER, RUBBER, largest, paper_scene, rate, seen
+from validation.paper.formulas import Numbers, cross
+from validation.paper.point_masses import Ball, Body, moments
+from validation.paper.section_3_1 import MOMENTUM, MUJOCO
+
+MASSES = "point masses"
+CENTRE = np.zeros(3)
+
+
+# Constraints ---------------------------------------------------------------------------------
+
+
+def shell_axes(angle: float) -> Array:
+    """Φ(t): from the shell's axes at φ = 0 to those of the frame."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def in_the_shells_axes(twist: float) -> Residual:
+    """u + aΓ×w and (w, Γ) of (A.1), with w by differences of the shell's attitude.
+
+    That attitude is MuJoCo's frame's, turned by P = RΦ of its hinge's angle; R = E, for the axis
+    is e_z.
+    """
+    scene, ball = paper_scene(RUBBER), seen(RUBBER)
+    P = np.array([shell_axes(twist * angle) for angle in ball.motion.hinge_angles[:, 0]])
+    shell = rotation_matrix(ball.motion.attitude) @ P
+    turning = shell[INNER].transpose(0, 2, 1) @ rate(shell)  # ŵ transposed
+    w = np.stack([turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]], axis=1)
+    Gamma = shell[INNER, 2]
+    u = np.einsum("nij,ni->nj", shell[INNER], ball.path_velocity)
+    slip, spin = u + scene.ball.radius * np.cross(Gamma, w), (w * Gamma).sum(axis=1)
+    return Residual(max(largest(slip), largest(spin)), bound=4e-6, unit="m/s, rad/s")
+
+
+def turned_angular_velocity(twist: float) -> Residual:
+    """ω̂α = dα/dt in the frame's axes, with ω̂ = PŵPᵀ + ṖPᵀ of random rates.
+
+    As printed, PᵀŵP + PᵀṖ is tried for either sense of P, and the better one counts.
+    """
+    random = np.random.default_rng(4)
+    P, shell = (np.linalg.qr(random.normal(size=(3, 3)))[0] for _ in range(2))
+    w, turning = f.hat(random.normal(size=3)), f.hat(random.normal(size=3))
+    P_rate = turning @ P
+    frame, frame_rate = P @ shell, P_rate @ shell + P @ w @ shell
+
+    def off(omega_hat: Array) -> float:
+        return float(np.abs(omega_hat @ frame - frame_rate).max())
+
+    corrected = P @ w @ P.T + twist * P_rate @ P.T
+    printed = min(off(P.T @ w @ P + P.T @ P_rate), off(P @ w @ P.T + P @ P_rate.T))
+    return Residual(off(corrected), bound=2e-15, printed=printed, unit="1/s")
+
+
+# Energy --------------------------------------------------------------------------------------
+
+
+def without(ball: Ball, *kept: str) -> Ball:
+    """The ball with the mass of all bodies but those kept taken away."""
+
+    def light(body: Body, name: str) -> Body:
+        return body if name in kept else replace(body, masses=0 * body.masses)
+
+    rotors = tuple(light(rotor, "rotors") for rotor in ball.rotors)
+    return Ball(light(ball.shell, "shell"), light(ball.frame, "frame"), rotors, ball.a)
+
+
+def shell_energy(twist: float) -> Residual:
+    """Σ mu²/2 of the shell beside m_sv²/2 + (ω, RI_sRᵀω)/2 - J_s(ω, Ω), less that at v = ω = 0."""
+    worst = 0.0
+    for moment in moments(81):
+        w, v, shell = moment.omega, moment.v, without(moment.ball, "shell")
+        T = shell.momenta(v, w)[2] - shell.momenta(CENTRE, CENTRE)[2]
+        J_s, I_s = shell.shell.moment(shell.shell.axis), shell.inertia(CENTRE)
+        formula = shell.mass * v @ v / 2 + w @ I_s @ w / 2 - twist * J_s * w @ shell.Omega
+        worst = max(worst, abs(float(T - formula)))
+    return Residual(worst, bound=4e-15, unit="J")
+
+
+def frame_and_rotor_energy(twist: float) -> Residual:
+    """Σ mu²/2 of frame and rotors beside mv²/2 + (ω, I_fω)/2 + Σ (ω + φ̇n, j(ω + φ̇n))/2.
+
+    The rotors' centres are the ball's, as the paper has them.
+    """
+    worst = 0.0
+    for moment in moments(82, centred=True):
+        w, v, ball = moment.omega, moment.v, without(moment.ball, "frame", "rotors")
+        formula = ball.mass * v @ v / 2 + w @ without(ball, "frame").inertia(CENTRE) @ w / 2
+        for rotor in ball.rotors:
+            alone = without(replace(ball, rotors=(rotor,)), "rotors").inertia(CENTRE)
+            turning = w + twist * rotor.rate * rotor.axis
+            formula += turning @ alone @ turning / 2
+        worst = max(worst, abs(float(ball.momenta(v, w)[2] - formula)))
+    return Residual(worst, bound=3e-14, unit="J")
+
+
+def gyrostatic_momentum(twist: float) -> Residual:
+    """M of (3.1) with the k of (A.3) of three rotors, beside that of MuJoCo's bodies.
+
+    Twisted, without the third.
+    """
+    scene, ball = paper_scene("three_rotors"), seen("three_rotors")
+    drives = [float(drive.rate(0.0)) for drive in scene.drives]
+    if twist != 1:
+        drives[-1] = 0.0
+    shell = scene.ball.shell
+    Omega = drives[0] * shell.axis
+    k = -shell.axial_inertia * Omega
+    for rotor, rate_ in zip(scene.ball.rotors, drives[1:], strict=True):
+        k = k + rotor.axial_inertia * rate_ * rotor.axis
+    K = scene.principal_axes.T @ (k - scene.ball.d * Omega)
+
+    def formula(n: Numbers, omega: Array, gamma: Array) -> Array:
+        return cross(gamma, f.contact_inertia(n, gamma) @ omega + K)
+
+    return Residual(largest(ball.of(formula) - ball.momentum), bound=2e-7, unit=MOMENTUM)
+
+
+def steiner_terms(twist: float) -> Residual:
+    """Σ m(r²E - r⊗r) of all points, beside the sum over the bodies' own centres.
+
+    With μ(c²E - c⊗c) of the rotors' centres, and without as printed.
+    """
+    corrected = printed = 0.0
+    for moment in moments(83):
+        ball = moment.ball
+        own, steiner = without(ball, "shell", "frame").inertia(CENTRE), np.zeros((3, 3))
+        for rotor in ball.rotors:
+            alone = replace(ball, rotors=(replace(rotor, centre=CENTRE),))
+            c = rotor.centre
+            own = own + without(alone, "rotors").inertia(CENTRE)
+            steiner += rotor.mass * (twist * c @ c * f.E - np.outer(c, c))
+        whole = ball.inertia(CENTRE)
+        corrected = max(corrected, float(np.abs(whole - own - steiner).max()))
+        printed = max(printed, float(np.abs(whole - own).max()))
+    return Residual(corrected, bound=3e-15, printed=printed, unit="kg m²")
+
+
+CLAIMS = (
+    Claim(
+        "(A.1)",
+        "u + aΓ×w = 0, (w, Γ) = 0, where P = RΦ(t)",
+        in_the_shells_axes,
+        MUJOCO,
+        "the sense of Φ",
+    ),
+    Claim(
+        "E19, (A.2)",
+        "ω̂ = PŵPᵀ + ṖPᵀ, where ω̂α = α×ω",
+        turned_angular_velocity,
+        "random rotations",
+        "the sign of Ṗ",
+        printed="ω̂ = PᵀŵP + PᵀṖ",
+    ),
+    Claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", shell_energy, MASSES, "the sign of J_s"),
+    Claim("App. A", "T_f and T_i", frame_and_rotor_energy, MASSES, "the sign of φ̇"),
+    Claim("E20, App. A", "μ_i is the rotor's mass, not m_i", "a name: nothing to compute"),
+    Claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors", gyrostatic_momentum, MUJOCO, "one rotor"),
+    Claim(
+        "E21, (A.3)",
+        "I = RI_sRᵀ + I_f + Σ j + Steiner's terms",
+        steiner_terms,
+        MASSES,
+        "the sign of c²",
+        printed="I = RI_sRᵀ + I_f + Σ j",
+    ),
+)

@@ -1,0 +1,146 @@
+"""The numbers that the paper's captions print, and the motions that they start."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy import sqrt
+
+from robotball.engines.mujoco import LABEL
+from robotball.rotations import Array
+from validation.paper import formulas as f
+from validation.paper.claim import Claim, Residual
+from validation.paper.engine import largest, paper_scene, seen
+from validation.paper.formulas import Numbers, cross
+
+
+@dataclass(frozen=True)
+class Caption:
+    """A ball, α, β and γ (the rows of axes) and M at t = 0; a = 1, X = Y = 0."""
+
+    n: Numbers
+    axes: Array
+    M: Array
+
+
+def from_rest(K3: float, *axes: tuple[float, ...]) -> Caption:
+    """Figs 5 to 8."""
+    n = f.with_A((0.5, 0.4, 0.3), np.array([4.0, 2.0, 1.0]), np.array([0.0, 0.0, K3]))
+    return Caption(n, np.array(axes), np.zeros(3))
+
+
+def line_ball(f3: float = 1.0) -> Numbers:
+    """Figs 9 and 10, with Ω₃ = f3 and K = (4, 5, 0)."""
+    return f.with_A((0.5, 0.3, 0.6), np.array([0.0, 0.0, f3]), np.array([4.0, 5.0, 0.0]))
+
+
+def near_sigma_plus(level: float) -> Caption:
+    """Fig. 10: 0.01 e₃ from σ₊, with OX against M."""
+    n = line_ball()
+    square = n.K @ n.K
+    gamma = sqrt(square - level) / square * n.K + sqrt(level) / square * cross(n.K, n.Omega)
+    gamma = gamma + 0.01 * f.E[2]
+    gamma = gamma / np.linalg.norm(gamma)
+    M = f.level(f.E[2], gamma)
+    M = M * sqrt(level / (M @ M))
+    return laid_against(n, M, gamma)
+
+
+def laid_against(n: Numbers, M: Array, gamma: Array) -> Caption:
+    """With α = -M/√f of section 3.3."""
+    alpha = -M / np.linalg.norm(M)
+    return Caption(n, np.array([alpha, cross(gamma, alpha), gamma]), M)
+
+
+def on_the_section(
+    A: tuple[float, float, float], K: tuple[float, ...], L: float, l: float
+) -> Caption:
+    """Figs 12 to 14: f = 25 and (L, l) at g = 0, by (5.5)."""
+    n, root = f.with_A(A, np.array([0.0, 0.0, 2.0]), np.array(K)), sqrt(25 - L**2)
+    M = np.array([root * np.sin(l), root * np.cos(l), L])
+    gamma = np.array([L / 5 * np.sin(l), L / 5 * np.cos(l), -root / 5])
+    return laid_against(n, M, gamma)
+
+
+# As printed, with the E17 and E18 that make the axes orthonormal.
+CAPTIONS = {
+    "fig05b": from_rest(
+        0.0,
+        (sqrt(8949) / 95, -2 * sqrt(19) / 95, 0),
+        (-9 * sqrt(19) / 475, -9 * sqrt(8949) / 950, -sqrt(19) / 10),
+        (1 / 25, sqrt(471) / 50, -9 / 10),
+    ),
+    "fig05c": from_rest(0.0, (0, -1, 0), (sqrt(39) / 20, 0, -19 / 20), (19 / 20, 0, sqrt(39) / 20)),
+    "fig05d": from_rest(0.0, (0, -1, 0), (0, 0, -1), (1, 0, 0)),
+    "fig06": from_rest(
+        0.3, (1, 0, 0), (0, 3 * sqrt(11) / 50, -49 / 50), (0, 49 / 50, 3 * sqrt(11) / 50)
+    ),
+    "fig07": from_rest(0.52, (1, 0, 0), (0, sqrt(79) / 40, -39 / 40), (0, 39 / 40, sqrt(79) / 40)),
+    "fig08": from_rest(3.0, (1, 0, 0), (0, sqrt(79) / 40, -39 / 40), (0, 39 / 40, sqrt(79) / 40)),
+    "fig10": near_sigma_plus(3.0),
+    "fig12": on_the_section((0.7, 0.6, 0.8), (2, 2, 0), 3.6, 0.6),
+    "fig13": on_the_section((0.7, 0.6, 0.8), (2, 2, 0), 0.0, 1.96),
+    "fig14": on_the_section((0.8, 0.6, 0.7), (2, 3, 0), 0.0, 0.6),
+}
+
+
+def motion(caption: Caption, times: Array) -> tuple[Array, Array]:
+    """γ (n, 3) and (X, Y) (n, 2) by (2.6), (2.7) and (3.2), by scipy."""
+    n = caption.n
+
+    def rate(x: Array) -> Array:
+        M, alpha, beta, gamma = x[:12].reshape(4, 3)
+        omega = f.rubber_velocity(n, M, gamma)
+        turning = [cross(v, omega) for v in (M, alpha, beta, gamma)]
+        shell = omega - n.Omega
+        return np.concatenate([*turning, [n.a * beta @ shell, -n.a * alpha @ shell]])
+
+    start = np.concatenate([caption.M, caption.axes.ravel(), [0.0, 0.0]])
+    found = f.followed(rate, start, times)
+    return found[:, 9:12], found[:, 12:]
+
+
+def as_captioned(name: str, bound: float, twist: float) -> Residual:
+    """MuJoCo's contact point over 10 s, relative to the path, and γ, beside the caption's."""
+    caption, ball = CAPTIONS[name], seen(name)
+    caption = replace(caption, n=replace(caption.n, Omega=twist * caption.n.Omega))
+    gamma, path = motion(caption, ball.motion.times)
+    in_frame = ball.gamma @ paper_scene(name).principal_axes.T
+    off = largest(ball.motion.contact_point - path) / max(ball.motion.path_length, caption.n.a)
+    return Residual(max(off, largest(in_frame - gamma)), bound)
+
+
+def orthonormal(name: str, twist: float) -> Residual:
+    """How far a caption's α, β and γ are from orthonormal; twisted, with another sign of γ₁."""
+    axes = CAPTIONS[name].axes.copy()
+    axes[2] *= [twist, 1.0, 1.0] if name.startswith("fig05") else [1.0, twist, 1.0]
+    return Residual(off_orthonormal(axes), bound=1e-15)
+
+
+def off_orthonormal(axes: Array) -> float:
+    """The largest entry of SSᵀ - E."""
+    return float(np.abs(axes @ axes.T - f.E).max())
+
+
+def place(name: str) -> str:
+    """Where the paper has it: "Fig. 5b" for "fig05b"."""
+    return "Fig. " + name.removeprefix("fig").lstrip("0")
+
+
+def captioned_motion(name: str, bound: float) -> Claim:
+    """The motion of a figure; the bound is of RK4's error, which the turning rate sets."""
+    return Claim(
+        place(name),
+        "the motion that starts as its caption says",
+        partial(as_captioned, name, bound),
+        f"{LABEL.name}; (3.2) by scipy",
+        "the sign of Ω",
+    )
+
+
+def starting_axes(name: str) -> Claim:
+    """That a caption's vectors are axes."""
+    check = partial(orthonormal, name)
+    return Claim(
+        place(name), "the caption's α, β, γ are orthonormal", check, "arithmetic", "the sign of γ₂"
+    )

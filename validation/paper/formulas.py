@@ -1,0 +1,269 @@
+"""The paper's formulas, typed a second time, with matrices, and what a check needs of them.
+
+Nothing here comes from robotball.equations: these are what its motions are held against. A vector
+is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are corrected where a name says E….
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from robotball.parameters import Parameters
+from robotball.rotations import Array
+
+Field = Callable[[Array], Array]
+E = np.eye(3)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """What the equations know of a ball: I and A (3, 3), d, a; Ω, K and their rates (3,)."""
+
+    I: Array
+    d: float
+    Omega: Array
+    K: Array
+    a: float = 1.0
+    Omega_rate: Array = field(default_factory=lambda: np.zeros(3))
+    k_rate: Array = field(default_factory=lambda: np.zeros(3))
+    A: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "A", np.linalg.inv(self.I + self.d * E))
+
+    @property
+    def k(self) -> Array:
+        """K + dΩ, by (3.1)."""
+        return self.K + self.d * self.Omega
+
+    @property
+    def moments(self) -> Array:
+        """a₁, a₂, a₃ (3,) of a diagonal A."""
+        return np.diag(self.A)
+
+
+def numbers(p: Parameters) -> Numbers:
+    """Those of a scene, in principal axes."""
+    return Numbers(np.diag(p.I), p.d, np.array(p.Omega), np.array(p.K), p.a)
+
+
+def with_A(
+    A: tuple[float, float, float], Omega: Array, K: Array, d: float = 0.5, a: float = 1.0
+) -> Numbers:
+    """A ball with this diagonal A; d matters in the classical model only."""
+    return Numbers(np.diag(1 / np.array(A) - d), d, np.array(Omega), np.array(K), a)
+
+
+def cross(u: Array, v: Array) -> Array:
+    """u × v, faster than NumPy's; of complex numbers too."""
+    return np.array(
+        [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
+    )
+
+
+def hat(w: Array) -> Array:
+    """ŵ (3, 3) of section 2, with ŵα = α×w."""
+    return np.array([[0.0, w[2], -w[1]], [-w[2], 0.0, w[0]], [w[1], -w[0], 0.0]])
+
+
+def turned_about(axis: Array, angle: float) -> Array:
+    """The rotation (3, 3) about a unit vector."""
+    cosine, side = np.cos(angle), hat(axis).T
+    return cosine * E + np.sin(angle) * side + (1 - cosine) * np.outer(axis, axis)
+
+
+# The equations -----------------------------------------------------------------------------
+
+
+def contact_inertia(n: Numbers, gamma: Array) -> Array:
+    """Ĩ = I + ma²(γ²E - γ⊗γ), after (2.4)."""
+    return n.I + n.d * (gamma @ gamma * E - np.outer(gamma, gamma))
+
+
+def drive_torque(n: Numbers, omega: Array, gamma: Array) -> Array:
+    """W of (2.5)."""
+    turning = n.d * (omega @ gamma) * cross(gamma, n.Omega)
+    return turning + n.d * cross(gamma, cross(n.Omega_rate, gamma)) - n.k_rate
+
+
+def gyroscopic_torque(n: Numbers, omega: Array, gamma: Array) -> Array:
+    """(Ĩω + k)×ω + ma²(ω - Ω, γ)γ×ω of (2.4)."""
+    carried = cross(contact_inertia(n, gamma) @ omega + n.k, omega)
+    return carried + n.d * ((omega - n.Omega) @ gamma) * cross(gamma, omega)
+
+
+def spin_torque(n: Numbers, omega: Array, gamma: Array) -> float:
+    """λ₀ of (2.5)."""
+    per_gamma = np.linalg.solve(contact_inertia(n, gamma), gamma)
+    torque = gyroscopic_torque(n, omega, gamma) + drive_torque(n, omega, gamma)
+    drive = n.Omega @ cross(gamma, omega) + n.Omega_rate @ gamma
+    return float((-per_gamma @ torque + drive) / (per_gamma @ gamma))
+
+
+def acceleration(n: Numbers, omega: Array, gamma: Array, lambda_0: float) -> Array:
+    """dω/dt of (2.4)."""
+    torque = gyroscopic_torque(n, omega, gamma) + lambda_0 * gamma + drive_torque(n, omega, gamma)
+    return np.asarray(np.linalg.solve(contact_inertia(n, gamma), torque), dtype=float)
+
+
+def rubber_velocity(n: Numbers, M: Array, gamma: Array) -> Array:
+    """ω of (3.2)."""
+    A_gamma = n.A @ gamma
+    Z = (n.Omega + n.A @ n.K) @ gamma / (A_gamma @ gamma)
+    return n.A @ (cross(M, A_gamma) / (A_gamma @ gamma) - n.K + Z * gamma)
+
+
+def classical_velocity(n: Numbers, M: Array, gamma: Array) -> Array:
+    """ω of (3.3)."""
+    Z = (n.A @ (M - n.K) - n.Omega) @ gamma / (1 / n.d - n.A @ gamma @ gamma)
+    return n.A @ (M - n.K + Z * gamma)
+
+
+def from_rest(n: Numbers) -> Field:
+    """dγ/dt of (4.1), as a function of γ."""
+
+    def rate(gamma: Array) -> Array:
+        Z = (n.Omega + n.A @ n.K) @ gamma / (n.A @ gamma @ gamma)
+        return cross(gamma, n.A @ (Z * gamma - n.K))
+
+    return rate
+
+
+Velocity = Callable[[Numbers, Array, Array], Array]
+
+
+def reduced(velocity: Velocity, n: Numbers) -> Field:
+    """d/dt of (M, γ) (6,) by (3.2) or (3.3)."""
+
+    def rate(state: Array) -> Array:
+        M, gamma = state[:3], state[3:]
+        omega = velocity(n, M, gamma)
+        return np.concatenate([cross(M, omega), cross(gamma, omega)])
+
+    return rate
+
+
+# What is done with them ----------------------------------------------------------------------
+
+
+def followed(field: Field, start: Array, times: Array, rtol: float = 1e-12) -> Array:
+    """States (n, k) at the times (n,) of an autonomous system, by scipy."""
+    found = solve_ivp(
+        lambda _, x: field(x),
+        (float(times[0]), float(times[-1])),
+        start,
+        "DOP853",
+        times,
+        rtol=rtol,
+        atol=rtol / 10,
+    )
+    return np.asarray(found.y.T)
+
+
+def returns(field: Field, start: Array, normal: Array, duration: float, rtol: float) -> Array:
+    """States (m, k) in which (x - start, normal) passes 0 upwards again, by scipy."""
+
+    def ahead(_: float, x: Array) -> float:
+        return float((x - start) @ normal)
+
+    ahead.direction = 1.0  # type: ignore[attr-defined]
+    found = solve_ivp(
+        lambda _, x: field(x),
+        (0.0, duration),
+        start,
+        "DOP853",
+        events=ahead,
+        rtol=rtol,
+        atol=rtol / 100,
+    )
+    assert found.t_events is not None
+    assert found.y_events is not None
+    return np.asarray(found.y_events[0][found.t_events[0] > 1e-3]).reshape(-1, len(start))
+
+
+def slope(field: Field, at: Array, along: Array) -> Array:
+    """The derivative of a rational function at a point along a direction, by a complex step."""
+    return np.imag(field(at + 1e-30j * along)) / 1e-30
+
+
+def jacobian(field: Field, at: Array) -> Array:
+    """∂field/∂x (k, k)."""
+    return np.stack([slope(field, at, e) for e in np.eye(len(at))], axis=1)
+
+
+def across(gamma: Array) -> Array:
+    """Two unit vectors (2, 3) across γ and each other."""
+    first = cross(gamma, E[np.argmin(np.abs(gamma))])
+    first = first / np.linalg.norm(first)
+    return np.stack([first, cross(gamma, first)])
+
+
+def eigenvalues(field: Field, gamma: Array) -> Array:
+    """Those (2,) of a field on the sphere at its zero γ, by real part."""
+    basis = across(gamma)
+    values = np.linalg.eigvals(basis @ jacobian(field, gamma) @ basis.T).astype(complex)
+    return values[np.argsort(values.real)]
+
+
+def zeros(field: Field, starts: int = 400) -> list[Array]:
+    """The isolated zeros (3,) of a field on the sphere that Newton's method finds from everywhere.
+
+    Where the zeros fill a curve, some of its points come along.
+    """
+    found: list[Array] = []
+    for gamma in sphere(starts):
+        for _ in range(30):
+            basis = across(gamma)
+            linear = basis @ jacobian(field, gamma) @ basis.T
+            step = np.linalg.lstsq(linear, basis @ field(gamma), rcond=1e-13)[0]
+            length = float(np.linalg.norm(step))
+            gamma = gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300))
+            gamma = gamma / np.linalg.norm(gamma)
+            if length < 1e-13:
+                break
+        at_rest = np.linalg.norm(field(gamma)) < 1e-12
+        if at_rest and all(np.linalg.norm(gamma - other) > 1e-6 for other in found):
+            found.append(gamma)
+    return found
+
+
+def sphere(count: int) -> Array:
+    """Points (count, 3) spread evenly over the unit sphere, along a spiral."""
+    i = np.arange(count) + 0.5
+    z, turn = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
+    return np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], 1)
+
+
+# Random states -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class State:
+    """A ball with any numbers, its rates changing too, and a moment of its motion."""
+
+    n: Numbers
+    omega: Array
+    gamma: Array
+    M: Array
+
+
+def states(seed: int, count: int = 100) -> Iterator[State]:
+    """Random ones: I of a body, Ω and K of either sign; ω and M any, (M, γ) ≠ 0."""
+    random = np.random.default_rng(seed)
+    for _ in range(count):
+        Omega, K, Omega_rate, k_rate, omega, M, gamma = random.normal(size=(7, 3))
+        I = np.diag(random.uniform(0.5, 1.0, 3))
+        n = Numbers(I, random.uniform(0.2, 2.0), Omega, K, 1.0, Omega_rate, k_rate)
+        yield State(n, omega, gamma / np.linalg.norm(gamma), M)
+
+
+def still(n: Numbers) -> Numbers:
+    """The same with constant rates."""
+    return replace(n, Omega_rate=np.zeros(3), k_rate=np.zeros(3))
+
+
+def level(v: Array, gamma: Array) -> Array:
+    """The horizontal part of v."""
+    return v - (v @ gamma) * gamma

@@ -53,14 +53,15 @@ class Compare:
         options = self.run_options
         requests = [options.request(name) for name in listed(self.preset) or (None,)]
         self._check_no_preset_is_a_scene(requests[0].engine.presets)
-        scenes = scenes_of(self.scenes)
+        scenes_by_file = scenes_of(self.scenes)
+        scenes = list(scenes_by_file.values())
         check_files(self.json, self.csv)
         out = writable_folder(options.out)
-        given = dict(zip(map(id, scenes), self.scenes, strict=True))
+        files = {scene.name: file for file, scene in scenes_by_file.items()}
         refused: list[str] = []
 
         def refuse(scene: Scene, error: InputError) -> None:
-            file = given[id(scene)]
+            file = files[scene.name]
             name = scene.name if file == scene.name else f"{scene.name} ({file})"
             refused.append(f"{name}: {error}")
 

@@ -14,8 +14,8 @@ from validation.comparison.agreement import Agreement
 ALL = "all"  # of an engine's presets
 
 
-def scenes_of(names: Sequence[str]) -> list[Scene]:
-    """The scenes of catalog names and paths, each once, and no two with one name.
+def scenes_of(names: Sequence[str]) -> dict[str, Scene]:
+    """The scenes of catalog names and paths, by these; each once, and no two with one name.
 
     Those of files with the same name in two folders are named after the folder as well. Raises
     InputError where one cannot be loaded.
@@ -32,7 +32,7 @@ def scenes_of(names: Sequence[str]) -> list[Scene]:
         others = (f"{name}-{number}" for number in count(2))
         free = next(each for each in chain((name,), others) if each not in taken)
         named.append(replace(scene, name=free))
-    return named
+    return dict(zip(distinct.values(), named, strict=True))
 
 
 def file_stem(agreements: Sequence[Agreement]) -> str:

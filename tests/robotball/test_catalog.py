@@ -33,6 +33,7 @@ MEASURED = {  # balanced, accurate
     "routh_sphere": (1.1e-8, 1.9e-11),
     "rubber_chaplygin_ball": (2.4e-11, 2.1e-13),
     "rubber_chaplygin_gyrostat": (2.4e-9, 4.1e-12),
+    "rubber_routh_sphere": (4.6e-9, 8.0e-12),
     "spin_up_from_rest": (6.2e-8, 9.8e-11),
     "three_rotors": (1.7e-9, 2.5e-12),
     "wobbling_drive": (2.5e-9, 1.7e-11),
@@ -96,37 +97,23 @@ def test_real_motors_show_what_they_do_to_the_agreement() -> None:
     assert agreement.report.hinge_rate_error.max() > 0.01
 
 
-def test_rouths_sphere_keeps_its_energy() -> None:
-    """Remark 5: on an axis of symmetry the drives do no work on E; measured 4.9e-11 of 12.5 J.
-
-    The tolerance of the integration sets it.
-    """
-    scene = rb.load_scene("routh_sphere")
-    motion, p = rb.integrate(scene), scene.parameters
-    gamma = motion.gamma @ scene.principal_axes
-    omega = motion.angular_velocity @ scene.principal_axes
-    E = eq.energy(tuple(omega.T), tuple(gamma.T), p.Omega, p.A, p.d, spinning=True)
-    assert np.ptp(E) < 2e-10
-    assert E[0] == pytest.approx(12.524, abs=1e-3)
-    assert np.ptp(gamma[:, 2]) > 0.1  # the ball does move about
-
-
-@pytest.mark.parametrize("name", [n for n in MEASURED if "chaplygin" in n])
+@pytest.mark.parametrize("name", [n for n in MEASURED if "chaplygin" in n or "routh" in n])
 def test_the_integrable_balls_keep_their_energy(name: str) -> None:
-    """With Ω = 0 nothing does work, with a gyroscope or without; and in fig12, a control, it does.
+    """With Ω = 0, or Ω and K on an axis of symmetry (Remark 5); in fig12, a control, it changes.
 
-    Measured 3.5e-13 J of 15 at most: the tolerance of the integration.
+    Measured 5.7e-13 J of 15 at most: the tolerance of the integration.
     """
 
     def energy(scene: rb.Scene) -> Array:
         motion, p = rb.integrate(scene), scene.parameters
         gamma = motion.gamma @ scene.principal_axes
+        assert np.ptp(gamma[:, 2]) > 0.1  # the ball does move about
         omega = motion.angular_velocity @ scene.principal_axes
         spinning = scene.rolling == "classical"
         E = eq.energy(tuple(omega.T), tuple(gamma.T), p.Omega, p.A, p.d, spinning)
         return np.asarray(E)
 
-    assert np.ptp(energy(rb.load_scene(name))) < 1e-12
+    assert np.ptp(energy(rb.load_scene(name))) < 1.5e-12
     assert np.ptp(energy(rb.load_scene("fig12"))) > 10  # measured 27
 
 

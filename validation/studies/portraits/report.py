@@ -27,8 +27,12 @@ CURVES: dict[str, tuple[Callable[[Parameters], float], str, Any]] = {
     "A₁A₂ = 0": (lambda ball: np.prod(proposition_2(ball)[:2]), "#CC3311", "--"),
     "B = 0": (lambda ball: proposition_2(ball)[2], "#117733", ":"),
 }
-GREYS = ("#FFFFFF", "#DADDE1", "#A9AFB6", "#6F767E", "#3A4047")
-OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
+# Told apart by a colour-blind eye as well (Tol's light scheme), and pale under the curves.
+COLOURS = (
+    "#FFFFFF", "#99DDFF", "#DDDDDD", "#EEDD88", "#77AADD", "#44BB99", "#FFAABB", "#AAAA00",
+    "#EE8866",
+)  # fmt: skip
+OTHER = "#555555"  # what has no result, or one of a kind not foreseen
 
 
 def number_of_points(record: Mapping[str, Any]) -> str:
@@ -97,11 +101,11 @@ def picture(plane: Plane, results: Sequence[Result]) -> Figure:
 def draw_cells(
     axes: Axes, results: Sequence[Result], property_of: Callable[[Mapping[str, Any]], str]
 ) -> None:
-    """Each cell in the grey of its property, with a legend of what is there."""
+    """Each cell in the colour of its property, with a legend of what is there."""
     across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
     words = [property_of(each.record) if each.record else "no result" for each in results]
     kinds = sorted(set(words) - {"no result"})
-    colours = dict(zip(kinds, GREYS, strict=False))
+    colours = dict(zip(kinds, COLOURS, strict=False))
     for each, word in zip(results, words, strict=True):
         x, y = each.cell["K3"], each.cell["y"]
         half = (across[1] - across[0]) / 2, (up[1] - up[0]) / 2

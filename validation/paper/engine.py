@@ -12,6 +12,8 @@ from robotball.parameters import parameters_of
 from robotball.rotations import Array, rotation_matrix
 from validation.paper.formulas import Numbers, numbers
 
+NAME = "MuJoCo"
+MOTION = f"{NAME}'s motion"
 INTERVAL = 0.005  # s between samples: each step of "balanced"
 RUBBER, CLASSICAL, DRIVEN = "fig12", "classical_chaotic", "wobbling_drive"
 EACH = (RUBBER, CLASSICAL, DRIVEN)

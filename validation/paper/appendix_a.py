@@ -7,10 +7,10 @@ import numpy as np
 from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import INNER, RUBBER, largest, paper_scene, rate, seen
+from validation.paper.engine import INNER, MOTION, RUBBER, largest, paper_scene, rate, seen
 from validation.paper.formulas import Numbers, cross
 from validation.paper.point_masses import Ball, Body, moments
-from validation.paper.section_3_1 import MOMENTUM, MUJOCO
+from validation.paper.section_3_1 import MOMENTUM
 
 MASSES = "point masses"
 CENTRE = np.zeros(3)
@@ -150,7 +150,7 @@ CLAIMS = (
         "(A.1)",
         "u + aΓ×w = 0, (w, Γ) = 0, where P = RΦ(t)",
         in_the_shells_axes,
-        MUJOCO,
+        MOTION,
         "the sense of Φ",
     ),
     Claim(
@@ -164,7 +164,7 @@ CLAIMS = (
     Claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", shell_energy, MASSES, "the sign of J_s"),
     Claim("App. A", "T_f and T_i", frame_and_rotor_energy, MASSES, "the sign of φ̇"),
     Claim("E20, App. A", "μ_i is the rotor's mass, not m_i", "a name: nothing to compute"),
-    Claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors", gyrostatic_momentum, MUJOCO, "one rotor"),
+    Claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors", gyrostatic_momentum, MOTION, "one rotor"),
     Claim(
         "E21, (A.3)",
         "I = RI_sRᵀ + I_f + Σ j + Steiner's terms",

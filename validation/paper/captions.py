@@ -6,11 +6,10 @@ from functools import partial
 import numpy as np
 from numpy import sqrt
 
-from robotball.engines.mujoco import LABEL
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import largest, paper_scene, seen
+from validation.paper.engine import NAME, largest, paper_scene, seen
 from validation.paper.formulas import Numbers, cross
 
 
@@ -133,7 +132,7 @@ def captioned_motion(name: str, bound: float) -> Claim:
         place(name),
         "the motion that starts as its caption says",
         partial(as_captioned, name, bound),
-        f"{LABEL.name}; (3.2) by scipy",
+        f"{NAME}; (3.2) by scipy",
         "the sign of Ω",
     )
 

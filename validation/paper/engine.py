@@ -8,10 +8,13 @@ from functools import cache, cached_property
 import numpy as np
 
 from robotball import Motion, Scene, SceneWarning, load_scene, sample_times, simulate
+from robotball.engines.mujoco import LABEL
 from robotball.parameters import parameters_of
 from robotball.rotations import Array, rotation_matrix
 from validation.paper.formulas import Numbers, numbers
 
+NAME = LABEL.name
+MOTION = f"{NAME}'s motion"
 INTERVAL = 0.005  # s between samples: each step of "balanced"
 RUBBER, CLASSICAL, DRIVEN = "fig12", "classical_chaotic", "wobbling_drive"
 EACH = (RUBBER, CLASSICAL, DRIVEN)

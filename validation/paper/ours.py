@@ -15,9 +15,9 @@ from robotball.rotations import Array
 from robotball.start import along_momentum
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import CLASSICAL, RUBBER, largest, paper_scene, seen
+from validation.paper.engine import CLASSICAL, MOTION, RUBBER, largest, paper_scene, seen
 from validation.paper.formulas import Numbers, Velocity, cross
-from validation.paper.section_3_1 import MOMENTUM, MUJOCO, energies
+from validation.paper.section_3_1 import MOMENTUM, energies
 from validation.paper.section_5_2 import F, andoyer
 from validation.paper.section_5_3 import chaotic, regular, settled, starts
 
@@ -146,16 +146,16 @@ def without_angles(twist: float) -> Residual:
 
 
 CLAIMS = (
-    Claim("3.1", "M×γ is the horizontal part of L", turned_momentum, MUJOCO, "the sign of M"),
+    Claim("3.1", "M×γ is the horizontal part of L", turned_momentum, MOTION, "the sign of M"),
     Claim(
         "3.1",
         "dE/dt = -(Ω, (A⁻¹ω + K)×ω)",
         partial(energy_balance, RUBBER, 1.5e-6),
-        MUJOCO,
+        MOTION,
         "sign of K",
     ),
     Claim(
-        "3.2", "dE/dt: classical", partial(energy_balance, CLASSICAL, 1e-5), MUJOCO, "the sign of K"
+        "3.2", "dE/dt: classical", partial(energy_balance, CLASSICAL, 1e-5), MOTION, "the sign of K"
     ),
     Claim(
         "3.1",
@@ -175,7 +175,7 @@ CLAIMS = (
         "3.2",
         "classical: M = K + d(Ω,γ)γ rolls straight at a|γ×Ω|",
         straight_classical,
-        MUJOCO,
+        MOTION,
         "the sign of d",
     ),
     Claim(

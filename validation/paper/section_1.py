@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball.engines.mujoco import LABEL
 from robotball.rotations import Array
 from robotball.start import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import DRIVEN, RUBBER, largest, paper_scene, seen, seen_of
+from validation.paper.engine import DRIVEN, NAME, RUBBER, largest, paper_scene, seen, seen_of
 from validation.paper.formulas import Numbers, cross
 
 TIMES = np.linspace(0.0, 20.0, 201)
@@ -148,7 +147,7 @@ CLAIMS = (
         "1, par. 5",
         "constant rates: the motion does not depend on the time",
         autonomous,
-        f"{LABEL.name}, from 3 s on",
+        f"{NAME}, from 3 s on",
         "rates that change",
     ),
 )

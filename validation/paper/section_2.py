@@ -6,15 +6,14 @@ rates of ω and of the contact point are taken, 1e-6.
 
 import numpy as np
 
-from robotball.engines.mujoco import LABEL
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import DRIVEN, EACH, INNER, RUBBER, largest, rate, seen
+from validation.paper.engine import DRIVEN, EACH, INNER, MOTION, RUBBER, largest, rate, seen
 from validation.paper.formulas import cross
 from validation.paper.point_masses import moments
 
-MUJOCO, MASSES = f"{LABEL.name}'s motion", "point masses"
+MASSES = "point masses"
 
 
 # The system ----------------------------------------------------------------------------------
@@ -100,7 +99,7 @@ def gyrostatic_momentum(twist: float) -> Residual:
 
 
 CLAIMS = (
-    Claim("Figs 3-4", "the structure and the axes", "drawings: nothing to compute"),
+    Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours"),
     Claim(
         "2",
         "the inertia does not change in the frame's axes",
@@ -109,9 +108,9 @@ CLAIMS = (
         "the axes: the shell's",
     ),
     Claim("Remark 1", "α, β and γ stay orthonormal", orthonormal, "scipy", "the sign of dβ/dt"),
-    Claim("2", "ω̂ = dS/dt Sᵀ", quasi_velocities, MUJOCO, "the sign of ω̂"),
-    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", no_slip, MUJOCO, "the sign of Ω"),
-    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", no_spin, MUJOCO, "the sign of Ω"),
+    Claim("2", "ω̂ = dS/dt Sᵀ", quasi_velocities, MOTION, "the sign of ω̂"),
+    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", no_slip, MOTION, "the sign of Ω"),
+    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", no_spin, MOTION, "the sign of Ω"),
     Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", kinetic_energy, MASSES, "the sign of k"),
     Claim("2", "k = Σ jφ̇n - J_sΩ", gyrostatic_momentum, MASSES, "the sign of J_s"),
 )

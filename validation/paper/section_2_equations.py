@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 
 from robotball.bodies import Ball, Frame
-from robotball.engines.mujoco import LABEL
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.start import Start
 from validation.paper import formulas as f
@@ -21,6 +20,7 @@ from validation.paper.engine import (
     DRIVEN,
     EACH,
     INNER,
+    MOTION,
     RUBBER,
     Seen,
     largest,
@@ -32,7 +32,7 @@ from validation.paper.engine import (
 from validation.paper.formulas import Numbers, cross
 from validation.paper.point_masses import Moment, Rolled, moments, rolled
 
-MUJOCO, MASSES = f"{LABEL.name}'s motion", "point masses"
+MASSES = "point masses"
 
 
 def plane_force(ball: Seen) -> Array:
@@ -205,17 +205,13 @@ def plane_symmetry(twist: float) -> Residual:
 
 CLAIMS = (
     Claim(
-        "(2.3)",
-        f"both lines, with {LABEL.name}'s λ and λ₀",
-        poincare_suslov,
-        MUJOCO,
-        "sign of ∂f/∂ω",
+        "(2.3)", "both lines, with the contact's λ and λ₀", poincare_suslov, MOTION, "sign of ∂f/∂ω"
     ),
-    Claim("Remark 3", "gravity has no part", without_gravity, MUJOCO, "the centre of mass"),
-    Claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", reaction, MUJOCO, "the sign of its last term"),
+    Claim("Remark 3", "gravity has no part", without_gravity, MOTION, "the centre of mass"),
+    Claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", reaction, MOTION, "the sign of its last term"),
     Claim("(2.4)", "classical: dω/dt", partial(full_equations, False), MASSES, "the sign of W"),
     Claim("(2.4)", "rubber: dω/dt", partial(full_equations, True), MASSES, "the sign of W"),
-    Claim("(2.4)", "dω/dt while Ω and k change", driven_equations, MUJOCO, "the sign of λ₀"),
+    Claim("(2.4)", "dω/dt while Ω and k change", driven_equations, MOTION, "the sign of λ₀"),
     Claim(
         "E4, (2.4)",
         "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point",
@@ -225,7 +221,7 @@ CLAIMS = (
         printed="ma²(γ² - γ⊗γ), where I is …",
     ),
     Claim("(2.5)", "λ₀, with Ω and k changing", multiplier, MASSES, "the sign of Ω̇"),
-    Claim("(2.5)", "λ₀ is the torque of the contact", contact_torque, MUJOCO, "the sign of λ₀"),
+    Claim("(2.5)", "λ₀ is the torque of the contact", contact_torque, MOTION, "the sign of λ₀"),
     Claim(
         "E3, (2.5)",
         "the rate of (2.2): … - (Ω̇, γ) = 0",
@@ -234,9 +230,9 @@ CLAIMS = (
         "the sign of (Ω̇, γ)",
         printed="… + (Ω̇, γ) = 0",
     ),
-    Claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω", reconstruction, MUJOCO, "the sign of both"),
-    Claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)", contact_point, MUJOCO, "the sign of Ẏ"),
+    Claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω", reconstruction, MOTION, "the sign of both"),
+    Claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)", contact_point, MOTION, "the sign of Ẏ"),
     Claim(
-        "Remark 4", "turned about OZ, ω and γ stay the same", plane_symmetry, MUJOCO, "OX for OZ"
+        "Remark 4", "turned about OZ, ω and γ stay the same", plane_symmetry, MOTION, "OX for OZ"
     ),
 )

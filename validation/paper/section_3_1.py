@@ -6,16 +6,24 @@ from functools import cache, partial
 import numpy as np
 
 from robotball import Scene
-from robotball.engines.mujoco import LABEL
 from robotball.engines.reduced.compiled.kernels import kernel_start, orbit
 from robotball.rotations import Array, rotation_matrix
 from robotball.start import along_momentum, section_state
 from validation.paper import formulas as f
 from validation.paper.claim import AtLeast, Claim, Residual
-from validation.paper.engine import DRIVEN, RUBBER, Seen, largest, paper_scene, seen, seen_of
+from validation.paper.engine import (
+    DRIVEN,
+    MOTION,
+    RUBBER,
+    Seen,
+    largest,
+    paper_scene,
+    seen,
+    seen_of,
+)
 from validation.paper.formulas import Numbers, cross
 
-MUJOCO, MOMENTUM = f"{LABEL.name}'s motion", "kg m²/s"
+MOMENTUM = "kg m²/s"
 ROUTH = "routh_sphere"
 
 
@@ -209,18 +217,18 @@ CLAIMS = (
         "E1, (3.1)",
         "M = γ×(Ĩω + K), K = k - ma²Ω, stays in space",
         kept_momentum,
-        MUJOCO,
+        MOTION,
         "the sign of K",
         printed="M = γ×(Ĩω - K)",
     ),
     Claim(
-        "(3.1)", "M is the momentum of the bodies", momentum_of_the_bodies, MUJOCO, "the sign of d"
+        "(3.1)", "M is the momentum of the bodies", momentum_of_the_bodies, MOTION, "the sign of d"
     ),
     Claim(
-        "3.1", "M stays while Ω and K change in time", under_changing_rates, MUJOCO, "K as it began"
+        "3.1", "M stays while Ω and K change in time", under_changing_rates, MOTION, "K as it began"
     ),
     Claim("(3.2)", "ω(M, γ) solves (3.1) and (2.2)", inverse, "linear equations", "the sign of Ω"),
-    Claim("(3.2)", "ω(M, γ) of the rubber ball", velocity, MUJOCO, "the sign of M"),
+    Claim("(3.2)", "ω(M, γ) of the rubber ball", velocity, MOTION, "the sign of M"),
     Claim("3.1", "F₀, F₁ and F₂ stay", rubber_integrals, "(3.2) by scipy", "the sign of dM/dt"),
     Claim(
         "3.1",
@@ -229,19 +237,19 @@ CLAIMS = (
         "rank of the gradients",
         "M = 0",
     ),
-    Claim("Remark 5", "in general E is no integral", no_energy, MUJOCO, "A, Ω, K on one axis"),
+    Claim("Remark 5", "in general E is no integral", no_energy, MOTION, "A, Ω, K on one axis"),
     Claim(
         "Remark 5",
         "A, Ω, K on one axis: E stays; rubber",
         partial(routh_energy, True),
-        MUJOCO,
+        MOTION,
         "the sign of (Ω, A⁻¹ω)",
     ),
     Claim(
         "Remark 5",
         "A, Ω, K on one axis: E stays; classical",
         partial(routh_energy, False),
-        MUJOCO,
+        MOTION,
         "the sign of (Ω, A⁻¹ω)",
     ),
     Claim(

@@ -9,9 +9,18 @@ from robotball.rotations import Array
 from robotball.start import along_momentum, section_state
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import CLASSICAL, DRIVEN, Seen, largest, paper_scene, seen, seen_of
+from validation.paper.engine import (
+    CLASSICAL,
+    DRIVEN,
+    MOTION,
+    Seen,
+    largest,
+    paper_scene,
+    seen,
+    seen_of,
+)
 from validation.paper.formulas import Numbers
-from validation.paper.section_3_1 import MOMENTUM, MUJOCO, kept_integrals, three_dimensional
+from validation.paper.section_3_1 import MOMENTUM, kept_integrals, three_dimensional
 
 
 def momentum(n: Numbers, omega: Array, gamma: Array, sign: float = 1.0) -> Array:
@@ -91,22 +100,22 @@ CLAIMS = (
         "E2, 3.2",
         "M = Ĩω + K + d(Ω,γ)γ stays in space",
         kept_momentum,
-        MUJOCO,
+        MOTION,
         "the sign of the last term",
         printed="M = Ĩω + K - d(Ω,γ)γ",
     ),
     Claim(
-        "3.2", "M is the momentum of the bodies", momentum_of_the_bodies, MUJOCO, "the sign of d"
+        "3.2", "M is the momentum of the bodies", momentum_of_the_bodies, MOTION, "the sign of d"
     ),
     Claim(
-        "3.2", "M stays while Ω and K change in time", under_changing_rates, MUJOCO, "K as it began"
+        "3.2", "M stays while Ω and K change in time", under_changing_rates, MOTION, "K as it began"
     ),
     Claim("(3.3)", "ω(M, γ) solves M = Ĩω + …", inverse, "linear equations", "the sign of Ω"),
     Claim(
         "E5, 3.2",
         "the reduced system is (3.3)",
         velocity,
-        MUJOCO,
+        MOTION,
         "the sign of M",
         printed='"the autonomous system of equations (3.2)"',
     ),

@@ -10,8 +10,16 @@ from robotball.rotations import Array, rotation_matrix
 from robotball.start import section_state
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import CLASSICAL, INNER, RUBBER, Seen, largest, paper_scene, seen
-from validation.paper.section_3_1 import MUJOCO
+from validation.paper.engine import (
+    CLASSICAL,
+    INNER,
+    MOTION,
+    RUBBER,
+    Seen,
+    largest,
+    paper_scene,
+    seen,
+)
 
 LONG = 2000.0  # s
 
@@ -73,10 +81,10 @@ def bounded(name: str, twist: float) -> Residual:
 
 
 CLAIMS = (
-    Claim("3.3", "α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²)", space_axes, MUJOCO, "the sign of α"),
-    Claim("3.3", "Ẋ, Ẏ by M and γ; rubber", partial(path, RUBBER, 1.5e-6), MUJOCO, "the sign of Ẏ"),
+    Claim("3.3", "α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²)", space_axes, MOTION, "the sign of α"),
+    Claim("3.3", "Ẋ, Ẏ by M and γ; rubber", partial(path, RUBBER, 1.5e-6), MOTION, "the sign of Ẏ"),
     Claim(
-        "3.3", "Ẋ, Ẏ by M and γ; classical", partial(path, CLASSICAL, 6e-6), MUJOCO, "the sign of Ẏ"
+        "3.3", "Ẋ, Ẏ by M and γ; classical", partial(path, CLASSICAL, 6e-6), MOTION, "the sign of Ẏ"
     ),
     Claim(
         "3.3",

@@ -7,9 +7,9 @@ import numpy as np
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import INNER, largest, rate, seen
+from validation.paper.engine import INNER, MOTION, largest, rate, seen
 from validation.paper.formulas import Numbers, cross
-from validation.paper.section_3_1 import MOMENTUM, MUJOCO
+from validation.paper.section_3_1 import MOMENTUM
 
 SPIN_UP = "spin_up_from_rest"
 
@@ -99,9 +99,9 @@ def opposite_points(twist: float) -> Residual:
 
 
 CLAIMS = (
-    Claim("4", "from rest M stays 0 as Ω and K grow", stays_at_rest, MUJOCO, "γ× of (3.1)"),
-    Claim("(4.1)", "dγ/dt = γ×A(Zγ - K)", field_on_the_sphere, MUJOCO, "the sign of K"),
-    Claim("(4.2)", "dα/dt, dβ/dt, Ẋ and Ẏ", path_from_rest, MUJOCO, "the sign of K"),
+    Claim("4", "from rest M stays 0 as Ω and K grow", stays_at_rest, MOTION, "γ× of (3.1)"),
+    Claim("(4.1)", "dγ/dt = γ×A(Zγ - K)", field_on_the_sphere, MOTION, "the sign of K"),
+    Claim("(4.2)", "dα/dt, dβ/dt, Ẋ and Ẏ", path_from_rest, MOTION, "the sign of K"),
     Claim("4", "(4.1) has no chaos", "a theorem: two dimensions have none"),
     Claim(
         "4",

@@ -13,10 +13,9 @@ from robotball.start import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import INNER, Seen, largest, paper_scene, seen, seen_of
+from validation.paper.engine import INNER, MOTION, Seen, largest, paper_scene, seen, seen_of
 from validation.paper.formulas import Numbers, cross
 from validation.paper.point_masses import moments
-from validation.paper.section_3_1 import MUJOCO
 
 FIG5 = CAPTIONS["fig05b"].n
 
@@ -198,7 +197,7 @@ def straight(twist: float) -> Residual:
 
 
 CLAIMS = (
-    Claim("4.1", "(Aγ,γ) stays", integral, MUJOCO, "the sign of a₃"),
+    Claim("4.1", "(Aγ,γ) stays", integral, MOTION, "the sign of a₃"),
     Claim(
         "Remark 7",
         "without a rotor K = -(J_s + d)Ω, not 0",
@@ -206,21 +205,21 @@ CLAIMS = (
         "point masses",
         "the sign of J_s",
     ),
-    Claim("(4.3)", "in its time γ moves as Euler's top", euler_case, MUJOCO, "dt, upside down"),
+    Claim("(4.3)", "in its time γ moves as Euler's top", euler_case, MOTION, "dt, upside down"),
     Claim("(4.4)", "six isolated fixed points, ±e₁, ±e₂, ±e₃", six_points, "search", "K ≠ 0"),
     Claim(
         "Prop. 1", "Γ₃,₄ unstable, Γ₁,₂ and Γ₅,₆ stable", stability, "eigenvalues", "the indices"
     ),
-    Claim("Prop. 1", "α and β at Γ₅", axes_at_5, MUJOCO, "the sign of Ω₃"),
-    Claim("Prop. 1", "Ẋ and Ẏ at Γ₅", velocity_at_5, MUJOCO, "the sign of Ω₂"),
+    Claim("Prop. 1", "α and β at Γ₅", axes_at_5, MOTION, "the sign of Ω₃"),
+    Claim("Prop. 1", "Ẋ and Ẏ at Γ₅", velocity_at_5, MOTION, "the sign of Ω₂"),
     Claim(
         "Prop. 1",
         "a circle of radius a√(Ω₁² + Ω₂²)/|Ω₃|",
         partial(circle, 2, 6e-6),
-        MUJOCO,
+        MOTION,
         "the sign of Ω₂²",
     ),
     Claim("4.1", "Σ¹ is a circle of fixed points", filled_circle, "(4.1)", "K ≠ 0"),
     Claim("4.1", "stable where (Aγ, γ×Ω) > 0, unstable < 0", sides, "eigenvalues", "the sign"),
-    Claim("4.1", "on Σ¹ the frame rests, the path is straight", straight, MUJOCO, "γ, by 0.01"),
+    Claim("4.1", "on Σ¹ the frame rests, the path is straight", straight, MOTION, "γ, by 0.01"),
 )

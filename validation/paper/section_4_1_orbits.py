@@ -9,8 +9,7 @@ from scipy.optimize import brentq
 
 from validation.paper.captions import CAPTIONS, captioned_motion, off_orthonormal, orthonormal
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import long, seen
-from validation.paper.section_3_1 import MUJOCO
+from validation.paper.engine import MOTION, long, seen
 from validation.paper.section_4_1 import FIG5, circle, on_sigma, side
 
 
@@ -59,12 +58,12 @@ def misprint(name: str, row: int, printed: tuple[float, ...], twist: float) -> R
 
 
 CLAIMS = (
-    Claim("4.1", "ζ that misses Σ¹ is periodic", periodic, MUJOCO, "ζ that meets Σ¹"),
+    Claim("4.1", "ζ that misses Σ¹ is periodic", periodic, MOTION, "ζ that meets Σ¹"),
     Claim(
         "E24, 4.1",
         "ζ that meets Σ¹ ends on Σ_s ∩ ζ",
         ends,
-        MUJOCO,
+        MOTION,
         "Σ_u for Σ_s",
         printed="tends to Σ_s ∪ ζ",
     ),
@@ -91,7 +90,7 @@ CLAIMS = (
         "Fig. 5d",
         "Γ₁, and a circle of radius √5/4",
         partial(circle, 0, 2e-7),
-        MUJOCO,
+        MOTION,
         "sign of Ω₃²",
     ),
 )

@@ -96,10 +96,7 @@ def named(n: Numbers = FIG6) -> dict[str, Array]:
 
 
 def existence(twist: float) -> Residual:
-    """2 + 4[|κ₁| < 1] + 4[|κ₂| < 1] fixed points, or [0 < κ < 1] as printed, by a search.
-
-    Of 8 values of K₃.
-    """
+    """2 + 4[|κ₁| < 1] + 4[|κ₂| < 1] fixed points, or [0 < κ < 1] as printed, by a search."""
     wrong = printed = 0
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
         n = with_K3(K3)

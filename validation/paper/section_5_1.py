@@ -9,9 +9,8 @@ from robotball.rotations import Array, from_matrix
 from robotball.start import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import Seen, largest, paper_scene, seen_of
+from validation.paper.engine import MOTION, Seen, largest, paper_scene, seen_of
 from validation.paper.formulas import Numbers, cross
-from validation.paper.section_3_1 import MUJOCO
 
 BALL = "fig10"
 Polynomial = Callable[[Numbers, Array], Array]
@@ -135,7 +134,7 @@ CLAIMS = (
         "(5.1)",
         "M = γ₀×K, (Ω,γ₀) = 0: ω = 0, a straight line",
         equilibria,
-        MUJOCO,
+        MOTION,
         "the sign of M",
     ),
     Claim("Remark 8", "segways are stabilised like this", "of other machines"),

@@ -11,9 +11,8 @@ from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.captions import captioned_motion, line_ball
 from validation.paper.claim import Claim, Residual, Value
-from validation.paper.engine import long
+from validation.paper.engine import MOTION, long
 from validation.paper.formulas import Numbers, cross
-from validation.paper.section_3_1 import MUJOCO
 from validation.paper.section_5_1 import P3, linear, random_lines, started, unit
 
 SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)}
@@ -260,12 +259,12 @@ CLAIMS = (
         printed="stable at f = 3",
     ),
     captioned_motion("fig10", 2e-10),
-    Claim("Fig. 10", "at f = 2 it goes from σ₊ to δ₊", arrives, MUJOCO, "σ₋ for δ₊"),
+    Claim("Fig. 10", "at f = 2 it goes from σ₊ to δ₊", arrives, MOTION, "σ₋ for δ₊"),
     Claim(
         "E15, 5.1",
         "X = x₀, Y = -a|Ω|t + y₀ for σ, + for δ",
         directions,
-        MUJOCO,
+        MOTION,
         "the sign of Y",
         printed="+ for σ, - for δ",
     ),

@@ -5,7 +5,6 @@ from numpy import cos, sin, sqrt
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from robotball.engines.mujoco import LABEL
 from robotball.engines.reduced.compiled.kernels import kernel_start
 from robotball.qualitative.sections import section
 from robotball.rotations import Array
@@ -13,7 +12,7 @@ from robotball.start import section_state
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.claim import AtLeast, Claim, Residual, Value
-from validation.paper.engine import RUBBER, paper_scene, seen
+from validation.paper.engine import MOTION, RUBBER, paper_scene, seen
 from validation.paper.formulas import cross
 
 F = 25.0  # M² of Figs 11 to 14, (kg m²/s)²
@@ -103,13 +102,7 @@ CLAIMS = (
         "f < K²",
     ),
     Claim("(5.5)", "γ² = 1, (M, γ) = 0, M² = f", on_the_level, "at random L, l, g", "sign of γ₂"),
-    Claim(
-        "(5.6)",
-        "the crossings (l, L) of g = 0",
-        crossings,
-        f"{LABEL.name}'s motion and (5.5)",
-        "g₀ = π",
-    ),
+    Claim("(5.6)", "the crossings (l, L) of g = 0", crossings, f"{MOTION} and (5.5)", "g₀ = π"),
     Claim(
         "E25, 5.2",
         "(l, L/√f) is on an annulus: at L = √f γ depends on l",

@@ -11,7 +11,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from robotball import simulate
-from robotball.engines.mujoco import LABEL
 from robotball.parameters import Parameters
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.lyapunov import Exponents, exponents
@@ -21,7 +20,7 @@ from robotball.start import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.claim import Claim, Residual, Value
-from validation.paper.engine import paper_scene
+from validation.paper.engine import NAME, paper_scene
 from validation.paper.section_5_2 import F
 from validation.paper.six_exponents import six_exponents
 
@@ -257,7 +256,7 @@ CLAIMS = (
         "E22, Fig. 14",
         "a strange attractor: neighbours part",
         strange,
-        f"{LABEL.name}'s neighbours",
+        f"{NAME}'s neighbours",
         "Fig. 12's start",
         printed='"the stable limit cycle" in Fig. 11b',
     ),

@@ -7,8 +7,7 @@ import numpy as np
 from robotball.engines.reduced.compiled.kernels import kernel_start, orbit
 from validation.paper.captions import captioned_motion, place
 from validation.paper.claim import AtLeast, Claim, Residual
-from validation.paper.engine import long, paper_scene
-from validation.paper.section_3_1 import MUJOCO
+from validation.paper.engine import MOTION, long, paper_scene
 
 
 def mean_motion(name: str, twist: float) -> AtLeast:
@@ -36,7 +35,7 @@ CLAIMS = (
     captioned_motion("fig13", 4e-7),
     captioned_motion("fig14", 1e-6),
     *(
-        Claim(place(name), "mean motion along OX", partial(mean_motion, name), MUJOCO, "OY for OX")
+        Claim(place(name), "mean motion along OX", partial(mean_motion, name), MOTION, "OY for OX")
         for name in ("fig12", "fig13", "fig14")
     ),
     *(
@@ -44,7 +43,7 @@ CLAIMS = (
             place(name),
             "along OY it stays bounded",
             partial(bounded_across, name),
-            MUJOCO,
+            MOTION,
             "Fig. 14",
         )
         for name in ("fig12", "fig13")

@@ -37,6 +37,7 @@ def name_of(claim: Claim) -> str:
     return f"{claim.place}: {claim.statement}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("claim", CHECKED, ids=name_of)
 def test_a_claim_of_the_paper_holds(claim: Claim) -> None:
     """None fails to reproduce; what is measured stands in the finding, beside its bound."""
@@ -44,6 +45,7 @@ def test_a_claim_of_the_paper_holds(claim: Claim) -> None:
     assert found.verdict in ("holds", "holds as corrected"), found.evidence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("claim", CHECKED, ids=name_of)
 def test_a_claim_with_one_thing_changed_fails(claim: Claim) -> None:
     """The negative control: a sign, a factor or an index of the statement, as its twist says."""
@@ -54,6 +56,7 @@ def test_a_claim_with_one_thing_changed_fails(claim: Claim) -> None:
     assert not isinstance(twisted.evidence, str), "it fails by a number, not by giving up"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("claim", [each for each in CHECKED if each.printed], ids=name_of)
 def test_a_misprint_is_refuted_by_a_number(claim: Claim) -> None:
     """The printed form is off by more than the bound, the corrected one by less."""

@@ -8,7 +8,7 @@ import numpy as np
 from robotball import preset
 from robotball.errors import check_count
 from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName
-from validation.commands.suited import moving_scene
+from validation.commands.suited import may_come_to_rest, moving_scene
 from validation.output import replacing, writable_folder, write_record
 from validation.progress import progress_bar
 from validation.studies.attractors.level import level_starts
@@ -65,6 +65,9 @@ class Section:
             growing = int(np.count_nonzero(each.directions == 1))
             total = len(each.directions)
             print(f"{name}: {total} crossings, {growing} with g growing, {total - growing} falling")
+        if may_come_to_rest(scene):
+            print("a straight-line motion with this M² attracts: what ends there crosses only by")
+            print(f"rounding; 'robotball equilibria {self.scene}' lists it")
         print(path)
         write_record(
             self.json,

@@ -22,8 +22,8 @@ from validation.sweeps import Cell, Result, sweep
 
 A: Vector = (0.5, 0.4, 0.3)  # of Figs 5 to 8, 1/(kg m²)
 OMEGA: Vector = (4.0, 2.0, 1.0)  # rad/s
-COUNT, QUICK_COUNT = 28, 4  # values of an axis
-LIMIT = 60.0  # s of one cell
+COUNT, QUICK_COUNT = 24, 4  # values of an axis
+LIMIT = 300.0  # s of one cell
 
 
 @dataclass(frozen=True)

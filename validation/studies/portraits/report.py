@@ -105,12 +105,12 @@ def picture(plane: Plane, results: Sequence[Result]) -> Figure:
             lines = axes.contour(*levels, levels=[0.0], colors=[colour], linewidths=1.8)
             lines.set_linestyle(dashes)
         axes.set(xlabel="K₃ [kg m²/s]", ylabel=plane.label, title=title)
-        for K3, name in ((0.3, "6"), (0.52, "7"), (3.0, "8")):
+        for K3, name, side in ((0.3, "6", "right"), (0.52, "7", "left"), (3.0, "8", "right")):
             y = 1.0 if plane.name == "axial" else float(np.degrees(np.arctan2(2.0, 4.0)))
             axes.plot(K3, y, "o", color=INK, mec="white", markersize=6, clip_on=False, zorder=5)
             axes.annotate(f"Fig. {name}", (K3, y), xytext=(-3 if name == "6" else 3, 5),
                           textcoords="offset points", fontsize=8, color=INK, zorder=5,
-                          path_effects=HALO, ha={"6": "right", "7": "left", "8": "right"}[name])  # fmt: skip
+                          path_effects=HALO, ha=side)  # fmt: skip
     handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
               for name, (_, colour, dashes) in CURVES.items()]  # fmt: skip
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False,

@@ -17,6 +17,7 @@ from robotball.qualitative.limit_cycles import curve_of, limit_cycles, spread_po
 from robotball.rotations import Array, rotation_matrix
 
 LONGEST = 300.0  # rad, by the rates of the flow, of a cycle's period
+TRIES = 5  # each four times as long, while something that must be there is not
 SETTLING = 5000.0  # rad, that every start is given
 STARTS = 120
 TOLERANCE = 1e-9  # of a step: an attractor forgives what a path does not
@@ -38,13 +39,26 @@ class PhasePortrait:
 def phase_portrait(parameters: Parameters, starts: int = STARTS) -> PhasePortrait:
     """The phase portrait of a rubber ball; raises InputError where it is degenerate.
 
-    Cycles slower than LONGEST are not looked for, as next to where one is born of a fixed point.
+    Something must attract and something repel. Where no fixed point does, slower cycles are looked
+    for; else those slower than LONGEST are not.
     """
     points = fixed_points(parameters)
-    cycles = limit_cycles(parameters, LONGEST / rate_scale(parameters))
+    for attempt in range(TRIES):
+        cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
+        if complete(points, cycles):
+            break
     return PhasePortrait(
         tuple(points), tuple(cycles), basin_shares(parameters, points, cycles, starts)
     )
+
+
+def complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
+    """Whether there is something that attracts and something that repels; a centre is both."""
+    kinds = " ".join(f" {point.kind}" for point in points)
+    attracts = any(abs(cycle.multipliers[0]) < 1 for cycle in cycles)
+    repels = any(abs(cycle.multipliers[0]) > 1 for cycle in cycles)
+    centre = "centre" in kinds
+    return (attracts or centre or " stable" in kinds) and (repels or centre or "unstable" in kinds)
 
 
 def basin_shares(

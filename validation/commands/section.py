@@ -36,7 +36,7 @@ class Section:
         from robotball.engines.mujoco import LABEL
         from robotball.engines.reduced import LABEL as EQUATIONS
         from robotball.errors import check_count
-        from validation.commands.suited import moving_scene
+        from validation.commands.suited import may_come_to_rest, moving_scene
         from validation.output import writable_folder, write_picture, write_record
         from validation.progress import progress_bar
         from validation.studies.attractors.level import level_starts
@@ -66,6 +66,9 @@ class Section:
             growing = int(np.count_nonzero(each.directions == 1))
             total = len(each.directions)
             print(f"{name}: {total} crossings, {growing} with g growing, {total - growing} falling")
+        if may_come_to_rest(scene):
+            print("a straight-line motion with this M² attracts: what ends there crosses only by")
+            print(f"rounding; 'robotball equilibria {self.scene}' lists it")
         print(path)
         write_record(
             self.json,

@@ -36,3 +36,13 @@ def attracted_scene(name: str, purpose: str) -> Scene:
             f"are no attractors; 'robotball section {name}' shows its motion"
         )
     return scene
+
+
+def may_come_to_rest(scene: Scene) -> bool:
+    """Whether a straight-line motion with the scene's M² attracts: motions may end there."""
+    from robotball.qualitative.straight_motions import straight_motions
+
+    ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
+    if ball.rolling != "rubber" or not np.any(ball.Omega):
+        return False
+    return any(line.is_stable for line in straight_motions(ball, f))

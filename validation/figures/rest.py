@@ -44,6 +44,7 @@ BALL_LINES = (
     "a = 1 m, M = 0 (from rest)",
     UNBUILDABLE,
 )
+STARTS78 = ("γ(0) = (0, 39/40, √79/40), α(0) = (1, 0, 0)",)  # of Figs 7 and 8
 VIEW5 = View(azimuth=28.0, elevation=-22.0)
 DURATIONS5 = {"b": 16.0, "c": 20.0, "d": 6.0}  # s, chosen: the captions have none
 DURATION = 60.0  # s, of Figs 6 to 8, chosen
@@ -131,9 +132,6 @@ def figure8() -> Figure:
     return portrait_figure(8, "3", STARTS78, facts)
 
 
-STARTS78 = ("γ(0) = (0, 39/40, √79/40), α(0) = (1, 0, 0)",)
-
-
 def portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[str]) -> Figure:
     """The portrait on the sphere and on its involute, with one motion by both engines."""
     scene = replace(paper_scene(f"fig{number:02}"), duration=DURATION)
@@ -154,6 +152,7 @@ def portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[
         (5.0, 5.0), (4.8, 4.0),
     )  # fmt: skip
     path, gamma, engine = both(scene)
+    followed = [on_cycle(scene, cycle).gamma for cycle in cycles]
     charts: tuple[Chart, ...] = (
         Globe(axes["sphere"], VIEW, "vertical γ on the Poisson sphere"),
         Involute(axes["involute"], "its involute"),
@@ -162,8 +161,8 @@ def portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[
         draw_field(chart, ball, 6.0)
         draw_separatrices(chart, manifolds, contour)
         draw_cycles(chart, ball, cycles)
-        for cycle in cycles:
-            chart.line(on_cycle(scene, cycle).gamma, **ENGINE_LINE, zorder=5)
+        for each in followed:
+            chart.line(each, **ENGINE_LINE, zorder=5)
         draw_gamma(chart, gamma, engine.gamma)
         draw_points(chart, ball, points)
     draw_paths(axes["plane"], path, engine, f"contact point, {DURATION:g} s")

@@ -12,6 +12,9 @@ COMMANDS = {
     "section fig12 --count 40 --preset fast --json a.json": (
         r"equations: 40 crossings, 20 with g growing, 20 falling\nMuJoCo: 40 crossings"
     ),
+    "section fig10_stable --count 20 --json a.json": (
+        r"attracts: what ends there crosses only by\nrounding; 'robotball equilibria fig10_stable'"
+    ),
     "section classical_chaotic --starts 3 --count 20 --skip 2 --g 0.4 --json a.json": (
         r"equations: 60 crossings"
     ),

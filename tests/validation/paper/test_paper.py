@@ -207,6 +207,7 @@ def table(width: int) -> str:
     return out.getvalue()
 
 
+@pytest.mark.slow
 def test_the_table_fits_80_columns() -> None:
     """No line is longer, and no word is cut off."""
     assert max(map(cell_len, table(80).rstrip("\n").split("\n"))) <= 80

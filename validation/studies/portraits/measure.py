@@ -21,7 +21,7 @@ from validation.sweeps import Cell, Result, sweep
 
 A: Vector = (0.5, 0.4, 0.3)  # of Figs 5 to 8, 1/(kg m²)
 OMEGA: Vector = (4.0, 2.0, 1.0)  # rad/s
-COUNT, QUICK_COUNT = 28, 4  # values of an axis
+COUNT, QUICK_COUNT = 24, 4  # values of an axis
 LIMIT = 300.0  # s of one cell
 
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -27,12 +28,26 @@ CURVES: dict[str, tuple[Callable[[Parameters], float], str, Any]] = {
     "A₁A₂ = 0": (lambda ball: np.prod(proposition_2(ball)[:2]), "#CC3311", "--"),
     "B = 0": (lambda ball: proposition_2(ball)[2], "#117733", ":"),
 }
-# Told apart by a colour-blind eye as well (Tol's light scheme), and pale under the curves.
-COLOURS = (
-    "#FFFFFF", "#99DDFF", "#DDDDDD", "#EEDD88", "#77AADD", "#44BB99", "#FFAABB", "#AAAA00",
-    "#EE8866",
-)  # fmt: skip
-OTHER = "#555555"  # what has no result, or one of a kind not foreseen
+# Apart in grey, too; the same in every picture.
+COLOURS = {
+    "2 fixed points": "#DADDE1",
+    "6 fixed points": "#A9AFB6",
+    "10 fixed points": "#FFFFFF",
+    "Γ₅,₆: saddle": "#FFFFFF",
+    "Γ₅,₆: slow stable focus": "#DADDE1",
+    "Γ₅,₆: slow unstable focus": "#A9AFB6",
+    "no limit cycle": "#A9AFB6",
+    "cycles: 1 stable": "#FFFFFF",
+    "cycles: 1 unstable": "#DADDE1",
+    "largest basin: a cycle": "#FFFFFF",
+    "largest basin: Γ₅,₆": "#E3E6EA",
+    "largest basin: δ₁,₂": "#BFD3E6",
+    "largest basin: δ₃,₄": "#E5C494",
+    "largest basin: θ₁,₂": "#8FB996",
+    "largest basin: θ₃,₄": "#7C7FA8",
+}
+HALO = [patheffects.withStroke(linewidth=3, foreground="white")]
+OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
 
 
 def number_of_points(record: Mapping[str, Any]) -> str:
@@ -57,8 +72,6 @@ def kind_of_cycles(record: Mapping[str, Any]) -> str:
 
 def largest_basin(record: Mapping[str, Any]) -> str:
     """Whose basin is the largest."""
-    if not record["basins"]:
-        return "nothing attracts"
     name = max(record["basins"], key=lambda each: record["basins"][each])
     return f"largest basin: {'a cycle' if name.startswith('cycle') else name}"
 
@@ -85,12 +98,12 @@ def picture(plane: Plane, results: Sequence[Result]) -> Figure:
             lines = axes.contour(*levels, levels=[0.0], colors=[colour], linewidths=1.8)
             lines.set_linestyle(dashes)
         axes.set(xlabel="K₃ [kg m²/s]", ylabel=plane.label, title=title)
-        for K3, name in ((0.3, "6"), (0.52, "7"), (3.0, "8")):
+        for K3, name, side in ((0.3, "6", "right"), (0.52, "7", "left"), (3.0, "8", "right")):
             y = 1.0 if plane.name == "axial" else float(np.degrees(np.arctan2(2.0, 4.0)))
-            axes.plot(K3, y, "o", color=INK, markersize=4, clip_on=False, zorder=5)
+            axes.plot(K3, y, "o", color=INK, mec="white", markersize=6, clip_on=False, zorder=5)
             axes.annotate(f"Fig. {name}", (K3, y), xytext=(-3 if name == "6" else 3, 5),
                           textcoords="offset points", fontsize=8, color=INK, zorder=5,
-                          ha={"6": "right", "7": "left", "8": "right"}[name])  # fmt: skip
+                          path_effects=HALO, ha=side)  # fmt: skip
     handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
               for name, (_, colour, dashes) in CURVES.items()]  # fmt: skip
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False,
@@ -105,18 +118,17 @@ def draw_cells(
     across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
     words = [property_of(each.record) if each.record else "no result" for each in results]
     kinds = sorted(set(words) - {"no result"})
-    colours = dict(zip(kinds, COLOURS, strict=False))
     for each, word in zip(results, words, strict=True):
         x, y = each.cell["K3"], each.cell["y"]
         half = (across[1] - across[0]) / 2, (up[1] - up[0]) / 2
         axes.fill(
             x + half[0] * np.array([-1, 1, 1, -1]),
             y + half[1] * np.array([-1, -1, 1, 1]),
-            color=colours.get(word, OTHER),
+            color=COLOURS.get(word, OTHER),
             linewidth=0,
         )
     shown = [*kinds, *(["no result"] if "no result" in words else [])]
-    handles = [Patch(facecolor=colours.get(kind, OTHER), edgecolor="0.5", label=kind)
+    handles = [Patch(facecolor=COLOURS.get(kind, OTHER), edgecolor="0.5", label=kind)
                for kind in shown]  # fmt: skip
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2,
                 frameon=False, fontsize=8)  # fmt: skip

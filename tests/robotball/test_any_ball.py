@@ -136,6 +136,7 @@ momentum = [2.0, 0.0, 0.0]
 """
 
 
+@pytest.mark.slow
 def test_a_frame_may_be_a_body_of_the_users_own_mjcf(tmp_path: Path) -> None:
     """Mass, centre and inertia of a body with all that is fixed to it, in the body's axes."""
     without_arm = USERS_MJCF.replace('<body name="arm"><joint/>', "<body>").replace(

@@ -124,6 +124,7 @@ def test_no_figure_is_left_out() -> None:
     assert sorted(CAPTIONS) == [name for name in rb.catalog() if name.startswith("fig")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CAPTIONS)
 def test_a_figure_moves_from_its_captions_numbers(name: str) -> None:
     """γ and the contact point at 10 and 100 s, beside another integration of another state."""

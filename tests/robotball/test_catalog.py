@@ -53,6 +53,7 @@ def test_no_scene_is_left_out() -> None:
     assert sorted([*MEASURED, SERVO]) == rb.catalog()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MEASURED)
 @pytest.mark.parametrize("settings", ["balanced", "accurate"])
 def test_both_engines_agree_on_every_scene(name: str, settings: str) -> None:

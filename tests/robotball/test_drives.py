@@ -190,6 +190,7 @@ class OwnDrive:
 FORMS["an object of one's own"] = OwnDrive()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FORMS)
 def test_adaptive_keeps_its_tolerance_under_a_function(name: str) -> None:
     """As good as a Sine, and in no more steps; loads and angles to rounding."""

@@ -94,6 +94,7 @@ def derivative(expression: Scalar, variables: Vector, rates: Vector) -> Scalar:
 # The reduced equations ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_rubber_ball_never_spins_on_the_spot() -> None:
     """(3.2) satisfies the constraint (2.2), (ω - Ω, γ) = 0, for free symbols, any M and γ."""
     omega = symbolic("rubber").angular_velocity(M, GAMMA)
@@ -207,6 +208,7 @@ def test_motion_is_reversible_where_the_drives_have_no_part_along_an_axis(
 # Kinematics --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_space_axes_are_carried_by_the_angular_velocity() -> None:
     """dα/dt = α×ω, and so β and γ, when dq/dt = q∘(0, ω)/2; free symbols, any length of q."""
     q = (W, X, Y, Z)

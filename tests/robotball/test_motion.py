@@ -23,6 +23,7 @@ def arrays(motion: rb.Motion) -> dict[Any, Array]:
     return dict(robotball.motion._arrays(motion))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["fig12", "classical_regular", "wobbling_drive"])
 def test_pieces_change_no_bit(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of both motions, with all loads and reports, and of every measure of the two.

@@ -42,6 +42,7 @@ HOSTILE = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "words"), HOSTILE.values(), ids=HOSTILE)
 def test_a_hostile_file_is_one_short_line(tmp_path: Path, text: str, words: str) -> None:
     """By MuJoCo's ValueError or RuntimeError, or by the end of a limit."""
@@ -61,6 +62,7 @@ def test_a_file_that_takes_long_is_given_up(tmp_path: Path) -> None:
         frame_of_mjcf(path, "b")
 
 
+@pytest.mark.slow
 def test_an_ordinary_file_is_loaded(tmp_path: Path) -> None:
     """Limits leave room for a hundred geoms; their mass is the body's."""
     path = tmp_path / "model.xml"

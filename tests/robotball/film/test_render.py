@@ -101,6 +101,7 @@ def test_a_frame_shows_where_the_engines_differ(theory: rb.Motion) -> None:
     assert not changed[:, 160:].any()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("screen")
 def test_a_video_has_every_frame_in_its_size(theory: rb.Motion, tmp_path: Path) -> None:
     done: list[float] = []

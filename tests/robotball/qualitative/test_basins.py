@@ -16,6 +16,7 @@ def some_starts(n: int) -> tuple[Array, Array]:
     return section_starts(rng.uniform(-4.9, 4.9, n), rng.uniform(0, 6.28, n), F)
 
 
+@pytest.mark.slow
 def test_fig11a_has_two_attractors() -> None:
     """Some 40 % of the starts reach the cycle, the rest the torus; each drifts as its attractor.
 

@@ -59,6 +59,7 @@ def test_fixed_points_vanish_where_the_paper_says(K3: float, number: int) -> Non
     assert len(fixed_points(from_rest(K3))) == number
 
 
+@pytest.mark.slow
 def test_no_fixed_point_is_missed() -> None:
     """Of 40 random balls: every list passes the check by indices, and no solver finds more.
 
@@ -202,6 +203,7 @@ def test_a_cycles_multiplier_is_how_its_neighbours_part() -> None:
     assert (ends[1] - ends[0]) @ across / 1e-6 == pytest.approx(cycle.multipliers[0].real, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_fig6_has_no_limit_cycle() -> None:
     """At K₃ = 0.3 everything comes to rest in both directions of time, but on slow foci."""
     assert limit_cycles(from_rest(0.3)) == []

@@ -55,6 +55,7 @@ def test_a_deviation_is_that_of_the_six_equations(ball: Parameters, c: float) ->
     assert error < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ball", "c"), BALLS)
 def test_the_full_spectrum_is_the_reduced_one(ball: Parameters, c: float) -> None:
     """By QR of the 6×6 propagator over 1000 s: λ₁, four zeros, λ₆, and the sum is the divergence.

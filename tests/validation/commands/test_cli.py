@@ -42,6 +42,7 @@ def test_scenes_lists_the_catalog(robotball: Robotball) -> None:
         assert re.search(rf"{name}\s.*{rb.load_scene(name).rolling}", out)
 
 
+@pytest.mark.slow
 def test_compare_exits_0_where_the_engines_agree(robotball: Robotball, tmp_path: Path) -> None:
     """Agreement: status 0, a row in the table, pictures in out/."""
     status, out, _ = robotball("compare", "fig12", "--duration", 1)
@@ -62,6 +63,7 @@ def test_compare_exits_1_where_they_do_not(robotball: Robotball) -> None:
     assert "friction cone saturated at t =" in " ".join(out.split())
 
 
+@pytest.mark.slow
 def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_path: Path) -> None:
     """The JSON has every number, setting and version; run again it gives the same numbers."""
     arguments = ["compare", "fig12", "classical_regular", "--preset", "naive,balanced"]
@@ -179,6 +181,7 @@ def test_a_scene_refused_by_the_equations_leaves_nothing(
     assert [path.name for path in tmp_path.iterdir()] == ["off.toml"]
 
 
+@pytest.mark.slow
 def test_a_scene_that_is_refused_does_not_end_the_batch(
     robotball: Robotball, tmp_path: Path
 ) -> None:

@@ -36,6 +36,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "words"), COMMANDS.items())
 def test_the_commands_say_it_and_write_it(
     robotball: Robotball,  # noqa: F811

@@ -148,6 +148,7 @@ def test_a_reader_who_leaves_ends_nothing(tmp_path: Path, arguments: str) -> Non
 ODD = "$5 and $6 [/b] [red] \\"
 
 
+@pytest.mark.slow
 def test_a_users_text_is_shown_as_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -126,6 +126,7 @@ def test_it_is_not_known_where_the_drives_change() -> None:
     assert sensitivity(MUJOCO, agreement.motion, agreement.theory) is None
 
 
+@pytest.mark.slow
 def test_records_carry_the_sensitivity() -> None:
     """In the JSON it is an object where it was asked, and null where the engines agree."""
     found = json.loads(json.dumps(record(agreement_of("fig14", "fast", 100.0)), allow_nan=False))

@@ -49,6 +49,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(figures_sections, name, recipe)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize("name", ["3", "4", "5", "7", "9", "10", "11", "12", "tori"])
 def test_every_kind_of_figure_is_drawn(name: str, tmp_path: Path) -> None:
@@ -131,6 +132,7 @@ def test_fig10_turns_round_in_both_engines() -> None:
     assert np.abs(engine.contact_point - path).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_mujocos_torus_of_fig11a_is_that_of_the_equations() -> None:
     """60 points in 20 ms steps: measured 1.9e-4 of unit vectors at most, RK4's error.
 

@@ -105,6 +105,7 @@ def test_returns_are_where_a_motion_comes_back() -> None:
     assert np.abs(passed - start).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_six_exponents_add_up_to_the_divergence() -> None:
     """Of Fig. 14 over 3000 s: the sum is that of λ₁ and λ₆ of 16 long runs, ± 0.01 1/s."""
     caption = CAPTIONS["fig14"]

@@ -148,6 +148,7 @@ def test_mujocos_strange_attractor_is_the_equations() -> None:
     assert np.all(np.abs(mean - [3.276, 0.0]) < 4 * scatter / np.sqrt(CLOUD.starts))
 
 
+@pytest.mark.slow
 def test_neighbours_part_in_mujoco_as_in_the_equations() -> None:
     """Along the same motion both engines' distances grow alike, interval by interval."""
     scene = rb.load_scene("fig14")

@@ -151,6 +151,7 @@ def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyP
         measured("fig12", TOP)
 
 
+@pytest.mark.slow
 def test_the_command_writes_table_picture_and_records(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -120,6 +120,7 @@ def test_faults_and_error_decide_the_outcome(
     assert classify([rb.Fault(kind, 1.0) for kind in kinds], error) is outcome
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("where", "outcome"),
     [

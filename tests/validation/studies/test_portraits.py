@@ -70,6 +70,7 @@ def test_proposition_2_says_what_the_poles_are() -> None:
     assert not any(found == (not expected) for found, expected in kinds)
 
 
+@pytest.mark.slow
 def test_no_limit_cycle_is_a_closed_orbit_of_an_integrable_ball() -> None:
     """K = 0 and Ω = 0: whole families of closed orbits, and none of them counts."""
     assert limit_cycles(from_rest(0.0)) == []
@@ -97,6 +98,7 @@ def test_every_map_passes_through_the_balls_of_the_paper() -> None:
         chosen(["axail"])
 
 
+@pytest.mark.slow
 def test_a_cell_agrees_with_the_formulas_and_a_wrong_one_would_not() -> None:
     """Number of points and type of Γ₅; for another K₃ the same record is told to be wrong."""
     record = measure({"map": "axial", "K3": 0.3, "y": 1.0})

@@ -22,6 +22,7 @@ def cluster() -> Iterator[Any]:
         yield cluster
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_results(tmp_path: Path, cluster: Any) -> None:
     """Records and failures by dask are those by the local cores, resumed ones too."""
     cells, file = cells_of(tmp_path, 12), tmp_path / "cluster.jsonl"
@@ -38,6 +39,7 @@ def test_a_cluster_gives_the_same_results(tmp_path: Path, cluster: Any) -> None:
     assert sweep(square, cells, file, cluster=cluster.scheduler_address, limit=0.5) == local
 
 
+@pytest.mark.slow
 def test_a_cluster_whose_workers_have_gone_is_not_waited_for(
     tmp_path: Path, cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -58,6 +60,7 @@ def test_a_cluster_whose_workers_have_gone_is_not_waited_for(
     cluster.scale(2)
 
 
+@pytest.mark.slow
 def test_a_cluster_that_does_not_answer_is_refused(tmp_path: Path) -> None:
     """One line within seconds, and no trouble later."""
     with pytest.raises(InputError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:1: "):

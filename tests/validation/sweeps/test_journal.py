@@ -91,7 +91,7 @@ def test_a_file_that_cannot_be_opened_is_refused(tmp_path: Path) -> None:
     circle.symlink_to(circle)
     for file, message in (
         (tmp_path / ("x" * 256), "cannot be written: File name too long"),
-        (circle, "cannot be written: Symlink loop"),
+        (circle, "cannot be written: Too many levels of symbolic links"),
         (tmp_path, "cannot be written: it is a folder"),
     ):
         with pytest.raises(InputError, match=message):

@@ -61,6 +61,7 @@ def is_free(file: Path) -> bool:
     return True
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(tmp_path: Path) -> None:
     """SIGKILL at any moment costs the cells that were running, and no result is made twice."""
     file, moments = tmp_path / "sweep.jsonl", random.Random(4)
@@ -157,6 +158,7 @@ def test_a_killed_sweep_leaves_no_process(tmp_path: Path) -> None:
     assert within(10, lambda: is_free(tmp_path / "held"))
 
 
+@pytest.mark.slow
 @linux
 def test_a_time_in_which_all_is_stopped_does_not_count(tmp_path: Path) -> None:
     """Stopped for longer than its limit, as when the machine sleeps, a cell has its record."""
@@ -174,6 +176,7 @@ def test_a_process_has_one_thread(tmp_path: Path) -> None:
     assert result.record == {"sum": 400.0**3, "threads": 1}
 
 
+@pytest.mark.slow
 def test_a_script_that_sweeps_is_not_run_by_the_processes(tmp_path: Path) -> None:
     """So it needs no guard, and need not even be a file."""
     script = f"""

@@ -28,6 +28,7 @@ def reached_by(scene: rb.Scene, target: float, times: Array | None = None) -> Ag
         return compare(scene, times=times, accuracy=target)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("scene", ["fig12", "wobbling_drive", "spin_up_from_rest", 6, 14])
 def test_the_accuracy_asked_for_is_reached(scene: str | int, target: float) -> None:
@@ -137,6 +138,7 @@ def test_the_least_accuracy_is_reached_also_where_rounding_is_magnified() -> Non
     assert agreement.path_error < LEAST_ACCURACY  # measured 7.2e-12, estimated 5.0e-12
 
 
+@pytest.mark.slow
 def test_a_chaotic_motion_is_followed_as_far_as_its_estimate_says() -> None:
     """fig14 over 60 s, seven Lyapunov times: 8.8e-7 of the path, and estimated so."""
     agreement = reached_by(rb.load_scene("fig14"), 1e-6, rb.sample_times(60.0))

@@ -50,6 +50,7 @@ def of_momentum(agreement: Agreement) -> float:
     return agreement.momentum_error
 
 
+@pytest.mark.slow
 def test_the_recipe_has_no_limit_near() -> None:
     """The presets but naive are inside on every scene of the catalog and on a hundred random balls.
 
@@ -93,6 +94,7 @@ def test_every_limit_has_its_law_and_its_derivation() -> None:
         assert len(predict.__doc__) > 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "least", "most"),
     # Of the prediction, measured on fig12, classical_regular and routh_sphere over 5 s: first
@@ -175,6 +177,7 @@ def test_a_short_time_constant_is_raised_in_silence() -> None:
     assert np.array_equal(paths[0].contact_point, paths[1].contact_point)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "inside", "outside"),
     [("RK4", 2.7, 2.9), ("Euler", 1.95, 2.1), ("discrete", 1.8, 2.1)],
@@ -263,6 +266,7 @@ def test_rubber_without_its_torsional_row_is_another_ball() -> None:
     assert agreement.faults[0].text == "slipped over 0.0005 of the path"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [1e-5, 1e-3])
 def test_rolling_friction_eats_the_path_as_predicted(friction: float) -> None:
     """With condim 6, μ m g T/|M| of it; measured 1.2 and 1.9 times that in the path."""
@@ -439,6 +443,7 @@ def test_chosen_steps_lose_no_more_than_their_errors_add_up_to(name: str, rtol: 
 FAST_ROTORS = (2, 30, 34, 46, 74, 90, 94)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", FAST_ROTORS)
 def test_fast_rotors_are_no_reason_to_warn_of_a_loss(number: int) -> None:
     """RK4's loss is that of the equations by the same steps, not all that it could be."""
@@ -475,6 +480,7 @@ def test_the_loss_is_measured_under_drives_in_time_as_well() -> None:
     assert losses[0] == pytest.approx(losses[1], rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fig12", "classical_regular", "spin_up_from_rest"])
 def test_heavy_bodies_turn_their_hinges_in_spite_of_the_armature(name: str) -> None:
     """A million times the masses at adaptive: wrong by 1e-9 and more, and warned of by the rate."""

@@ -25,12 +25,14 @@ FAST = rb.preset("fast")
 SEED = 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(40))
 def test_no_extreme_run_fails_unreported(number: int) -> None:
     """Far out along one to three axes: a path over 10 % off is warned of, or stopped, or both."""
     assert not judged(extreme(SEED, number)).missed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(20))
 def test_no_ordinary_run_is_called_wrong(number: int) -> None:
     """A recipe preset on a varied ball of the catalog: no warning, no fault, within tolerance."""
@@ -52,6 +54,7 @@ def test_a_run_stops_at_its_first_fault() -> None:
     assert len(on.report.faults) > 1
 
 
+@pytest.mark.slow
 def test_the_samples_do_not_change_what_is_found() -> None:
     """Every step is monitored: with two samples the fault is at the same step as with five hundred.
 
@@ -102,6 +105,7 @@ def test_silent_growth_of_m_is_caught() -> None:
     assert "M off by over 0.0005" in [fault.text for fault in diagnostics.faults]
 
 
+@pytest.mark.slow
 def test_a_start_from_rest_is_measured_by_k() -> None:
     """M(0) = 0 is no scale; the frame and the rotors that turn the ball give one."""
     for name in ("fig05b", "fig06", "spin_up_from_rest"):

@@ -192,6 +192,7 @@ def turned(scene: rb.Scene, rotation: Rotation) -> rb.Scene:
 angles = st.floats(-np.pi, np.pi)
 
 
+@pytest.mark.slow
 @settings(max_examples=5, phases=[Phase.generate])  # shrinking would take minutes
 @given(angles=st.tuples(angles, angles, angles), name=st.sampled_from(FOUR))
 def test_motion_does_not_depend_on_the_axes_of_the_frame(

@@ -14,7 +14,7 @@ from tests.imports import PROJECT, graph_of, modules_of, reached
 MODULES = modules_of(PROJECT)
 GRAPH = graph_of(MODULES)
 Graph = Mapping[str, set[str]]
-ROOMS = ("robotball.engines.reduced", "robotball.engines.mujoco")
+ROOMS = ("robotball.engines.reduced", "robotball.engines.mujoco", "robotball.engines.recorded")
 # Each may import those before it, and none after it.
 FLOORS = (
     ("robotball",),

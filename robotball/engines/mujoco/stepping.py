@@ -55,11 +55,6 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
         yield Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
 
 
-def longest_step(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
-    """The longest step of such a run [s]."""
-    return float(_spans(times, breakpoints, timestep)[1].max())
-
-
 def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
     """How many steps such a run takes."""
     with np.errstate(over="ignore"):

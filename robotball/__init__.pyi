@@ -5,7 +5,6 @@ from .designing.design import Design as Design
 from .designing.design import design as design
 from .designing.feasibility import Limits as Limits
 from .drives import Ramp as Ramp
-from .drives import Servo as Servo
 from .drives import Sine as Sine
 from .engines import engine_named as engine_named
 from .engines import engine_names as engine_names
@@ -28,6 +27,10 @@ from .motion import ContactReport as ContactReport
 from .motion import Loads as Loads
 from .motion import Motion as Motion
 from .motion import ReferenceMotion as ReferenceMotion
+from .motors import Free as Free
+from .motors import PositionServo as PositionServo
+from .motors import Servo as Servo
+from .motors import Torque as Torque
 from .scene import Scene as Scene
 from .scene import sample_times as sample_times
 from .settings import EngineSettings as EngineSettings

@@ -107,8 +107,12 @@ class Adapter(Engine, ABC):
 
     def cannot_express(self, scene: Scene) -> str | None:
         """What no adapter can, and then what this one cannot."""
-        if any(motor is not None for motor in scene.motors):
-            return "its adapter turns hinges at given rates, and the scene has motors of its own"
+        if scene.not_reduced:
+            return (
+                f"its adapter turns hinges at given rates in a balanced ball: {scene.not_reduced}"
+            )
+        if scene.ball.shell.offset:
+            return "its adapter has the shell's centre of mass at the shell's centre"
         return self.limits(scene)
 
     def run(

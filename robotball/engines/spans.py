@@ -19,11 +19,6 @@ def spans(
     return ends, np.minimum(np.diff(stops) / counts, timestep), counts
 
 
-def longest_step(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
-    """The longest step of such a run [s]."""
-    return float(spans(times, breakpoints, timestep)[1].max())
-
-
 def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
     """How many steps such a run takes."""
     with np.errstate(over="ignore"):

@@ -5,8 +5,10 @@ from typing import Literal
 
 import numpy as np
 
-from robotball.drives import Drive, Servo, turns
+from robotball.drives import Drive, turns
 from robotball.engines.mujoco.settings import Prescribed, Settings
+from robotball.errors import InputError
+from robotball.motors import Motor, Servo
 from robotball.scene import Scene
 
 RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
@@ -71,10 +73,16 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
             index,
             f"{tree.frame}rotor{index}/" if index else tree.child,
             drive,
-            actuation=motor or settings.drive,
+            actuation=_own(motor) or settings.drive,
             own_motor=motor is not None,
             largest_rate=float(np.abs(drive.rate(times)).max()) or 1.0,
         )
         for index, (drive, motor) in enumerate(zip(scene.drives, motors, strict=True))
         if motor or turns(drive)
     )
+
+
+def _own(motor: Motor | None) -> Servo | None:
+    if motor is not None and not isinstance(motor, Servo):
+        raise InputError(f"the model has velocity servos only, not {motor}")
+    return motor

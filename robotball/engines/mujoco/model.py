@@ -8,11 +8,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.drives import Servo
 from robotball.engines.mujoco.equilibrium import carrying_depth, compiled_model
 from robotball.engines.mujoco.hinges import Hinge, Tree, hinges_of
 from robotball.engines.mujoco.settings import Settings
 from robotball.files.mjcf import part
+from robotball.motors import Servo
 from robotball.rotations import Array, rotation_matrix, z_along
 from robotball.scene import Scene
 from robotball.start import Start

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from robotball.body_states import body_states, momentum_of, rolling_velocity
 from robotball.engines import derivative
 from robotball.errors import InputError, warn
 from robotball.files.motion_file import FORMAT, arrays_of
@@ -76,18 +75,19 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
     times, attitude = trajectory.times, trajectory.attitude
     omega, omega_error = _angular_velocity(trajectory)
     angles, hinge_rates = _hinges(scene, trajectory)
-    states = body_states(scene, attitude, omega, angles, hinge_rates)
+    to_world = rotation_matrix(attitude)
     momentum, momentum_error = trajectory.momentum, np.zeros(len(times))
     if momentum is None:
-        momentum = momentum_of(scene, states)
+        states = scene.robot.states(to_world[:, 2], angles, omega, hinge_rates)
+        momentum = np.einsum("nij,nj->ni", to_world, states.momentum(scene.rolling))
         # L = (Ĩ)ω + …, in which no direction weighs more than I + d.
         largest = np.linalg.eigvalsh(scene.ball.inertia)[-1] + scene.ball.d
         momentum_error = largest * omega_error
     velocity, velocity_error = derivative.rates(times, trajectory.position[:, :2])
     shell = omega - np.outer(hinge_rates[:, 0], scene.ball.shell.axis)
-    rolled = rolling_velocity(scene, attitude, shell)[:, :2]
-    spin = np.einsum("ni,ni->n", rotation_matrix(attitude)[:, 2], shell)
-    per_radius = rolled / scene.ball.radius
+    turning = np.einsum("nij,nj->ni", to_world, shell)
+    per_radius = turning[:, [1, 0]] * [1.0, -1.0]  # v = a (ω - Ω)×e_z
+    rolled = scene.ball.radius * per_radius
     turned = float((per_radius**2).sum())
     return RecordedMotion(
         scene=scene,
@@ -104,7 +104,7 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
         momentum_error=momentum_error,
         slip=np.linalg.norm(velocity - rolled, axis=1),
         slip_error=velocity_error + scene.ball.radius * omega_error,
-        spin=spin,
+        spin=turning[:, 2],
         spin_error=omega_error,
         rolling_radius=float((velocity * per_radius).sum()) / turned if turned else np.nan,
         height=trajectory.position[:, 2],

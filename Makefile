@@ -27,6 +27,7 @@ check: setup
 bench: setup
 	$(BIN)/python -m validation.bench.steps
 	$(BIN)/python -m validation.bench.kernels
+	$(BIN)/python -m validation.bench.threads
 
 # The constants of robotball/engines/mujoco/cost_model.py, measured again; half an hour.
 cost-model: setup

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import tyro
 
 from robotball.errors import InputError, SceneWarning
+from robotball.threads import at_most
 from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT
 from validation.commands.attractors import Attractors
@@ -59,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     make_lasting()
     try:
         command = parse(_renamed(sys.argv[1:] if arguments is None else arguments))
-        with standard_output_of(command):
+        with standard_output_of(command), at_most(getattr(command, "threads", None)):
             status = command.run()
         sys.stdout.flush()
     except InputError as error:

@@ -27,6 +27,13 @@ Preset = DisallowNone[Annotated[str | None, arg(metavar="PRESET")]]
 Names = UseAppendAction[Annotated[tuple[str, ...], arg(metavar="NAME,…")]]
 
 
+THREADS_HELP = (
+    "How many cores to work on; all that this process may use if not given. The numbers are the "
+    "same with any."
+)
+Threads = DisallowNone[Annotated[int | None, arg(metavar="N", help=THREADS_HELP)]]
+
+
 @dataclass(frozen=True)
 class Sweep:
     """Options of a study that sweeps over many runs."""

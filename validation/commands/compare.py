@@ -15,6 +15,7 @@ from validation.commands.arguments import (
     Names,
     Run,
     RunOptions,
+    Threads,
     check_files,
     listed,
     times_of,
@@ -33,6 +34,7 @@ class Compare:
     run_options: RunOptions = field(default_factory=Run)
     plots: bool = True
     """Draw each scene's paths and momentum into the output folder."""
+    threads: Threads = None
     json: File = None
     """Also write the results as a list of objects, one a scene and preset."""
     csv: File = None

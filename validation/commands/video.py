@@ -9,6 +9,7 @@ from validation.commands.arguments import (
     Run,
     RunOptions,
     SceneName,
+    Threads,
     times_of,
 )
 
@@ -22,6 +23,7 @@ class Video:
     preset: Preset = None
     """The engine's settings to run it with; balanced if not given."""
     run_options: RunOptions = field(default_factory=Run)
+    threads: Threads = None
 
     def run(self) -> int:
         from robotball import load_scene

@@ -17,6 +17,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from types import ModuleType
 
+from robotball.threads import at_most
 from validation.sweeps.cells import OUTLASTED, Cell, Work, reason, to_line
 
 IDLE = 60.0
@@ -160,7 +161,8 @@ def _end_with_parent() -> None:
 def _line(work: Work, cell: Cell) -> str:
     """The result; whatever the work raises is its failure."""
     try:
-        record = work(cell)
+        with at_most(1):
+            record = work(cell)
         if not isinstance(record, Mapping):
             raise TypeError(f"a record must be a mapping, not {type(record).__name__}")
         return to_line(cell, record, None)

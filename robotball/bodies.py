@@ -44,7 +44,8 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
 class Shell:
     """The sphere that rolls: symmetric about `axis` (3,), about which the frame turns in it.
 
-    SI units; `axis` is a unit vector in frame axes.
+    SI units; `axis` is a unit vector in frame axes. offset [m]: how far along it the shell's
+    centre of mass is from its centre, σ; the moments are about the centre of mass.
     """
 
     radius: float
@@ -52,6 +53,12 @@ class Shell:
     axial_inertia: float
     transverse_inertia: float
     axis: Array
+    offset: float = 0.0
+
+    @property
+    def centre(self) -> Array:
+        """The centre of mass (3,) from the sphere's centre, frame axes [m]."""
+        return self.offset * self.axis
 
     @property
     def inertia(self) -> Array:
@@ -90,24 +97,46 @@ class Rotor:
 
 
 @dataclass(frozen=True)
-class Ball:
-    """Shell, frame and rotors, in the frame's own axes, which need not be principal axes.
+class Pendulum:
+    """Any body on a hinge of the frame, as it is at the hinge's angle 0, frame axes.
 
-    The equations need it balanced: its centre of mass at the centre of the sphere.
+    mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
+    sphere's; axis (3,) the hinge's, a unit vector; pivot (3,) m, a point of the axis from the
+    sphere's centre.
+    """
+
+    mass: float
+    inertia: Array
+    centre: Array
+    axis: Array
+    pivot: Array = field(default_factory=lambda: np.zeros(3))
+
+
+Body = Shell | Frame | Rotor | Pendulum
+
+
+@dataclass(frozen=True)
+class Ball:
+    """Shell, frame, rotors and pendulums, in the frame's own axes, not always principal axes.
+
+    The reduced equations need it balanced, its centre of mass at the centre of the sphere, and
+    without pendulums. What moves with a pendulum is told at the hinges' angle 0.
     """
 
     shell: Shell
     frame: Frame
     rotors: tuple[Rotor, ...]
+    pendulums: tuple[Pendulum, ...] = ()
 
     def __post_init__(self) -> None:
         check_positive("the shell's radius", self.shell.radius, "m")
         for name, body in self.named_bodies:
             check_positive(f"{name}'s mass", body.mass, "kg")
-            for coordinate in _centre(body).tolist():
-                check_size(f"{name}'s centre", coordinate, "m")
             if not isinstance(body, Frame):
                 _check_unit(f"{name}'s axis", body.axis)
+            for coordinate in body.centre.tolist():
+                check_size(f"{name}'s centre", coordinate, "m")
+            if isinstance(body, Shell | Rotor):
                 _check_entries(name, np.array([body.axial_inertia, body.transverse_inertia]))
             if isinstance(body, Rotor):
                 _check_no_flatter_than_a_disk(name, body)
@@ -116,10 +145,18 @@ class Ball:
         check_inertia("the ball", self.inertia)
 
     @property
-    def named_bodies(self) -> tuple[tuple[str, Shell | Frame | Rotor], ...]:
-        """(name, body), the shell first; the names are those of the MuJoCo bodies."""
-        rotors = [(f"rotor{i}", rotor) for i, rotor in enumerate(self.rotors, start=1)]
-        return (("shell", self.shell), ("frame", self.frame), *rotors)
+    def named_bodies(self) -> tuple[tuple[str, Body], ...]:
+        """(name, body): shell, frame, rotors, pendulums; the names are those of every engine."""
+        own = (("shell", self.shell), ("frame", self.frame))
+        return (*own, *self.named_rotors, *self.named_pendulums)
+
+    @property
+    def named_rotors(self) -> tuple[tuple[str, Rotor], ...]:
+        return tuple((f"rotor{i}", rotor) for i, rotor in enumerate(self.rotors, start=1))
+
+    @property
+    def named_pendulums(self) -> tuple[tuple[str, Pendulum], ...]:
+        return tuple((f"pendulum{i}", each) for i, each in enumerate(self.pendulums, start=1))
 
     @property
     def radius(self) -> float:
@@ -143,7 +180,7 @@ class Ball:
     def centre_of_mass(self) -> Array:
         """(3,) m, from the centre of the sphere."""
         return (
-            np.array([body.mass * _centre(body) for _, body in self.named_bodies]).sum(axis=0)
+            np.array([body.mass * body.centre for _, body in self.named_bodies]).sum(axis=0)
             / self.mass
         )
 
@@ -195,13 +232,9 @@ def beyond_the_shell(ball: Ball) -> list[str]:
     return lines
 
 
-def _centre(body: Shell | Frame | Rotor) -> Array:
-    return np.zeros(3) if isinstance(body, Shell) else body.centre
-
-
-def _about_the_shells(body: Shell | Frame | Rotor) -> Array:
+def _about_the_shells(body: Body) -> Array:
     """The body's inertia (3, 3) about the centre of the sphere, by Steiner's theorem."""
-    r = _centre(body)
+    r = body.centre
     return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 

@@ -38,19 +38,6 @@ class Drive(Protocol):
 
 
 @dataclass(frozen=True)
-class Servo:
-    """A velocity servo with a gain [N m s/rad] and, if it has one, a torque limit [N m]."""
-
-    gain: float
-    torque_limit: float | None = None
-
-    def __post_init__(self) -> None:
-        check_positive("a servo's gain", self.gain, "N m s/rad")
-        if self.torque_limit is not None:
-            check_positive("a servo's torque limit", self.torque_limit, "N m")
-
-
-@dataclass(frozen=True)
 class Constant:
     """A rate that does not change [rad/s]."""
 

@@ -78,6 +78,12 @@ def check_positive(what: str, value: float, unit: str) -> None:
         )
 
 
+def check_not_negative(what: str, value: float, unit: str) -> None:
+    """Raises InputError unless `value` is zero, or what `check_positive` takes."""
+    if value != 0:
+        check_positive(f"{what}, where it is not 0,", value, unit)
+
+
 def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST) -> None:
     """Raises InputError unless `value` is finite and at most `largest` in size."""
     _check_number(what, value)

@@ -1,20 +1,25 @@
 """Scene: a ball, its drives, a rolling model and a start; all that an engine needs."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from robotball.bodies import Ball
+from robotball.bodies import Ball, imbalance
+from robotball.contact import Friction
 from robotball.custom import Followed
-from robotball.drives import Constant, Drive, Rate, Servo, as_drive
+from robotball.drives import Constant, Drive, Rate, as_drive
 from robotball.errors import LARGEST, InputError, check_positive, check_size
+from robotball.hinges import Hinge
+from robotball.mechanics.robot import Robot, robot_of
+from robotball.motors import Motor, Servo
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.start import Start, horizontal, unit
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
+DOWN = (0.0, 0.0, -1.0)
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
 MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each, and a comparison has two motions
 SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
@@ -24,10 +29,14 @@ SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 class Scene:
     """One experiment, the same for every engine. SI units.
 
-    frame_rate is the frame's turning rate about the shell's axis, relative to the shell, and
-    rotor_rates (one a rotor) are relative to the frame: numbers [rad/s], drives, or functions of
-    time. motors, in the same order, are the servos that real hinges have; a hinge without one
-    keeps its rate exactly. No motors at all is none on any hinge. A start that is on the rolling
+    frame_rate, rotor_rates and pendulum_rates are the commands of the hinges, the frame's about the
+    shell's axis and relative to the shell, the others' relative to the frame: numbers, drives, or
+    functions of time. motors, in the same order, say how a hinge is moved. One without a motor
+    keeps the commanded rate [rad/s] exactly; to a motor the command is what it takes, a rate, an
+    angle [rad] or a torque [N m]. No motors at all is none on any hinge.
+
+    gravity_direction (3,): which way things fall, in world axes, whose Z is the plane's normal; an
+    inclined plane has a horizontal part. friction: of the plane. A start that is on the rolling
     model but for rounding is put there: its attitude is a unit quaternion, a rubber M horizontal.
     """
 
@@ -41,28 +50,41 @@ class Scene:
     start: Start
     duration: float
     gravity: float = GRAVITY
-    motors: tuple[Servo | None, ...] = ()
+    motors: tuple[Motor | None, ...] = ()
+    pendulum_rates: tuple[Rate, ...] = ()
+    gravity_direction: tuple[float, float, float] = DOWN
+    friction: Friction = field(default_factory=Friction)
 
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
             raise InputError(f"rolling must be one of {ROLLING_MODELS}, not {self.rolling!r}")
         check_positive("duration", self.duration, "s")
         check_positive("gravity", self.gravity, "m/s²")
-        if len(self.rotor_rates) != len(self.ball.rotors):
-            raise InputError(
-                f"{len(self.ball.rotors)} rotors need as many rates, not {len(self.rotor_rates)}"
-            )
+        for kind, bodies, rates in (
+            ("rotors", self.ball.rotors, self.rotor_rates),
+            ("pendulums", self.ball.pendulums, self.pendulum_rates),
+        ):
+            if len(rates) != len(bodies):
+                raise InputError(f"{len(bodies)} {kind} need as many rates, not {len(rates)}")
         if len(self.motors) not in (0, len(self.drives)):
             raise InputError(
                 f"{len(self.drives)} hinges need as many motors, or none, not {len(self.motors)}"
             )
+        down = unit("gravity_direction", np.array(self.gravity_direction))
+        if not down[2] < 0:
+            raise InputError(
+                f"gravity_direction must press the ball on the plane: its Z is {down[2]:.6g}, and "
+                "must be negative"
+            )
+        object.__setattr__(self, "gravity_direction", tuple(down.tolist()))
         for part in self.start.momentum.tolist():
             check_size("the start's momentum", part, "kg m²/s", LARGEST**3)
         attitude, momentum = unit("attitude", self.start.attitude), self.start.momentum
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
         # Every engine starts from what is made exact here.
-        object.__setattr__(self, "start", Start(attitude, momentum))
+        start = replace(self.start, attitude=attitude, momentum=momentum)
+        object.__setattr__(self, "start", start)
 
     @cached_property
     def times(self) -> Array:
@@ -81,8 +103,55 @@ class Scene:
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """The frame's drive, then the rotors'."""
-        return tuple(as_drive(rate, self.duration) for rate in (self.frame_rate, *self.rotor_rates))
+        """The hinges' commands: the frame's drive, then the rotors', then the pendulums'."""
+        rates = (self.frame_rate, *self.rotor_rates, *self.pendulum_rates)
+        return tuple(as_drive(rate, self.duration) for rate in rates)
+
+    @cached_property
+    def hinges(self) -> tuple[Hinge, ...]:
+        """The frame's hinge, then the rotors', then the pendulums', as they are at the start."""
+        ball, drives = self.ball, self.drives
+        motors = self.motors or (None,) * len(drives)
+        angles, rates = self.start.hinge_angles, self.start.hinge_rates
+        named = [("frame", ball.shell.axis, np.zeros(3))]
+        named += [(name, body.axis, body.centre) for name, body in ball.named_rotors]
+        named += [(name, body.axis, body.pivot) for name, body in ball.named_pendulums]
+        hinges = []
+        for i, (name, axis, pivot) in enumerate(named):
+            command, motor = drives[i], motors[i]
+            follows = motor is None or isinstance(motor, Servo)
+            rate = float(command.rate(0.0)) if follows else 0.0
+            if rates is not None and motor is not None:
+                rate = float(rates[i])
+            angle = 0.0 if angles is None else float(angles[i])
+            hinges.append(Hinge(name, axis, pivot, command, motor, angle, rate))
+        return tuple(hinges)
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The numbers of the bodies and the armatures, for `robotball.mechanics`."""
+        armatures = tuple(motor.armature if motor else 0.0 for motor in self.motors)
+        return robot_of(self.ball, armatures)
+
+    @property
+    def gravity_world(self) -> Array:
+        """G (3,) in world axes [m/s²]."""
+        return self.gravity * np.array(self.gravity_direction)
+
+    @cached_property
+    def not_reduced(self) -> str | None:
+        """Why (3.2) and (3.3) do not describe the scene, in a line; None where they do."""
+        if offset := imbalance(self.ball):
+            return offset
+        if self.ball.pendulums:
+            return "a pendulum moves the centre of mass"
+        if any(self.motors):
+            return "a hinge has a motor, which does not keep its rate exactly"
+        if self.gravity_direction != DOWN:
+            return "the plane is inclined"
+        if self.friction.rolling:
+            return "the plane resists rolling"
+        return None
 
     def until(self, end: float) -> "Scene":
         """The scene of a run that ends at `end` [s]: its drives are asked from 0 to there.
@@ -128,15 +197,27 @@ class Scene:
         with the masses, whatever their unit.
         """
         start = math.hypot(*self.start.momentum.tolist())
+        falling = self.ball.d * float(np.sqrt(self.gravity / self.ball.radius))
+        if self.not_reduced:
+            return max(start, falling)
         with np.errstate(over="ignore", invalid="ignore"):  # refused by the equations, not here
             numbers = self.parameters_at(0.0)
         turned = math.hypot(*numbers.K) + numbers.d * math.hypot(*numbers.Omega)
-        falling = self.ball.d * float(np.sqrt(self.gravity / self.ball.radius))
         return max(start, SMALL * turned) or falling
 
     def angular_velocity_at(self, start: Start) -> Array:
         """ω (3,) in frame axes of this ball at any start [rad/s]."""
-        to_principal = self.principal_axes.T @ rotation_matrix(start.attitude).T
+        to_frame = rotation_matrix(start.attitude).T
+        if self.not_reduced:
+            hinges = replace(self, start=start).hinges
+            return self.robot.angular_velocity(
+                to_frame[None, :, 2],
+                np.array([[hinge.angle for hinge in hinges]]),
+                (to_frame @ start.momentum)[None],
+                np.array([[hinge.rate for hinge in hinges]]),
+                self.rolling,
+            )[0]
+        to_principal = self.principal_axes.T @ to_frame
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
         omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)

@@ -17,10 +17,17 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Start:
-    """The attitude (4,), frame to world, and the momentum M (3,) in world axes [kg m²/s]."""
+    """The attitude (4,), frame to world, and the momentum M (3,) in world axes [kg m²/s].
+
+    hinge_angles, hinge_rates (h,): of every hinge, in the order of `Scene.hinges` [rad, rad/s];
+    None is 0 for the angles, and for the rates what is commanded, or 0 where no rate is. The rate
+    of a hinge that keeps the commanded one is not asked for here.
+    """
 
     attitude: Array
     momentum: Array
+    hinge_angles: Array | None = None
+    hinge_rates: Array | None = None
 
 
 def section_state(L: float, l: float, g: float, f: float, c: float = 0.0) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from robotball.bodies import (
     thin_shell_inertia,
 )
 from robotball.designing.design import Design, design
-from robotball.drives import Rate, Servo, as_drive
+from robotball.drives import Rate, as_drive
 from robotball.errors import InputError, check_size, unknown, warn
 from robotball.files.catalog import CATALOG, catalog
 from robotball.files.mjcf import frame_of_mjcf
@@ -32,6 +32,7 @@ from robotball.files.scene_table import (
     known_keys,
     read_start,
 )
+from robotball.motors import Servo
 from robotball.parameters import parameters_of
 from robotball.rotations import Array, normalised
 from robotball.scene import Scene

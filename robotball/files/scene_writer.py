@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robotball.bodies import Frame, Rotor, Shell, thin_shell_inertia
-from robotball.drives import Ramp, Rate, Servo, Sine
+from robotball.drives import Ramp, Rate, Sine
 from robotball.errors import InputError
+from robotball.motors import Motor, Servo
 from robotball.scene import GRAVITY, Scene
 
 AT_REST = "M = 0; ω is not, where frame or rotors turn"
@@ -75,9 +76,11 @@ def _centre(body: Frame | Rotor) -> Iterator[str]:
         yield f"centre = {_array(body.centre)}"
 
 
-def _hinge(rate: Rate, motor: Servo | None) -> Iterator[str]:
+def _hinge(rate: Rate, motor: Motor | None) -> Iterator[str]:
     yield f"rate = {_rate(rate)}"
     if motor is not None:
+        if not isinstance(motor, Servo):
+            raise InputError(f"a scene file holds velocity servos only, not {motor}")
         yield from ('drive = "servo"', f"kv = {_number(motor.gain)}")
         if motor.torque_limit is not None:
             yield f"torque_limit = {_number(motor.torque_limit)}"

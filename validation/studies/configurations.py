@@ -12,9 +12,9 @@ from itertools import chain, product
 from typing import Any
 
 from robotball import PRESETS, Settings
-from robotball.drives import Servo
 from robotball.engines.mujoco.integrators import ADAPTIVE, FIRST_ORDER
 from robotball.engines.mujoco.settings import NAIVE, Prescribed, recipe, settings_from
+from robotball.motors import Servo
 
 Options = dict[str, Any]
 

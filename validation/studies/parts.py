@@ -9,11 +9,12 @@ import mujoco
 
 from robotball import PRESETS, Scene, Settings
 from robotball.bodies import Rotor
-from robotball.drives import Servo
 from robotball.engines.mujoco.explain import DEFAULT_ITERATIONS
 from robotball.engines.mujoco.hinges import hinges_of
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import NAIVE
+from robotball.errors import InputError
+from robotball.motors import Motor, Servo
 from validation.studies.friction import LEAST_FRICTION
 from validation.studies.timing import Cost, measure_costs, one_step
 
@@ -98,7 +99,9 @@ def _third(rotor: Rotor) -> Rotor:
     )
 
 
-def _weaker(motor: Servo) -> Servo:
+def _weaker(motor: Motor) -> Servo:
+    if not isinstance(motor, Servo):
+        raise InputError(f"only velocity servos are shared among rotors, not {motor}")
     limit = motor.torque_limit
     return Servo(motor.gain / SPLIT, None if limit is None else limit / SPLIT)
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotball.motors import Servo
 from robotball.rotations import rotation_matrix
 from robotball.scene import Scene
 
@@ -61,5 +62,5 @@ def servo_rate(scene: Scene) -> float:
     axis = scene.ball.shell.axis
     of_frame = float(axis @ scene.ball.frame.inertia @ axis)
     inertias = (of_frame, *(rotor.axial_inertia for rotor in scene.ball.rotors))
-    gains = [motor.gain if motor else 0.0 for motor in scene.motors]
+    gains = [motor.gain if isinstance(motor, Servo) else 0.0 for motor in scene.motors]
     return max((g / i for g, i in zip(gains, inertias, strict=False)), default=0.0)

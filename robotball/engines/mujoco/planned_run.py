@@ -10,11 +10,12 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.bodies import imbalance
-from robotball.drives import Servo, turns
+from robotball.drives import turns
 from robotball.engines.mujoco.integrators import INTEGRATORS, MUJOCOS_DEFAULT, Integrator
 from robotball.engines.mujoco.settings import Settings
 from robotball.loads import loads_of
 from robotball.motion import Loads
+from robotball.motors import Servo
 from robotball.parameters import Parameters, as_vector
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from robotball.drives import Servo
 from robotball.engines.mujoco.hinges import Hinge
 from robotball.engines.mujoco.model import Model
 from robotball.motion import Loads
+from robotball.motors import Servo
 from robotball.rotations import Array, Mask, rotation_matrix
 
 STATE_SENSORS = [

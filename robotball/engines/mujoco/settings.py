@@ -4,10 +4,10 @@ from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal, NamedTuple
 
-from robotball.drives import Servo
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
 from robotball.errors import LARGEST, InputError, check_positive, is_number
+from robotball.motors import Servo
 from robotball.settings import EngineSettings, preset_named
 
 MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball.bodies import Ball, Frame, Rotor, Shell, thin_shell_inertia
-from robotball.drives import Ramp, Servo, Sine
+from robotball.drives import Ramp, Sine
+from robotball.motors import Servo
 from robotball.parameters import Rolling
 from robotball.rotations import Array
 from robotball.start import Start

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 
 import robotball as rb
 from robotball import Settings
-from robotball.drives import Servo
 from robotball.engines.mujoco.explain import left_out
 from robotball.engines.mujoco.integrators import FIRST_ORDER
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE, recipe
+from robotball.motors import Servo
 from validation.cli import main
 from validation.studies.configurations import (
     configurations,

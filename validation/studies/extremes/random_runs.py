@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball import Scene, SceneWarning, Settings, catalog, load_scene, preset
-from robotball.drives import Servo
 from robotball.engines.mujoco.integrators import ADAPTIVE, OWN
 from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.engines.mujoco.settings import Prescribed, recipe
+from robotball.motors import Servo
 from robotball.rotations import Array
 from robotball.start import Start
 from validation.studies.extremes.balls import scaled, scaled_frame, scaled_rotor, scaled_shell

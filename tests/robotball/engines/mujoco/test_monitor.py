@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.monitor import Monitor
 from robotball.engines.mujoco.readings import Readings
+from robotball.motors import Servo
 from validation import compare
 
 FIG12 = rb.load_scene("fig12")

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engines.mujoco.integrators import ADAPTIVE, OWN
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.monitor import Monitor
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.settings import RULES, Prescribed, Settings
+from robotball.motors import Servo
 from validation import compare
 from validation.studies.extremes.detection import judged
 from validation.studies.extremes.random_runs import extreme, ordinary

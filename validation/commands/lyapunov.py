@@ -9,7 +9,10 @@ BATCH = 16  # starts a core followed at once, between two moves of the progress 
 
 @dataclass(frozen=True)
 class Lyapunov:
-    """Measure a scene's Lyapunov exponents, by the equations and, on request, by an engine."""
+    """Measure a scene's Lyapunov exponents, by the equations and, on request, by an engine.
+
+    Example: robotball lyapunov fig14 --starts 4 --duration 1000
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
@@ -39,7 +42,7 @@ class Lyapunov:
         from robotball.qualitative.lyapunov import Exponents, exponents
         from robotball.threads import allowed
         from validation.commands.suited import moving_scene
-        from validation.output import write_record
+        from validation.output import print_whole, write_record
         from validation.progress import progress_bar
         from validation.studies.attractors.contact_exponent import contact_exponent
         from validation.studies.attractors.level import level_starts
@@ -101,6 +104,6 @@ class Lyapunov:
         for name, (value, error) in rows.items():
             known = error is not None and np.isfinite(error)
             table.add_row(name, f"{value:.6g}", f"{error:.1g}" if known else "-")
-        Console().print(table)
+        print_whole(table, Console())
         write_record(self.json, record)
         return AGREES

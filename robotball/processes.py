@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
+from itertools import islice
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from types import ModuleType
@@ -49,16 +50,15 @@ def in_processes(
     try:
         for _ in range(count):
             processes.append(_started(work))
-        pipes = [pipe for _, pipe in processes]
-        for pipe, job in zip(pipes, waiting, strict=False):
+        for (_, pipe), job in zip(processes, waiting, strict=False):
             pipe.send(job)
             busy += 1
         following = 0
         while busy:
-            for pipe in wait(pipes):
-                assert isinstance(pipe, Connection)
+            for ready in wait([pipe for _, pipe in processes]):
+                assert isinstance(ready, Connection)
                 try:
-                    i, result, error, lines = pipe.recv()
+                    i, result, error, lines = ready.recv()
                 except EOFError:
                     raise ChildProcessError("a process was ended from outside") from None
                 for line in lines:
@@ -66,10 +66,10 @@ def in_processes(
                 if error is not None:
                     raise error
                 done[i] = result
-                if (job := next(waiting, None)) is not None:
-                    pipe.send(job)
-                else:
-                    busy -= 1
+                busy -= 1
+                for job in islice(waiting, 1):
+                    ready.send(job)
+                    busy += 1
             while following in done:
                 yield done.pop(following)
                 following += 1

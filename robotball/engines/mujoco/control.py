@@ -24,7 +24,7 @@ class Control:
     def __call__(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
         begin, end = self.span
         t = max(begin, min(data.time, end - INSIDE))
-        data.ctrl[:] = [hinge.control(t) for hinge in self.model.hinges]
+        data.ctrl[:] = [hinge.control(t) for hinge in self.model.hinges if hinge.actuated]
 
 
 @contextmanager

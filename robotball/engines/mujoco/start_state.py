@@ -44,7 +44,6 @@ def angular_velocity(scene: Scene, start: Start) -> Array:
     ball, shell, a = scene.ball, scene.ball.shell, scene.ball.radius
     R = rotation_matrix(start.attitude)
     gamma = R[2]
-    hung = (*ball.rotors, *ball.pendulums)
     pivots = [np.zeros(3), np.zeros(3), *(b.centre for b in ball.rotors)]
     pivots += [b.pivot for b in ball.pendulums]
 

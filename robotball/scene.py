@@ -12,6 +12,7 @@ from robotball.custom import Followed
 from robotball.drives import Constant, Drive, Rate, as_drive
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.hinges import Hinge
+from robotball.mechanics.robot import Robot, robot_of
 from robotball.motors import Motor, Servo
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
@@ -127,6 +128,17 @@ class Scene:
         return tuple(hinges)
 
     @cached_property
+    def robot(self) -> Robot:
+        """The numbers of the bodies and the armatures, for `robotball.mechanics`."""
+        armatures = tuple(motor.armature if motor else 0.0 for motor in self.motors)
+        return robot_of(self.ball, armatures)
+
+    @property
+    def gravity_world(self) -> Array:
+        """G (3,) in world axes [m/s²]."""
+        return self.gravity * np.array(self.gravity_direction)
+
+    @cached_property
     def not_reduced(self) -> str | None:
         """Why (3.2) and (3.3) do not describe the scene, in a line; None where they do."""
         if offset := imbalance(self.ball):
@@ -209,7 +221,17 @@ class Scene:
 
     def angular_velocity_at(self, start: Start) -> Array:
         """ω (3,) in frame axes of this ball at any start [rad/s]."""
-        to_principal = self.principal_axes.T @ rotation_matrix(start.attitude).T
+        to_frame = rotation_matrix(start.attitude).T
+        if self.not_reduced:
+            hinges = replace(self, start=start).hinges
+            return self.robot.angular_velocity(
+                to_frame[None, :, 2],
+                np.array([[hinge.angle for hinge in hinges]]),
+                (to_frame @ start.momentum)[None],
+                np.array([[hinge.rate for hinge in hinges]]),
+                self.rolling,
+            )[0]
+        to_principal = self.principal_axes.T @ to_frame
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
         omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)

@@ -13,6 +13,7 @@ import numpy as np
 from robotball.bodies import Ball, Frame, Pendulum, Shell, thin_shell_inertia
 from robotball.custom import Custom
 from robotball.drives import Rate, Sine
+from robotball.mechanics.robot import momentum_at
 from robotball.motors import Free, Motor, PositionServo, Servo
 from robotball.parameters import Rolling
 from robotball.rotations import Array, rotation_matrix
@@ -25,7 +26,7 @@ DURATION = 10.0  # s
 
 @dataclass(frozen=True)
 class Ending:
-    """Where a worked case is at t = 10 s: contact point [m], attitude, and its hinges' angles [rad].
+    """Where a worked case is at t = 10 s: contact point [m], attitude, hinges' angles [rad].
 
     angles: None where they are the commanded ones.
     """
@@ -107,10 +108,8 @@ def robot(
     rates_now = np.zeros(len(rates)) if hinge_rates is None else np.array(hinge_rates, dtype=float)
     gamma = rotation_matrix(q)[2]
     if rolling == "rubber":
-        turning = turning - (turning - rates_now[0] * ball.shell.axis) @ gamma * gamma
-    momentum = momentum_about_contact(ball, gamma, turning, rates_now)
-    if rolling == "rubber":
-        momentum = np.cross(gamma, momentum)
+        turning -= (turning - rates_now[0] * ball.shell.axis) @ gamma * gamma
+    momentum = momentum_at(ball, rolling, q, turning, np.zeros(len(rates)), rates_now)
     rotors = len(ball.rotors)
     return Scene(
         name=name,
@@ -121,30 +120,11 @@ def robot(
         frame_rate=rates[0],
         rotor_rates=tuple(rates[1 : 1 + rotors]),
         pendulum_rates=tuple(rates[1 + rotors :]),
-        start=Start(q, rotation_matrix(q) @ momentum, hinge_rates=rates_now),
+        start=Start(q, momentum, hinge_rates=rates_now),
         duration=DURATION,
         motors=motors,
         **more,
     )
-
-
-def momentum_about_contact(ball: Ball, gamma: Array, omega: Array, rates: Array) -> Array:
-    """L (3,) about the contact point, frame axes, with the hinges at angle 0 [kg m²/s].
-
-    Σ J_b ω_b + (r_b + aγ) × m_b v_b over the bodies, summed from their velocities.
-    """
-    shell, a = ball.shell, ball.radius
-    v = a * np.cross(omega - rates[0] * shell.axis, gamma)
-    hung = (*ball.rotors, *ball.pendulums)
-    turning = [omega - rates[0] * shell.axis, omega]
-    turning += [omega + rate * body.axis for body, rate in zip(hung, rates[1:], strict=True)]
-    pivots = [np.zeros(3), np.zeros(3), *(b.centre for b in ball.rotors)]
-    pivots += [b.pivot for b in ball.pendulums]
-    L = np.zeros(3)
-    for (_, body), w, p in zip(ball.named_bodies, turning, pivots, strict=True):
-        velocity = v + np.cross(omega if p.any() else w, p) + np.cross(w, body.centre - p)
-        L += body.inertia @ w + np.cross(body.centre + a * gamma, body.mass * velocity)
-    return L
 
 
 def worked(name: str) -> Scene:

@@ -62,7 +62,9 @@ def window_around(found: list[Found], portion: Portion, before: Portion | None) 
     return Window(
         joined([each.rows for each in portions]),
         Steps(
-            *(joined([getattr(s, name) for s in steps]) for name in ("states", "lengths", "spans")),
+            joined([each.states for each in steps]),
+            joined([each.lengths for each in steps]),
+            joined([each.spans for each in steps]),
             [sides for each in steps for sides in each.sides][kept],
         ),
         bad - kept.start,

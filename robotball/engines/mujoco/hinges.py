@@ -1,7 +1,6 @@
 """Which hinges a model needs, and how each is driven."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -15,33 +14,11 @@ RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is l
 
 
 @dataclass(frozen=True)
-class Tree:
-    """Where shell and frame stand in the MJCF: one is the root, with the free joint, and the other
-    hangs on it by the frame's hinge.
-    """
-
-    root: Literal["shell", "frame"]
-
-    @property
-    def shell(self) -> str:
-        return "shell/" if self.root == "shell" else "frame/shell/"
-
-    @property
-    def frame(self) -> str:
-        return "shell/frame/" if self.root == "shell" else "frame/"
-
-    @property
-    def child(self) -> str:
-        """The one on the hinge."""
-        return self.frame if self.root == "shell" else self.shell
-
-
-@dataclass(frozen=True)
 class Hinge:
     """A hinge of the model.
 
     index         its place among the scene's hinges
-    joint         the MJCF name of its joint and of the body that it turns
+    joint         the MJCF name of its joint and of the body that hangs on it
     of            the scene's own words for it
     actuation     a motor, or the armature that lets its rate be prescribed
     largest_rate  of the drive during the scene, by which errors are measured [rad/s]
@@ -74,8 +51,9 @@ class Hinge:
     @property
     def torque_limit(self) -> float | None:
         """Of its servo, if it has one [N m]."""
-        servo = isinstance(self.actuation, Servo | PositionServo)
-        return self.actuation.torque_limit if servo else None
+        if isinstance(self.actuation, Servo | PositionServo):
+            return self.actuation.torque_limit
+        return None
 
     @property
     def follows_rate(self) -> bool:
@@ -89,16 +67,17 @@ class Hinge:
 
 
 def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
-    """The hinges that turn; any other body is fixed to its parent."""
-    tree, times = Tree(settings.root), np.linspace(0.0, scene.duration, RATES_SEEN)
+    """The hinges that turn or stand at an angle; any other body is fixed to its parent."""
+    times = np.linspace(0.0, scene.duration, RATES_SEEN)
+    hung = "frame" if settings.root == "shell" else "shell"
     return tuple(
         Hinge(
             index,
-            f"{tree.frame}{each.name}/" if index else tree.child,
+            each.name if index else hung,
             each,
             actuation=each.motor or settings.drive,
             largest_rate=float(np.abs(each.command.rate(times)).max()) or 1.0,
         )
         for index, each in enumerate(scene.hinges)
-        if each.motor or turns(each.command)
+        if each.motor or turns(each.command) or each.angle
     )

@@ -9,7 +9,7 @@ import numpy as np
 from robotball.engines.mujoco.hinges import Hinge
 from robotball.engines.mujoco.model import Model
 from robotball.motion import Loads
-from robotball.motors import Servo
+from robotball.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 
 STATE_SENSORS = [
@@ -131,8 +131,8 @@ class Readings:
         small = (np.abs(self.rows[:, : compiled.nsensordata][:, state]) < limit).all(axis=1)
         return np.asarray(finite & small)
 
-    def _of_hinges(self, sensor: str, still: float = 0.0) -> Array:
-        """(m, h) over the scene's hinges of a sensor that each turning one has."""
+    def _of_hinges(self, sensor: str) -> Array:
+        """(m, h) over the scene's hinges of a sensor that each turning one has; else 0."""
         columns = np.zeros((len(self.rows), len(self.model.scene.hinges)))
         for hinge in self.model.hinges:
             columns[:, hinge.index] = self.column(f"{hinge.body}_{sensor}")[:, 0]
@@ -140,10 +140,7 @@ class Readings:
 
     @property
     def hinge_angles(self) -> Array:
-        angles = self._of_hinges("angle")
-        for i in self.model.fixed:
-            angles[:, i] = self.model.scene.hinges[i].angle
-        return angles
+        return self._of_hinges("angle")
 
     @property
     def hinge_rates(self) -> Array:
@@ -159,9 +156,9 @@ class Readings:
 
     def _torque(self, hinge: Hinge) -> Array:
         """(m,): a motor's own; of a prescribed rate what the joint carries, its site's z [N m]."""
-        if hinge.own_motor and not hinge.actuated:
+        if isinstance(hinge.actuation, Free):
             angle, rate = (self.column(f"{hinge.body}_{name}")[:, 0] for name in ("angle", "rate"))
-            return np.asarray(hinge.of.motor.torque(0.0, angle, rate))
+            return np.asarray(hinge.actuation.torque(0.0, angle, rate))
         return self.column(f"{hinge.body}_torque")[:, -1]
 
     @property

@@ -24,7 +24,9 @@ from robotball.rotations import Array
 # changes the motion by the square of that.
 LATE = 1e-9
 SHARP = 1e-10  # of a step: how sharply a switch is found
-MOST = 50  # switches in a step; a law that chatters goes on as it is
+SHORTEST = 1e-6  # of a step: a switch as near as that is at its begin or its end
+MOST = 8  # switches in a step; one with more is taken with MuJoCo's own limits
+OWN = 2  # in place of a side: MuJoCo limits the torque itself
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Limited:
 
 @dataclass
 class Switches:
-    """The servos of a model that have a limit, and on which side of it each is: -1, 0 or 1."""
+    """The servos of a model that have a limit, and on which side of it each is: -1, 0, 1 or OWN."""
 
     control: Control
     servos: tuple[Limited, ...]
@@ -61,18 +63,16 @@ class Switches:
         """Lets each servo follow its law alone, or give its limit."""
         compiled, self.sides = self.control.model.compiled, list(sides)
         for servo, side in zip(self.servos, sides, strict=True):
-            i = servo.actuator
-            compiled.actuator_forcelimited[i] = False
-            compiled.actuator_gainprm[i] = 0.0 if side else servo.gain
-            compiled.actuator_biasprm[i] = 0.0 if side else servo.bias
-            if side:
+            i, at_limit = servo.actuator, side in (-1, 1)
+            compiled.actuator_forcelimited[i] = side == OWN
+            compiled.actuator_gainprm[i] = 0.0 if at_limit else servo.gain
+            compiled.actuator_biasprm[i] = 0.0 if at_limit else servo.bias
+            if at_limit:
                 compiled.actuator_biasprm[i, 0] = side * servo.limit
 
     def restore(self) -> None:
         """Leaves the compiled model as it was."""
-        self.set([0] * len(self.servos))
-        for servo in self.servos:
-            self.control.model.compiled.actuator_forcelimited[servo.actuator] = True
+        self.set([OWN] * len(self.servos))
 
     def steps(
         self, data: mujoco.MjData, length: float
@@ -85,20 +85,31 @@ class Switches:
         for _ in range(MOST):
             # A command that has jumped leaves a servo beyond its side before the step.
             if self._late(data) > 0:
-                self.set([int(w > 1) - int(w < -1) for w in self._wanted(data)])
+                self._settle(data)
             before, sides = state_of(data), self.sides
-            if self._after(data, left) <= 0:
+            if not self._after(data, left) > 0:  # nor is a NaN
                 yield left, (before, sides)
                 return
             taken = self._until_switch(data, before, left)
+            if taken > left - SHORTEST * length:
+                taken = left
             mujoco.mj_setState(data.model, data, before, STATE)
-            self._after(data, taken)
-            yield taken, (before, sides)
-            left -= taken
+            if taken > SHORTEST * length:
+                self._after(data, taken)
+                yield taken, (before, sides)
+                left -= taken
             self._switch(data)
+            if left == 0:
+                return
+        self.set([OWN] * len(self.servos))
         before = state_of(data)
         self._after(data, left)
         yield left, (before, self.sides)
+        self._settle(data)
+
+    def _settle(self, data: mujoco.MjData) -> None:
+        """Puts every servo on the side where its law is."""
+        self.set([int(w > 1) - int(w < -1) for w in self._wanted(data)])
 
     def _wanted(self, data: mujoco.MjData) -> list[float]:
         t = self.control.inside(data.time)
@@ -107,7 +118,7 @@ class Switches:
     def _beyond(self, data: mujoco.MjData) -> list[float]:
         """How far each servo's law is beyond its own side of the limit, over the limit."""
         sided = zip(self._wanted(data), self.sides, strict=True)
-        return [abs(wanted) - 1 if side == 0 else 1 - side * wanted for wanted, side in sided]
+        return [1 - side * wanted if side else abs(wanted) - 1 for wanted, side in sided]
 
     def _late(self, data: mujoco.MjData) -> float:
         """Positive where a servo should have switched."""
@@ -155,7 +166,8 @@ def switched(control: Control) -> Iterator[Switches | None]:
 def _limited(compiled: mujoco.MjModel, hinge: Hinge) -> Limited:
     actuator, joint = compiled.actuator(hinge.body), compiled.joint(hinge.joint)
     servo = hinge.actuation
-    assert isinstance(servo, Servo | PositionServo) and servo.torque_limit is not None
+    assert isinstance(servo, Servo | PositionServo)
+    assert servo.torque_limit is not None
     return Limited(
         hinge,
         replace(servo, torque_limit=None),

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robotball.bodies import Ball, imbalance
+from robotball.bodies import ROUNDING, Ball, imbalance
 from robotball.contact import Friction
 from robotball.custom import Followed
 from robotball.drives import Constant, Drive, Rate, as_drive
@@ -152,6 +152,20 @@ class Scene:
         if self.friction.rolling:
             return "the plane resists rolling"
         return None
+
+    @cached_property
+    def load_varies(self) -> bool:
+        """Whether the plane's load may change: where the centre of mass is not the sphere's."""
+        pivots = [body.pivot - body.centre for body in self.ball.pendulums]
+        swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
+        far = ROUNDING * self.ball.radius
+        return imbalance(self.ball) is not None or any(np.linalg.norm(s) > far for s in swings)
+
+    @cached_property
+    def keeps_momentum(self) -> bool:
+        """Whether M is constant in space: dM/dt is ... of the centre of mass and gravity."""
+        upright = self.gravity_direction == DOWN
+        return upright and not self.load_varies and not self.friction.rolling
 
     def until(self, end: float) -> "Scene":
         """The scene of a run that ends at `end` [s]: its drives are asked from 0 to there.

@@ -8,8 +8,7 @@ import numpy as np
 
 from robotball.bodies import Ball, imbalance
 from robotball.contact import Friction
-from robotball.custom import Followed
-from robotball.drives import Constant, Drive, Rate, as_drive
+from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.hinges import Hinge
 from robotball.motors import Motor, Servo
@@ -150,8 +149,8 @@ class Scene:
             return self
         scene = replace(self, duration=end)
         for drive in scene.drives:
-            if isinstance(drive, Followed):
-                assert drive.polynomials  # refused here, if at all
+            for function in functions_of(drive):
+                assert function.polynomials  # refused here, if at all
         return scene
 
     @cached_property

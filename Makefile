@@ -54,7 +54,8 @@ gl: setup
 	@$(BIN)/python -m robotball.film.gl || true
 
 lock: | $(UV)
-	$(UV) pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes \
+	$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+	  --extra reference --extra cluster --extra bench --extra dev \
 	  --no-header --no-annotate --upgrade --output-file requirements.lock pyproject.toml
 
 clean:

@@ -4,6 +4,7 @@ A drive is smooth between its breakpoints and continuous at them; both engines s
 Times are scalars or increasing columns, in s from the start of the motion; SI units.
 """
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -59,6 +60,8 @@ class Sum:
     parts: tuple["Rate", ...]
 
     def __post_init__(self) -> None:
+        parts = (part.parts if isinstance(part, Sum) else (part,) for part in self.parts)
+        object.__setattr__(self, "parts", tuple(itertools.chain.from_iterable(parts)))
         if not self.parts:
             raise InputError("a sum needs at least one rate")
 

@@ -173,12 +173,6 @@ def energy(
     return dot(omega, momentum) / 2 - dot(Omega, momentum) - d * spin * spin / 2
 
 
-def energy_rate(omega: Vector, Omega: Vector, K: Vector, A: Vector) -> Scalar:
-    """dE/dt = -(Ω, (A⁻¹ω + K)×ω) for constant Ω and K [W]."""
-    momentum = (omega[0] / A[0], omega[1] / A[1], omega[2] / A[2])
-    return -dot(Omega, cross(add(momentum, K), omega))
-
-
 # The full equations, an independent second form ----------------------------------------------
 
 

@@ -3,6 +3,11 @@
 from dataclasses import dataclass
 from enum import Enum
 
+# What every engine's run is held to.
+DIVERGED = 1e10  # a state beyond it is none; MuJoCo's own limit (mjMAXVAL)
+RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
+SHORTEST_PATH = 1e-9  # of the radius: a shorter path is none to slip on
+
 
 class FaultKind(Enum):
     """The kinds of fault; {subject} says of what a fault is, {limit} what it has passed."""

@@ -40,6 +40,9 @@ class ContactReport:
     seconds          of processor time that they took, set-up excluded
     total_seconds    the same with the runs that chose the settings, if any did
     estimated_error  of the path, over its length; where an accuracy was requested, else None
+    python_seconds   of `seconds`, what Python does at every step, where that is told apart
+
+    friction_used is NaN where an engine does not tell it.
     """
 
     settings: EngineSettings
@@ -54,6 +57,7 @@ class ContactReport:
     seconds: float
     total_seconds: float
     estimated_error: float | None = None
+    python_seconds: float | None = None
 
 
 @dataclass(frozen=True)

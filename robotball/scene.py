@@ -11,6 +11,7 @@ from robotball.contact import Friction
 from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.hinges import Hinge
+from robotball.mechanics.robot import Robot, robot_of
 from robotball.motors import Motor, Servo
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
@@ -81,8 +82,32 @@ class Scene:
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
         # Every engine starts from what is made exact here.
-        start = replace(self.start, attitude=attitude, momentum=momentum)
+        start = replace(self.start, attitude=attitude, momentum=momentum, **self._hinged_start())
         object.__setattr__(self, "start", start)
+
+    def _hinged_start(self) -> dict[str, Array | None]:
+        """The start's angles, None where all are 0, and its rates, those that are kept exactly."""
+        angles, rates = self.start.hinge_angles, self.start.hinge_rates
+        for name, values in (("angles", angles), ("rates", rates)):
+            if values is not None and values.shape != (len(self.drives),):
+                raise InputError(
+                    f"{len(self.drives)} hinges need as many {name} at the start, not an array of "
+                    f"shape {values.shape}"
+                )
+            for value in () if values is None else values.tolist():
+                check_size(f"a hinge's {name[:-1]} at the start", value, "rad")
+        if rates is not None:
+            motors = self.motors or (None,) * len(rates)
+            rates = np.array(
+                [
+                    float(drive.rate(0.0)) if motor is None else rate
+                    for drive, motor, rate in zip(self.drives, motors, rates.tolist(), strict=True)
+                ]
+            )
+        return {
+            "hinge_angles": None if angles is None or not angles.any() else angles,
+            "hinge_rates": rates,
+        }
 
     @cached_property
     def times(self) -> Array:
@@ -124,6 +149,17 @@ class Scene:
             angle = 0.0 if angles is None else float(angles[i])
             hinges.append(Hinge(name, axis, pivot, command, motor, angle, rate))
         return tuple(hinges)
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The numbers of the bodies and the armatures, for `robotball.mechanics`."""
+        armatures = tuple(motor.armature if motor else 0.0 for motor in self.motors)
+        return robot_of(self.ball, armatures)
+
+    @property
+    def gravity_world(self) -> Array:
+        """G (3,) in world axes [m/s²]."""
+        return self.gravity * np.array(self.gravity_direction)
 
     @cached_property
     def not_reduced(self) -> str | None:
@@ -194,7 +230,17 @@ class Scene:
 
     def angular_velocity_at(self, start: Start) -> Array:
         """ω (3,) in frame axes of this ball at any start [rad/s]."""
-        to_principal = self.principal_axes.T @ rotation_matrix(start.attitude).T
+        to_frame = rotation_matrix(start.attitude).T
+        if self.not_reduced:
+            hinges = replace(self, start=start).hinges
+            return self.robot.angular_velocity(
+                to_frame[None, :, 2],
+                np.array([[hinge.angle for hinge in hinges]]),
+                (to_frame @ start.momentum)[None],
+                np.array([[hinge.rate for hinge in hinges]]),
+                self.rolling,
+            )[0]
+        to_principal = self.principal_axes.T @ to_frame
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
         omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)

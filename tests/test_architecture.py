@@ -9,12 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from robotball.engines import OURS
 from tests.imports import PROJECT, graph_of, modules_of, reached
 
+ENGINES = PROJECT / "robotball/engines"
 MODULES = modules_of(PROJECT)
 GRAPH = graph_of(MODULES)
 Graph = Mapping[str, set[str]]
-ROOMS = ("robotball.engines.reduced", "robotball.engines.mujoco")
+ADAPTERS = tuple(f"robotball.engines.{name}" for name in OURS if (ENGINES / f"{name}.py").is_file())
+ROOMS = ("robotball.engines.reduced", "robotball.engines.mujoco", *ADAPTERS)
 # Each may import those before it, and none after it.
 FLOORS = (
     ("robotball",),

@@ -14,6 +14,7 @@ GROUP = "robotball.engines"
 DEFAULT = "mujoco"
 OURS = {
     "mujoco": "robotball.engines.mujoco.engine:MUJOCO",
+    "bullet": "robotball.engines.bullet:BULLET",
 }
 
 

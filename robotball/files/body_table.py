@@ -13,7 +13,7 @@ Attitude = Annotated[Quadruple, key("quaternion (w, x, y, z) that turns the body
 Parts = Annotated[list[Part] | None, key("parts that it is made of, see Parts")]
 
 
-class MjcfTable(Table):
+class MjcfTable(Table, frozen=True):
     """A body of an MJCF file, with all that is fixed to it."""
 
     file: File
@@ -22,7 +22,7 @@ class MjcfTable(Table):
     attitude: Attitude = UPRIGHT
 
 
-class UrdfTable(Table):
+class UrdfTable(Table, frozen=True):
     """A link of a URDF file, with all that is fixed to it."""
 
     file: File
@@ -36,14 +36,14 @@ Urdf = Annotated[UrdfTable | None, key("a link of a URDF file")]
 Rows = list[float | Triple]
 
 
-class Axial(Table):
+class Axial(Table, frozen=True):
     """Moments of a symmetric body about its axis and across it."""
 
     axial: Annotated[float, key("about the axis", "kg m²")]
     transverse: Annotated[float, key("across it", "kg m²")]
 
 
-class ShellInertia(Table):
+class ShellInertia(Table, frozen=True):
     """Two moments about the shell's own centre of mass, or a thickness."""
 
     axial: Annotated[float | None, key("about the axis", "kg m²")] = None
@@ -51,7 +51,7 @@ class ShellInertia(Table):
     thickness: Annotated[float | None, key("as `thickness` of the shell", "m")] = None
 
 
-class ShellTable(Table):
+class ShellTable(Table, frozen=True):
     """The sphere that rolls: a wall, and parts fixed to it; symmetric about `axis`."""
 
     radius: Annotated[float, key("its outer radius", "m")]
@@ -78,7 +78,7 @@ Centre = Annotated[
 ]
 
 
-class FrameTable(HingeTable):
+class FrameTable(HingeTable, frozen=True):
     """What turns inside the shell, about the shell's axis, and carries the other bodies."""
 
     mass: Annotated[float | None, key("its mass", "kg")] = None
@@ -92,7 +92,7 @@ class FrameTable(HingeTable):
     urdf: Urdf = None
 
 
-class RotorTable(HingeTable):
+class RotorTable(HingeTable, frozen=True, kw_only=True):
     """A symmetric body on the frame that turns about its own axis."""
 
     axis: Annotated[Triple, key("its axis; a direction of any length")]
@@ -104,7 +104,7 @@ class RotorTable(HingeTable):
     urdf: Urdf = None
 
 
-class PendulumTable(HingeTable):
+class PendulumTable(HingeTable, frozen=True, kw_only=True):
     """Any body on a hinge of the frame, told as it is at the hinge's angle 0."""
 
     axis: Annotated[Triple, key("the hinge's axis; a direction of any length")]

@@ -17,7 +17,7 @@ from robotball.rates import COMMAND, Ramp, Samples, Sine
 DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
 
 
-class SamplesTable(Table, tag_field="kind", tag="samples"):
+class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
     """Samples, told here or in a file."""
 
     times: Annotated[list[float] | None, key("increasing times, over the whole run", "s")] = None
@@ -32,7 +32,7 @@ Told = float | Ramp | Sine | SamplesTable
 Command = Told | list[Told]
 
 
-class HingeTable(Table):
+class HingeTable(Table, frozen=True):
     """How a hinge is moved, and where it starts."""
 
     drive: Annotated[
@@ -117,8 +117,11 @@ def _check_keys(name: str, table: HingeTable) -> None:
 
 def unit_of(name: str) -> str:
     """The unit of one of a hinge's keys."""
-    fields = {field.name: field.type for field in msgspec.inspect.type_info(HingeTable).fields}
-    return str(fields[name].extra["unit"])
+    table = msgspec.inspect.type_info(HingeTable)
+    assert isinstance(table, msgspec.inspect.StructType)
+    (told,) = (field.type for field in table.fields if field.name == name)
+    assert isinstance(told, msgspec.inspect.Metadata)
+    return str((told.extra or {})["unit"])
 
 
 def _command(told: Command, folder: Path) -> Rate:

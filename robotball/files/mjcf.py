@@ -7,24 +7,45 @@ import sys
 import warnings
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
 from robotball.errors import InputError
 from robotball.files import mjcf_body
+from robotball.looks import PARTS
 from robotball.parts import Solid
 
 with warnings.catch_warnings(action="ignore"):
     # Without a screen, dm_control's search for a window system warns; nothing here needs one.
     from dm_control import mjcf
 
-PARTS = Path(__file__).parents[2] / "mjcf"
+PRECISION = 17  # digits that bring every double back
 WAIT = 20.0  # s, of a process that may be starved of its few seconds
 
 
 def part(name: str) -> Any:
     """The hand-written part mjcf/`name`.xml as it is, in units of the ball's radius."""
     return mjcf.from_path(str(PARTS / f"{name}.xml"))
+
+
+def text_of(root: Any) -> str:
+    """The MJCF text of a composed tree of parts without classes, under names of one word.
+
+    dm_control scopes names by `/`, as in shell/frame/rotor1/hinge, and itself reads no file that
+    has them. Parts have different names, so the last of them and the element's own say enough:
+    rotor1, rotor1_hinge.
+    """
+    tree = ElementTree.fromstring(root.to_xml_string(precision=PRECISION))
+    for element in tree.iter():
+        element.attrib.pop("class", None)
+        for attribute, value in element.items():
+            if "/" in value:
+                element.set(attribute, "_".join(filter(None, value.split("/")[-2:])))
+    for empty in tree.findall("default"):
+        tree.remove(empty)
+    ElementTree.indent(tree)
+    return ElementTree.tostring(tree, encoding="unicode") + "\n"
 
 
 def solid_of_mjcf(path: Path, name: str) -> Solid:

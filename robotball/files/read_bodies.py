@@ -28,7 +28,7 @@ from robotball.files.body_table import (
 from robotball.files.mjcf import solid_of_mjcf
 from robotball.files.tables import one_of
 from robotball.files.urdf import solid_of_urdf
-from robotball.parts import Z, Solid, composed, direction, mass_of, volume_of_wall
+from robotball.parts import Solid, Z, composed, direction, mass_of, volume_of_wall
 from robotball.rotations import Array, rotation_matrix
 from robotball.start import unit
 
@@ -70,7 +70,7 @@ def _wall(table: ShellTable) -> tuple[float, float, float]:
     if isinstance(given, ShellInertia) and given.thickness is not None:
         if thickness is not None or given.given("axial", "transverse"):
             raise InputError("shell.inertia takes a thickness alone")
-        given, thickness = None, given.thickness
+        thickness, given = given.thickness, None
     if given is not None and thickness is not None:
         raise InputError("shell takes thickness or inertia, not both")
     if thickness is not None:
@@ -166,9 +166,7 @@ def _of_file(table: MjcfTable | UrdfTable, folder: Path) -> Solid:
     else:
         solid = solid_of_urdf(folder / table.file, table.link)
     R = rotation_matrix(unit("attitude", np.array(table.attitude)))
-    return Solid(
-        solid.mass, np.array(table.origin) + R @ solid.centre, R @ solid.inertia @ R.T
-    )
+    return Solid(solid.mass, np.array(table.origin) + R @ solid.centre, R @ solid.inertia @ R.T)
 
 
 def _symmetric(name: str, inertia: Array, axis: Array) -> tuple[float, float]:

@@ -5,7 +5,7 @@ import msgspec
 from robotball.errors import InputError
 
 
-class Table(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A TOML table in which every key must be known."""
 
     def given(self, *keys: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Where the ball goes in the long run: mean velocity and diffusion of the contact point."""
+"""Where the ball goes in the long run: the mean velocity of the contact point."""
 
 from dataclasses import dataclass
 
@@ -30,15 +30,6 @@ class Drift:
     def error(self) -> Array:
         """The standard error (2,) of `mean`, from the scatter of the starts, m/s."""
         return self.velocities.std(axis=0, ddof=1) / np.sqrt(len(self.velocities))
-
-    @property
-    def diffusion(self) -> Array:
-        """The diffusion tensor (2, 2), m²/s: half the rate at which displacements scatter.
-
-        It means something where the starts are of one chaotic attractor; of a regular one it
-        falls to 0 as the duration grows.
-        """
-        return np.cov(self.velocities.T) * self.duration / 2
 
 
 def drift(

@@ -11,8 +11,7 @@ other's energy. So from the same (γ, ℓ) both motions wind round the same toru
 
 import numpy as np
 
-from robotball.errors import InputError
-from robotball.parameters import Parameters, as_vector
+from robotball.parameters import Parameters
 from robotball.rotations import Array
 
 
@@ -21,16 +20,3 @@ def shared_integral(parameters: Parameters, gamma: Array, level: Array) -> Array
     A = np.array(parameters.A)
     weight, mixed = (A * gamma * gamma).sum(axis=1), (A * gamma * level).sum(axis=1)
     return np.asarray((A * level * level).sum(axis=1) - mixed**2 / weight)
-
-
-def classical_partner(rubber: Parameters, d: float, s: float) -> Parameters:
-    """The classical ball with A' = E/d - sA and this d [kg m²], where A is the rubber ball's.
-
-    Raises InputError unless both are Chaplygin balls, Ω = K = 0, and A' is positive.
-    """
-    if rubber.rolling != "rubber" or np.any([rubber.Omega, rubber.K]):
-        raise InputError("only a rubber ball with Omega = K = 0 shares its tori")
-    A = 1 / d - s * np.array(rubber.A)
-    if not (s > 0 and A.min() > 0):
-        raise InputError(f"A' = E/d - sA must be positive, with s > 0; it is {A.tolist()}")
-    return Parameters("classical", as_vector(1 / A - d), d, rubber.a, rubber.Omega, rubber.K)

@@ -87,7 +87,7 @@ def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:
     return [straight_motion(parameters, np.array([np.cos(x), np.sin(x)]) @ across) for x in angles]
 
 
-def stability_limit(parameters: Parameters) -> float:
+def stability_limit(parameters: Parameters) -> float | None:
     """The f [(kg m²/s)²] below which two of the four rubber motions are stable; 0 if none ever is.
 
     For Ω along a principal axis l and K across it, Fig. 9: with j, k, l in cyclic order,
@@ -100,12 +100,15 @@ def stability_limit(parameters: Parameters) -> float:
 
         Ω_l p m < 0,  Ω_l(a_j - a_k)K_jK_k > 0,  f < (a_j - a_k)²K_j²K_k²/(a_k²K_j² + a_j²K_k²).
 
-    The size of Ω has dropped out; with K_l other than zero it would not. Raises InputError for a
-    classical ball and unless Ω is along an axis and K across it.
+    The size of Ω has dropped out; with K_l other than zero it would not. None for a classical
+    ball and unless Ω is along an axis and K across it, where there is no such formula.
     """
-    axes = np.flatnonzero(parameters.Omega)
-    if parameters.rolling != "rubber" or len(axes) != 1 or parameters.K[axes[0]] != 0:
-        raise InputError("the limit needs a rubber ball, Omega along a principal axis, K across it")
+    Omega, across = np.abs(parameters.Omega), np.abs(parameters.K)
+    axes = np.flatnonzero(Omega > ROUNDING * Omega.max())
+    if parameters.rolling != "rubber" or len(axes) != 1:
+        return None
+    if across[axes[0]] > ROUNDING * across.max():
+        return None
     l = int(axes[0])
     j, k = (l + 1) % 3, (l + 2) % 3
     A, K = parameters.A, parameters.K

@@ -74,7 +74,7 @@ class Equilibria:
         from robotball.qualitative.fixed_circle import fixed_circle
         from robotball.qualitative.fixed_point_formulas import name_of
         from robotball.qualitative.limit_cycles import limit_cycles
-        from robotball.qualitative.straight_motions import straight_motions
+        from robotball.qualitative.straight_motions import stability_limit, straight_motions
         from validation.figures.portrait import portrait
         from validation.output import writable_folder, write_picture, write_record
         from validation.progress import progress_bar
@@ -119,6 +119,10 @@ class Equilibria:
         if circle is not None:
             indices += f" and {circle.index} of the circle (Ω, γ) = 0"
         console.print(f"Indices on the sphere: {indices}; the sum is 2.")
+        if limit := stability_limit(ball):
+            console.print(
+                f"Two straight-line motions are stable where M² < {limit:.6g} (kg m²/s)²."
+            )
         if not np.any(ball.Omega):
             console.print("Ω = 0: every motion from rest is closed, and none attracts.")
         print(picture)

@@ -49,7 +49,7 @@ def record(agreement: Agreement) -> dict[str, Any]:
         "attitude_error": agreement.attitude_error,
         "momentum_error": agreement.momentum_error,
         "momentum_drift": agreement.momentum_error,  # its name in version 0.1
-        "friction_used": float(report.friction_used.max(initial=0.0)),
+        "friction_used": _known(report.friction_used.max(initial=0.0)),
         "needs": needs(agreement.theory),
         "steps": report.steps,
         "realtime_factor": agreement.realtime_factor,
@@ -61,6 +61,10 @@ def record(agreement: Agreement) -> dict[str, Any]:
         "seed": None,  # nothing in a comparison is random
         "versions": versions() | {agreement.motion.engine.name: agreement.motion.engine.version},
     }
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def _fault(fault: Fault) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco.cost_model import COST_MODEL, scene_rate, servo_rate
 from robotball.engines.mujoco.integrators import ADAPTIVE
 from robotball.engines.mujoco.settings import PRESETS, Settings, recipe
-from robotball.engines.mujoco.stepping import step_count
+from robotball.engines.spans import step_count
 from robotball.errors import warn
 from robotball.motion import ContactMotion, path_error
 from robotball.rotations import Array

@@ -1,7 +1,6 @@
 """Which hinges a model needs, and how each is driven."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -15,33 +14,11 @@ RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is l
 
 
 @dataclass(frozen=True)
-class Tree:
-    """Where shell and frame stand in the MJCF: one is the root, with the free joint, and the other
-    hangs on it by the frame's hinge.
-    """
-
-    root: Literal["shell", "frame"]
-
-    @property
-    def shell(self) -> str:
-        return "shell/" if self.root == "shell" else "frame/shell/"
-
-    @property
-    def frame(self) -> str:
-        return "shell/frame/" if self.root == "shell" else "frame/"
-
-    @property
-    def child(self) -> str:
-        """The one on the hinge."""
-        return self.frame if self.root == "shell" else self.shell
-
-
-@dataclass(frozen=True)
 class Hinge:
     """A hinge of the model.
 
     index         its place among the scene's drives: 0 the frame's, then the rotors'
-    joint         the MJCF name of its joint and of the body that it turns
+    joint         the MJCF name of its joint and of the body that hangs on it
     actuation     a servo, or the armature that lets its rate be prescribed
     own_motor     whether the servo is the scene's own, whose error belongs to the motion
     largest_rate  of the drive during the scene, by which errors are measured [rad/s]
@@ -66,12 +43,13 @@ class Hinge:
 
 def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
     """The hinges that turn; any other body is fixed to its parent."""
-    tree, times = Tree(settings.root), np.linspace(0.0, scene.duration, RATES_SEEN)
+    times = np.linspace(0.0, scene.duration, RATES_SEEN)
+    hung = "frame" if settings.root == "shell" else "shell"
     motors = scene.motors or (None,) * len(scene.drives)
     return tuple(
         Hinge(
             index,
-            f"{tree.frame}rotor{index}/" if index else tree.child,
+            f"rotor{index}" if index else hung,
             drive,
             actuation=_own(motor) or settings.drive,
             own_motor=motor is not None,

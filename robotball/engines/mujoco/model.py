@@ -1,6 +1,5 @@
 """Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -8,17 +7,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robotball.engines.mujoco.dress import dress
 from robotball.engines.mujoco.equilibrium import carrying_depth, compiled_model
-from robotball.engines.mujoco.hinges import Hinge, Tree, hinges_of
+from robotball.engines.mujoco.hinges import Hinge, hinges_of
 from robotball.engines.mujoco.settings import Settings
-from robotball.files.mjcf import part
+from robotball.files.mjcf import part, text_of
 from robotball.motors import Servo
 from robotball.rotations import Array, rotation_matrix, z_along
 from robotball.scene import Scene
 from robotball.start import Start
 
-PRECISION = 17  # digits that bring every double back
 ORIGIN, Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
+SPHERE = "shell_sphere"  # the geom that touches the plane
 START = "start"  # the keyframe that a run begins from
 
 OPTIONS = (
@@ -68,24 +68,23 @@ class Model:
 def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
     """The model of `scene` under `settings`, at its start; frames and shapes as in Scene.
 
-    dressed: with what only a picture needs, in radii of the ball: geoms, materials, lights.
+    dressed: with what only a picture needs: shapes, materials, lights, a camera.
     Raises InputError where MuJoCo refuses it, or cannot hold the ball up at the start.
     """
     hinges = hinges_of(scene, settings)
-    root, pair = _compose(scene, settings, hinges, part if dressed else _bare)
+    root, pair = _compose(scene, settings, hinges)
     if settings.start_in_equilibrium:
-        pair.margin = carrying_depth(scene, settings, root.to_xml_string(precision=PRECISION))
-    model = Model(scene, settings, root.to_xml_string(precision=PRECISION), hinges)
+        pair.margin = carrying_depth(scene, settings, text_of(root))
+    xml = text_of(root)
+    model = Model(scene, settings, dress(xml, scene.ball) if dressed else xml, hinges)
     assert model.compiled is not None  # refused here, if at all
     return model
 
 
-def _compose(
-    scene: Scene, settings: Settings, hinges: tuple[Hinge, ...], take: Callable[[str], Any]
-) -> tuple[Any, Any]:
-    """The MJCF tree and its contact pair, of the parts that `take` gives by their names."""
+def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tuple[Any, Any]:
+    """The MJCF tree and its contact pair."""
     ball = scene.ball
-    root = take("floor")
+    root = _bare("floor")
     root.option.gravity = [0, 0, -scene.gravity]
     for name in OPTIONS:
         _set(root.option, name, getattr(settings, name))
@@ -97,7 +96,7 @@ def _compose(
     root.option.flag.autoreset = "disable"
 
     # With the shell as root the contact rows' J̇v term, which MuJoCo leaves out, is zero.
-    parts = {"shell": take("shell"), "frame": take("frame")}
+    parts = {"shell": _bare("shell"), "frame": _bare("frame")}
     shell_part, frame_part = parts["shell"], parts["frame"]
     root_part = parts.pop(settings.root)
     (child_part,) = parts.values()
@@ -113,7 +112,7 @@ def _compose(
     child_part.find("site", "hinge").quat = z_along(axis)
     turning = [(body[child_part], axis)]
     for i, rotor in enumerate(ball.rotors, start=1):
-        rotor_part = take("rotor")
+        rotor_part = _bare("rotor")
         rotor_part.model = f"rotor{i}"
         spinning = frame_part.attach(rotor_part)
         spinning.pos, spinning.quat = rotor.centre, z_along(rotor.axis)
@@ -123,18 +122,18 @@ def _compose(
     for hinge in hinges:
         _add_hinge(root, hinge, *turning[hinge.index])
 
-    tree, condim = Tree(settings.root), _condim(scene, settings)
+    condim = _condim(scene, settings)
     pair = root.contact.add(
         "pair",
         name="contact",
         geom1="floor",
-        geom2=f"{tree.shell}sphere",
+        geom2=SPHERE,
         condim=condim,
         friction=_friction(scene, settings)[: FRICTIONS[condim]],
     )
     for name in PAIR_OPTIONS:
         _set(pair, name, getattr(settings, name))
-    _add_sensors(root, tree, hinges)
+    _add_sensors(root, settings, hinges)
     root.keyframe.add("key", name=START, **_start_state(scene, settings, hinges))
     return root, pair
 
@@ -193,27 +192,26 @@ def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
     root.actuator.add("motor", name=hinge.body, joint=joint, gear=[hinge.actuation.armature])
 
 
-def _add_sensors(root: Any, tree: Tree, hinges: tuple[Hinge, ...]) -> None:
+def _add_sensors(root: Any, settings: Settings, hinges: tuple[Hinge, ...]) -> None:
     """What a Motion needs, and nothing else; readings.py knows them by name."""
     add = root.sensor.add
     add("clock", name="time")
-    add("framepos", name="centre", objtype="xbody", objname=tree.shell)
-    add("framequat", name="attitude", objtype="xbody", objname=tree.frame)
-    add("frameangvel", name="angular_velocity", objtype="xbody", objname=tree.frame)
-    whole = f"{tree.root}/"
-    add("subtreelinvel", name="velocity", body=whole)
-    add("subtreeangmom", name="angular_momentum", body=whole)
+    add("framepos", name="centre", objtype="xbody", objname="shell")
+    add("framequat", name="attitude", objtype="xbody", objname="frame")
+    add("frameangvel", name="angular_velocity", objtype="xbody", objname="frame")
+    add("subtreelinvel", name="velocity", body=settings.root)
+    add("subtreeangmom", name="angular_momentum", body=settings.root)
     add(
         "contact",
         name="contact",
         geom1="floor",
-        geom2=f"{tree.shell}sphere",
+        geom2=SPHERE,
         data="found force torque normal tangent linvel angvel",
     )
     for hinge in hinges:
         add("jointpos", name=f"{hinge.body}_angle", joint=hinge.joint)
         add("jointvel", name=f"{hinge.body}_rate", joint=hinge.joint)
-        add("torque", name=f"{hinge.body}_torque", site=f"{hinge.joint}hinge")
+        add("torque", name=f"{hinge.body}_torque", site=f"{hinge.joint}_hinge")
 
 
 def _start_state(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> dict[str, Array]:

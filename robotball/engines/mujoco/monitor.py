@@ -10,13 +10,10 @@ from robotball.bodies import imbalance
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.step_limits import LOOSEST, allowed
-from robotball.faults import Fault, FaultKind
+from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
 from robotball.rotations import Array, Mask
 
-DIVERGED = 1e10  # MuJoCo's own limit (mjMAXVAL) on a state that it still calls good
 SATURATED = 1 - 1e-6  # of the friction cone: contact solutions on its surface end this near
-RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
-SHORTEST = 1e-9  # of the radius: a shorter path is none to slip on
 
 # Those that tell of a diverged state say no more than the state itself.
 WARNINGS = {
@@ -125,7 +122,7 @@ class Monitor:
         rolled = self.rolled + np.cumsum(moved)
         self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
         self.last_centre = readings.centre[-1:]
-        slips = slipped > tolerance * (rolled + SHORTEST * scene.ball.radius)
+        slips = slipped > tolerance * (rolled + SHORTEST_PATH * scene.ball.radius)
         faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
         if self.balanced:
             off = self._momentum_off(readings)

@@ -7,7 +7,7 @@ import numpy as np
 from robotball.engines.mujoco import contact_limits, hinge_limits, step_limits
 from robotball.engines.mujoco.planned_run import LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Settings
-from robotball.engines.mujoco.stepping import step_count
+from robotball.engines.spans import step_count
 from robotball.errors import InputError, warn
 from robotball.motion import Loads
 from robotball.rotations import Array

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from robotball.engines.mujoco.control import Control
+from robotball.engines.spans import spans
 from robotball.faults import Fault
 from robotball.rotations import Array
 
@@ -39,7 +40,7 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
 
     Between two sample times or breakpoints go the fewest equal steps not longer than `timestep`.
     """
-    ends, lengths, counts = _spans(times, breakpoints, timestep)
+    ends, lengths, counts = spans(times, breakpoints, timestep)
     # A long span is cut into parts of LOOK steps.
     parts = np.ceil(counts / LOOK).astype(int)
     first = np.cumsum(parts) - parts
@@ -53,28 +54,6 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
     for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(look)) + 1):
         starts = np.cumsum(sizes[which]) - sizes[which]
         yield Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
-
-
-def longest_step(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
-    """The longest step of such a run [s]."""
-    return float(_spans(times, breakpoints, timestep)[1].max())
-
-
-def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
-    """How many steps such a run takes."""
-    with np.errstate(over="ignore"):
-        return float(_spans(times, breakpoints, timestep)[2].sum())
-
-
-def _spans(
-    times: Array, breakpoints: tuple[float, ...], timestep: float
-) -> tuple[Array, Array, Array]:
-    """Ends (m, 2), step lengths (m,) and counts (m,) between the times and breakpoints."""
-    inside = [t for t in breakpoints if t < times[-1]]
-    stops = np.union1d(times, inside)
-    ends = np.stack([stops[:-1], stops[1:]], axis=1)
-    counts = np.ceil(np.diff(stops) / timestep * (1 - 1e-9))
-    return ends, np.minimum(np.diff(stops) / counts, timestep), counts
 
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION

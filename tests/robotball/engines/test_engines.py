@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines import OURS
 from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.simulate import request_of
 from tests.off_engine import ERROR, OFF
@@ -56,7 +57,7 @@ def test_a_package_brings_an_engine_to_every_command(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Found by its entry point: in the list, in table, JSON, CSV, plots and in a film."""
-    assert rb.engine_names() == ["mujoco", "off", "torn"]
+    assert rb.engine_names() == [*OURS, "off", "torn"]
     assert rb.engine_named("off") is OFF
     out, data = tmp_path / "out", tmp_path / "data.json"
     options = ["--engine", "off", "--out", str(out)]

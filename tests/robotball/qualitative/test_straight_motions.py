@@ -89,6 +89,7 @@ def test_the_region_of_fig9_in_closed_form(axis: int) -> None:
         Omega[axis], K[axis] = rng.uniform(-3.0, 3.0), 0.0
         some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
         limit = stability_limit(some)
+        assert limit is not None
         for f in (float(K @ K) / 2, 0.01 * limit, 0.99 * limit, 1.01 * limit):
             for motion in straight_motions(some, f) if f > 0 else []:
                 side = (motion.momentum @ Omega) * (motion.gamma @ K)
@@ -102,8 +103,7 @@ def test_the_limit_of_fig10() -> None:
     assert stability_limit(FIG10) == pytest.approx(16 / 7.69, rel=1e-14)
     assert stability_limit(replace(FIG10, K=(4.0, -5.0, 0.0))) == 0.0
     for some in (CLASSICAL, from_rest(0.3), replace(FIG10, K=(4.0, 5.0, 0.1))):
-        with pytest.raises(InputError, match="the limit needs"):
-            stability_limit(some)
+        assert stability_limit(some) is None
 
 
 @pytest.mark.parametrize("some", [FIG10, CLASSICAL], ids=["rubber", "classical"])

@@ -15,11 +15,11 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.qualitative.motion_section import crossings
 from robotball.qualitative.sections import fixed_point, section
-from robotball.rotations import multiply
+from robotball.rotations import Array, multiply
 from robotball.start import Start
 from validation.studies.attractors.clouds import (
+    distance,
     distance_to_curve,
-    energy_distance,
     rank_probability,
 )
 from validation.studies.attractors.contact_exponent import contact_exponent, growth_by_equations
@@ -165,6 +165,11 @@ def test_neighbours_part_in_mujoco_as_in_the_equations() -> None:
 
 
 # The measures -------------------------------------------------------------------------------
+
+
+def energy_distance(first: Array, second: Array) -> float:
+    """2E|x - y| - E|x - x'| - E|y - y'|: 0 only for equal laws."""
+    return distance(first, second) - distance(second, second)
 
 
 def test_energy_distance_of_points_is_twice_their_distance() -> None:

@@ -19,13 +19,10 @@ def states(gamma: Array, momenta: Array) -> Array:
     return np.concatenate([gamma, momenta / np.linalg.norm(momenta, axis=1, keepdims=True)], axis=1)
 
 
-def energy_distance(first: Array, second: Array) -> float:
-    """2E|x - y| - E|x - x'| - E|y - y'| of two clouds (n, k), (m, k): 0 only for equal laws."""
-    return _to(first, second) - float(cdist(second, second).mean())
-
-
-def _to(cloud: Array, reference: Array) -> float:
-    """The energy distance, but for what the reference alone has to do with it."""
+def distance(cloud: Array, reference: Array) -> float:
+    """2E|x - y| - E|x - x'| of clouds (n, k), (m, k): their energy distance, but for a part
+    that the reference alone has to do with.
+    """
     return float(2 * cdist(cloud, reference).mean() - cdist(cloud, cloud).mean())
 
 
@@ -37,8 +34,8 @@ def rank_probability(cloud: Array, peers: Sequence[Array], reference: Array) -> 
     energy distance from the reference is uniform: exactly, however correlated the points of one
     cloud are. The least value is 1/(1 + number of peers).
     """
-    ours = _to(cloud, reference)
-    return (1 + sum(_to(peer, reference) >= ours for peer in peers)) / (1 + len(peers))
+    ours = distance(cloud, reference)
+    return (1 + sum(distance(peer, reference) >= ours for peer in peers)) / (1 + len(peers))
 
 
 def distance_to_curve(points: Array, curve: Array) -> Array:

@@ -17,6 +17,7 @@ from robotball.equations import Vector
 from robotball.parameters import as_vector
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.start import Start, along_momentum, section_state
+from tests.identities import energy_rate
 from tests.scenes import FOUR
 
 SECONDS = 10.0
@@ -107,7 +108,7 @@ def test_energy_gained_is_the_work_of_the_drives(scene: rb.Scene) -> None:
     motion = rb.integrate(scene, np.concatenate([[0.0], inner, [SECONDS]]))
     omega, gamma = principal_state(scene, motion)
     E = eq.energy(omega, gamma, p.Omega, p.A, p.d, spinning=scene.rolling == "classical")
-    power = eq.energy_rate(omega, p.Omega, p.K, p.A)[1:-1].reshape(100, 8)
+    power = energy_rate(omega, p.Omega, p.K, p.A)[1:-1].reshape(100, 8)
     assert np.ptp(E) > 5
     assert abs(E[-1] - E[0] - half * (power @ weights).sum()) < 4e-11
 

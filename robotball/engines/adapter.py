@@ -1,0 +1,272 @@
+"""What the engines of other packages share: steps, what is read after them, and the report.
+
+An adapter is a file: its settings, its presets, what it cannot express, and a World, which is the
+ball made ready in that engine. The package is imported when a world is made, not before.
+"""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
+from robotball.engines.protocol import Engine, Progress, Request
+from robotball.engines.spans import spans
+from robotball.errors import InputError
+from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
+from robotball.motion import ContactMotion, ContactReport, Label, Loads
+from robotball.rotations import Array, Mask
+from robotball.scene import Scene
+from robotball.settings import EngineSettings
+
+LIFTED = 0.01  # of the radius: a shell this far above the plane has left it
+IDLE_STEPS = 200  # of Python's part that are timed
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepSettings(EngineSettings):
+    """Settings of an engine that takes equal steps [s]; each adapter adds its own."""
+
+    timestep: float
+
+
+class World(ABC):
+    """A ball in an engine, at its start; what it takes to make one is set-up."""
+
+    scene: Scene
+    now: State
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.now = scene, start_state(scene)
+
+    @abstractmethod
+    def control(self, t: float, step: float) -> None:
+        """Sets the hinges' motors for a step that begins at t [s]; called where rates change."""
+
+    @abstractmethod
+    def step(self, step: float) -> None:
+        """One step of the engine [s]."""
+
+    @abstractmethod
+    def state(self) -> State:
+        """Where the ball is now."""
+
+    def advance(self, begin: float, step: float, count: int) -> None:
+        """So many equal steps from `begin` on [s]."""
+        self._loop(self.step, begin, step, count)
+
+    def idle(self, step: float, count: int) -> None:
+        """What Python does in so many steps, and no step of the engine."""
+        self._loop(_no_step, 0.0, step, count)
+
+    def _loop(self, take: Callable[[float], None], begin: float, step: float, count: int) -> None:
+        if self.scene.steady:
+            for _ in range(count):
+                take(step)
+            return
+        for i in range(count):
+            self.control(begin + i * step, step)
+            take(step)
+
+
+def _no_step(_: float) -> None:
+    return
+
+
+class Adapter(Engine, ABC):
+    """An engine of another package.
+
+    package: what is imported; extra: the extra of ours that brings it; settings_type: of its
+    settings.
+    """
+
+    package: str
+    extra: str
+    settings_type: type[StepSettings]
+    default = "best"
+    least_accuracy: float | None = None
+    presets: Mapping[str, StepSettings]
+
+    @abstractmethod
+    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
+        """The ball at its start, for steps of this length [s]."""
+
+    def limits(self, scene: Scene) -> str | None:
+        """Why this engine in particular cannot roll the scene; None where it can."""
+        return None
+
+    @property
+    def installed(self) -> bool:
+        """Whether its package is there; nothing is imported."""
+        return find_spec(self.package.partition(".")[0]) is not None
+
+    def cannot_express(self, scene: Scene) -> str | None:
+        """What no adapter can, and then what this one cannot."""
+        if scene.not_reduced:
+            return (
+                f"its adapter turns hinges at given rates in a balanced ball: {scene.not_reduced}"
+            )
+        if scene.ball.shell.offset:
+            return "its adapter has the shell's centre of mass at the shell's centre"
+        return self.limits(scene)
+
+    def run(
+        self,
+        scene: Scene,
+        times: Array,
+        request: Request,
+        *,
+        loads: Loads | None = None,
+        strict: bool = False,
+        fault_window: Path | None = None,
+        progress: Progress | None = None,
+    ) -> ContactMotion:
+        """The motion; of its loads nothing is known, and no fault window is kept."""
+        settings = request.settings
+        if not isinstance(settings, self.settings_type):
+            raise InputError(f"{self.label.name} runs by its own settings, not by {settings!r}")
+        if not self.installed:
+            raise InputError(
+                f"{self.label.name} is not installed: pip install 'robotball[{self.extra}]', or "
+                f"robotball engines --install {self.extra} for an environment of its own"
+            )
+        ends, lengths, counts = spans(times, scene.breakpoints, settings.timestep)
+        world = self.world(scene, settings, float(lengths[0]))
+        rows, sampled, spent = [world.now.row], set(times.tolist()), 0.0
+        for (begin, end), length, count in zip(ends.tolist(), lengths, counts, strict=True):
+            began = time.process_time()
+            world.advance(begin, float(length), int(count))
+            spent += time.process_time() - began
+            if end in sampled:
+                rows.append(world.state().row)
+                if not np.isfinite(rows[-1]).all():
+                    break
+                if progress is not None:
+                    progress(end / times[-1])
+        return motion_of(
+            self.label, scene, times[: len(rows)], np.array(rows), settings,
+            timestep=float(lengths.max()), steps=int(counts.sum()),
+            seconds=spent, python_seconds=_python_seconds(world, lengths, counts),
+        )  # fmt: skip
+
+
+def _python_seconds(world: World, lengths: Array, counts: Array) -> float:
+    """Processor time of what Python does in all steps, from some of them taken idly."""
+    count = int(min(IDLE_STEPS, counts.sum()))
+    began = time.process_time()
+    world.idle(float(lengths[0]), count)
+    return (time.process_time() - began) / count * float(counts.sum())
+
+
+def motion_of(
+    label: Label,
+    scene: Scene,
+    times: Array,
+    rows: Array,
+    settings: EngineSettings,
+    *,
+    timestep: float,
+    steps: int,
+    seconds: float,
+    python_seconds: float,
+) -> ContactMotion:
+    """The motion of rows (n, 13 + 2h) of State at times (n,), up to its first fault if it ends."""
+    rows = rows if np.isfinite(rows[-1]).all() else rows[:-1]
+    state = state_of_rows(rows)
+    with np.errstate(all="ignore"):
+        readings = readings_of(scene, state)
+        rate_error = _rate_error(scene, times[: len(rows)], state)
+        faults, kept = _faults(scene, times, state, readings, rate_error, settings)
+    n, unknown = slice(kept), np.full(len(rows), np.nan)
+    hinges = np.full((len(rows), len(scene.drives)), np.nan)
+    return ContactMotion(
+        scene=scene,
+        engine=label,
+        times=times[n],
+        contact_point=state.centre[n, :2],
+        attitude=readings.attitude[n],
+        momentum=readings.momentum[n],
+        angular_velocity=readings.angular_velocity[n],
+        hinge_angles=state.angles[n],
+        hinge_rates=state.rates[n],
+        loads=Loads(np.stack([unknown] * 3, axis=1)[n], unknown[n], hinges[n]),
+        report=ContactReport(
+            settings=settings,
+            slip=readings.slip[n],
+            spin=readings.spin[n],
+            depth=scene.ball.radius - state.centre[n, 2],
+            friction_used=unknown[n],
+            hinge_rate_error=rate_error[n],
+            faults=faults,
+            timestep=timestep,
+            steps=steps,
+            seconds=seconds,
+            total_seconds=seconds,
+            python_seconds=python_seconds,
+        ),
+    )
+
+
+def _rate_error(scene: Scene, times: Array, state: State) -> Array:
+    """(n,): the largest of all hinges, relative to the largest rate that each has to reach."""
+    right = np.stack([drive.rate(times) for drive in scene.drives], axis=1)
+    largest = np.abs(right).max(axis=0)
+    return np.asarray((np.abs(state.rates - right) / np.where(largest > 0, largest, 1.0)).max(1))
+
+
+def _faults(
+    scene: Scene,
+    times: Array,
+    state: State,
+    readings: Readings,
+    rate_error: Array,
+    settings: EngineSettings,
+) -> tuple[tuple[Fault, ...], int]:
+    """What went wrong, by the samples alone, and how many of them stand."""
+    count, tolerance = len(state.centre), settings.error_tolerance
+    slip = readings.slip
+    if scene.rolling == "rubber":
+        slip = slip + scene.ball.radius * np.abs(readings.spin)
+    elapsed = np.diff(times[:count], prepend=0.0)
+    rolled = np.cumsum(np.linalg.norm(np.diff(state.centre[:, :2], axis=0, prepend=0.0), axis=1))
+    allowed = tolerance * (rolled + SHORTEST_PATH * scene.ball.radius)
+    off = np.linalg.norm(readings.momentum - readings.momentum[0], axis=1)
+    size = np.abs(np.concatenate([state.centre, state.velocity, state.turning], axis=1)).max(1)
+    kinds: list[tuple[Mask, Fault]] = [
+        (size > DIVERGED, Fault(FaultKind.DIVERGED, np.nan, fatal=True)),
+        (
+            state.centre[:, 2] > (1 + LIFTED) * scene.ball.radius,
+            Fault(FaultKind.CONTACT_LOST, np.nan),
+        ),
+        (rate_error > RATE_ERROR, Fault(FaultKind.RATE_OFF, np.nan, limit=RATE_ERROR)),
+        (np.cumsum(slip * elapsed) > allowed, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance)),
+        (
+            off > tolerance * scene.momentum_scale,
+            Fault(FaultKind.MOMENTUM_OFF, np.nan, limit=tolerance),
+        ),
+    ]
+    found = [(int(np.argmax(mask)), fault) for mask, fault in kinds if mask.any()]
+    if count < len(times):
+        found.append((count, Fault(FaultKind.DIVERGED, np.nan, fatal=True)))
+    found.sort(key=lambda each: each[0])
+    ends = [row for row, fault in found if fault.fatal or settings.stop_at_fault]
+    kept = min([*ends, count])
+    dated = [
+        Fault(f.kind, float(times[min(row, len(times) - 1)]), f.subject, f.limit, f.fatal)
+        for row, f in found
+        if row <= kept
+    ]
+    return tuple(dated), max(kept, 1)
+
+
+def version_of(distribution: str) -> str:
+    """Of a package that may be there; nothing is imported."""
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,158 @@
+"""PyBullet: Bullet's articulated bodies, with velocity motors on the hinges.
+
+It steps by semi-implicit Euler alone. Its spinning friction is what a rubber ball needs.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robotball.engines.adapter import Adapter, StepSettings, World, version_of
+from robotball.engines.links import State, links_of
+from robotball.motion import Label
+from robotball.rotations import Array, multiply
+from robotball.scene import Scene
+
+LABEL = Label("PyBullet", version_of("pybullet"), "#E69F00")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BulletSettings(StepSettings):
+    """None leaves a choice at Bullet's own default.
+
+    lateral_friction: of the ball, of which Bullet takes 10 at most; spinning_friction: the same, of
+    a rubber ball alone; motor_force
+    N m, the most that a hinge's velocity motor may give; damping: of all links; most_rate rad/s,
+    at which Bullet cuts every hinge's rate.
+    """
+
+    lateral_friction: float | None = None
+    spinning_friction: float | None = None
+    motor_force: float = 1e3
+    damping: float | None = None
+    most_rate: float | None = None
+
+
+class BulletWorld(World):
+    """The ball in a client of its own."""
+
+    def __init__(self, scene: Scene, settings: BulletSettings, step: float) -> None:
+        super().__init__(scene)
+        import pybullet
+        import pybullet_utils.bullet_client as client
+
+        self.p = p = client.BulletClient(connection_mode=pybullet.DIRECT)
+        p.setGravity(0, 0, -scene.gravity)
+        p.setTimeStep(step)
+        plane = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE))
+        self.force, links = settings.motor_force, links_of(scene)
+        shell, hung = links[0], links[1:]
+        moments, axes = zip(*(link.principal for link in links), strict=True)
+        self.own = axes[0]  # Bullet's base is turned into principal axes
+        start = self.now
+        self.ball = p.createMultiBody(
+            shell.mass,
+            p.createCollisionShape(p.GEOM_SPHERE, radius=scene.ball.radius),
+            basePosition=start.centre,
+            baseOrientation=_xyzw(start.attitude),
+            baseInertialFrameOrientation=_xyzw(self.own),
+            linkMasses=[link.mass for link in hung],
+            linkCollisionShapeIndices=[-1] * len(hung),
+            linkVisualShapeIndices=[-1] * len(hung),
+            linkPositions=[link.origin for link in hung],
+            linkOrientations=[[0, 0, 0, 1]] * len(hung),
+            linkInertialFramePositions=[link.centre for link in hung],
+            linkInertialFrameOrientations=[_xyzw(each) for each in axes[1:]],
+            linkParentIndices=[link.parent for link in hung],
+            linkJointTypes=[p.JOINT_REVOLUTE] * len(hung),
+            linkJointAxis=[link.axis for link in hung],
+        )
+        for i, each in enumerate(moments, start=-1):
+            options: dict[str, Any] = {"localInertiaDiagonal": each.tolist()}
+            if settings.damping is not None:
+                options |= dict.fromkeys(
+                    ("linearDamping", "angularDamping", "jointDamping"), settings.damping
+                )
+            if settings.most_rate is not None:
+                options["maxJointVelocity"] = settings.most_rate
+            # One a call: of several for a link, Bullet gives some to the base, without a word.
+            for name, value in options.items():
+                p.changeDynamics(self.ball, i, **{name: value})
+        if settings.lateral_friction is not None:
+            p.changeDynamics(plane, -1, lateralFriction=1.0)
+            p.changeDynamics(self.ball, -1, lateralFriction=settings.lateral_friction)
+        if settings.spinning_friction is not None and scene.rolling == "rubber":
+            p.changeDynamics(plane, -1, spinningFriction=1.0)
+            p.changeDynamics(self.ball, -1, spinningFriction=settings.spinning_friction)
+        p.resetBasePositionAndOrientation(
+            self.ball, start.centre, _xyzw(multiply(start.attitude, self.own))
+        )
+        p.resetBaseVelocity(self.ball, start.velocity, start.turning)
+        for i, rate in enumerate(start.rates.tolist()):
+            p.resetJointState(self.ball, i, 0.0, rate)
+        self._turn(start.rates.tolist())
+
+    def _turn(self, rates: list[float]) -> None:
+        self.p.setJointMotorControlArray(
+            self.ball,
+            range(len(rates)),
+            self.p.VELOCITY_CONTROL,
+            targetVelocities=rates,
+            forces=[self.force] * len(rates),
+        )
+
+    def control(self, t: float, step: float) -> None:
+        self._turn([float(drive.rate(t + step)) for drive in self.scene.drives])
+
+    def step(self, step: float) -> None:
+        self.p.stepSimulation()
+
+    def state(self) -> State:
+        place, turn = self.p.getBasePositionAndOrientation(self.ball)
+        velocity, turning = self.p.getBaseVelocity(self.ball)
+        hinges = self.p.getJointStates(self.ball, range(len(self.scene.drives)))
+        attitude = multiply(np.roll(turn, 1), self.own * [1.0, -1.0, -1.0, -1.0])
+        angles, rates = (np.array([hinge[i] for hinge in hinges]) for i in (0, 1))
+        return State(
+            np.array(place), np.array(velocity), attitude, np.array(turning), angles, rates
+        )
+
+
+def _xyzw(q: Array) -> list[float]:
+    """A quaternion as Bullet has it."""
+    return np.roll(q, -1).tolist()
+
+
+AS_IT_COMES = BulletSettings(
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1 / 240
+)
+BEST = BulletSettings(
+    name="best",
+    error_tolerance=5e-2,
+    stop_at_fault=False,
+    timestep=1e-3,
+    lateral_friction=20.0,
+    spinning_friction=20.0,
+    motor_force=1e9,
+    damping=0.0,
+    most_rate=1e6,
+)
+
+
+class Bullet(Adapter):
+    """The engine, as `robotball.engines.protocol` describes one."""
+
+    label = LABEL
+    package = "pybullet"
+    extra = "bullet"
+    settings_type = BulletSettings
+    presets: Mapping[str, StepSettings] = {each.name: each for each in (AS_IT_COMES, BEST)}
+
+    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
+        assert isinstance(settings, BulletSettings)
+        return BulletWorld(scene, settings, step)
+
+
+BULLET = Bullet()

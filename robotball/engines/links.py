@@ -1,0 +1,148 @@
+"""The ball as a tree of links, as engines know bodies, and what their states say of a motion.
+
+All links have the axes of the ball at the start, where hinges are at zero. The shell is the root.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball.drives import Drive
+from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
+from robotball.scene import Scene
+from robotball.start import Start
+
+SHELL = -1  # the parent of the root's children, among the hinges
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body and the hinge that it hangs on, which the shell has not.
+
+    parent   the index of its parent, -1 of the shell
+    origin   (3,) m, of its hinge from the parent's; of the shell the centre of the sphere
+    axis     (3,) of its hinge, in the ball's axes
+    centre   (3,) m, of mass, from its own origin
+    inertia  (3, 3) kg m² about its centre of mass, in the ball's axes
+    drive    of its hinge; None of the shell
+    """
+
+    name: str
+    parent: int
+    origin: Array
+    axis: Array
+    mass: float
+    centre: Array
+    inertia: Array
+    drive: Drive | None
+
+    @property
+    def principal(self) -> tuple[Array, Array]:
+        """Moments (3,) and the quaternion (4,) of their axes, for engines that want these."""
+        moments, axes = np.linalg.eigh(self.inertia)
+        axes = axes if np.linalg.det(axes) > 0 else -axes
+        return moments, from_matrix(axes)
+
+
+def links_of(scene: Scene) -> tuple[Link, ...]:
+    """The shell, the frame and the rotors."""
+    ball, zero = scene.ball, np.zeros(3)
+    shell, frame = ball.shell, ball.frame
+    frame_drive, *rotor_drives = scene.drives
+    return (
+        Link("shell", SHELL, zero, shell.axis, shell.mass, zero, shell.inertia, None),
+        Link("frame", 0, zero, shell.axis, frame.mass, frame.centre, frame.inertia, frame_drive),
+        *(
+            Link(name, 1, body.centre, body.axis, body.mass, zero, body.inertia, drive)
+            for (name, _), body, drive in zip(
+                ball.named_bodies[2:], ball.rotors, rotor_drives, strict=True
+            )
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class State:
+    """The shell and the hinges; of one time, or of n times with n rows each.
+
+    centre    (3,) m, world: of the sphere
+    velocity  (3,) m/s, world: of the same point of the shell
+    attitude  (4,) of the shell, (w, x, y, z), shell to world
+    turning   (3,) rad/s, world: of the shell
+    angles    (h,) rad, of the frame's hinge, then the rotors'
+    rates     (h,) rad/s
+    """
+
+    centre: Array
+    velocity: Array
+    attitude: Array
+    turning: Array
+    angles: Array
+    rates: Array
+
+    @property
+    def row(self) -> Array:
+        """(13 + 2h,): all of it in this order."""
+        return np.concatenate(
+            [self.centre, self.velocity, self.attitude, self.turning, self.angles, self.rates]
+        )
+
+
+def state_of_rows(rows: Array) -> State:
+    """The state of rows (n, 13 + 2h)."""
+    angles, rates = np.split(rows[:, 13:], 2, axis=1)
+    return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
+
+
+def start_state(scene: Scene, start: Start | None = None) -> State:
+    """The state on the rolling model at a start, the scene's own if None."""
+    start = scene.start if start is None else start
+    rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
+    R = rotation_matrix(start.attitude)
+    turning = R @ (scene.angular_velocity_at(start) - rates[0] * scene.ball.shell.axis)
+    centre = np.array([0.0, 0.0, scene.ball.radius])
+    velocity = np.cross(turning, centre)
+    return State(centre, velocity, start.attitude, turning, np.zeros(len(rates)), rates)
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What n states say of the motion: as in Motion, and slip (n,) m/s and spin (n,) rad/s."""
+
+    attitude: Array
+    angular_velocity: Array
+    momentum: Array
+    slip: Array
+    spin: Array
+
+
+def readings_of(scene: Scene, state: State) -> Readings:
+    """The frame's attitude, ω in frame axes, M (3.1), and how the shell moves at the contact."""
+    arm = state.centre * [0.0, 0.0, 1.0]
+    turn, turning = [state.attitude], [state.turning]
+    place, moving = [arm], [state.velocity]
+    links, L = links_of(scene), np.zeros_like(state.centre)
+    for i, link in enumerate(links):
+        if link.drive is not None:
+            angle, rate = state.angles[:, i - 1, None], state.rates[:, i - 1, None]
+            R = rotation_matrix(turn[link.parent])
+            offset = R @ link.origin
+            half = np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * link.axis], axis=1)
+            turn.append(multiply(turn[link.parent], half))
+            turning.append(turning[link.parent] + rate * (R @ link.axis))
+            place.append(place[link.parent] + offset)
+            moving.append(moving[link.parent] + np.cross(turning[link.parent], offset))
+        R, w = rotation_matrix(turn[i]), turning[i]
+        lever = R @ link.centre
+        velocity = moving[i] + np.cross(w, lever)
+        own = np.einsum("nij,jk,nlk,nl->ni", R, link.inertia, R, w)
+        L = L + own + link.mass * np.cross(place[i] + lever, velocity)
+    up = np.array([0.0, 0.0, 1.0])
+    sliding = state.velocity - scene.ball.radius * np.cross(state.turning, up)
+    return Readings(
+        attitude=turn[1],
+        angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(turn[1]), turning[1]),
+        momentum=np.cross(up, L) if scene.rolling == "rubber" else L,
+        slip=np.linalg.norm(sliding[:, :2], axis=1),
+        spin=state.turning[:, 2],
+    )

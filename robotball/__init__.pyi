@@ -12,6 +12,9 @@ from .engines.mujoco.settings import Settings as Settings
 from .engines.mujoco.settings import preset as preset
 from .engines.protocol import Engine as Engine
 from .engines.protocol import Request as Request
+from .engines.recorded import RecordedMotion as RecordedMotion
+from .engines.recorded import load_motion as load_motion
+from .engines.recorded import recorded as recorded
 from .engines.reduced.integrate import integrate as integrate
 from .engines.simulate import simulate as simulate
 from .errors import InputError as InputError
@@ -21,6 +24,8 @@ from .faults import FaultKind as FaultKind
 from .files.catalog import catalog as catalog
 from .files.scene_file import load_scene as load_scene
 from .files.scene_writer import scene_toml as scene_toml
+from .files.trajectory_file import Trajectory as Trajectory
+from .files.trajectory_file import read_trajectory as read_trajectory
 from .motion import ContactMotion as ContactMotion
 from .motion import ContactReport as ContactReport
 from .motion import Loads as Loads

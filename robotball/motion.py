@@ -1,8 +1,9 @@
 """Motion: what every engine returns, and how far two motions of one scene are apart."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -143,6 +144,18 @@ class Motion:
         A ball that turns on the spot has no path.
         """
         return max(self.path_length, self.scene.ball.radius)
+
+    def save(self, path: str | Path) -> None:
+        """Write it as .csv, .npz or .parquet, from which `load_motion` has every bit again.
+
+        The header has the scene's TOML, the engine and the units; a contact engine's report is
+        left out. Raises InputError where the file cannot be written.
+        """
+        from robotball.files.motion_file import write_motion
+
+        report = getattr(self, "report", None)
+        timestep = report.timestep if isinstance(report, ContactReport) else None
+        write_motion(Path(path), self.scene, asdict(self.engine), dict(_arrays(self)), timestep)
 
 
 def gamma_of(attitude: Array) -> Array:

@@ -45,6 +45,7 @@ def test_a_notebook_shows_the_path() -> None:
     assert "&lt;ContactMotion of fig12" in MOTION._repr_html_()
 
 
+@pytest.mark.slow
 def test_plot_draws_paths_to_one_scale() -> None:
     """A metre is as long along X as along Y, and the figure is shown without pyplot."""
     figure = MOTION.plot(THEORY)

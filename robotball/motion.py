@@ -1,8 +1,9 @@
 """Motion: what every engine returns, and how far two motions of one scene are apart."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,6 +14,8 @@ from robotball.faults import Fault
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 from robotball.settings import EngineSettings
+from robotball.shown import Shown
+from robotball.value import Value
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class Label:
 
 
 @dataclass(frozen=True)
-class ContactReport:
+class ContactReport(Value):
     """What a contact engine did besides moving the ball; arrays (n,) are at the motion's times.
 
     settings         those of the run
@@ -54,14 +57,14 @@ class ContactReport:
     faults: tuple[Fault, ...]
     timestep: float
     steps: int
-    seconds: float
-    total_seconds: float
+    seconds: float = field(compare=False)
+    total_seconds: float = field(compare=False)
     estimated_error: float | None = None
-    python_seconds: float | None = None
+    python_seconds: float | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)
-class Loads:
+class Loads(Value):
     """Forces and torques at n times, on h hinges (the frame's, then the rotors').
 
     contact_force  (n, 3)  N, world: of the plane on the shell, the normal force last
@@ -94,8 +97,8 @@ def _per_newton(load: Array, normal_force: Array) -> Array:
     return np.divide(load, normal_force, out=np.zeros_like(load), where=normal_force > 0)
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, repr=False)
+class Motion(Shown, Value):
     """A sampled motion of a scene's ball, with n times, h hinges (the frame's, then the rotors').
 
     scene                     what moved
@@ -144,20 +147,32 @@ class Motion:
         """
         return max(self.path_length, self.scene.ball.radius)
 
+    def save(self, path: str | Path) -> None:
+        """Write it as .csv, .npz or .parquet, from which `load_motion` has every bit again.
+
+        The header has the scene's TOML, the engine and the units; a contact engine's report is
+        left out. Raises InputError where the file cannot be written.
+        """
+        from robotball.files.motion_file import write_motion
+
+        report = getattr(self, "report", None)
+        timestep = report.timestep if isinstance(report, ContactReport) else None
+        write_motion(Path(path), self.scene, asdict(self.engine), dict(_arrays(self)), timestep)
+
 
 def gamma_of(attitude: Array) -> Array:
     """γ (n, 3) of attitudes (n, 4)."""
     return rotation_matrix(attitude)[:, 2, :]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ReferenceMotion(Motion):
     """A motion that others are measured by, and that knows how good it is itself.
 
     again: the contact points (n, 2) of the same motion, made by longer steps [m].
     """
 
-    again: Callable[[], Array] = field(repr=False)
+    again: Callable[[], Array] = field(compare=False)
 
     @cached_property
     def reference_error(self) -> float:
@@ -170,7 +185,7 @@ class ReferenceMotion(Motion):
         return float(off.max() / self.path_scale)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ContactMotion(Motion):
     """A motion by a contact engine, with its report."""
 
@@ -227,8 +242,7 @@ def _with_arrays(record: Any, arrays: Mapping[Place, NDArray[Any]]) -> Any:
     return replace(record, **own)
 
 
-# How far a motion is from a reference of the same scene. The motion's times, fewer where it broke
-# off, must be among the reference's.
+# How far a motion is from a reference, whose times have the motion's times among them.
 
 
 def path_errors(motion: Motion, reference: Motion) -> Array:

@@ -6,16 +6,18 @@ from functools import cached_property
 
 import numpy as np
 
-from robotball.bodies import Ball, imbalance
+from robotball.bodies import ROUNDING, Ball, imbalance
 from robotball.contact import Friction
-from robotball.custom import Followed
-from robotball.drives import Constant, Drive, Rate, as_drive
+from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.hinges import Hinge
+from robotball.mechanics.robot import Robot, robot_of
 from robotball.motors import Motor, Servo
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.shown import scene_line
 from robotball.start import Start, horizontal, unit
+from robotball.value import Value
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
@@ -24,8 +26,8 @@ MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each, and a comparison has two
 SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 
 
-@dataclass(frozen=True)
-class Scene:
+@dataclass(frozen=True, repr=False)
+class Scene(Value):
     """One experiment, the same for every engine. SI units.
 
     frame_rate, rotor_rates and pendulum_rates are the commands of the hinges, the frame's about the
@@ -82,8 +84,35 @@ class Scene:
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
         # Every engine starts from what is made exact here.
-        start = replace(self.start, attitude=attitude, momentum=momentum)
+        start = replace(self.start, attitude=attitude, momentum=momentum, **self._hinged_start())
         object.__setattr__(self, "start", start)
+
+    def __repr__(self) -> str:
+        return scene_line(self)
+
+    def _hinged_start(self) -> dict[str, Array | None]:
+        """The start's angles, None where all are 0, and its rates, those that are kept exactly."""
+        angles, rates = self.start.hinge_angles, self.start.hinge_rates
+        for name, values in (("angles", angles), ("rates", rates)):
+            if values is not None and values.shape != (len(self.drives),):
+                raise InputError(
+                    f"{len(self.drives)} hinges need as many {name} at the start, not an array of "
+                    f"shape {values.shape}"
+                )
+            for value in () if values is None else values.tolist():
+                check_size(f"a hinge's {name[:-1]} at the start", value, "rad")
+        if rates is not None:
+            motors = self.motors or (None,) * len(rates)
+            rates = np.array(
+                [
+                    float(drive.rate(0.0)) if motor is None else rate
+                    for drive, motor, rate in zip(self.drives, motors, rates.tolist(), strict=True)
+                ]
+            )
+        return {
+            "hinge_angles": None if angles is None or not angles.any() else angles,
+            "hinge_rates": rates,
+        }
 
     @cached_property
     def times(self) -> Array:
@@ -127,6 +156,17 @@ class Scene:
         return tuple(hinges)
 
     @cached_property
+    def robot(self) -> Robot:
+        """The numbers of the bodies and the armatures, for `robotball.mechanics`."""
+        armatures = tuple(motor.armature if motor else 0.0 for motor in self.motors)
+        return robot_of(self.ball, armatures)
+
+    @property
+    def gravity_world(self) -> Array:
+        """G (3,) in world axes [m/s²]."""
+        return self.gravity * np.array(self.gravity_direction)
+
+    @cached_property
     def not_reduced(self) -> str | None:
         """Why (3.2) and (3.3) do not describe the scene, in a line; None where they do."""
         if offset := imbalance(self.ball):
@@ -141,6 +181,20 @@ class Scene:
             return "the plane resists rolling"
         return None
 
+    @cached_property
+    def load_varies(self) -> bool:
+        """Whether the plane's load may change: where the centre of mass is not the sphere's."""
+        pivots = [body.pivot - body.centre for body in self.ball.pendulums]
+        swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
+        far = ROUNDING * self.ball.radius
+        return imbalance(self.ball) is not None or any(np.linalg.norm(s) > far for s in swings)
+
+    @cached_property
+    def keeps_momentum(self) -> bool:
+        """Whether M is constant in space: dM/dt is ... of the centre of mass and gravity."""
+        upright = self.gravity_direction == DOWN
+        return upright and not self.load_varies and not self.friction.rolling
+
     def until(self, end: float) -> "Scene":
         """The scene of a run that ends at `end` [s]: its drives are asked from 0 to there.
 
@@ -150,8 +204,8 @@ class Scene:
             return self
         scene = replace(self, duration=end)
         for drive in scene.drives:
-            if isinstance(drive, Followed):
-                assert drive.polynomials  # refused here, if at all
+            for function in functions_of(drive):
+                assert function.polynomials  # refused here, if at all
         return scene
 
     @cached_property
@@ -195,7 +249,17 @@ class Scene:
 
     def angular_velocity_at(self, start: Start) -> Array:
         """ω (3,) in frame axes of this ball at any start [rad/s]."""
-        to_principal = self.principal_axes.T @ rotation_matrix(start.attitude).T
+        to_frame = rotation_matrix(start.attitude).T
+        if self.not_reduced:
+            hinges = replace(self, start=start).hinges
+            return self.robot.angular_velocity(
+                to_frame[None, :, 2],
+                np.array([[hinge.angle for hinge in hinges]]),
+                (to_frame @ start.momentum)[None],
+                np.array([[hinge.rate for hinge in hinges]]),
+                self.rolling,
+            )[0]
+        to_principal = self.principal_axes.T @ to_frame
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
         omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)

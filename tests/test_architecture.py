@@ -17,7 +17,12 @@ MODULES = modules_of(PROJECT)
 GRAPH = graph_of(MODULES)
 Graph = Mapping[str, set[str]]
 ADAPTERS = tuple(f"robotball.engines.{name}" for name in OURS if (ENGINES / f"{name}.py").is_file())
-ROOMS = ("robotball.engines.reduced", "robotball.engines.mujoco", *ADAPTERS)
+ROOMS = (
+    "robotball.engines.reduced",
+    "robotball.engines.mujoco",
+    "robotball.engines.recorded",
+    *ADAPTERS,
+)
 # Each may import those before it, and none after it.
 FLOORS = (
     ("robotball",),

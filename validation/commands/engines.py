@@ -30,7 +30,10 @@ ROUNDS = 3  # of timing
 
 @dataclass(frozen=True)
 class Engines:
-    """List the engines and their presets; of scenes, each engine's error against its cost."""
+    """List the engines and their presets; of scenes, each engine's error against its cost.
+
+    Example: robotball engines fig12 --only mujoco,pinocchio
+    """
 
     scenes: Positional[Annotated[tuple[str, ...], arg(metavar="[SCENE…]")]] = ()
     """Names from the catalog, or paths to TOML files; without any the engines are listed."""
@@ -100,6 +103,7 @@ def _chosen(known: dict[str, Contestant], names: tuple[str, ...]) -> list[Contes
 
 
 def _list(chosen: Sequence[Contestant], environments: Path) -> None:
+    from rich import box
     from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
@@ -108,7 +112,7 @@ def _list(chosen: Sequence[Contestant], environments: Path) -> None:
     from validation.output import print_whole
     from validation.studies.engines.environments import python_of
 
-    table = Table("engine", "name", "version", "presets", "runs in")
+    table = Table("engine", "name", "version", "presets", "runs in", box=box.SIMPLE_HEAD)
     there = {each.engine for each in chosen}
     for each in chosen:
         engine, python = engine_named(each.engine), python_of(each, environments)

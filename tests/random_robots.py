@@ -1,0 +1,102 @@
+"""Random robots: bodies of every kind, hinged anywhere, in scenes with every kind of motor."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from robotball.bodies import Ball, Frame, Pendulum, Rotor, Shell
+from robotball.mechanics.robot import momentum_at
+from robotball.motors import Free, Motor, PositionServo, Servo, Torque
+from robotball.parameters import Rolling
+from robotball.rates import Sine
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import Scene
+from robotball.start import Start
+from tests.random_balls import cloud_inertia, random_axis
+
+MODELS: tuple[Rolling, ...] = ("rubber", "classical")
+
+
+def random_robot(rng: np.random.Generator, rotors: int, pendulums: int) -> Ball:
+    """Some 1 kg within 0.1 to 0.5 m, its centre of mass anywhere in the middle of the shell."""
+    a = rng.uniform(0.1, 0.5)
+    transverse = rng.uniform(0.4, 0.7) * a * a
+    shell = Shell(
+        radius=a,
+        mass=1.0,
+        axial_inertia=transverse * rng.uniform(0.8, 1.2),
+        transverse_inertia=transverse,
+        axis=random_axis(rng),
+        offset=rng.uniform(-0.1, 0.1) * a,
+    )
+    weights = rng.uniform(0.2, 1.0, 1 + rotors + pendulums)
+    frame = Frame(weights[0], cloud_inertia(rng, weights[0], 0.4 * a), 0.3 * a * random_axis(rng))
+    discs = []
+    for m in weights[1 : 1 + rotors]:
+        moment = m * (rng.uniform(0.1, 0.3) * a) ** 2
+        discs.append(Rotor(m, moment, 0.6 * moment, random_axis(rng), 0.3 * a * random_axis(rng)))
+    hung = []
+    for m in weights[1 + rotors :]:
+        inertia, centre = cloud_inertia(rng, m, 0.2 * a), 0.4 * a * random_axis(rng)
+        hung.append(Pendulum(m, inertia, centre, random_axis(rng), 0.2 * a * random_axis(rng)))
+    return Ball(shell, frame, tuple(discs), tuple(hung))
+
+
+def random_motor(rng: np.random.Generator, inertia: float) -> Motor | None:
+    """Of a hinge that turns what has an inertia [kg m²]; None keeps the rate."""
+    armature = inertia * rng.uniform(0.0, 0.5)
+    return [
+        None,
+        Servo(20 * inertia, None, armature),
+        Servo(20 * inertia, 5 * inertia, armature),
+        PositionServo(50 * inertia, 2 * inertia, 5 * inertia, armature),
+        Torque(armature),
+        Free(inertia, 10 * inertia, rng.uniform(-1, 1), armature),
+    ][rng.integers(6)]
+
+
+def random_scene(rng: np.random.Generator, rolling: Rolling | None = None) -> Scene:
+    """A robot of up to three hinges, moved as it comes, in any motion on a plane a bit inclined."""
+    ball = random_robot(rng, int(rng.integers(2)), int(rng.integers(2)))
+    hinges = len(ball.named_bodies) - 1
+    inertia = 0.05 * ball.radius**2
+    motors = tuple(random_motor(rng, inertia) for _ in range(hinges))
+    sizes = [inertia if isinstance(motor, Torque) else 1.0 for motor in motors]
+    rates = tuple(
+        0.0
+        if isinstance(motor, Free)
+        else Sine(amplitude=size * rng.uniform(0.2, 2), frequency=rng.uniform(0.1, 0.5))
+        for motor, size in zip(motors, sizes, strict=True)
+    )
+    down = np.array([*rng.uniform(-0.1, 0.1, 2), -1.0])
+    attitude = rng.normal(size=4)
+    scene = Scene(
+        name="random",
+        title="",
+        source="",
+        ball=ball,
+        rolling=rolling or MODELS[rng.integers(2)],
+        frame_rate=rates[0],
+        rotor_rates=rates[1 : 1 + len(ball.rotors)],
+        pendulum_rates=rates[1 + len(ball.rotors) :],
+        motors=motors,
+        gravity_direction=tuple(down / np.linalg.norm(down)),
+        start=Start(attitude / np.linalg.norm(attitude), np.zeros(3)),
+        duration=10.0,
+    )
+    angles, given = rng.uniform(-1, 1, hinges), rng.uniform(-1, 1, hinges)
+    start = replace(scene.start, hinge_angles=angles, hinge_rates=given)
+    return with_angular_velocity(replace(scene, start=start), rng.normal(size=3))
+
+
+def with_angular_velocity(scene: Scene, omega: Array) -> Scene:
+    """The scene whose frame starts with ω (3,), less the shell's spin where it may not spin."""
+    start = scene.start
+    rates = np.array([hinge.rate for hinge in scene.hinges])
+    gamma = rotation_matrix(start.attitude)[2]
+    if scene.rolling == "rubber":
+        shell = omega - rates[0] * scene.ball.shell.axis
+        omega = omega - (shell @ gamma) * gamma
+    angles = np.array([hinge.angle for hinge in scene.hinges])
+    M = momentum_at(scene.ball, scene.rolling, start.attitude, omega, angles, rates)
+    return replace(scene, start=replace(start, momentum=M))

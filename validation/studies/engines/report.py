@@ -12,8 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from robotball.palette import INK
-from validation.comparison.table import scientific
-from validation.output import in_picture, print_whole
+from validation.output import in_picture, print_whole, scientific
 from validation.studies.engines.measure import EngineStudy, Run
 
 INCHES = (10.0, 7.2)

@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from validation.comparison.results import Record
-from validation.output import print_whole
+from validation.output import print_whole, scientific
 
 
 def show(records: Sequence[Record], console: Console) -> None:
@@ -46,8 +46,3 @@ def _word(record: Record) -> str:
         return "faulty"
     sensitivity = record["sensitivity"]
     return "sensitive" if sensitivity and sensitivity["explains"] else "off"
-
-
-def scientific(value: float | None) -> str:
-    """A number in two digits; a dash where a run that broke off has none."""
-    return "-" if value is None else f"{value:.1e}"

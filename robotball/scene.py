@@ -128,7 +128,14 @@ class Scene:
     def drives(self) -> tuple[Drive, ...]:
         """The hinges' commands: the frame's drive, then the rotors', then the pendulums'."""
         rates = (self.frame_rate, *self.rotor_rates, *self.pendulum_rates)
-        return tuple(as_drive(rate, self.duration) for rate in rates)
+        names = [name for name, _ in self.ball.named_bodies[1:]]
+        return tuple(map(self._drive, names, rates))
+
+    def _drive(self, name: str, rate: Rate) -> Drive:
+        try:
+            return as_drive(rate, self.duration)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from error
 
     @cached_property
     def hinges(self) -> tuple[Hinge, ...]:

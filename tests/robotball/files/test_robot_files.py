@@ -137,6 +137,13 @@ def test_any_body_is_taken_from_a_file(load: Load, tmp_path: Path) -> None:
     np.testing.assert_allclose(moments, np.linalg.eigvalsh(arm.inertia), rtol=1e-13)
 
 
+def test_a_pendulum_that_swings_out_of_the_shell_is_told(load: Load) -> None:
+    """It hangs at the centre, and at half a turn it is twice the pivot's height away."""
+    hung = PENDULUM.replace("-0.02", "0.12") + BOB.replace("-0.11", "0.0")
+    with pytest.warns(rb.SceneWarning, match=r"pendulum1 has mass outside the shell: at 0\.2419 m"):
+        load(rest=hung)
+
+
 # Hinges ------------------------------------------------------------------------------------
 
 
@@ -164,12 +171,9 @@ def test_hinges_are_moved_as_told(load: Load) -> None:
 
 
 def test_samples_are_read_from_a_table_of_numbers(load: Load, tmp_path: Path) -> None:
-    """With a heading, comments, and commas, semicolons or spaces between them."""
-    for text in (
-        "time,rate\n0,1\n2.5,2\n5,0.5\n",
-        "0; 1\n\n# note\n2.5; 2\n5;0.5",
-        "0 1\n2.5 2\n5 .5",
-    ):
+    """With a line of names, comments, and commas, semicolons or spaces between them."""
+    text = "time,rate\n0,1\n2.5,2\n5,0.5\n"
+    for text in (text, text.replace(",", "; "), text.replace(",", " "), "# note\n" + text):
         (tmp_path / "rate.csv").write_text(text)
         scene = load(frame=FRAME + 'rate = { kind = "samples", file = "rate.csv" }\n')
         assert scene.frame_rate == rb.Samples(times=(0.0, 2.5, 5.0), values=(1.0, 2.0, 0.5))
@@ -369,9 +373,17 @@ HINGES: dict[str, tuple[str, str]] = {
         'rate = { kind = "samples", file = "x.csv" }\n',
         "x.csv: No such file or directory",
     ),
+    "samples in other units": (
+        'rate = { kind = "samples", file = "rpm.csv" }\n',
+        "rpm.csv: rate is in rpm; samples take rad/s, rad, N m",
+    ),
+    "samples of two hinges": (
+        'rate = { kind = "samples", file = "many.csv" }\n',
+        "many.csv: samples take two columns, time and value, not t, a, b",
+    ),
     "samples without numbers": (
         'rate = { kind = "samples", file = "bad.csv" }\n',
-        "bad.csv: line 3 must be a time and a value, not '1,x'",
+        "bad.csv: line 3: rate is 'x', and must be a number",
     ),
 }
 
@@ -383,6 +395,8 @@ def test_hinges_that_cannot_be_are_refused(
 ) -> None:
     """With the body whose hinge it is."""
     (tmp_path / "bad.csv").write_text("t,rate\n0,1\n1,x\n")
+    (tmp_path / "rpm.csv").write_text("t,rate\ns,rpm\n0,1\n5,2\n")
+    (tmp_path / "many.csv").write_text("t,a,b\n0,1,2\n5,2,3\n")
     keys, words = HINGES[name]
     tables = {"frame": FRAME + keys} if body == "frame" else {"rest": PENDULUM + BOB + keys}
     message = refused(load, tables)

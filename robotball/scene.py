@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from robotball.bodies import Ball, imbalance
+from robotball.bodies import ROUNDING, Ball, imbalance
 from robotball.contact import Friction
 from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.errors import LARGEST, InputError, check_positive, check_size
@@ -15,7 +15,9 @@ from robotball.mechanics.robot import Robot, robot_of
 from robotball.motors import Motor, Servo
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.shown import scene_line
 from robotball.start import Start, horizontal, unit
+from robotball.value import Value
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
@@ -24,8 +26,8 @@ MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each, and a comparison has two
 SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 
 
-@dataclass(frozen=True)
-class Scene:
+@dataclass(frozen=True, repr=False)
+class Scene(Value):
     """One experiment, the same for every engine. SI units.
 
     frame_rate, rotor_rates and pendulum_rates are the commands of the hinges, the frame's about the
@@ -84,6 +86,9 @@ class Scene:
         # Every engine starts from what is made exact here.
         start = replace(self.start, attitude=attitude, momentum=momentum, **self._hinged_start())
         object.__setattr__(self, "start", start)
+
+    def __repr__(self) -> str:
+        return scene_line(self)
 
     def _hinged_start(self) -> dict[str, Array | None]:
         """The start's angles, None where all are 0, and its rates, those that are kept exactly."""
@@ -182,6 +187,20 @@ class Scene:
         if self.friction.rolling:
             return "the plane resists rolling"
         return None
+
+    @cached_property
+    def load_varies(self) -> bool:
+        """Whether the plane's load may change: where the centre of mass is not the sphere's."""
+        pivots = [body.pivot - body.centre for body in self.ball.pendulums]
+        swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
+        far = ROUNDING * self.ball.radius
+        return imbalance(self.ball) is not None or any(np.linalg.norm(s) > far for s in swings)
+
+    @cached_property
+    def keeps_momentum(self) -> bool:
+        """Whether M is constant in space: dM/dt is ... of the centre of mass and gravity."""
+        upright = self.gravity_direction == DOWN
+        return upright and not self.load_varies and not self.friction.rolling
 
     def until(self, end: float) -> "Scene":
         """The scene of a run that ends at `end` [s]: its drives are asked from 0 to there.

@@ -172,8 +172,8 @@ def test_hinges_are_moved_as_told(load: Load) -> None:
 
 def test_samples_are_read_from_a_table_of_numbers(load: Load, tmp_path: Path) -> None:
     """With a line of names, comments, and commas, semicolons or spaces between them."""
-    text = "time,rate\n0,1\n2.5,2\n5,0.5\n"
-    for text in (text, text.replace(",", "; "), text.replace(",", " "), "# note\n" + text):
+    csv = "time,rate\n0,1\n2.5,2\n5,0.5\n"
+    for text in (csv, csv.replace(",", "; "), csv.replace(",", " "), "# note\n" + csv):
         (tmp_path / "rate.csv").write_text(text)
         scene = load(frame=FRAME + 'rate = { kind = "samples", file = "rate.csv" }\n')
         assert scene.frame_rate == rb.Samples(times=(0.0, 2.5, 5.0), values=(1.0, 2.0, 0.5))

@@ -8,12 +8,12 @@ from .drives import Ramp as Ramp
 from .drives import Sine as Sine
 from .engines import engine_named as engine_named
 from .engines import engine_names as engine_names
+from .engines.integrate import integrate as integrate
 from .engines.mujoco.settings import PRESETS as PRESETS
 from .engines.mujoco.settings import Settings as Settings
 from .engines.mujoco.settings import preset as preset
 from .engines.protocol import Engine as Engine
 from .engines.protocol import Request as Request
-from .engines.reduced.integrate import integrate as integrate
 from .engines.simulate import simulate as simulate
 from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning

@@ -154,10 +154,14 @@ def gamma_of(attitude: Array) -> Array:
 class ReferenceMotion(Motion):
     """A motion that others are measured by, and that knows how good it is itself.
 
-    again: the contact points (n, 2) of the same motion, made by longer steps [m].
+    again               the contact points (n, 2) of the same motion, made by longer steps [m]
+    motor_work  (n, h)  J: what the motors have put in since the start; None of the small equations
+    rolling_loss  (n,)  J: what the plane's resistance to rolling has taken; None likewise
     """
 
     again: Callable[[], Array] = field(repr=False)
+    motor_work: Array | None = None
+    rolling_loss: Array | None = None
 
     @cached_property
     def reference_error(self) -> float:

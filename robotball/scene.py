@@ -153,6 +153,14 @@ class Scene:
             return "the plane resists rolling"
         return None
 
+    def check_reduced(self) -> None:
+        """Raises InputError where (3.2) and (3.3) do not describe the scene."""
+        if self.not_reduced:
+            raise InputError(
+                f"{self.name}: {self.not_reduced}; this needs a scene that the paper's equations "
+                "(3.2) and (3.3) describe: a balanced ball at given rates on a level plane"
+            )
+
     def until(self, end: float) -> "Scene":
         """The scene of a run that ends at `end` [s]: its drives are asked from 0 to there.
 
@@ -183,7 +191,8 @@ class Scene:
 
     @cached_property
     def parameters(self) -> Parameters:
-        """The numbers of the equations, in principal axes; InputError unless they are constant."""
+        """The numbers of (3.2) or (3.3), in principal axes; InputError unless they are constant."""
+        self.check_reduced()
         if not self.steady:
             raise InputError(f"{self.name}: the drives change in time; use parameters_at(t)")
         return self.parameters_at(0.0)

@@ -4,8 +4,7 @@ from .custom import Custom as Custom
 from .designing.design import Design as Design
 from .designing.design import design as design
 from .designing.feasibility import Limits as Limits
-from .drives import Ramp as Ramp
-from .drives import Sine as Sine
+from .drives import Sum as Sum
 from .engines import engine_named as engine_named
 from .engines import engine_names as engine_names
 from .engines.integrate import integrate as integrate
@@ -14,6 +13,9 @@ from .engines.mujoco.settings import Settings as Settings
 from .engines.mujoco.settings import preset as preset
 from .engines.protocol import Engine as Engine
 from .engines.protocol import Request as Request
+from .engines.recorded import RecordedMotion as RecordedMotion
+from .engines.recorded import load_motion as load_motion
+from .engines.recorded import recorded as recorded
 from .engines.simulate import simulate as simulate
 from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning
@@ -22,6 +24,8 @@ from .faults import FaultKind as FaultKind
 from .files.catalog import catalog as catalog
 from .files.scene_file import load_scene as load_scene
 from .files.scene_writer import scene_toml as scene_toml
+from .files.trajectory_file import Trajectory as Trajectory
+from .files.trajectory_file import read_trajectory as read_trajectory
 from .motion import ContactMotion as ContactMotion
 from .motion import ContactReport as ContactReport
 from .motion import Loads as Loads
@@ -31,6 +35,9 @@ from .motors import Free as Free
 from .motors import PositionServo as PositionServo
 from .motors import Servo as Servo
 from .motors import Torque as Torque
+from .rates import Ramp as Ramp
+from .rates import Samples as Samples
+from .rates import Sine as Sine
 from .scene import Scene as Scene
-from .scene import sample_times as sample_times
 from .settings import EngineSettings as EngineSettings
+from .times import sample_times as sample_times

@@ -1,9 +1,10 @@
 """Motion: what every engine returns, and how far two motions of one scene are apart."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,6 +145,18 @@ class Motion:
         """
         return max(self.path_length, self.scene.ball.radius)
 
+    def save(self, path: str | Path) -> None:
+        """Write it as .csv, .npz or .parquet, from which `load_motion` has every bit again.
+
+        The header has the scene's TOML, the engine and the units; a contact engine's report is
+        left out. Raises InputError where the file cannot be written.
+        """
+        from robotball.files.motion_file import write_motion
+
+        report = getattr(self, "report", None)
+        timestep = report.timestep if isinstance(report, ContactReport) else None
+        write_motion(Path(path), self.scene, asdict(self.engine), dict(arrays_of(self)), timestep)
+
 
 def gamma_of(attitude: Array) -> Array:
     """γ (n, 3) of attitudes (n, 4)."""
@@ -181,7 +194,18 @@ class ContactMotion(Motion):
     report: ContactReport
 
 
-AnyMotion = TypeVar("AnyMotion", bound=Motion)
+Place = tuple[str, ...]
+
+
+def arrays_of(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[Any]]]:
+    """The arrays over the times of a motion, of its loads and of its report, by their names."""
+    for each in fields(record):
+        value = getattr(record, each.name)
+        if isinstance(value, np.ndarray):
+            yield (*place, each.name), value
+        elif isinstance(value, Loads | ContactReport):
+            yield from arrays_of(value, (*place, each.name))
+
 
 # Long motions are made and measured in pieces, so that what is needed on the way stays small.
 
@@ -191,44 +215,6 @@ PIECE = 65_536  # samples; a multiple of what BLAS takes at once, or last bits w
 def pieces(count: int) -> Iterator[slice]:
     """Consecutive slices over `count` samples."""
     return (slice(i, min(i + PIECE, count)) for i in range(0, count, PIECE))
-
-
-def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
-    """One motion of its consecutive parts, of `count` times at most in all.
-
-    Each part is let go before the next is made.
-    """
-    done, whole, last = 0, {}, None
-    for last in parts:
-        size = len(last.times)
-        for place, array in _arrays(last):
-            if place not in whole:
-                whole[place] = np.empty((count, *array.shape[1:]), array.dtype)
-            whole[place][done : done + size] = array
-        done += size
-    assert last is not None
-    return _with_arrays(last, {place: array[:done] for place, array in whole.items()})
-
-
-Place = tuple[str, ...]
-
-
-def _arrays(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[Any]]]:
-    """The arrays over the times of a motion, of its loads and of its report, by their names."""
-    for each in fields(record):
-        value = getattr(record, each.name)
-        if isinstance(value, np.ndarray):
-            yield (*place, each.name), value
-        elif isinstance(value, Loads | ContactReport):
-            yield from _arrays(value, (*place, each.name))
-
-
-def _with_arrays(record: Any, arrays: Mapping[Place, NDArray[Any]]) -> Any:
-    own: dict[str, Any] = {place[0]: array for place, array in arrays.items() if len(place) == 1}
-    for name in {place[0] for place in arrays} - set(own):
-        inner = {place[1:]: array for place, array in arrays.items() if place[0] == name}
-        own[name] = _with_arrays(getattr(record, name), inner)
-    return replace(record, **own)
 
 
 # How far a motion is from a reference of the same scene. The motion's times, fewer where it broke

@@ -6,10 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
-from robotball.bodies import Ball, imbalance
+from robotball.bodies import ROUNDING, Ball, imbalance
 from robotball.contact import Friction
-from robotball.custom import Followed
-from robotball.drives import Constant, Drive, Rate, as_drive
+from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.hinges import Hinge
 from robotball.mechanics.robot import Robot, robot_of
@@ -17,11 +16,10 @@ from robotball.motors import Motor, Servo
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.start import Start, horizontal, unit
+from robotball.times import sample_times
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
-SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
-MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each, and a comparison has two motions
 SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 
 
@@ -83,8 +81,32 @@ class Scene:
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
         # Every engine starts from what is made exact here.
-        start = replace(self.start, attitude=attitude, momentum=momentum)
+        start = replace(self.start, attitude=attitude, momentum=momentum, **self._hinged_start())
         object.__setattr__(self, "start", start)
+
+    def _hinged_start(self) -> dict[str, Array | None]:
+        """The start's angles, None where all are 0, and its rates, those that are kept exactly."""
+        angles, rates = self.start.hinge_angles, self.start.hinge_rates
+        for name, values in (("angles", angles), ("rates", rates)):
+            if values is not None and values.shape != (len(self.drives),):
+                raise InputError(
+                    f"{len(self.drives)} hinges need as many {name} at the start, not an array of "
+                    f"shape {values.shape}"
+                )
+            for value in () if values is None else values.tolist():
+                check_size(f"a hinge's {name[:-1]} at the start", value, "rad")
+        if rates is not None:
+            motors = self.motors or (None,) * len(rates)
+            rates = np.array(
+                [
+                    float(drive.rate(0.0)) if motor is None else rate
+                    for drive, motor, rate in zip(self.drives, motors, rates.tolist(), strict=True)
+                ]
+            )
+        return {
+            "hinge_angles": None if angles is None or not angles.any() else angles,
+            "hinge_rates": rates,
+        }
 
     @cached_property
     def times(self) -> Array:
@@ -161,6 +183,20 @@ class Scene:
                 "(3.2) and (3.3) describe: a balanced ball at given rates on a level plane"
             )
 
+    @cached_property
+    def load_varies(self) -> bool:
+        """Whether the plane's load may change: where the centre of mass is not the sphere's."""
+        pivots = [body.pivot - body.centre for body in self.ball.pendulums]
+        swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
+        far = ROUNDING * self.ball.radius
+        return imbalance(self.ball) is not None or any(np.linalg.norm(s) > far for s in swings)
+
+    @cached_property
+    def keeps_momentum(self) -> bool:
+        """Whether M is constant in space: dM/dt is ... of the centre of mass and gravity."""
+        upright = self.gravity_direction == DOWN
+        return upright and not self.load_varies and not self.friction.rolling
+
     def until(self, end: float) -> "Scene":
         """The scene of a run that ends at `end` [s]: its drives are asked from 0 to there.
 
@@ -170,8 +206,8 @@ class Scene:
             return self
         scene = replace(self, duration=end)
         for drive in scene.drives:
-            if isinstance(drive, Followed):
-                assert drive.polynomials  # refused here, if at all
+            for function in functions_of(drive):
+                assert function.polynomials  # refused here, if at all
         return scene
 
     @cached_property
@@ -230,35 +266,3 @@ class Scene:
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
         omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)
-
-
-def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
-    """Equal times (n,) from 0 to `duration`, at most `interval` apart [s].
-
-    Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
-    """
-    check_positive("duration", duration, "s")
-    if not duration / interval < MOST_SAMPLES:
-        raise InputError(
-            f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
-            f"at most {MOST_SAMPLES:g}; give times of your own"
-        )
-    intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
-    return np.linspace(0.0, duration, intervals + 1)
-
-
-def check_times(times: Array) -> Array:
-    """`times` (n,) as floats; raises InputError unless finite, increasing and starting at 0."""
-    times = np.asarray(times, dtype=float)
-    if times.ndim != 1 or len(times) < 2:
-        raise InputError(f"times must be a list of at least two, not of shape {times.shape}")
-    if not np.all(np.isfinite(times)):
-        raise InputError("times must be finite")
-    check_size("the last of the times", float(times[-1]), "s")
-    if times[0] != 0:
-        raise InputError(f"times must start at 0, not at {times[0]:g}")
-    late = np.flatnonzero(np.diff(times) <= 0)
-    if len(late):
-        i = int(late[0])
-        raise InputError(f"times must increase: {times[i + 1]:g} follows {times[i]:g}")
-    return times

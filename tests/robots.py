@@ -12,10 +12,11 @@ import numpy as np
 
 from robotball.bodies import Ball, Frame, Pendulum, Shell, thin_shell_inertia
 from robotball.custom import Custom
-from robotball.drives import Rate, Sine
+from robotball.drives import Rate
 from robotball.mechanics.robot import momentum_at
 from robotball.motors import Free, Motor, PositionServo, Servo
 from robotball.parameters import Rolling
+from robotball.rates import Sine
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from robotball.start import Start

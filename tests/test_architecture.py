@@ -18,7 +18,7 @@ GRAPH = graph_of(MODULES)
 Graph = Mapping[str, set[str]]
 ADAPTERS = tuple(f"robotball.engines.{name}" for name in OURS if (ENGINES / f"{name}.py").is_file())
 REFERENCES = ("robotball.engines.reduced", "robotball.engines.multibody")
-ROOMS = (*REFERENCES, "robotball.engines.mujoco", *ADAPTERS)
+ROOMS = (*REFERENCES, "robotball.engines.mujoco", "robotball.engines.recorded", *ADAPTERS)
 # Each may import those before it, and none after it.
 FLOORS = (
     ("robotball",),

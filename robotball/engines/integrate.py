@@ -10,7 +10,8 @@ from robotball.engines.reduced import integrate as reduced
 from robotball.errors import InputError, unknown
 from robotball.motion import ReferenceMotion
 from robotball.rotations import Array
-from robotball.scene import Scene, check_times
+from robotball.scene import Scene
+from robotball.times import check_times
 
 Equations = Literal["reduced", "multibody"]
 

@@ -7,18 +7,20 @@ import sys
 import warnings
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
-from robotball.bodies import Frame
 from robotball.errors import InputError
 from robotball.files import mjcf_body
+from robotball.looks import PARTS
+from robotball.parts import Solid
 
 with warnings.catch_warnings(action="ignore"):
     # Without a screen, dm_control's search for a window system warns; nothing here needs one.
     from dm_control import mjcf
 
-PARTS = Path(__file__).parents[2] / "mjcf"
+PRECISION = 17  # digits that bring every double back
 WAIT = 20.0  # s, of a process that may be starved of its few seconds
 
 
@@ -27,21 +29,35 @@ def part(name: str) -> Any:
     return mjcf.from_path(str(PARTS / f"{name}.xml"))
 
 
-def frame_of_mjcf(path: Path, name: str) -> Frame:
+def text_of(root: Any) -> str:
+    """The MJCF text of a composed tree of parts without classes, under names of one word.
+
+    dm_control scopes names by `/`, as in shell/frame/rotor1/hinge, and itself reads no file that
+    has them. Parts have different names, so the last of them and the element's own say enough:
+    rotor1, rotor1_hinge.
+    """
+    tree = ElementTree.fromstring(root.to_xml_string(precision=PRECISION))
+    for element in tree.iter():
+        element.attrib.pop("class", None)
+        for attribute, value in element.items():
+            if "/" in value:
+                element.set(attribute, "_".join(filter(None, value.split("/")[-2:])))
+    for empty in tree.findall("default"):
+        tree.remove(empty)
+    ElementTree.indent(tree)
+    return ElementTree.tostring(tree, encoding="unicode") + "\n"
+
+
+def solid_of_mjcf(path: Path, name: str) -> Solid:
     """The mass, centre and inertia of the body `name` of an MJCF file, in the body's own axes.
 
-    Its origin is taken as the centre of the sphere. Raises InputError where the file does not
-    compile within a few seconds and a few hundred MB, has no such body, or the body carries others
-    that move on it.
+    Raises InputError where the file does not compile within a few seconds and a few hundred MB,
+    has no such body, or the body carries others that move on it.
     """
     answer = _body_of(path, name)
     if "error" in answer:
         raise InputError(f"{path}: {answer['error']}")
-    return Frame(
-        mass=answer["mass"],
-        inertia=np.array(answer["inertia"]),
-        centre=np.array(answer["centre"]),
-    )
+    return Solid(answer["mass"], np.array(answer["centre"]), np.array(answer["inertia"]))
 
 
 def _body_of(path: Path, name: str) -> dict[str, Any]:

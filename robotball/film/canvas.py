@@ -25,6 +25,7 @@ class Canvas:
         self.height, self.width = size
         self._context = gl.context(self.width, self.height)
         model.vis.global_.offheight, model.vis.global_.offwidth = size
+        model.vis.quality.offsamples = model.vis.quality.shadowsize = 0
         self._model = model
         self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)

@@ -7,7 +7,10 @@ from validation.commands.arguments import AGREES, File, SceneName
 
 @dataclass(frozen=True)
 class Basins:
-    """Tell which attractor each of many random starts of a scene's ball reaches."""
+    """Tell which attractor each of many random starts of a scene's ball reaches.
+
+    Example: robotball basins fig12 --starts 100
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
@@ -28,7 +31,7 @@ class Basins:
         from robotball.errors import check_count
         from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins
         from validation.commands.suited import attracted_scene
-        from validation.output import write_record
+        from validation.output import print_whole, write_record
         from validation.progress import progress_bar
         from validation.studies.attractors.level import level_starts
 
@@ -50,7 +53,7 @@ class Basins:
         for label, name in sorted(names.items(), reverse=True):
             if found.share(label) > 0:
                 table.add_row(name, f"{found.share(label):.3f}")
-        Console().print(table)
+        print_whole(table, Console())
         write_record(
             self.json,
             {

@@ -23,13 +23,16 @@ from validation.commands.arguments import (
 
 @dataclass(frozen=True)
 class Compare:
-    """Run scenes by an engine and by the equations, and say how far apart they are."""
+    """Run scenes by an engine and by the equations, and say how far apart they are.
 
-    scenes: Positional[Annotated[tuple[str, ...], arg(metavar="SCENE...")]]
+    Example: robotball compare fig12 --preset fast,accurate
+    """
+
+    scenes: Positional[Annotated[tuple[str, ...], arg(metavar="SCENE...", help_behavior_hint="")]]
     """Names from the catalog, or paths to TOML files."""
     preset: Names = ()
-    """The engine's settings to run each scene with, such as naive, fast, balanced, accurate or
-    adaptive; balanced if not given. Several: naive,fast."""
+    """The engine's settings to run each scene with. Several: naive,fast. There are
+    naive, fast, balanced (if not given), accurate, adaptive; other engines have others."""
     run_options: RunOptions = field(default_factory=Run)
     plots: bool = True
     """Draw each scene's paths and momentum into the output folder."""

@@ -11,7 +11,10 @@ FILMED = ("fig12", "balanced")
 
 @dataclass(frozen=True)
 class Demo:
-    """Compare fig12 and classical_regular at every preset, with table, plots and a film."""
+    """Compare fig12 and classical_regular at every preset, with table, plots and a film.
+
+    Example: robotball demo --out demo
+    """
 
     out: Path = OUT
     """Folder for everything."""

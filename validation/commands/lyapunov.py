@@ -9,7 +9,10 @@ BATCH = 16  # starts followed at once, between two moves of the progress bar
 
 @dataclass(frozen=True)
 class Lyapunov:
-    """Measure a scene's Lyapunov exponents, by the equations and, on request, by an engine."""
+    """Measure a scene's Lyapunov exponents, by the equations and, on request, by an engine.
+
+    Example: robotball lyapunov fig14 --starts 4 --duration 1000
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
@@ -37,7 +40,7 @@ class Lyapunov:
         from robotball.engines.mujoco.model import build
         from robotball.qualitative.lyapunov import Exponents, exponents
         from validation.commands.suited import moving_scene
-        from validation.output import write_record
+        from validation.output import print_whole, write_record
         from validation.progress import progress_bar
         from validation.studies.attractors.contact_exponent import contact_exponent
         from validation.studies.attractors.level import level_starts
@@ -99,6 +102,6 @@ class Lyapunov:
         for name, (value, error) in rows.items():
             known = error is not None and np.isfinite(error)
             table.add_row(name, f"{value:.6g}", f"{error:.1g}" if known else "-")
-        Console().print(table)
+        print_whole(table, Console())
         write_record(self.json, record)
         return AGREES

@@ -1,21 +1,23 @@
 """The command `robotball model`."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from validation.commands.arguments import (
-    AGREES,
-    File,
-    SceneName,
-)
+from tyro.conf import arg
+
+from validation.commands.arguments import AGREES, PRESET, File, SceneName
 
 
 @dataclass(frozen=True)
 class Model:
-    """Print a scene's MJCF: self-contained, at full precision."""
+    """Print a scene's MJCF: self-contained, at full precision.
+
+    Example: robotball model fig12 --out fig12.xml
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
-    preset: str = "balanced"
+    preset: Annotated[str, arg(metavar=PRESET)] = "balanced"
     """The settings to write into it."""
     out: File = None
     """Write it to this file instead."""

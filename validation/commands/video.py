@@ -15,12 +15,15 @@ from validation.commands.arguments import (
 
 @dataclass(frozen=True)
 class Video:
-    """Film a scene: the ball of an engine beside the ball of the equations, as an mp4."""
+    """Film a scene: the ball of an engine beside the ball of the equations, as an mp4.
+
+    Example: robotball video fig12 --duration 2
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
     preset: Preset = None
-    """The engine's settings to run it with; balanced if not given."""
+    """The engine's settings to run it with, its default if not given."""
     run_options: RunOptions = field(default_factory=Run)
 
     def run(self) -> int:

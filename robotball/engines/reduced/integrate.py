@@ -9,8 +9,9 @@ from robotball import equations as eq
 from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate
 from robotball.engines.reduced import LABEL
 from robotball.errors import InputError, too_many_steps
+from robotball.joining import joined
 from robotball.loads import loads_of
-from robotball.motion import Motion, ReferenceMotion, joined, pieces
+from robotball.motion import Motion, ReferenceMotion, pieces
 from robotball.parameters import as_vector, check_speed, speed_bound
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene

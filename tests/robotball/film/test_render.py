@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 import robotball as rb
 from robotball import palette
 from robotball.engines.mujoco import LABEL, model
-from robotball.files.mjcf import PARTS
 from robotball.film import gl
 from robotball.film.canvas import Pixels
 from robotball.film.picture import track
 from robotball.film.render import frames, write_video
+from robotball.looks import PARTS
 from robotball.rotations import Array, conjugate, multiply, z_along
 from tests.scenes import FOUR
 
@@ -47,7 +47,7 @@ def test_each_part_opens_alone(name: str) -> None:
 def test_a_run_carries_nothing_of_a_picture(name: str) -> None:
     scene = rb.load_scene(name)
     run = model.build(scene, rb.preset("balanced")).compiled
-    assert [run.geom(i).name for i in range(run.ngeom)] == ["floor", "shell/sphere"]
+    assert [run.geom(i).name for i in range(run.ngeom)] == ["floor", "shell_sphere"]
     assert (run.nlight, run.nmat, run.ntex, run.nmesh, run.ncam) == (0, 0, 0, 0, 0)
     # World, shell, frame, rotors: the attached parts add no bodies of their own.
     assert run.nbody == 3 + len(scene.ball.rotors)

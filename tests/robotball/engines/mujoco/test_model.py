@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from dm_control import mjcf
 
 import robotball as rb
 from robotball.bodies import Ball, Frame, Rotor
@@ -153,3 +154,27 @@ def test_an_inertia_in_any_axes_reaches_mujoco() -> None:
     in_frame = to_world.T @ whole_ball_inertia(model.compiled, data) @ to_world
     # Measured 2.6e-15 kg m².
     assert np.abs(in_frame - model.scene.ball.inertia).max() < 2e-14
+
+
+@pytest.mark.parametrize("dressed", [False, True])
+@pytest.mark.parametrize("name", [*FOUR, "three_rotors"])
+def test_a_model_s_names_are_single_words_that_dm_control_reads(name: str, dressed: bool) -> None:
+    """No name has a `/`, which dm_control keeps for itself; it compiles to as many bodies."""
+    model = build(rb.load_scene(name), BALANCED, dressed=dressed)
+    again = mujoco.MjModel.from_xml_string(mjcf.from_xml_string(model.xml).to_xml_string())
+    assert "/" not in model.xml.replace("/>", "").replace("</", "")
+    assert again.nbody == model.compiled.nbody == 3 + len(model.scene.ball.rotors)
+    assert (again.ncam, again.nlight) == ((1, 1) if dressed else (0, 0))
+
+
+@pytest.mark.parametrize("name", [*FOUR, "three_rotors"])
+def test_a_dressed_model_moves_as_the_bare_one(name: str) -> None:
+    """To the last bit, over 100 steps: what is to be looked at weighs nothing."""
+    ends = []
+    for dressed in (False, True):
+        model = build(rb.load_scene(name), BALANCED, dressed=dressed)
+        data = model.start_data()
+        for _ in range(100):
+            mujoco.mj_step(model.compiled, data)
+        ends.append(np.concatenate([data.qpos, data.qvel]))
+    assert np.array_equal(ends[0], ends[1])

@@ -1,0 +1,163 @@
+"""Tables of numbers with a header, as CSV, NPZ or Parquet; columns come back to the last bit."""
+
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotball.errors import InputError
+from robotball.files.csv_text import read_csv, write_csv
+from robotball.files.replacing import replacing
+from robotball.rotations import Array
+
+HEADER, UNITS = "header", "units"  # of an NPZ's own members, and of a Parquet's metadata
+PARQUET_EXTRA = (
+    "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """columns: names → numbers, all of one length; units, of columns; header: names → texts.
+
+    notes: what had to be understood on reading, a line each.
+    """
+
+    columns: Mapping[str, Array]
+    units: Mapping[str, str]
+    header: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+
+
+def write_table(path: Path, table: Table) -> None:
+    """The table as a file of the kind that its suffix says; raises InputError for another one."""
+    writers: dict[str, Callable[[Path, Table], None]] = {
+        ".csv": _write_csv,
+        ".npz": _write_npz,
+        ".parquet": _write_parquet,
+    }
+    write = _of_suffix(path, writers)
+    with replacing(path) as temporary:
+        write(temporary, table)
+
+
+def read_table(path: Path) -> Table:
+    """The table of a file; raises InputError, with the file, where it holds none."""
+    readers: dict[str, Callable[[Path], Table]] = {
+        ".csv": _read_csv,
+        ".tsv": _read_csv,
+        ".txt": _read_csv,
+        ".npz": _read_npz,
+        ".parquet": _read_parquet,
+    }
+    read = _of_suffix(path, readers)
+    try:
+        table = read(path)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    lengths = {name: len(column) for name, column in table.columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"{path}: columns are of different lengths: {lengths}")
+    return table
+
+
+def _of_suffix(path: Path, by_suffix: Mapping[str, Any]) -> Any:
+    suffix = path.suffix.lower()
+    if suffix not in by_suffix:
+        kinds = ", ".join(by_suffix)
+        raise InputError(f"{path}: a trajectory's file is one of {kinds}, not {suffix!r}")
+    return by_suffix[suffix]
+
+
+def _write_csv(path: Path, table: Table) -> None:
+    path.write_text(write_csv(table.columns, table.units, table.header), encoding="utf-8")
+
+
+def _read_csv(path: Path) -> Table:
+    return Table(*read_csv(path.read_bytes()))
+
+
+def _write_npz(path: Path, table: Table) -> None:
+    own: dict[str, Any] = {
+        HEADER: np.array(json.dumps(dict(table.header))),
+        UNITS: np.array(json.dumps(dict(table.units))),
+    }
+    with path.open("wb") as file:  # by its name, NumPy would add a suffix of its own
+        np.savez(file, allow_pickle=False, **own, **dict(table.columns))
+
+
+def _read_npz(path: Path) -> Table:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except (ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        raise InputError(f"it is no NPZ file that can be read: {error}") from None
+    header = _texts(arrays.pop(HEADER, None))
+    units = _texts(arrays.pop(UNITS, None))
+    return Table(dict(_columns(arrays)), units, header)
+
+
+def _texts(member: Any) -> dict[str, str]:
+    """The names and texts of a member that holds JSON; none where it holds anything else."""
+    try:
+        found = json.loads(str(member))
+    except ValueError:
+        return {}
+    if not isinstance(found, dict):
+        return {}
+    return {str(name): str(text) for name, text in found.items()}
+
+
+def _columns(arrays: Mapping[str, Any]) -> list[tuple[str, Array]]:
+    """Columns (n,) as they are; those of an array (n, k) are `name.0`, `name.1` and so on."""
+    columns = []
+    for name, array in arrays.items():
+        if array.dtype.kind not in "fiub" or array.ndim not in (1, 2):
+            continue  # what a simulator keeps beside its trajectory
+        numbers = np.asarray(array, dtype=float)
+        if array.ndim == 1:
+            columns.append((name, numbers))
+        else:
+            columns += [(f"{name}.{i}", column) for i, column in enumerate(numbers.T)]
+    return columns
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise InputError(PARQUET_EXTRA) from None
+    return pyarrow, parquet
+
+
+def _write_parquet(path: Path, table: Table) -> None:
+    pyarrow, parquet = _pyarrow()
+    metadata = {HEADER: json.dumps(dict(table.header)), UNITS: json.dumps(dict(table.units))}
+    whole = pyarrow.table({name: np.asarray(each) for name, each in table.columns.items()})
+    parquet.write_table(whole.replace_schema_metadata(metadata), path)
+
+
+def _read_parquet(path: Path) -> Table:
+    pyarrow, parquet = _pyarrow()
+    try:
+        whole = parquet.read_table(path)
+    except pyarrow.ArrowException as error:
+        raise InputError(f"it is no Parquet file that can be read: {error}") from None
+    metadata = {
+        key.decode(errors="replace"): text.decode(errors="replace")
+        for key, text in (whole.schema.metadata or {}).items()
+    }
+    arrays = {
+        name: whole.column(name).to_numpy()
+        for name, field in zip(whole.column_names, whole.schema, strict=True)
+        if pyarrow.types.is_floating(field.type) or pyarrow.types.is_integer(field.type)
+    }
+    columns = dict(_columns(arrays))
+    return Table(columns, _texts(metadata.get(UNITS)), _texts(metadata.get(HEADER)))

@@ -1,0 +1,156 @@
+"""What a ball looks like: simple shapes for each body, the same in films, models and pages.
+
+Shell, frame and rotors are the hand-written parts of mjcf/; a pendulum is drawn from its numbers.
+Sizes are chosen so that nothing runs into anything else: the frame's hoop is near the shell, what
+turns inside it stays inside, and rotors with one centre are rings within rings.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Literal, cast
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robotball.bodies import Ball, Pendulum
+from robotball.rotations import Array, z_along
+
+PARTS = Path(__file__).parents[1] / "mjcf"
+MARKS, BLUR = "spoke", "blur"  # the materials that show a rotor's angle, or stand for its speed
+HUB = ("capsule", "cylinder")  # of a rotor: what is inside its rim
+
+# Lengths in radii of the ball.
+INSIDE = 0.75  # what turns in the frame's hoop stays within it
+RIM = 0.61  # how far the part "rotor" reaches
+RING = 0.7  # of a rotor, the next one inside it
+LEAST = 0.06  # of a rotor, or of a pendulum's bob
+CORE = 0.28  # of rotors at the centre, where a pendulum swings around them
+BOB, ARM = 0.17, 0.035  # radii of a pendulum's
+TOGETHER = 0.05  # rotors whose centres are nearer than that have one centre
+
+ORIGIN, AS_IT_IS = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+
+Kind = Literal["torus", "sphere", "capsule", "cylinder", "box"]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A shape of a body where it is at its hinge's angle 0: lengths in radii, the frame's axes.
+
+    size      (3,)  as in MJCF; of a torus about z its radius and its tube's, then 0
+    pos       (3,)  from the sphere's centre
+    turn      (4,)  quaternion
+    material  its name
+    profile   of a torus: the exponent of its section, 1 for a round one
+    """
+
+    kind: Kind
+    size: Array
+    pos: Array
+    turn: Array
+    material: str
+    profile: float = 1.0
+
+
+def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
+    """The shapes of each body, by the bodies' names."""
+    axis = ball.shell.axis
+    looks = {name: _placed(_part(name), axis) for name in ("shell", "frame")}
+    for (name, rotor), (size, inmost) in zip(ball.named_rotors, _rings(ball), strict=True):
+        shapes = [each for each in _part("rotor") if inmost or each.kind not in HUB]
+        looks[name] = _placed(shapes, rotor.axis, size, rotor.centre / ball.radius)
+    for name, pendulum in ball.named_pendulums:
+        looks[name] = tuple(_pendulum(ball, pendulum))
+    return looks
+
+
+@cache
+def colours() -> dict[str, tuple[float, ...]]:
+    """The parts' materials: red, green, blue and opacity, each 0 to 1."""
+    return {
+        material.attrib["name"]: tuple(map(float, material.attrib["rgba"].split()))
+        for part in ("shell", "frame", "rotor")
+        for material in ElementTree.parse(PARTS / f"{part}.xml").iter("material")
+    }
+
+
+def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
+    """Of each rotor: its size, 1 for the part's own, and whether no other is inside it."""
+    centres = [rotor.centre / ball.radius for rotor in ball.rotors]
+    for i, centre in enumerate(centres):
+        away = [float(np.linalg.norm(centre - other)) for other in centres]
+        before = sum(distance < TOGETHER for distance in away[:i])
+        after = sum(distance < TOGETHER for distance in away[i + 1 :])
+        room = [RIM, INSIDE - float(np.linalg.norm(centre))]
+        room += [distance / 2 for distance in away if distance >= TOGETHER]
+        if ball.pendulums:
+            room.append(CORE)
+        yield max(LEAST, min(room)) / RIM * RING**before, after == 0
+
+
+def _pendulum(ball: Ball, pendulum: Pendulum) -> Iterator[Shape]:
+    """An arm from the hinge to a bob at the centre of mass, and the hinge's own axle."""
+    pivot, arm = pendulum.pivot / ball.radius, (pendulum.centre - pendulum.pivot) / ball.radius
+    along = float(pivot @ pendulum.axis) * pendulum.axis
+    reach = float(np.linalg.norm(along) + np.linalg.norm(pivot - along) + np.linalg.norm(arm))
+    arm = arm * min(1.0, (INSIDE - LEAST) / reach) if reach > 0 else arm
+    length = float(np.linalg.norm(arm))
+    bob = float(np.clip(INSIDE - reach, LEAST, BOB))
+    yield Shape("sphere", np.array([bob, 0, 0]), pivot + arm, AS_IT_IS, "rotor")
+    axle = np.array([1.4 * ARM, 4 * ARM, 0.0])
+    yield Shape("capsule", axle, pivot, z_along(pendulum.axis), "frame")
+    begin = CORE if ball.rotors else 0.0  # the rotors are in the way
+    if length > begin:
+        unit = arm / length
+        size = np.array([ARM, (length - begin) / 2, 0.0])
+        yield Shape("capsule", size, pivot + unit * (begin + length) / 2, z_along(unit), "frame")
+
+
+def _placed(
+    shapes: Sequence[Shape], axis: Array, size: float = 1.0, centre: Array = ORIGIN
+) -> tuple[Shape, ...]:
+    """Shapes of a part, about z and in the part's own size, as they stand about an axis (3,)."""
+    turn = Rotation.from_quat(z_along(axis), scalar_first=True)
+    return tuple(
+        replace(
+            shape,
+            size=shape.size * size,
+            pos=centre + turn.apply(shape.pos * size),
+            turn=(turn * Rotation.from_quat(shape.turn, scalar_first=True)).as_quat(
+                scalar_first=True
+            ),
+        )
+        for shape in shapes
+    )
+
+
+@cache
+def _part(name: str) -> tuple[Shape, ...]:
+    """The shapes of a hand-written part."""
+    root = ElementTree.parse(PARTS / f"{name}.xml").getroot()
+    meshes = {mesh.attrib["name"]: mesh for mesh in root.iter("mesh")}
+    return tuple(_shape(geom, meshes) for geom in root.iterfind("worldbody/geom"))
+
+
+def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) -> Shape:
+    kind, material = geom.get("type", "sphere"), geom.attrib["material"]
+    numbers = {
+        name: np.array([float(number) for number in geom.get(name, "0 0 0").split()])
+        for name in ("size", "pos", "euler", "fromto")
+    }
+    size, pos = np.zeros(3), numbers["pos"]
+    size[: len(numbers["size"])] = numbers["size"]
+    turn = Rotation.from_euler("XYZ", numbers["euler"], degrees=True).as_quat(scalar_first=True)
+    if "fromto" in geom.attrib:
+        begin, end = numbers["fromto"].reshape(2, 3)
+        length = float(np.linalg.norm(end - begin))
+        size[1], pos, turn = length / 2, (begin + end) / 2, z_along((end - begin) / length)
+    if kind == "mesh":
+        mesh = meshes[geom.attrib["mesh"]]
+        _, tube, profile, _ = (float(number) for number in mesh.attrib["params"].split())
+        radius = float(mesh.get("scale", "1").split()[0])
+        return Shape("torus", np.array([1, tube, 0]) * radius, pos, turn, material, profile)
+    return Shape(cast(Kind, kind), size, pos, turn, material)

@@ -1,0 +1,173 @@
+"""Trajectories from other simulators: read as they are meant, or refused in one line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.files.trajectory_file import Trajectory, read_trajectory
+
+ROWS = """0,0,0,1,0,0,0
+0.5,1,2,0.6,0.8,0,0
+1,3,4,0,0,1,0
+"""
+PLAIN = f"t,x,y,qw,qx,qy,qz\n{ROWS}"
+
+
+def read(tmp_path: Path, text: str | bytes, name: str = "run.csv") -> Trajectory:
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_trajectory(path)
+
+
+def assert_is_the_plain_one(trajectory: Trajectory) -> None:
+    assert trajectory.times.tolist() == [0, 0.5, 1]
+    assert trajectory.position[:, :2].tolist() == [[0, 0], [1, 2], [3, 4]]
+    assert trajectory.attitude.tolist() == [[1, 0, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0]]
+
+
+SAME = {
+    "plain": PLAIN,
+    "semicolons and decimal commas": PLAIN.replace(",", ";").replace(".", ","),
+    "tabs": PLAIN.replace(",", "\t"),
+    "spaces": PLAIN.replace(",", "  "),
+    "line ends of another system": PLAIN.replace("\n", "\r\n"),
+    "comments and empty lines": f"# from my engine\n\n% v3\n{PLAIN}\n",
+    "names in a comment": f"# t x y qw qx qy qz\n{ROWS.replace(',', ' ')}",
+    "quoted names": PLAIN.replace("t,x,y,qw", '"t","x","y","qw"'),
+    "a line of units": PLAIN.replace("\n", "\ns,m,m,-,-,-,-\n", 1),
+    "other names": PLAIN.replace("t,x,y,qw,qx,qy,qz", "Time (s),pos_x,pos_y,q_w,q_x,q_y,q_z"),
+    "names of a ROS bag": PLAIN.replace(
+        "t,x,y,qw,qx,qy,qz",
+        "time,pose.position.x,pose.position.y,pose.orientation.w,pose.orientation.x,"
+        "pose.orientation.y,pose.orientation.z",
+    ),
+}
+
+
+@pytest.mark.parametrize("text", SAME.values(), ids=SAME)
+def test_what_is_written_in_another_way_is_read_the_same(tmp_path: Path, text: str) -> None:
+    """Delimiters, line ends, comments, names."""
+    assert_is_the_plain_one(read(tmp_path, text))
+
+
+def test_columns_may_stand_in_any_order_with_others_among_them(tmp_path: Path) -> None:
+    """What is not known is kept by its own name."""
+    rows = "0,5,1,0,0,0,0,0,1\n0,6,0.6,2,0.5,0,1,0.8,1\n0,7,0,4,1,1,3,0,1\n"
+    text = f"qz,energy,qw,y,t,qy,x,qx,z\n{rows}"
+    trajectory = read(tmp_path, text)
+    assert_is_the_plain_one(trajectory)
+    assert trajectory.position[:, 2].tolist() == [1, 1, 1]
+    assert trajectory.others is not None
+    assert trajectory.others["energy"].tolist() == [5, 6, 7]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "name"), [("utf-8-sig", "a.csv"), ("utf-16", "a.csv"), ("utf-8-sig", "a.txt")]
+)
+def test_a_byte_order_mark_is_skipped_and_told(tmp_path: Path, encoding: str, name: str) -> None:
+    """One line says so."""
+    trajectory = read(tmp_path, PLAIN.encode(encoding), name)
+    assert_is_the_plain_one(trajectory)
+    assert trajectory.notes == ("it begins with a byte order mark, which is skipped",)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PLAIN.replace("t,x,y", "t [ms],x [mm],y [mm]"),
+        PLAIN.replace("t,x,y", "t_ms,x_mm,y_mm"),
+        PLAIN.replace("\n", "\nms,mm,mm,-,-,-,-\n", 1),
+        f"# units: t ms, x mm, y mm\n{PLAIN}",
+    ],
+)
+def test_units_that_the_file_names_are_taken_and_told(tmp_path: Path, text: str) -> None:
+    """By the title of a column, a line below it, or a comment."""
+    trajectory = read(tmp_path, text)
+    assert trajectory.times.tolist() == [0, 0.0005, 0.001]
+    assert trajectory.position[2, :2].tolist() == [0.003, 0.004]
+    assert trajectory.notes == (
+        "t: in ms, as the file says, and taken so",
+        "x, y: in mm, as the file says, and taken so",
+    )
+
+
+def test_arrays_of_an_npz_may_be_whole(tmp_path: Path) -> None:
+    """Positions (n, 3) and quaternions (n, 4), and what a simulator keeps beside them."""
+    plain = read(tmp_path, PLAIN)
+    np.savez(
+        tmp_path / "a.npz",
+        time=plain.times,
+        position=np.nan_to_num(plain.position),
+        quat=plain.attitude,
+        omega=np.ones((3, 3)),
+        name=np.array("my engine"),
+    )
+    trajectory = read_trajectory(tmp_path / "a.npz")
+    assert_is_the_plain_one(trajectory)
+    assert trajectory.angular_velocity is not None
+
+
+REFUSED = {
+    "": "the file holds no numbers",
+    "t,x,y,qw,qx,qy,qz\n": "no rows of numbers",
+    ROWS: "no line with the columns' names, as t,x,y,qw,qx,qy,qz",
+    PLAIN.replace("qw,qx", "a,b"): "columns qw,qx are missing; there are t, x, y, a, b, qy, qz",
+    PLAIN.replace("1,2,", "nan,2,"): r"x is nan in row 2 \(t = 0.5 s\); it must be finite",
+    PLAIN.replace("1,2,", "inf,2,").replace("3,4", "inf,4"): r"x is inf in row 2 .*, and in 1 more",
+    PLAIN.replace("0.5,", "nan,"): "t is nan in row 2; it must be finite",
+    PLAIN.replace("0.5,", "1.5,"): "times must increase: t = 1 s in row 3 follows 1.5 s",
+    PLAIN.replace("0.5,", "1,"): "t = 1 s comes twice, in rows 2 and 3",
+    PLAIN.replace("0,0,0,1", "-1,0,0,1"): "times must start at 0 s or later, not at -1 s",
+    PLAIN.replace("1,2,", ",2,"): "line 3: x is empty, and must be a number",
+    PLAIN.replace("1,2,", "one,2,"): "line 3: x is 'one', and must be a number",
+    PLAIN.replace("1,2,", "2,"): "line 3 has 6 values, and there are 7 columns",
+    PLAIN.replace("0.6,0.8", "0.6,1.8"): "quaternion in row 2 .* has length 1.89737, and must",
+    PLAIN.replace("0.6,0.8", "0,0"): "quaternion in row 2 .* has length 0",
+    PLAIN.replace("x,y", "x [furlong],y"): "x is in 'furlong'; it can be in m, km, cm",
+    PLAIN.replace("x,y", "x,x"): "two columns are called 'x'",
+    PLAIN.replace("x,y", "x,pos_x"): "'x' and 'pos_x' are both the column x",
+    PLAIN.replace("t,x,y", "t,x,wx"): "columns y are missing",
+    "t,x,y,qw,qx,qy,qz,wx\n0,0,0,1,0,0,0,1\n1,0,0,1,0,0,0,1\n": "of wx, wy, wz there is only wx",
+    "t,x,y,qw,qx,qy,qz\n0,0,0,1,0,0,0\n": "it has 1 row of numbers, and at least two are needed",
+}
+
+
+@pytest.mark.parametrize(("text", "words"), REFUSED.items(), ids=REFUSED.values())
+def test_a_file_that_cannot_be_judged_is_one_line(tmp_path: Path, text: str, words: str) -> None:
+    """With the file's name, the row and what is wrong in it."""
+    with pytest.raises(rb.InputError, match=words) as error:
+        read(tmp_path, text)
+    assert "run.csv: " in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("a.csv", b"\x93NUMPY\xff\xfe", "it is no text in UTF-8 or UTF-16"),
+        ("a.npz", b"PK\x03\x04 no zip", "it is no NPZ file that can be read"),
+        ("a.npz", b"t,x,y", "it is no NPZ file that can be read"),
+        ("a.bag", b"", r"one of \.csv, \.tsv, \.txt, \.npz, \.parquet, not '\.bag'"),
+    ],
+)
+def test_what_is_no_such_file_is_one_line(
+    tmp_path: Path, name: str, data: bytes, words: str
+) -> None:
+    """Whatever its bytes are."""
+    with pytest.raises(rb.InputError, match=words):
+        read(tmp_path, data, name)
+
+
+def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    """In the system's words."""
+    with pytest.raises(rb.InputError, match="No such file"):
+        read_trajectory(tmp_path / "nowhere.csv")
+
+
+def test_quaternions_that_are_rounded_are_made_unit_and_told(tmp_path: Path) -> None:
+    """Three digits are off by a thousandth."""
+    trajectory = read(tmp_path, PLAIN.replace("0.6,0.8", "0.599,0.801"))
+    assert np.linalg.norm(trajectory.attitude, axis=1).tolist() == pytest.approx([1, 1, 1], 1e-15)
+    assert trajectory.notes == ("quaternions are off length 1 by up to 0.0002; they are made so",)

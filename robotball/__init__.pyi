@@ -1,9 +1,15 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
+from .bodies import Ball as Ball
+from .bodies import Frame as Frame
+from .bodies import Pendulum as Pendulum
+from .bodies import Rotor as Rotor
+from .bodies import Shell as Shell
 from .custom import Custom as Custom
 from .designing.design import Design as Design
 from .designing.design import design as design
 from .designing.feasibility import Limits as Limits
+from .drives import Drive as Drive
 from .drives import Sum as Sum
 from .engines import engine_named as engine_named
 from .engines import engine_names as engine_names
@@ -40,4 +46,5 @@ from .rates import Samples as Samples
 from .rates import Sine as Sine
 from .scene import Scene as Scene
 from .settings import EngineSettings as EngineSettings
+from .start import Start as Start
 from .times import sample_times as sample_times

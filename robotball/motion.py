@@ -14,6 +14,8 @@ from robotball.faults import Fault
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 from robotball.settings import EngineSettings
+from robotball.shown import Shown
+from robotball.value import Value
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Label:
 
 
 @dataclass(frozen=True)
-class ContactReport:
+class ContactReport(Value):
     """What a contact engine did besides moving the ball; arrays (n,) are at the motion's times.
 
     settings         those of the run
@@ -55,14 +57,14 @@ class ContactReport:
     faults: tuple[Fault, ...]
     timestep: float
     steps: int
-    seconds: float
-    total_seconds: float
+    seconds: float = field(compare=False)
+    total_seconds: float = field(compare=False)
     estimated_error: float | None = None
-    python_seconds: float | None = None
+    python_seconds: float | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)
-class Loads:
+class Loads(Value):
     """Forces and torques at n times, on h hinges (the frame's, then the rotors').
 
     contact_force  (n, 3)  N, world: of the plane on the shell, the normal force last
@@ -95,8 +97,8 @@ def _per_newton(load: Array, normal_force: Array) -> Array:
     return np.divide(load, normal_force, out=np.zeros_like(load), where=normal_force > 0)
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, repr=False)
+class Motion(Shown, Value):
     """A sampled motion of a scene's ball, with n times, h hinges (the frame's, then the rotors').
 
     scene                     what moved
@@ -163,7 +165,7 @@ def gamma_of(attitude: Array) -> Array:
     return rotation_matrix(attitude)[:, 2, :]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ReferenceMotion(Motion):
     """A motion that others are measured by, and that knows how good it is itself.
 
@@ -172,7 +174,7 @@ class ReferenceMotion(Motion):
     rolling_loss  (n,)  J: what the plane's resistance to rolling has taken; None likewise
     """
 
-    again: Callable[[], Array] = field(repr=False)
+    again: Callable[[], Array] = field(compare=False)
     motor_work: Array | None = None
     rolling_loss: Array | None = None
 
@@ -187,7 +189,7 @@ class ReferenceMotion(Motion):
         return float(off.max() / self.path_scale)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ContactMotion(Motion):
     """A motion by a contact engine, with its report."""
 
@@ -217,8 +219,7 @@ def pieces(count: int) -> Iterator[slice]:
     return (slice(i, min(i + PIECE, count)) for i in range(0, count, PIECE))
 
 
-# How far a motion is from a reference of the same scene. The motion's times, fewer where it broke
-# off, must be among the reference's.
+# How far a motion is from a reference, whose times have the motion's times among them.
 
 
 def path_errors(motion: Motion, reference: Motion) -> Array:

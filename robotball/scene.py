@@ -15,16 +15,18 @@ from robotball.mechanics.robot import Robot, robot_of
 from robotball.motors import Motor, Servo
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.shown import scene_line
 from robotball.start import Start, horizontal, unit
 from robotball.times import sample_times
+from robotball.value import Value
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
 SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 
 
-@dataclass(frozen=True)
-class Scene:
+@dataclass(frozen=True, repr=False)
+class Scene(Value):
     """One experiment, the same for every engine. SI units.
 
     frame_rate, rotor_rates and pendulum_rates are the commands of the hinges, the frame's about the
@@ -83,6 +85,9 @@ class Scene:
         # Every engine starts from what is made exact here.
         start = replace(self.start, attitude=attitude, momentum=momentum, **self._hinged_start())
         object.__setattr__(self, "start", start)
+
+    def __repr__(self) -> str:
+        return scene_line(self)
 
     def _hinged_start(self) -> dict[str, Array | None]:
         """The start's angles, None where all are 0, and its rates, those that are kept exactly."""

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball.rotations import Array
+from robotball.shown import by_value
 from validation.comparison.agreement import Agreement
 from validation.comparison.names import file_stem
 from validation.output import in_picture, replacing
@@ -62,7 +63,7 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
     components.axhline(
         np.nan, color=theory.engine.colour, linewidth=5, alpha=0.6, label=theory.engine.name
     )
-    for value, names in _by_value(theory.momentum[0]).items():
+    for value, names in by_value(theory.momentum[0]).items():
         components.axhline(value, color=theory.engine.colour, linewidth=5, alpha=0.6)
         _beside(components, names, value)
     for agreement, style in _styled(agreements):
@@ -123,13 +124,3 @@ def _beside(axes: Axes, text: str, height: float) -> None:
         textcoords="offset points",
         va="center",
     )
-
-
-def _by_value(momentum: Array) -> dict[float, str]:
-    """The components' names by their value; those that a line's width hides are one."""
-    groups: dict[float, str] = {}
-    for value, name in zip(momentum.tolist(), ("$M_X$", "$M_Y$", "$M_Z$"), strict=True):
-        near = [other for other in groups if abs(other - value) < 1e-3 * np.abs(momentum).max()]
-        key = near[0] if near else value
-        groups[key] = f"{groups[key]}, {name}" if near else name
-    return groups

@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from validation.comparison.agreement import Agreement
-from validation.output import print_whole
+from validation.output import print_whole, scientific
 
 
 def show(agreements: Sequence[Agreement], console: Console) -> None:
@@ -47,8 +47,3 @@ def _word(agreement: Agreement) -> str:
     if agreement.faults:
         return "faulty"
     return "sensitive" if agreement.sensitive else "off"
-
-
-def scientific(value: float | None) -> str:
-    """A number in two digits; a dash where a run that broke off has none."""
-    return "-" if value is None else f"{value:.1e}"

@@ -153,8 +153,13 @@ def _end_with_parent() -> None:
     """
     parent = multiprocessing.parent_process()
     assert parent is not None
-    fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, os.O_ASYNC)
+    end_when_closed(parent.sentinel)
+
+
+def end_when_closed(pipe: int) -> None:
+    """Has SIGIO end this process when the other end of a pipe closes."""
+    fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(pipe, fcntl.F_SETFL, os.O_ASYNC)
 
 
 def _line(work: Work, cell: Cell) -> str:

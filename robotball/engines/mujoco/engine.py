@@ -10,12 +10,18 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.precheck import precheck
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import PRESETS, Settings
-from robotball.engines.protocol import Engine, Progress, Request, Runner
+from robotball.engines.protocol import Engine, Ladder, Progress, Request, Runner
 from robotball.errors import InputError
 from robotball.motion import ContactMotion, Label, Loads
 from robotball.rotations import Array
 from robotball.scene import Scene
 from robotball.settings import EngineSettings
+
+LADDERS: Mapping[str, Ladder] = {
+    "naive": ("timestep", (2e-3,)),
+    "balanced": ("timestep", (20e-3, 10e-3, 5e-3, 1e-3)),
+    "adaptive": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15)),
+}
 
 
 @dataclass(frozen=True)
@@ -26,6 +32,8 @@ class MuJoCo(Engine):
     presets: Mapping[str, EngineSettings] = field(default_factory=lambda: PRESETS)
     default: str = "balanced"
     least_accuracy: float | None = LEAST_ACCURACY
+    as_it_comes: str = "naive"
+    ladders: Mapping[str, Ladder] = field(default_factory=lambda: LADDERS)
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Nothing: every scene has a model."""

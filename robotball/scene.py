@@ -17,12 +17,11 @@ from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector,
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.shown import scene_line
 from robotball.start import Start, horizontal, unit
+from robotball.times import sample_times
 from robotball.value import Value
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
-SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
-MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each, and a comparison has two motions
 SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 
 
@@ -150,6 +149,14 @@ class Scene(Value):
             return "the plane resists rolling"
         return None
 
+    def check_reduced(self) -> None:
+        """Raises InputError where (3.2) and (3.3) do not describe the scene."""
+        if self.not_reduced:
+            raise InputError(
+                f"{self.name}: {self.not_reduced}; this needs a scene that the paper's equations "
+                "(3.2) and (3.3) describe: a balanced ball at given rates on a level plane"
+            )
+
     @cached_property
     def load_varies(self) -> bool:
         """Whether the plane's load may change: where the centre of mass is not the sphere's."""
@@ -194,7 +201,8 @@ class Scene(Value):
 
     @cached_property
     def parameters(self) -> Parameters:
-        """The numbers of the equations, in principal axes; InputError unless they are constant."""
+        """The numbers of (3.2) or (3.3), in principal axes; InputError unless they are constant."""
+        self.check_reduced()
         if not self.steady:
             raise InputError(f"{self.name}: the drives change in time; use parameters_at(t)")
         return self.parameters_at(0.0)
@@ -232,35 +240,3 @@ class Scene(Value):
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
         omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)
-
-
-def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
-    """Equal times (n,) from 0 to `duration`, at most `interval` apart [s].
-
-    Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
-    """
-    check_positive("duration", duration, "s")
-    if not duration / interval < MOST_SAMPLES:
-        raise InputError(
-            f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
-            f"at most {MOST_SAMPLES:g}; give times of your own"
-        )
-    intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
-    return np.linspace(0.0, duration, intervals + 1)
-
-
-def check_times(times: Array) -> Array:
-    """`times` (n,) as floats; raises InputError unless finite, increasing and starting at 0."""
-    times = np.asarray(times, dtype=float)
-    if times.ndim != 1 or len(times) < 2:
-        raise InputError(f"times must be a list of at least two, not of shape {times.shape}")
-    if not np.all(np.isfinite(times)):
-        raise InputError("times must be finite")
-    check_size("the last of the times", float(times[-1]), "s")
-    if times[0] != 0:
-        raise InputError(f"times must start at 0, not at {times[0]:g}")
-    late = np.flatnonzero(np.diff(times) <= 0)
-    if len(late):
-        i = int(late[0])
-        raise InputError(f"times must increase: {times[i + 1]:g} follows {times[i]:g}")
-    return times

@@ -1,5 +1,5 @@
 # Two commands, each with all its own set-up:  make demo   make test
-# On the way:  make check   make test-fast
+# On the way:  make check   make test-fast   make docs
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
@@ -8,7 +8,7 @@ export UV_COMPILE_BYTECODE := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test test-fast check bench cost-model setup gl lock clean
+.PHONY: demo test test-fast check docs bench cost-model setup gl lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -24,6 +24,10 @@ check: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# docs/scene.md, from the tables that the reader uses; a test holds it.
+docs: setup
+	$(BIN)/python -m robotball.files.scene_page > docs/scene.md
 
 bench: setup
 	$(BIN)/python -m validation.bench.steps

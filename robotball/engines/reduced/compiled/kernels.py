@@ -17,8 +17,9 @@ from robotball.engines.reduced.compiled.systems import PATH, System
 from robotball.errors import InputError, too_many_steps
 from robotball.parameters import Parameters, as_vector, check_speed, speed_bound
 from robotball.rotations import Array, multiply, rotation_matrix
-from robotball.scene import Scene, check_times
+from robotball.scene import Scene
 from robotball.threads import in_chunks
+from robotball.times import check_times
 
 # Of one step, in the unit quaternion: near the least that double precision can judge.
 STEP_TOLERANCE = 1e-14

@@ -11,10 +11,13 @@ import re
 import sys
 import warnings
 from collections.abc import Sequence
+from typing import Annotated, Any, Union, get_args
 
 import tyro
+from tyro.conf import subcommand
 
-from robotball.errors import InputError, SceneWarning
+from robotball.errors import InputError, SceneWarning, unknown
+from robotball.threads import at_most
 from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT
 from validation.commands.attractors import Attractors
@@ -49,6 +52,13 @@ Command = (
 
 INTERRUPTED = 130
 FORMER_NAMES = {"ladder": "ablation"}
+COMMANDS: dict[str, type[Command]] = {each.__name__.lower(): each for each in get_args(Command)}
+WHAT = """Run a rolling ball by a physics engine and by the equations, and compare the two.
+
+Example: robotball compare fig12
+
+`robotball COMMAND --help` has an example of each command. `robotball --version` names the versions.
+`robotball --tyro-print-completion bash` (or zsh) prints what completes commands and options."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -58,9 +68,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     warnings.simplefilter("once", SceneWarning)
     warnings.showwarning = _show_warning
     make_lasting()
+    arguments = _renamed(sys.argv[1:] if arguments is None else arguments)
     try:
-        command = parse(_renamed(sys.argv[1:] if arguments is None else arguments))
-        with standard_output_of(command):
+        if arguments == ["--version"]:
+            print(version_line())
+            sys.exit(0)
+        command = parse(arguments)
+        with standard_output_of(command), at_most(getattr(command, "threads", None)):
             status = command.run()
         sys.stdout.flush()
     except InputError as error:
@@ -91,16 +105,42 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     print(f"robotball: warning: {message}", file=sys.stderr)
 
 
-def parse(arguments: Sequence[str] | None) -> Command:
+def version_line() -> str:
+    """What a report of an error should name."""
+    from validation.output import versions
+
+    own, *others = (f"{name} {number}" for name, number in versions().items() if name != "machine")
+    return f"{others[0]} ({', '.join([own, *others[1:]])})"
+
+
+def parse(arguments: Sequence[str]) -> Command:
     """The command of the arguments; raises InputError, in one line, where they make none."""
+    name, command = "", None
+    if arguments and not arguments[0].startswith("-"):
+        name = arguments[0]
+        command = COMMANDS.get(name)
+        if command is None:
+            raise unknown("command", name, COMMANDS)
     refusal = io.StringIO()
     try:
         with contextlib.redirect_stderr(refusal):
-            return tyro.cli(Command, args=arguments, prog="robotball")
+            if command:
+                return tyro.cli(command, args=arguments[1:], prog=f"robotball {name}")
+            return tyro.cli(_any_command(), args=arguments, prog="robotball", description=WHAT)
     except SystemExit as leaving:
         if not leaving.code:
             raise
         raise InputError(_words_of(refusal.getvalue())) from None
+
+
+def _any_command() -> Any:
+    """All commands, each with the first line of what it says of itself."""
+    return Union[  # noqa: UP007
+        tuple(
+            Annotated[each, subcommand(name, description=(each.__doc__ or "").partition("\n\n")[0])]
+            for name, each in COMMANDS.items()
+        )
+    ]
 
 
 def _words_of(refusal: str) -> str:

@@ -7,7 +7,10 @@ from validation.commands.arguments import AGREES, SceneName, Study, StudyOptions
 
 @dataclass(frozen=True)
 class Ablation:
-    """The error budget: from the naive model to the recipe choice by choice, and each undone."""
+    """The error budget: from the naive model to the recipe choice by choice, and each undone.
+
+    Example: robotball ablation fig12 --quick
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""

@@ -20,20 +20,32 @@ OUT = Path("out")
 QUICK = 1.0  # s, simulated by a quick form of a study
 
 SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
-Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS")]]
-File = DisallowNone[Annotated[Path | None, arg(metavar="FILE")]]
-Preset = DisallowNone[Annotated[str | None, arg(metavar="PRESET")]]
+# An option that is None says in its own words what is done then.
+Duration = DisallowNone[Annotated[float | None, arg(metavar="SECONDS", help_behavior_hint="")]]
+File = DisallowNone[Annotated[Path | None, arg(metavar="FILE|-", help_behavior_hint="")]]
+PRESET = "naive|fast|balanced|accurate|adaptive"
+Preset = DisallowNone[Annotated[str | None, arg(metavar=PRESET, help_behavior_hint="")]]
 # One value an option, so that it never takes the scenes that follow; `listed` reads it.
-Names = UseAppendAction[Annotated[tuple[str, ...], arg(metavar="NAME,…")]]
+Names = UseAppendAction[Annotated[tuple[str, ...], arg(metavar="NAME,…", help_behavior_hint="")]]
+
+THREADS_HELP = (
+    "How many cores to work on; all that this process may use if not given. The numbers are the "
+    "same with any."
+)
+Threads = DisallowNone[
+    Annotated[int | None, arg(metavar="N", help=THREADS_HELP, help_behavior_hint="")]
+]
 
 
 @dataclass(frozen=True)
 class Sweep:
     """Options of a study that sweeps over many runs."""
 
-    workers: DisallowNone[Annotated[int | None, arg(metavar="N")]] = None
+    workers: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
     """Processes on this machine; as many as it has cores if not given."""
-    cluster: DisallowNone[Annotated[str | None, arg(metavar="tcp://HOST:PORT")]] = None
+    cluster: DisallowNone[
+        Annotated[str | None, arg(metavar="tcp://HOST:PORT", help_behavior_hint="")]
+    ] = None
     """The scheduler of a dask cluster to run on instead."""
     quick: bool = False
     """A coarse form of the study, under a minute."""
@@ -50,7 +62,9 @@ class Run:
 
     engine: Annotated[str, arg(metavar="ENGINE")] = "mujoco"
     """The engine; `robotball engines` lists them."""
-    accuracy: DisallowNone[Annotated[float | None, arg(metavar="ERROR")]] = None
+    accuracy: DisallowNone[Annotated[float | None, arg(metavar="ERROR", help_behavior_hint="")]] = (
+        None
+    )
     """Instead of a preset, the path error to reach: settings are chosen for it."""
     duration: Duration = None
     """Simulated time; the scene's own if not given."""

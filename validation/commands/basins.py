@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass
 
-from validation.commands.arguments import AGREES, File, SceneName
+from validation.commands.arguments import AGREES, File, SceneName, Threads
 
 
 @dataclass(frozen=True)
 class Basins:
-    """Tell which attractor each of many random starts of a scene's ball reaches."""
+    """Tell which attractor each of many random starts of a scene's ball reaches.
+
+    Example: robotball basins fig12 --starts 100
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
@@ -17,6 +20,7 @@ class Basins:
     """Time that each is given to reach it [s]."""
     seed: int = 0
     """Of the random starts."""
+    threads: Threads = None
     json: File = None
     """Also write the starts and what they reach."""
 
@@ -28,7 +32,7 @@ class Basins:
         from robotball.errors import check_count
         from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins
         from validation.commands.suited import attracted_scene
-        from validation.output import write_record
+        from validation.output import print_whole, write_record
         from validation.progress import progress_bar
         from validation.studies.attractors.level import level_starts
 
@@ -50,7 +54,7 @@ class Basins:
         for label, name in sorted(names.items(), reverse=True):
             if found.share(label) > 0:
                 table.add_row(name, f"{found.share(label):.3f}")
-        Console().print(table)
+        print_whole(table, Console())
         write_record(
             self.json,
             {

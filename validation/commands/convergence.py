@@ -1,27 +1,45 @@
 """The command `robotball convergence`."""
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from validation.commands.arguments import AGREES, Names, SceneName, Study, StudyOptions, listed
+from tyro.conf import arg
+
+from validation.commands.arguments import (
+    AGREES,
+    PRESET,
+    Names,
+    SceneName,
+    Study,
+    StudyOptions,
+    listed,
+)
+
+MODEL = "accurate"
 
 
 @dataclass(frozen=True)
 class Convergence:
-    """Orders of convergence of every integrator, against the contact model's limit and theory."""
+    """Orders of convergence of every integrator, against the contact model's limit and theory.
+
+    Example: robotball convergence fig12 --quick --without softness,noslip
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
-    preset: str = "accurate"
+    preset: Annotated[str, arg(metavar=PRESET)] = MODEL
     """The settings whose contact model it is; integrator and step are swept."""
     without: Names = ()
-    """Choices to undo in it, as the ablation names them: softness, noslip, start, drive, …
-    Several: softness,noslip."""
+    """Choices of the ablation to undo in it. Several: softness,noslip. There are
+    drive, friction, cone, root, integrator, start, softness, noslip, solver, timestep."""
     study: StudyOptions = field(default_factory=Study)
 
     def run(self) -> int:
         from rich.console import Console
 
         from robotball import load_scene, preset
+        from robotball.engines.mujoco import LABEL
+        from validation.comparison.names import file_name
         from validation.output import writable_folder, write_picture, write_record, write_rows
         from validation.progress import progress_bar
         from validation.studies import convergence_report as report
@@ -34,8 +52,10 @@ class Convergence:
         with progress_bar(1) as show:
             halvings = HALVINGS - 2 * options.quick
             study = measure_convergence(scene, settings, times, halvings, show)
+        changed = [] if settings.name == MODEL else settings.name.split(" - ")
+        name = file_name(scene.name, LABEL, changed)
         picture = report.convergence_picture(study)
-        path = write_picture(out / f"{scene.name}-convergence.png", picture)
+        path = write_picture(out / f"{name}-convergence.png", picture)
         write_record(options.json, report.record(study))
         if options.csv:
             write_rows(options.csv, report.rows(study))

@@ -12,15 +12,20 @@ from validation.commands.arguments import AGREES, OUT, SceneName
 
 @dataclass(frozen=True)
 class Design:
-    """Find bodies for a scene's A, Ω and K: print them, and write a scene that has them."""
+    """Find bodies for a scene's A, Ω and K: print them, and write a scene that has them.
+
+    Example: robotball design fig12 --rotor-speed 20
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
-    mass: DisallowNone[Annotated[float | None, arg(metavar="KG")]] = None
+    mass: DisallowNone[Annotated[float | None, arg(metavar="KG", help_behavior_hint="")]] = None
     """Mass of the ball; the best one if not given."""
     rotor_speed: Annotated[float, arg(metavar="RAD/S")] = math.inf
     """The fastest that a rotor may turn."""
-    frame_radius: DisallowNone[Annotated[float | None, arg(metavar="M")]] = None
+    frame_radius: DisallowNone[Annotated[float | None, arg(metavar="M", help_behavior_hint="")]] = (
+        None
+    )
     """Within which the frame must lie; the shell's if not given."""
     shell_thickness: Annotated[float, arg(metavar="M")] = 0.0
     """Of a homogeneous shell; 0 for a thin one."""

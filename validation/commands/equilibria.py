@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from validation.commands.arguments import AGREES, OUT, File, SceneName
+from validation.commands.arguments import AGREES, OUT, File, SceneName, Threads
 
 if TYPE_CHECKING:
     from robotball import Scene
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Equilibria:
-    """List and draw fixed points and limit cycles of the motion from rest, and straight lines."""
+    """List and draw fixed points and limit cycles of the motion from rest, and straight lines.
+
+    Example: robotball equilibria fig06
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
@@ -22,6 +25,7 @@ class Equilibria:
     """Period of the longest limit cycle to look for [s]; 0 for none."""
     out: Path = OUT
     """Folder for the picture of the motion from rest."""
+    threads: Threads = None
     json: File = None
     """Also write them."""
 
@@ -49,7 +53,7 @@ class Equilibria:
 
         from robotball.qualitative.straight_motions import straight_motion
         from robotball.rotations import rotation_matrix
-        from validation.output import write_record
+        from validation.output import print_whole, write_record
         from validation.studies.attractors.level import level_starts
         from validation.studies.equilibria_report import record, row, straight_row
 
@@ -60,7 +64,7 @@ class Equilibria:
         console = Console()
         console.print("A classical ball can roll straight on at any γ; at the scene's own, with")
         console.print(f"M = ({row(line.momentum)}) kg m²/s; γ in principal axes:")
-        console.print(table)
+        print_whole(table, console)
         write_record(self.json, {"scene": scene.name, **record((), (), None, (), (line,), {})})
         return AGREES
 
@@ -76,7 +80,7 @@ class Equilibria:
         from robotball.qualitative.limit_cycles import limit_cycles
         from robotball.qualitative.straight_motions import stability_limit, straight_motions
         from validation.figures.portrait import portrait
-        from validation.output import writable_folder, write_picture, write_record
+        from validation.output import print_whole, writable_folder, write_picture, write_record
         from validation.progress import progress_bar
         from validation.studies.equilibria_report import (
             circle_rows,
@@ -114,7 +118,7 @@ class Equilibria:
         console = Console()
         console.print("Fixed points and cycles of the motion from rest (M = 0), straight-line")
         console.print(f"motions with the scene's M² = {f:g} (kg m²/s)²; γ in principal axes:")
-        console.print(table)
+        print_whole(table, console)
         indices = f"{index_sum(points)} of the points"
         if circle is not None:
             indices += f" and {circle.index} of the circle (Ω, γ) = 0"

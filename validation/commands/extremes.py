@@ -10,13 +10,17 @@ from validation.commands.arguments import AGREES, DISAGREES, File, Sweep, SweepO
 
 @dataclass(frozen=True)
 class Extremes:
-    """Map where each integrator and contact setting fails, loudly or silently."""
+    """Map where each integrator and contact setting fails, loudly or silently.
 
-    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...")]] = ()
-    """Which maps; all of them if none is given."""
-    random: DisallowNone[Annotated[int | None, arg(metavar="N")]] = None
-    """Instead of maps, N random extreme runs and N ordinary ones: is any failure missed by the
-    precheck and the monitor, and is any alarm false?"""
+    Example: robotball extremes momentum --quick
+    """
+
+    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
+    """Which maps; all of them if none is given. There are
+    momentum, frame, rotor, masses, scale, friction, torsion, gravity, contact, servo, duration."""
+    random: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
+    """Instead of maps, N random extreme runs and N ordinary ones.
+    Is any failure missed by the precheck and the monitor, and is any alarm false?"""
     seed: int = 0
     """Of the random runs."""
     sweep: SweepOptions = field(default_factory=Sweep)

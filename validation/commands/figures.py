@@ -6,18 +6,22 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from validation.commands.arguments import AGREES, OUT, File
+from validation.commands.arguments import AGREES, OUT, File, Threads
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Draw the paper's Figs 3 to 14, each with its facts and with an engine's motion over it."""
+    """Draw the paper's Figs 3 to 14, each with its facts and with an engine's motion over it.
 
-    names: Positional[Annotated[tuple[str, ...], arg(metavar="N...")]] = ()
+    Example: robotball figures 5 12
+    """
+
+    names: Positional[Annotated[tuple[str, ...], arg(metavar="N...", help_behavior_hint="")]] = ()
     """Which figures, 3 to 14 or tori (both rolling models' trajectories on the same tori); all of
     them if none is given."""
     out: Path = OUT
     """Folder for the pictures."""
+    threads: Threads = None
     json: File = None
     """Also write which files were drawn."""
 

@@ -1,10 +1,8 @@
 """The command `robotball paper`."""
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated
 
-from tyro.conf import DisallowNone, arg
+from validation.commands.arguments import File
 
 
 @dataclass(frozen=True)
@@ -15,9 +13,11 @@ class Paper:
     means, and the number with its bound; then come statements of our own. Takes about a minute;
     the first time, another to compile. Exit status 0 where all that can be checked holds, as
     printed or as corrected.
+
+    Example: robotball paper --json paper.json
     """
 
-    json: DisallowNone[Annotated[Path | None, arg(metavar="FILE")]] = None
+    json: File = None
     """Also write the findings as JSON."""
 
     def run(self) -> int:

@@ -10,9 +10,12 @@ from validation.commands.arguments import AGREES, DISAGREES, File, Sweep, SweepO
 
 @dataclass(frozen=True)
 class Portraits:
-    """Map the phase portraits of motion from rest over K₃ and Ω, which section 4.2 leaves open."""
+    """Map the phase portraits of motion from rest over K₃ and Ω, which section 4.2 leaves open.
 
-    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...")]] = ()
+    Example: robotball portraits axial --quick
+    """
+
+    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
     """Which maps, axial (K₃ and Ω₃) or azimuth (K₃ and the angle of Ω₁, Ω₂); both if none."""
     sweep: SweepOptions = field(default_factory=Sweep)
     json: File = None

@@ -11,11 +11,14 @@ from validation.commands.arguments import AGREES, DISAGREES
 
 @dataclass(frozen=True)
 class Replay:
-    """Step through the fault window that a faulty run left, and take its steps again."""
+    """Step through the fault window that a faulty run left, and take its steps again.
+
+    Example: robotball compare fig12 --preset naive; robotball replay out/fig12-naive-fault.json
+    """
 
     file: Positional[Annotated[Path, arg(metavar="FILE")]]
     """A SCENE-PRESET-fault.json, which compare or video leaves of a faulty run."""
-    step: DisallowNone[Annotated[int | None, arg(metavar="N")]] = None
+    step: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
     """Show all of this row alone: its readings, positions and velocities."""
     interactive: bool = False
     """Go from row to row, each at a press of Enter, from the first bad one on."""

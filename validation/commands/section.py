@@ -3,12 +3,15 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName
+from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName, Threads
 
 
 @dataclass(frozen=True)
 class Section:
-    """Draw a scene's Poincaré section g = g₀ on the annulus (l, L)."""
+    """Draw a scene's Poincaré section g = g₀ on the annulus (l, L).
+
+    Example: robotball section fig12 --starts 4 --count 500
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""
@@ -26,6 +29,7 @@ class Section:
     """Of the random starts."""
     out: Path = OUT
     """Folder for the picture."""
+    threads: Threads = None
     json: File = None
     """Also write the points."""
 
@@ -37,6 +41,7 @@ class Section:
         from robotball.engines.reduced import LABEL as EQUATIONS
         from robotball.errors import check_count
         from validation.commands.suited import may_come_to_rest, moving_scene
+        from validation.comparison.names import file_name
         from validation.output import writable_folder, write_picture, write_record
         from validation.progress import progress_bar
         from validation.studies.attractors.level import level_starts
@@ -48,7 +53,8 @@ class Section:
 
         scene = moving_scene(self.scene, "a section")
         settings = None if self.preset is None else preset(self.preset)
-        path = writable_folder(self.out) / f"{scene.name}-section.png"
+        name = scene.name if settings is None else file_name(scene.name, LABEL, [settings.name])
+        path = writable_folder(self.out) / f"{name}-section.png"
         attitudes, momenta = level_starts(scene, self.starts, self.seed, self.g)
         total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
         with progress_bar(1 if settings is None else 2) as show:

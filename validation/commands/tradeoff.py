@@ -26,7 +26,10 @@ ROUNDS = 3  # of timing, after one that warms up
 
 @dataclass(frozen=True)
 class Tradeoff:
-    """What accuracy costs: error against processor time, and the Pareto front."""
+    """What accuracy costs: error against processor time, and the Pareto front.
+
+    Example: robotball tradeoff fig12 --quick
+    """
 
     scene: SceneName
     """A name from the catalog, or a path to a TOML file."""

@@ -46,14 +46,15 @@ def file_stem(agreements: Sequence[Agreement]) -> str:
         names = []
     elif first.engine is not None and names == list(first.engine.presets):
         names = [ALL]
-    return _joined(first.scene.name, first.motion.engine, names)
+    return file_name(first.scene.name, first.motion.engine, names)
 
 
 def fault_window_path(folder: Path, scene: Scene, engine: Label, settings: str) -> Path:
     """Where the states around the first fault of a run go, by the name of its settings."""
-    return folder / f"{_joined(scene.name, engine, [settings])}-fault.json"
+    return folder / f"{file_name(scene.name, engine, [settings])}-fault.json"
 
 
-def _joined(scene: str, engine: Label, names: Sequence[str]) -> str:
+def file_name(scene: str, engine: Label, names: Sequence[str]) -> str:
+    """The scene, the engine unless it is the default one, and what else tells a file apart."""
     by = [] if engine == engine_named(DEFAULT).label else [engine.name.lower()]
     return "-".join([scene, *by, *names]).replace(" ", "-").replace("/", "-")

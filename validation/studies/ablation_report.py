@@ -15,8 +15,7 @@ from rich.table import Table
 
 from robotball.engines.mujoco import LABEL
 from robotball.palette import INK
-from validation.comparison.table import scientific
-from validation.output import in_picture
+from validation.output import in_picture, print_whole, scientific
 from validation.studies.ablation import Ablation, Variant, fault_of
 
 BUILT = "Built up, every choice made so far: the worst to come hides what is done."
@@ -42,9 +41,9 @@ def show_ablation(ablation: Ablation, console: Console) -> None:
     """Print both tables, and what the columns mean."""
     console.print(escape(f"{ablation.scene.name}: {ablation.scene.title}"), style="bold")
     console.print(BUILT)
-    console.print(_table(ablation, ablation.built, "+ "))
+    print_whole(_table(ablation, ablation.built, "+ "), console)
     console.print(UNDONE)
-    console.print(_table(ablation, ablation.undone, "- "))
+    print_whole(_table(ablation, ablation.undone, "- "), console)
     console.print(NOTE)
 
 

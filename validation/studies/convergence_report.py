@@ -15,8 +15,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.palette import INK
-from validation.comparison.table import scientific
-from validation.output import in_picture
+from validation.output import in_picture, print_whole, scientific
 from validation.studies.convergence import ORDERS, REFERENCES, Convergence, Reference
 from validation.studies.order import Order
 
@@ -37,8 +36,8 @@ NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 def show_convergence(study: Convergence, console: Console) -> None:
     """Print every run, the orders, and the distance of the two references."""
-    console.print(_runs(study))
-    console.print(_orders(study))
+    print_whole(_runs(study), console)
+    print_whole(_orders(study), console)
     console.print(NOTE)
     limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
     console.print(

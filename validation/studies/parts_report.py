@@ -7,6 +7,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from validation.output import print_whole
 from validation.studies.parts import Part
 from validation.studies.timing import Cost
 
@@ -23,7 +24,7 @@ def show_parts(parts: Sequence[Part], costs: Sequence[Cost], console: Console) -
     for each in rows(parts, costs):
         ratio = f"{each['ratio']:.2f} ({each['least']:.2f}-{each['most']:.2f})"
         table.add_row(each["part"], ratio, *(str(each[name]) for name in SIZES))
-    console.print(table)
+    print_whole(table, console)
 
 
 def rows(parts: Sequence[Part], costs: Sequence[Cost]) -> list[dict[str, Any]]:

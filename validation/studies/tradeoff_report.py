@@ -14,8 +14,7 @@ from rich.table import Table
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.integrators import INTEGRATORS
 from robotball.palette import ACCENT, FAINT, INK
-from validation.comparison.table import scientific
-from validation.output import in_picture
+from validation.output import in_picture, print_whole, scientific
 from validation.studies.tradeoff import TARGET, Configuration, Line, Tradeoff, known
 
 NOTE = (
@@ -36,9 +35,9 @@ def show_tradeoff(study: Tradeoff, console: Console) -> None:
         style="bold",
     )
     console.print("The Pareto front: nothing is both cheaper and better.")
-    console.print(_table(study.pareto_front))
+    print_whole(_table(study.pareto_front), console)
     console.print("The presets.")
-    console.print(_table(sorted(study.presets.values(), key=lambda p: p.title)))
+    print_whole(_table(sorted(study.presets.values(), key=lambda p: p.title)), console)
     console.print(NOTE)
     console.print(escape(verdict(study)))
 

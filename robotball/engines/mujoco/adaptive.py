@@ -9,7 +9,8 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines.dop853 import Compensated, Rate
 from robotball.engines.mujoco.control import Control
-from robotball.engines.mujoco.stepping import Portion, Steps, read_row, state_of
+from robotball.engines.mujoco.states import read_row, state_of
+from robotball.engines.mujoco.stepping import Portion, Steps
 from robotball.faults import Fault, FaultKind
 from robotball.rotations import Array
 
@@ -86,7 +87,7 @@ def _portion(
         np.array(sampled, dtype=int),
         len(lengths),
         max(lengths, default=0.0),
-        lambda: Steps(np.array(states), np.zeros(len(states)), spans),
+        lambda: Steps(np.array(states), np.zeros(len(states)), spans, [[]] * len(states)),
         failure,
     )
     return portion, pending

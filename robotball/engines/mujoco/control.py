@@ -21,10 +21,14 @@ class Control:
     model: Model
     span: Sequence[float] = (0.0, 0.0)
 
-    def __call__(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def inside(self, t: float) -> float:
+        """A time [s] of the span, or the nearest one that is inside it."""
         begin, end = self.span
-        t = max(begin, min(data.time, end - INSIDE))
-        data.ctrl[:] = [hinge.control(t) for hinge in self.model.hinges]
+        return max(begin, min(t, end - INSIDE))
+
+    def __call__(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
+        t = self.inside(data.time)
+        data.ctrl[:] = [hinge.control(t) for hinge in self.model.hinges if hinge.actuated]
 
 
 @contextmanager

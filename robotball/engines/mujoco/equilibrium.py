@@ -15,12 +15,19 @@ from robotball.errors import InputError
 from robotball.scene import Scene
 
 
-def compiled_model(xml: str) -> Any:
-    """The MjModel of an MJCF text; raises InputError where MuJoCo refuses it."""
+def compiled_model(xml: str, softness: float = 1.0) -> Any:
+    """The MjModel of an MJCF text, its contact so many times as soft.
+
+    Raises InputError where MuJoCo refuses it.
+    """
     try:
-        return mujoco.MjModel.from_xml_string(xml)
+        model = mujoco.MjModel.from_xml_string(xml)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"MuJoCo refuses the model: {error}") from None
+    # The bodies' inverse weights do nothing but scale the constraints' regulariser, which so gets
+    # as small as an impedance nearer to 1 than MuJoCo's .9999 would make it.
+    model.body_invweight0[:] *= softness
+    return model
 
 
 def carrying_depth(scene: Scene, settings: Settings, xml: str) -> float:
@@ -29,7 +36,7 @@ def carrying_depth(scene: Scene, settings: Settings, xml: str) -> float:
 
     Raises InputError where there is no such depth, for the contact has no stiffness.
     """
-    model = compiled_model(xml)
+    model = compiled_model(xml, settings.softness)
     data = mujoco.MjData(model)
 
     def vertical_acceleration(margin: float) -> float:
@@ -45,7 +52,7 @@ def carrying_depth(scene: Scene, settings: Settings, xml: str) -> float:
             "stiffness; give another, or start_in_equilibrium off"
         )
     # The acceleration is nearly linear in the depth: g is about k times it.
-    scale = scene.gravity / plan.normal_reference[0]
+    scale = settings.softness * scene.gravity / plan.normal_reference[0]
     with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
         warnings.simplefilter("ignore")
         found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)

@@ -16,7 +16,9 @@ from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.monitor import Found
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.settings import settings_from
-from robotball.engines.mujoco.stepping import STATE, Portion, Steps, read_row, state_of
+from robotball.engines.mujoco.states import STATE, read_row, state_of
+from robotball.engines.mujoco.stepping import Portion, Steps
+from robotball.engines.mujoco.switches import switched
 from robotball.errors import InputError
 from robotball.files.replacing import replacing
 from robotball.files.scene_file import read_scene
@@ -60,7 +62,10 @@ def window_around(found: list[Found], portion: Portion, before: Portion | None) 
     return Window(
         joined([each.rows for each in portions]),
         Steps(
-            *(joined([getattr(s, name) for s in steps]) for name in ("states", "lengths", "spans"))
+            joined([each.states for each in steps]),
+            joined([each.lengths for each in steps]),
+            joined([each.spans for each in steps]),
+            [sides for each in steps for sides in each.sides][kept],
         ),
         bad - kept.start,
         [each.fault.text for each in found if each.row == found[0].row],
@@ -90,12 +95,13 @@ class FaultWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     spans: list[tuple[float, float]]
     rows: Numbers
     xml: str
+    sides: list[list[int]] = []  # of a former version, which knew none
 
     @property
     def model(self) -> Any:
         """The compiled model; raises InputError where MuJoCo refuses it."""
         try:
-            return compiled_model(self.xml)
+            return compiled_model(self.xml, self.settings.get("softness", 1.0))
         except InputError as error:
             raise InputError(f"{self.name}: {error}") from None
 
@@ -130,6 +136,7 @@ def write(path: Path, model: Model, window: Window) -> None:
         spans=window.steps.spans.tolist(),
         rows=_plain(window.rows),
         xml=model.xml,
+        sides=window.steps.sides,
     )
     with replacing(path) as temporary:
         temporary.write_bytes(msgspec.json.format(msgspec.json.encode(saved), indent=1))
@@ -188,12 +195,21 @@ def replay(saved: FaultWindow) -> Replayed:
         raise InputError(f"{saved.name}: the fault window's states are not of its model")
     worst = 0.0
     readings = slice(0, compiled.nsensordata)  # the counters of warnings begin anew
-    with controlled(model) as control, np.errstate(all="ignore"):
+    steps = zip(
+        states, rows, saved.lengths, saved.spans, saved.sides or [[]] * len(rows), strict=True
+    )
+    with (
+        controlled(model) as control,
+        switched(control) as switches,
+        np.errstate(all="ignore"),
+    ):
         mujoco.mj_setState(compiled, data, states[0], STATE)
-        for state, row, length, span in zip(states, rows, saved.lengths, saved.spans, strict=True):
+        for state, row, length, span, sides in steps:
             if saved.adaptive:
                 mujoco.mj_setState(compiled, data, state, STATE)
             control.span = span
+            if switches and sides:
+                switches.set(sides)
             worst = max(worst, _difference(state_of(data), state))
             if length:
                 compiled.opt.timestep = length

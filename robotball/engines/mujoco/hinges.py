@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotball import hinges
 from robotball.drives import Drive, turns
 from robotball.engines.mujoco.settings import Prescribed, Settings
-from robotball.errors import InputError
-from robotball.motors import Motor, Servo
+from robotball.motors import Free, Motor, PositionServo, Servo
 from robotball.scene import Scene
 
 RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
@@ -17,50 +17,67 @@ RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is l
 class Hinge:
     """A hinge of the model.
 
-    index         its place among the scene's drives: 0 the frame's, then the rotors'
+    index         its place among the scene's hinges
     joint         the MJCF name of its joint and of the body that hangs on it
-    actuation     a servo, or the armature that lets its rate be prescribed
-    own_motor     whether the servo is the scene's own, whose error belongs to the motion
+    of            the scene's own words for it
+    actuation     a motor, or the armature that lets its rate be prescribed
     largest_rate  of the drive during the scene, by which errors are measured [rad/s]
     """
 
     index: int
     joint: str
-    drive: Drive
-    actuation: Servo | Prescribed
-    own_motor: bool
+    of: hinges.Hinge
+    actuation: Motor | Prescribed
     largest_rate: float
 
     @property
     def body(self) -> str:
-        return f"rotor{self.index}" if self.index else "frame"
+        return self.of.name
+
+    @property
+    def drive(self) -> Drive:
+        return self.of.command
+
+    @property
+    def own_motor(self) -> bool:
+        """Whether the motor is the scene's own, whose errors belong to the motion."""
+        return self.of.motor is not None
+
+    @property
+    def actuated(self) -> bool:
+        """Whether an actuator of the model turns it; a free hinge has none."""
+        return not isinstance(self.actuation, Free)
+
+    @property
+    def torque_limit(self) -> float | None:
+        """Of its servo, if it has one [N m]."""
+        if isinstance(self.actuation, Servo | PositionServo):
+            return self.actuation.torque_limit
+        return None
+
+    @property
+    def follows_rate(self) -> bool:
+        """Whether its command is a rate."""
+        return isinstance(self.actuation, Servo | Prescribed)
 
     def control(self, t: float) -> float:
-        """Its actuator's control at t [s]: of a servo the rate, of a motor the acceleration."""
-        of = self.drive.rate if isinstance(self.actuation, Servo) else self.drive.acceleration
-        return float(of(t))
+        """Its actuator's control at t [s]: the command or, of a prescribed rate, the slope."""
+        prescribed = isinstance(self.actuation, Prescribed)
+        return float((self.drive.acceleration if prescribed else self.drive.rate)(t))
 
 
 def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
-    """The hinges that turn; any other body is fixed to its parent."""
+    """The hinges that turn or stand at an angle; any other body is fixed to its parent."""
     times = np.linspace(0.0, scene.duration, RATES_SEEN)
     hung = "frame" if settings.root == "shell" else "shell"
-    motors = scene.motors or (None,) * len(scene.drives)
     return tuple(
         Hinge(
             index,
-            f"rotor{index}" if index else hung,
-            drive,
-            actuation=_own(motor) or settings.drive,
-            own_motor=motor is not None,
-            largest_rate=float(np.abs(drive.rate(times)).max()) or 1.0,
+            each.name if index else hung,
+            each,
+            actuation=each.motor or settings.drive,
+            largest_rate=float(np.abs(each.command.rate(times)).max()) or 1.0,
         )
-        for index, (drive, motor) in enumerate(zip(scene.drives, motors, strict=True))
-        if motor or turns(drive)
+        for index, each in enumerate(scene.hinges)
+        if each.motor or turns(each.command) or each.angle
     )
-
-
-def _own(motor: Motor | None) -> Servo | None:
-    if motor is not None and not isinstance(motor, Servo):
-        raise InputError(f"the model has velocity servos only, not {motor}")
-    return motor

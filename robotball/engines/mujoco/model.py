@@ -10,10 +10,12 @@ import numpy as np
 from robotball.engines.mujoco.dress import dress
 from robotball.engines.mujoco.equilibrium import carrying_depth, compiled_model
 from robotball.engines.mujoco.hinges import Hinge, hinges_of
-from robotball.engines.mujoco.settings import Settings
+from robotball.engines.mujoco.load import fitted
+from robotball.engines.mujoco.settings import Prescribed, Settings
+from robotball.engines.mujoco.start_state import start_state, state_at
 from robotball.files.mjcf import part, text_of
-from robotball.motors import Servo
-from robotball.rotations import Array, rotation_matrix, z_along
+from robotball.motors import Free, PositionServo, Servo
+from robotball.rotations import Array, z_along
 from robotball.scene import Scene
 from robotball.start import Start
 
@@ -54,14 +56,14 @@ class Model:
 
         Raises InputError where MuJoCo refuses it.
         """
-        return compiled_model(self.xml)
+        return compiled_model(self.xml, self.settings.softness)
 
     def start_data(self, start: Start | None = None) -> mujoco.MjData:
         """MjData at the scene's start, or at another one of the same ball."""
         data = mujoco.MjData(self.compiled)
         mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
         if start is not None:
-            data.qpos, data.qvel = _state_at(self.scene, self.settings, start, self.hinges)
+            data.qpos, data.qvel = state_at(self.scene, self.settings, start, self.hinges)
         return data
 
 
@@ -71,6 +73,7 @@ def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
     dressed: with what only a picture needs: shapes, materials, lights, a camera.
     Raises InputError where MuJoCo refuses it, or cannot hold the ball up at the start.
     """
+    settings = fitted(settings, scene)
     hinges = hinges_of(scene, settings)
     root, pair = _compose(scene, settings, hinges)
     if settings.start_in_equilibrium:
@@ -85,7 +88,7 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tup
     """The MJCF tree and its contact pair."""
     ball = scene.ball
     root = _bare("floor")
-    root.option.gravity = [0, 0, -scene.gravity]
+    root.option.gravity = scene.gravity_world
     for name in OPTIONS:
         _set(root.option, name, getattr(settings, name))
     # DOP853 is not MuJoCo's; RK4 is what comes nearest for whoever steps the MJCF without it.
@@ -104,7 +107,7 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tup
     body = {root_part: root.attach(root_part)}
     body[root_part].add("freejoint")
     body[child_part] = root_part.attach(child_part)
-    _inertial(body[shell_part], ball.shell.mass, ball.shell.inertia)
+    _inertial(body[shell_part], ball.shell.mass, ball.shell.inertia, ball.shell.centre)
     _inertial(body[frame_part], ball.frame.mass, ball.frame.inertia, ball.frame.centre)
     # The frame turns about this axis in the shell; a shell on a hinge of the frame the other way.
     axis = ball.shell.axis if child_part is frame_part else -ball.shell.axis
@@ -119,6 +122,14 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tup
         across, along = rotor.transverse_inertia, rotor.axial_inertia
         _inertial(spinning, rotor.mass, np.diag([across, across, along]))
         turning.append((spinning, Z))
+    for name, pendulum in ball.named_pendulums:
+        pendulum_part = _bare("pendulum")
+        pendulum_part.model = name
+        pendulum_part.find("site", "hinge").quat = z_along(pendulum.axis)
+        swinging = frame_part.attach(pendulum_part)
+        swinging.pos = pendulum.pivot
+        _inertial(swinging, pendulum.mass, pendulum.inertia, pendulum.centre - pendulum.pivot)
+        turning.append((swinging, pendulum.axis))
     for hinge in hinges:
         _add_hinge(root, hinge, *turning[hinge.index])
 
@@ -133,8 +144,8 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tup
     )
     for name in PAIR_OPTIONS:
         _set(pair, name, getattr(settings, name))
-    _add_sensors(root, settings, hinges)
-    root.keyframe.add("key", name=START, **_start_state(scene, settings, hinges))
+    _add_sensors(root, scene, settings, hinges)
+    root.keyframe.add("key", name=START, **start_state(scene, settings, hinges))
     return root, pair
 
 
@@ -165,34 +176,49 @@ def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) ->
 def _condim(scene: Scene, settings: Settings) -> int:
     if settings.condim is not None:
         return settings.condim
+    if scene.friction.rolling:
+        return 6
     return 4 if scene.rolling == "rubber" else 3
 
 
 def _friction(scene: Scene, settings: Settings) -> list[float]:
     """MuJoCo's five coefficients of a pair, of which a contact takes as many as it has rows."""
-    slide, spin, roll = (
-        settings.sliding_friction,
-        settings.torsional_friction_of(scene.ball.radius),
-        settings.rolling_friction,
-    )
+    own = scene.friction
+    slide = settings.sliding_friction if own.sliding is None else own.sliding
+    spin = settings.torsional_friction_of(scene.ball.radius)
+    if own.torsional is not None:
+        spin = own.torsional
+    elif own.rolling and scene.rolling == "classical":
+        spin = 0.0  # it may spin: the row is there for the rolling ones behind it
+    roll = own.rolling or settings.rolling_friction
     return [slide, slide, spin, roll, roll]
 
 
 def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
-    """The joint of `body` and its actuator: every hinge that turns has one."""
-    joint = body.add("joint", type="hinge", axis=axis)
-    if isinstance(hinge.actuation, Servo):
-        servo = root.actuator.add("velocity", name=hinge.body, joint=joint, kv=hinge.actuation.gain)
-        if hinge.actuation.torque_limit is not None:
-            servo.forcerange = [-hinge.actuation.torque_limit, hinge.actuation.torque_limit]
+    """The joint of `body` and its actuator: every hinge that turns has one, unless it is free."""
+    joint, motor = body.add("joint", type="hinge", axis=axis), hinge.actuation
+    if motor.armature:
+        # It acts on the hinge alone and adds no angular momentum of its own.
+        joint.armature = motor.armature
+    if isinstance(motor, Free):
+        joint.damping, joint.stiffness = motor.damping, motor.stiffness
+        joint.springref = np.degrees(motor.rest)
         return
-    # It acts on the hinge alone and adds no angular momentum of its own.
-    joint.armature = hinge.actuation.armature
-    # Scaled by the gear, the control is the acceleration; MuJoCo refuses controls over 1e10.
-    root.actuator.add("motor", name=hinge.body, joint=joint, gear=[hinge.actuation.armature])
+    add, names = root.actuator.add, {"name": hinge.body, "joint": joint}
+    if isinstance(motor, Servo):
+        actuator = add("velocity", **names, kv=motor.gain)
+    elif isinstance(motor, PositionServo):
+        actuator = add("position", **names, kp=motor.gain, kv=motor.damping)
+    else:
+        # Scaled by the gear, the control of a prescribed rate is the acceleration; MuJoCo refuses
+        # controls over 1e10.
+        gear = motor.armature if isinstance(motor, Prescribed) else 1.0
+        actuator = add("motor", **names, gear=[gear])
+    if hinge.torque_limit is not None:
+        actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
 
 
-def _add_sensors(root: Any, settings: Settings, hinges: tuple[Hinge, ...]) -> None:
+def _add_sensors(root: Any, scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> None:
     """What a Motion needs, and nothing else; readings.py knows them by name."""
     add = root.sensor.add
     add("clock", name="time")
@@ -201,6 +227,8 @@ def _add_sensors(root: Any, settings: Settings, hinges: tuple[Hinge, ...]) -> No
     add("frameangvel", name="angular_velocity", objtype="xbody", objname="frame")
     add("subtreelinvel", name="velocity", body=settings.root)
     add("subtreeangmom", name="angular_momentum", body=settings.root)
+    if scene.load_varies:  # elsewhere it is the sphere's centre
+        add("subtreecom", name="centre_of_mass", body=settings.root)
     add(
         "contact",
         name="contact",
@@ -211,26 +239,8 @@ def _add_sensors(root: Any, settings: Settings, hinges: tuple[Hinge, ...]) -> No
     for hinge in hinges:
         add("jointpos", name=f"{hinge.body}_angle", joint=hinge.joint)
         add("jointvel", name=f"{hinge.body}_rate", joint=hinge.joint)
-        add("torque", name=f"{hinge.body}_torque", site=f"{hinge.joint}_hinge")
-
-
-def _start_state(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
-    """The start's qpos, qvel and ctrl."""
-    qpos, qvel = _state_at(scene, settings, scene.start, hinges)
-    ctrl = np.array([hinge.control(0.0) for hinge in hinges])
-    return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
-
-
-def _state_at(
-    scene: Scene, settings: Settings, start: Start, hinges: tuple[Hinge, ...]
-) -> tuple[Array, Array]:
-    """qpos and qvel of a start on the constraints, hinges at angle zero and at their rates."""
-    shell = scene.ball.shell
-    # At the start frame and shell axes coincide; the free joint's angular velocity is local.
-    frame_turning = scene.angular_velocity_at(start)
-    shell_turning = frame_turning - float(scene.drives[0].rate(0.0)) * shell.axis
-    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
-    root_turning = shell_turning if settings.root == "shell" else frame_turning
-    rates = np.array([float(hinge.drive.rate(0.0)) for hinge in hinges])
-    qpos = np.concatenate([[0.0, 0.0, shell.radius], start.attitude, np.zeros(len(hinges))])
-    return qpos, np.concatenate([velocity, root_turning, rates])
+        if not hinge.own_motor:
+            add("torque", name=f"{hinge.body}_torque", site=f"{hinge.joint}_hinge")
+        elif hinge.actuated:
+            # What the joint carries is less, by what turns the motor's own armature.
+            add("jointactuatorfrc", name=f"{hinge.body}_torque", joint=hinge.joint)

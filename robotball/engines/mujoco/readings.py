@@ -9,7 +9,7 @@ import numpy as np
 from robotball.engines.mujoco.hinges import Hinge
 from robotball.engines.mujoco.model import Model
 from robotball.motion import Loads
-from robotball.motors import Servo
+from robotball.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 
 STATE_SENSORS = [
@@ -68,10 +68,14 @@ class Readings:
         L = G + r×mv about the contact point; M = γ×L (3.1) in the rubber model, L in the
         classical one.
         """
-        arm = self.centre * [0.0, 0.0, 1.0]
-        linear = self.model.scene.ball.mass * self.column("velocity")
+        scene = self.model.scene
+        linear = scene.ball.mass * self.column("velocity")
+        if scene.load_varies:
+            arm = self.column("centre_of_mass") - self.centre * [1.0, 1.0, 0.0]
+        else:
+            arm = self.centre * [0.0, 0.0, 1.0]
         L = self.column("angular_momentum") + np.cross(arm, linear)
-        return np.cross([0.0, 0.0, 1.0], L) if self.model.scene.rolling == "rubber" else L
+        return np.cross([0.0, 0.0, 1.0], L) if scene.rolling == "rubber" else L
 
     @property
     def in_contact(self) -> Mask:
@@ -127,11 +131,11 @@ class Readings:
         small = (np.abs(self.rows[:, : compiled.nsensordata][:, state]) < limit).all(axis=1)
         return np.asarray(finite & small)
 
-    def _of_hinges(self, sensor: str, component: int = 0) -> Array:
+    def _of_hinges(self, sensor: str) -> Array:
         """(m, h) over the scene's hinges of a sensor that each turning one has; else 0."""
-        columns = np.zeros((len(self.rows), len(self.model.scene.drives)))
+        columns = np.zeros((len(self.rows), len(self.model.scene.hinges)))
         for hinge in self.model.hinges:
-            columns[:, hinge.index] = self.column(f"{hinge.body}_{sensor}")[:, component]
+            columns[:, hinge.index] = self.column(f"{hinge.body}_{sensor}")[:, 0]
         return columns
 
     @property
@@ -144,8 +148,18 @@ class Readings:
 
     @property
     def motor_torques(self) -> Array:
-        """(m, h): of the parent on the child, along the hinge, which is its site's z [N m]."""
-        return self._of_hinges("torque", component=2)
+        """(m, h): of the parent on the child, along the hinge [N m]."""
+        torques = np.zeros((len(self.rows), len(self.model.scene.hinges)))
+        for hinge in self.model.hinges:
+            torques[:, hinge.index] = self._torque(hinge)
+        return torques
+
+    def _torque(self, hinge: Hinge) -> Array:
+        """(m,): a motor's own; of a prescribed rate what the joint carries, its site's z [N m]."""
+        if isinstance(hinge.actuation, Free):
+            angle, rate = (self.column(f"{hinge.body}_{name}")[:, 0] for name in ("angle", "rate"))
+            return np.asarray(hinge.actuation.torque(0.0, angle, rate))
+        return self.column(f"{hinge.body}_torque")[:, -1]
 
     @property
     def loads(self) -> Loads:
@@ -155,13 +169,13 @@ class Readings:
         """(m,): the largest over `hinges`, relative to the largest rate that each has to reach."""
         worst = np.zeros(len(self.rows))
         times = np.where(np.isfinite(self.time), self.time, 0.0)
-        for hinge in hinges:
+        for hinge in (each for each in hinges if each.follows_rate):
             error = np.abs(self.hinge_rates[:, hinge.index] - hinge.drive.rate(times))
             worst = np.maximum(worst, error / hinge.largest_rate)
         return worst
 
     def servo_saturation(self, hinge: Hinge) -> Mask:
         """(m,): whether a hinge's servo is at its torque limit."""
-        limit = hinge.actuation.torque_limit if isinstance(hinge.actuation, Servo) else None
+        limit = hinge.torque_limit
         torque = np.abs(self.motor_torques[:, hinge.index])
         return torque >= (np.inf if limit is None else limit * (1 - 1e-9))

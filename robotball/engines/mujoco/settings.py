@@ -67,6 +67,11 @@ class Settings(EngineSettings):
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
     # False starts just touching.
     start_in_equilibrium: bool = False
+    # Times the softness of the contact's constraint; set once the model is compiled, for MJCF has
+    # no word for it.
+    softness: float = 1.0
+    # Whether another solver and softness are taken where the plane's load varies.
+    fits_load: bool = False
     max_steps: int = MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
     drive: Servo | Prescribed
 
@@ -205,6 +210,8 @@ RULES = {
     "root": _one_of("shell", "frame"),
     "start_in_equilibrium": _one_of(True, False),
     "stop_at_fault": _one_of(True, False),
+    "softness": POSITIVE,
+    "fits_load": _one_of(True, False),
     "max_steps": _count(1),
     "drive": Rule(lambda value: isinstance(value, Servo | Prescribed), "a Servo or Prescribed"),
 }
@@ -240,6 +247,7 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         sliding_friction=20.0,
         torsional_friction=Radii(20.0),
         start_in_equilibrium=True,
+        fits_load=True,
         drive=Prescribed(armature=1e14),
     )
 

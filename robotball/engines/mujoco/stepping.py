@@ -8,6 +8,8 @@ import mujoco
 import numpy as np
 
 from robotball.engines.mujoco.control import Control
+from robotball.engines.mujoco.states import STATE, read_row, state_of
+from robotball.engines.mujoco.switches import Switches, switched
 from robotball.engines.spans import spans
 from robotball.faults import Fault
 from robotball.rotations import Array
@@ -56,9 +58,6 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
         yield Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
 
 
-STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-
-
 @dataclass(frozen=True)
 class Steps:
     """What each row of a portion began from, so that it can be done again.
@@ -66,11 +65,13 @@ class Steps:
     states   (m, n)  MuJoCo's integration states
     lengths  (m,)    s, of the step from each; 0 where there was none
     spans    (m, 2)  s, the smooth span of time that each is in
+    sides    m       of their torque limits, on which the servos are that have one
     """
 
     states: Array
     lengths: Array
     spans: Array
+    sides: list[list[int]]
 
 
 @dataclass(frozen=True)
@@ -93,29 +94,23 @@ class Portion:
     failure: Fault | None = None
 
 
-def read_row(data: mujoco.MjData) -> Array:
-    """The row of Readings of a state whose sensors are up to date."""
-    return np.concatenate([data.sensordata, data.warning.number])
-
-
-def state_of(data: mujoco.MjData) -> Array:
-    """All that a step depends on (n,)."""
-    state = np.empty(mujoco.mj_stateSize(data.model, STATE))
-    mujoco.mj_getState(data.model, data, state, STATE)
-    return state
-
-
 def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
     """The run over sample `times` (n,) [s] by mj_step, in steps not longer than the timestep."""
     compiled, scene = control.model.compiled, control.model.scene
-    for stretch in stretches(times, scene.breakpoints, compiled.opt.timestep):
-        again = partial(_again, control, state_of(data), stretch)
-        rows = _step(control, data, stretch)
-        yield Portion(rows, stretch.samples, len(rows), float(stretch.lengths.max()), again)
-    control.span = (times[-1], times[-1])
-    mujoco.mj_forward(compiled, data)
-    end = Steps(state_of(data)[None], np.zeros(1), np.array([control.span]))
-    yield Portion(read_row(data)[None], np.array([0]), 0, 0.0, lambda: end)
+    with switched(control) as switches:
+        for stretch in stretches(times, scene.breakpoints, compiled.opt.timestep):
+            sides = switches.sides if switches else []
+            again = partial(_again, control, switches, state_of(data), sides, stretch)
+            if switches:
+                yield _step_to_switches(control, switches, data, stretch, again)
+                continue
+            rows = _step(control, data, stretch)
+            yield Portion(rows, stretch.samples, len(rows), float(stretch.lengths.max()), again)
+        control.span = (times[-1], times[-1])
+        mujoco.mj_forward(compiled, data)
+        sides = switches.sides if switches else []
+        end = Steps(state_of(data)[None], np.zeros(1), np.array([control.span]), [sides])
+        yield Portion(read_row(data)[None], np.array([0]), 0, 0.0, lambda: end)
 
 
 def _step(control: Control, data: mujoco.MjData, stretch: Stretch) -> Array:
@@ -130,18 +125,49 @@ def _step(control: Control, data: mujoco.MjData, stretch: Stretch) -> Array:
     return rows
 
 
-def _again(control: Control, start: Array, stretch: Stretch) -> Steps:
+def _step_to_switches(
+    control: Control,
+    switches: Switches,
+    data: mujoco.MjData,
+    stretch: Stretch,
+    again: Callable[[], Steps],
+) -> Portion:
+    """A stretch with a step more at every switch of a servo's torque limit."""
+    rows: list[Array] = []
+    firsts: list[int] = []
+    longest = 0.0
+    for length, _ in _set_for_each(control, stretch):
+        firsts.append(len(rows))
+        for taken, _ in switches.steps(data, length):
+            rows.append(read_row(data))
+            longest = max(longest, taken)
+    return Portion(np.array(rows), np.array(firsts)[stretch.samples], len(rows), longest, again)
+
+
+def _again(
+    control: Control, switches: Switches | None, start: Array, sides: list[int], stretch: Stretch
+) -> Steps:
     """The steps of a stretch, taken once more from the state that it began from."""
     compiled = control.model.compiled
     data = mujoco.MjData(compiled)
     mujoco.mj_setState(compiled, data, start, STATE)
-    states, lengths, spans = [], [], []
+    states, lengths, spans, all_sides = [], [], [], []
+    if switches:
+        switches.set(sides)
     for length, span in _set_for_each(control, stretch):
+        if switches:
+            for taken, (before, side) in switches.steps(data, length):
+                states.append(before)
+                lengths.append(taken)
+                spans.append(span)
+                all_sides.append(side)
+            continue
         states.append(state_of(data))
         lengths.append(length)
         spans.append(span)
+        all_sides.append(sides)
         mujoco.mj_step(compiled, data)
-    return Steps(np.array(states), np.array(lengths), np.array(spans))
+    return Steps(np.array(states), np.array(lengths), np.array(spans), all_sides)
 
 
 def _set_for_each(control: Control, stretch: Stretch) -> Iterator[tuple[float, Sequence[float]]]:

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from robotball.engines.mujoco import LABEL
 from robotball.engines.reduced import LABEL as EQUATIONS
+from validation.output import print_whole
 from validation.studies.attractors.measure import Measurement
 
 
@@ -28,7 +29,7 @@ def show_attractors(measurements: Sequence[Measurement], console: Console) -> No
         )
         verdict = "holds" if each.holds else "DOES NOT HOLD"
         table.add_row(each.claim, *numbers, *sizes, verdict)
-    console.print(table)
+    print_whole(table, console)
 
 
 def record(measurements: Sequence[Measurement]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from validation.output import print_whole
 from validation.studies.extremes.maps import ERROR_TOLERANCE
 from validation.studies.extremes.measure import WRONG, Outcome, largest_error
 from validation.sweeps import Result
@@ -139,11 +140,11 @@ def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
         for limit in each["limits"]:
             numbers = (f"{limit[key]:.2g}" if limit[key] else "-" for key in ("kept", "broken"))
             limits.add_row(*place, limit["name"], *numbers, str(limit["cells"]))
-    console.print(outcomes)
+    print_whole(outcomes, console)
     for kind in Outcome:
         console.print(f"  {kind.sign or '='}  {kind.sentence}")
     console.print("  missed: wrong, with neither a warning before the run nor a fault in it\n")
-    console.print(limits)
+    print_whole(limits, console)
     console.print("kept up to, broken from: in parts of the predicted limit; beyond: cells past it")
 
 

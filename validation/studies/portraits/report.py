@@ -18,6 +18,7 @@ from robotball.palette import INK
 from robotball.parameters import Parameters
 from robotball.qualitative.fixed_point_formulas import kappa, proposition_2
 from robotball.rotations import Array
+from validation.output import print_whole
 from validation.studies.portraits.measure import A, Plane
 from validation.sweeps import Result
 
@@ -188,7 +189,7 @@ def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
             for words, count in counts.items():
                 table.add_row(words, str(count))
             table.add_section()
-        console.print(table)
+        print_whole(table, console)
         console.print(
             f"number of fixed points and type of Γ₅ against the formulas: "
             f"{record['against_the_formulas']} cells differ; {record['failed']} without a result"

@@ -1,0 +1,157 @@
+"""Motions in a web page: a 3-D view to orbit, play and scrub, with no need of a network."""
+
+import html
+import json
+from base64 import b64encode
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotball import palette
+from robotball.errors import InputError
+from robotball.film.tracks import heading_of, resampled
+from robotball.looks import colours, looks_of
+from robotball.motion import Motion
+from robotball.rotations import Array
+
+HERE = Path(__file__).parent
+STEP = 0.02  # s, between the samples of a view
+MOST = 20_000  # samples: some megabytes
+SPEEDS = (0.1, 0.25, 0.5, 1, 2, 4)
+
+CONTROLS = """
+<div data-is="stage"><canvas tabindex="0" role="img" aria-label="{label}"></canvas></div>
+<div class="rb-controls">
+<button type="button" data-is="play">Play</button>
+<input type="range" data-is="time" min="0" max="1" step="any" value="0" aria-label="time">
+<label>speed <select data-is="speed">{speeds}</select></label>
+<label><input type="checkbox" data-is="ghost"> one over the other</label>
+</div>
+<div data-is="line"></div>
+<div>{note}</div>
+"""
+
+
+def view_head() -> str:
+    """The style and the script that every view of a page needs; once a page."""
+    style, script = ((HERE / f"web.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    return f"<style>{style}</style>\n<script>{script}</script>"
+
+
+def view_fragment(motions: Sequence[Motion]) -> str:
+    """HTML of a 3-D view of one motion or two of one scene; `view_head` must stand before it.
+
+    A ball a motion, side by side, or the second as a ghost over the first. Motions longer than
+    MOST samples are shown as far as that. Raises InputError for motions of fewer than two times.
+    """
+    data = view_data(motions)
+    scene, names = motions[0].scene, " and ".join(motion.engine.name for motion in motions)
+    shown, whole = data["end"], max(float(motion.times[-1]) for motion in motions)
+    note = "Drag to turn the view; a click and the wheel, or two fingers, to zoom."
+    if shown < whole * (1 - 1e-9):
+        note += f" The first {shown:g} s of {whole:g} s are shown."
+    return (
+        '<div class="rb-view">'
+        + CONTROLS.format(
+            label=html.escape(f"The rolling ball of {scene.name} by {names}", quote=True),
+            speeds="".join(
+                f'<option value="{speed}"{" selected" if speed == 1 else ""}>{speed:g}×</option>'
+                for speed in SPEEDS
+            ),
+            note=note,
+        )
+        + '<script type="application/json">'
+        + json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+        + "</script><script>{const here = document.currentScript.parentElement; "
+        "rollingBalls(here, JSON.parse(here.querySelector('[type=\"application/json\"]')"
+        ".textContent));}</script></div>"
+    )
+
+
+def view_page(motions: Sequence[Motion]) -> str:
+    """A whole HTML page with the view alone."""
+    title = html.escape(" ".join(motions[0].scene.title.split()))
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,">'
+        f"<title>{title}</title>{view_head()}\n"
+        "<style>body { margin: 1em auto; max-width: 75em; padding: 0 1em; }"
+        "h1 { font: 600 1.2em system-ui, sans-serif; }</style></head>\n"
+        f"<body><h1>{title}</h1>\n{view_fragment(motions)}\n</body></html>\n"
+    )
+
+
+def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
+    """What the script draws: bodies, materials, and a row a sample of each ball."""
+    scene = motions[0].scene
+    if min(len(motion.times) for motion in motions) < 2:
+        raise InputError("a view needs motions of two times at least")
+    last = max(float(motion.times[-1]) for motion in motions)
+    # The samples are STEP apart, but for a motion that is shorter.
+    step = min(STEP, last / 2)
+    end = min(last, step * (MOST - 1))
+    grid = step * np.arange(int(np.floor(end / step * (1 + 1e-9))) + 1)
+    parts = [resampled(motion, grid[grid <= motion.times[-1] * (1 + 1e-9)]) for motion in motions]
+    ball, hinges = scene.ball, {hinge.name: i for i, hinge in enumerate(scene.hinges)}
+    bodies = []
+    for name, shapes in looks_of(ball).items():
+        # The frame is where it is; what turns by its hinge's angle is the shell, the other way.
+        index = {"frame": -1, "shell": 0}.get(name, hinges.get(name, -1))
+        hinge = scene.hinges[max(index, 0)]
+        bodies.append(
+            {
+                "name": name,
+                "hinge": index,
+                "sign": -1 if name == "shell" else 1,
+                "axis": hinge.axis.tolist(),
+                "pivot": (hinge.pivot / ball.radius).tolist(),
+                "marked": index if index > 0 else -1,
+                "shapes": [
+                    {
+                        "kind": shape.kind,
+                        "size": _rounded(shape.size),
+                        "pos": _rounded(shape.pos),
+                        "turn": _rounded(shape.turn),
+                        "material": shape.material,
+                    }
+                    for shape in shapes
+                ],
+            }
+        )
+    shared = min(len(part.times) for part in parts)
+    gap = parts[0].contact_point[:shared] - parts[-1].contact_point[:shared]
+    return {
+        "step": step,
+        "end": float(grid[-1]),
+        "count": len(grid),
+        "hinges": len(scene.hinges),
+        "heading": heading_of(parts[-1].contact_point),
+        "bodies": bodies,
+        "materials": colours(),
+        "apart": _packed(np.linalg.norm(gap, axis=1)),
+        "balls": [
+            {
+                "name": part.engine.name,
+                "colour": palette.rgb(part.engine.colour),
+                "count": len(part.times),
+                "rows": _packed(
+                    np.column_stack(
+                        [part.contact_point / ball.radius, part.attitude, part.hinge_angles]
+                    )
+                ),
+            }
+            for part in parts
+        ],
+    }
+
+
+def _rounded(numbers: Array) -> list[float]:
+    return [round(float(number), 6) for number in numbers]
+
+
+def _packed(numbers: Array) -> str:
+    """Little-endian 32-bit floats in base 64."""
+    return b64encode(numbers.astype("<f4").tobytes()).decode("ascii")

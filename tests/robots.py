@@ -1,0 +1,200 @@
+"""Robots of any build: those whose motions are known to twelve digits, and random ones.
+
+The worked cases W1, W2, W4 and W5 have end points at t = 10 s on which two programs in 80-bit
+numbers agree to 2e-14: one in momenta, one in maximal coordinates with multipliers.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robotball.bodies import Ball, Frame, Pendulum, Shell, thin_shell_inertia
+from robotball.custom import Custom
+from robotball.drives import Rate
+from robotball.mechanics.robot import momentum_at
+from robotball.motors import Free, Motor, PositionServo, Servo
+from robotball.parameters import Rolling
+from robotball.rates import Sine
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import Scene
+from robotball.start import Start
+
+X, Y, Z = np.eye(3)
+DURATION = 10.0  # s
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Where a worked case is at t = 10 s: contact point [m], attitude, hinges' angles [rad].
+
+    angles: None where they are the commanded ones.
+    """
+
+    contact_point: tuple[float, float]
+    attitude: tuple[float, float, float, float]
+    angles: tuple[float, ...] | None = None
+
+
+ENDINGS = {
+    "W1": Ending(
+        (5.829427803998, 7.246903042787),
+        (-0.442942712232, 0.331322986431, -0.180654301528, 0.813259402456),
+    ),
+    "W2": Ending(
+        (7.188863780382, -0.315152705691),
+        (0.997084709536, -0.010234091213, -0.070913540217, 0.026241478634),
+    ),
+    "W4": Ending(
+        (-2.124278594993, 0.380225402544),
+        (0.246502441058, -0.273515515312, -0.391215212635, 0.843431364628),
+        (13.858765063622, 0.722199730427),
+    ),
+    "W5": Ending(
+        (-1.059448591244, -3.987093642646),
+        (0.398130133430, -0.419374453897, -0.279489078108, 0.766487651233),
+        (15.489385375009, 0.746632640081),
+    ),
+}
+
+
+def box_inertia(mass: float, x: float, y: float, z: float) -> Array:
+    """The inertia (3, 3) of a homogeneous box of these edges [kg m²]."""
+    return mass / 12 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
+
+
+def quintic(final: float, end: float) -> Custom:
+    """A rate from 0 to `final` in `end` s, with neither a jerk nor a jump of its slope."""
+
+    def rate(t: float) -> float:
+        u = min(t / end, 1.0)
+        return final * u**3 * (10 - 15 * u + 6 * u * u)
+
+    def derivative(t: float) -> float:
+        u = min(t / end, 1.0)
+        return final / end * 30 * u * u * (1 - u) ** 2
+
+    def integral(t: float) -> float:
+        u = min(t / end, 1.0)
+        return final * end * u**4 * (2.5 - 3 * u + u * u) + final * max(t - end, 0.0)
+
+    return Custom(rate, (end,), derivative, integral)
+
+
+def swing(amplitude: float, rate: float) -> Sine:
+    """amplitude·sin(rate·t), rate in rad/s."""
+    return Sine(amplitude=amplitude, frequency=rate / (2 * np.pi))
+
+
+def robot(
+    name: str,
+    ball: Ball,
+    rolling: Rolling,
+    rates: Sequence[Rate],
+    attitude: Sequence[float],
+    omega: Sequence[float] = (0.0, 0.0, 0.0),
+    motors: tuple[Motor | None, ...] = (),
+    hinge_rates: Sequence[float] | None = None,
+    **more: Any,
+) -> Scene:
+    """The scene of a ball that starts at this attitude, of any length, and ω (3,) of the frame.
+
+    rates: the hinges' commands; hinge_rates: as the hinges turn at the start. A rubber ball loses
+    what spin it has.
+    """
+    q = np.array(attitude, dtype=float)
+    q /= np.linalg.norm(q)
+    turning = np.array(omega, dtype=float)
+    rates_now = np.zeros(len(rates)) if hinge_rates is None else np.array(hinge_rates, dtype=float)
+    gamma = rotation_matrix(q)[2]
+    if rolling == "rubber":
+        turning -= (turning - rates_now[0] * ball.shell.axis) @ gamma * gamma
+    momentum = momentum_at(ball, rolling, q, turning, np.zeros(len(rates)), rates_now)
+    rotors = len(ball.rotors)
+    return Scene(
+        name=name,
+        title=name,
+        source="tests/robots.py",
+        ball=ball,
+        rolling=rolling,
+        frame_rate=rates[0],
+        rotor_rates=tuple(rates[1 : 1 + rotors]),
+        pendulum_rates=tuple(rates[1 + rotors :]),
+        start=Start(q, momentum, hinge_rates=rates_now),
+        duration=DURATION,
+        motors=motors,
+        **more,
+    )
+
+
+def worked(name: str) -> Scene:
+    """W1, W2, W4 or W5."""
+    return {"W1": _w1, "W2": _w2, "W4": _w4, "W5": _w5}[name]()
+
+
+def _w1() -> Scene:
+    shell = Shell(0.5, 1.0, 0.16, 0.16, Z, offset=-0.05)
+    frame = Frame(2.0, np.diag([0.08, 0.08, 0.05]), np.array([0.0, 0.0, -0.15]))
+    ball = Ball(shell, frame, ())
+    return robot("W1", ball, "classical", [0.0], (1.0, 0.5, 0.0, 0.0), (1.0, 0.0, 8.0))
+
+
+def _thin_shell(a: float, mass: float, axis: Array) -> Shell:
+    inertia = thin_shell_inertia(a, mass)
+    return Shell(a, mass, inertia, inertia, axis)
+
+
+def _w2() -> Scene:
+    frame = Frame(3.0, box_inertia(3.0, 0.16, 0.1, 0.06), np.array([0.0, 0.0, -0.08]))
+    ball = Ball(_thin_shell(0.2, 1.0, Y), frame, ())
+    return robot("W2", ball, "rubber", [quintic(-4.0, 2.0)], (1.0, 0.1, 0.0, 0.0))
+
+
+def pendulum_ball() -> Ball:
+    """W4's: a frame and a pendulum, both below the centre."""
+    frame = Frame(1.0, box_inertia(1.0, 0.14, 0.14, 0.08), np.array([0.01, 0.0, -0.03]))
+    pendulum = Pendulum(
+        1.5,
+        box_inertia(1.5, 0.06, 0.06, 0.06),
+        centre=np.array([0.0, 0.0, -0.11]),
+        axis=X,
+        pivot=np.array([0.0, 0.0, -0.02]),
+    )
+    return Ball(_thin_shell(0.2, 1.0, Y), frame, (), (pendulum,))
+
+
+def _w4() -> Scene:
+    return robot(
+        "W4",
+        pendulum_ball(),
+        "classical",
+        [swing(8.0, 1.2), swing(0.8, 2.0)],
+        (1.0, 0.05, 0.0, 0.0),
+        (0.0, 0.0, 1.0),
+        motors=(
+            Servo(0.5, torque_limit=0.6, armature=0.002),
+            PositionServo(6.0, 0.3, torque_limit=0.7, armature=0.001),
+        ),
+    )
+
+
+def _w5() -> Scene:
+    shell = Shell(0.25, 1.2, 0.045, 0.05, np.array([0.0, 0.6, 0.8]), offset=0.02)
+    frame = Frame(
+        2.0,
+        np.array([[0.012, 0.002, 0.001], [0.002, 0.015, -0.001], [0.001, -0.001, 0.009]]),
+        np.array([0.02, 0.03, -0.07]),
+    )
+    pivot = np.array([0.02, 0.02, 0.03])
+    hung = Pendulum(0.8, np.diag([0.002, 0.003, 0.0025]), np.array([0.1, 0.02, 0.03]), Z, pivot)
+    return robot(
+        "W5",
+        Ball(shell, frame, (), (hung,)),
+        "rubber",
+        [0.0, 0.0],
+        (1.0, 0.2, -0.1, 0.3),
+        (1.0, -2.0, 1.5),
+        motors=(Free(damping=0.01), Free(damping=0.002, stiffness=0.3, rest=0.5)),
+        hinge_rates=(1.0, 0.0),
+    )

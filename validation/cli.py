@@ -28,6 +28,7 @@ from validation.commands.demo import Demo
 from validation.commands.design import Design
 from validation.commands.engines import Engines
 from validation.commands.equilibria import Equilibria
+from validation.commands.export import Export
 from validation.commands.extremes import Extremes
 from validation.commands.figures import Figures
 from validation.commands.judge import Judge
@@ -43,7 +44,7 @@ from validation.commands.video import Video
 from validation.streams import make_lasting, standard_output_of
 
 Command = (
-    Scenes | Engines | Compare | Judge | Video | Replay | Model | Design | Demo
+    Scenes | Engines | Compare | Judge | Video | Replay | Model | Export | Design | Demo
     | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
     | Portraits | Paper
     | Ablation | Convergence | Tradeoff | Extremes

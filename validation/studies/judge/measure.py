@@ -1,5 +1,6 @@
 """A trajectory held against the equations: how far off it is, and which mistakes explain that."""
 
+import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +16,7 @@ from robotball import (
     Trajectory,
     read_trajectory,
     recorded,
+    scene_toml,
 )
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from validation.studies.judge.lag import Lag, lag_of
@@ -92,6 +94,16 @@ class FileJudgement:
         return self.trajectory.name
 
     @property
+    def other_scene(self) -> str | None:
+        """The name of the scene in the file's header, where that is not the one that was meant."""
+        header = self.trajectory.header or {}
+        given = header.get("scene_toml")
+        with contextlib.suppress(InputError):  # of a rate by a function, which no header can hold
+            if given and given.strip() != scene_toml(self.plain.theory.scene).strip():
+                return header.get("scene", "?")
+        return None
+
+    @property
     def mistakes(self) -> tuple[Mistake, ...]:
         return self.explanation.mistakes
 
@@ -151,7 +163,7 @@ def judge(
     """
     given = [files] if isinstance(files, Path | str | Trajectory) else list(files)
     if timesteps and len(timesteps) != len(given):
-        raise InputError(f"{len(given)} files need as many timesteps, not {len(timesteps)}")
+        raise InputError(f"each file needs its timestep: {len(given)}, not {len(timesteps)}")
     trajectories = [
         each if isinstance(each, Trajectory) else read_trajectory(Path(each)) for each in given
     ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from robotball import Custom, Ramp, Scene, Sine
+from robotball import Custom, Ramp, Samples, Scene, Sine, Sum
 from robotball.drives import Drive, Rate
 from robotball.mechanics.robot import momentum_at
 from robotball.motors import Servo
@@ -88,6 +88,10 @@ def scaled(rate: Rate, factor: float) -> Rate:
         return msgspec.structs.replace(
             rate, amplitude=factor * rate.amplitude, mean=factor * rate.mean
         )
+    if isinstance(rate, Samples):
+        return msgspec.structs.replace(rate, values=tuple(factor * v for v in rate.values))
+    if isinstance(rate, Sum):
+        return Sum(tuple(scaled(part, factor) for part in rate.parts))
     if isinstance(rate, Custom):
         function = rate.function
         return Custom(lambda t: factor * function(t), rate.breakpoints)

@@ -36,6 +36,9 @@ def show(judgement: Judgement, console: Console, every: bool = False) -> None:
             known = "by two files" if order.stderr is None else f"± {order.stderr:.2g}"
             what = f"order {order.order:.2f} ({known})"
         console.print(f"convergence of the {order.measure}: {what}")
+    if len(judgement.files) > 1 and not judgement.orders:
+        step = judgement.files[0].timestep
+        console.print(f"convergence: all files seem to have the step {step:g} s; give --timestep")
 
 
 def lines(judged: FileJudgement) -> list[str]:
@@ -47,6 +50,8 @@ def lines(judged: FileJudgement) -> list[str]:
         f"momentum error {_momentum(plain)}",
         _contact(plain),
     ]
+    if judged.other_scene:
+        found.append(f"the file's header has another scene than this one: {judged.other_scene}")
     found += _height(judged)
     for mistake in judged.mistakes:
         as_well = f", or {' or '.join(mistake.as_well)}" if mistake.as_well else ""
@@ -119,7 +124,7 @@ def _table(judged: FileJudgement, every: bool) -> Table:
     for family in dict.fromkeys(each.family for each in trials):
         # The best of each name; those that change nothing tell nothing.
         own = [each for each in trials if each.family == family and each.name not in named]
-        own = [each for each in own if each.errors != judged.plain_errors]
+        own = [each for each in own if not _same(each.errors, judged.plain_errors)]
         own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, ROUNDING)).sum()))
         unique = list({each.name: each for each in reversed(own)}.values())[::-1]
         unique = unique if every else unique[:SHOWN]
@@ -127,6 +132,10 @@ def _table(judged: FileJudgement, every: bool) -> Table:
     for name, errors, style in rows:
         table.add_row(escape(name), *_cells(errors), style=style)
     return table
+
+
+def _same(errors: Errors, others: Errors) -> bool:
+    return np.allclose(errors.given, others.given, rtol=1e-9, atol=1e-12)
 
 
 def _cells(errors: Errors) -> tuple[str, ...]:
@@ -159,6 +168,7 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
         "without_mistakes": None if judged.corrected is None else _measures(judged.corrected),
         "lag": asdict(judged.lag) | {"explains": judged.lag.explains},
         "trials": [asdict(each) for each in judged.explanation.trials],
+        "other_scene": judged.other_scene,
         "notes": list(judged.trajectory.notes),
     }
 

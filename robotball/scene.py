@@ -10,9 +10,9 @@ from robotball.bodies import ROUNDING, Ball, imbalance
 from robotball.contact import Friction
 from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.errors import LARGEST, InputError, check_positive, check_size
-from robotball.hinges import Hinge
+from robotball.hinges import Hinge, hinges_of, with_hinges_checked
 from robotball.mechanics.robot import Robot, robot_of
-from robotball.motors import Motor, Servo
+from robotball.motors import Motor
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.shown import scene_line
@@ -83,35 +83,12 @@ class Scene(Value):
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
         # Every engine starts from what is made exact here.
-        start = replace(self.start, attitude=attitude, momentum=momentum, **self._hinged_start())
+        start = with_hinges_checked(self.start, self.drives, self.motors)
+        start = replace(start, attitude=attitude, momentum=momentum)
         object.__setattr__(self, "start", start)
 
     def __repr__(self) -> str:
         return scene_line(self)
-
-    def _hinged_start(self) -> dict[str, Array | None]:
-        """The start's angles, None where all are 0, and its rates, those that are kept exactly."""
-        angles, rates = self.start.hinge_angles, self.start.hinge_rates
-        for name, values in (("angles", angles), ("rates", rates)):
-            if values is not None and values.shape != (len(self.drives),):
-                raise InputError(
-                    f"{len(self.drives)} hinges need as many {name} at the start, not an array of "
-                    f"shape {values.shape}"
-                )
-            for value in () if values is None else values.tolist():
-                check_size(f"a hinge's {name[:-1]} at the start", value, "rad")
-        if rates is not None:
-            motors = self.motors or (None,) * len(rates)
-            rates = np.array(
-                [
-                    float(drive.rate(0.0)) if motor is None else rate
-                    for drive, motor, rate in zip(self.drives, motors, rates.tolist(), strict=True)
-                ]
-            )
-        return {
-            "hinge_angles": None if angles is None or not angles.any() else angles,
-            "hinge_rates": rates,
-        }
 
     @cached_property
     def times(self) -> Array:
@@ -132,27 +109,19 @@ class Scene(Value):
     def drives(self) -> tuple[Drive, ...]:
         """The hinges' commands: the frame's drive, then the rotors', then the pendulums'."""
         rates = (self.frame_rate, *self.rotor_rates, *self.pendulum_rates)
-        return tuple(as_drive(rate, self.duration) for rate in rates)
+        names = [name for name, _ in self.ball.named_bodies[1:]]
+        return tuple(map(self._drive, names, rates))
+
+    def _drive(self, name: str, rate: Rate) -> Drive:
+        try:
+            return as_drive(rate, self.duration)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from error
 
     @cached_property
     def hinges(self) -> tuple[Hinge, ...]:
         """The frame's hinge, then the rotors', then the pendulums', as they are at the start."""
-        ball, drives = self.ball, self.drives
-        motors = self.motors or (None,) * len(drives)
-        angles, rates = self.start.hinge_angles, self.start.hinge_rates
-        named = [("frame", ball.shell.axis, np.zeros(3))]
-        named += [(name, body.axis, body.centre) for name, body in ball.named_rotors]
-        named += [(name, body.axis, body.pivot) for name, body in ball.named_pendulums]
-        hinges = []
-        for i, (name, axis, pivot) in enumerate(named):
-            command, motor = drives[i], motors[i]
-            follows = motor is None or isinstance(motor, Servo)
-            rate = float(command.rate(0.0)) if follows else 0.0
-            if rates is not None and motor is not None:
-                rate = float(rates[i])
-            angle = 0.0 if angles is None else float(angles[i])
-            hinges.append(Hinge(name, axis, pivot, command, motor, angle, rate))
-        return tuple(hinges)
+        return hinges_of(self.ball, self.drives, self.motors, self.start)
 
     @cached_property
     def robot(self) -> Robot:

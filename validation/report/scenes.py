@@ -144,7 +144,8 @@ def _plots(group: Sequence[Agreement]) -> list[str]:
         ("Error of the momentum M", "error of M, relative", [e.momentum_errors for e in group]),
     )
     for caption, label, values in series:
-        drawn.append(plot(caption, _over_time(group, values), "time [s]", label, log=True))
+        if lines := _over_time(group, values):
+            drawn.append(plot(caption, lines, "time [s]", label, log=True))
     used = [each.report.friction_used for each in group]
     if all(len(each) for each in used):
         limit = Line("limit", "#808080", theory.times[[0, -1]], np.ones(2), dash="1 3", width=2.5)
@@ -155,7 +156,7 @@ def _plots(group: Sequence[Agreement]) -> list[str]:
 
 
 def _over_time(group: Sequence[Agreement], values: Sequence[Array]) -> list[Line]:
-    """Lines without the exact zero that they start from."""
+    """Lines without the exact zero that they start from, of runs that went on from there."""
     return [
         Line(
             each.settings.name,

@@ -1,6 +1,7 @@
 """The command `robotball report`."""
 
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,11 +14,11 @@ from validation.commands.arguments import (
     Run,
     RunOptions,
     listed,
-    times_of,
 )
 
 if TYPE_CHECKING:
     from validation.comparison.agreement import Agreement
+    from validation.progress import Show
 
 FILM = (360, 640)  # px, height and width
 MOST_NAMES = 80  # characters of a file's name that scenes may take
@@ -64,17 +65,23 @@ class Report:
         import tempfile
 
         from validation.comparison.names import file_stem, scenes_of
-        from validation.comparison.runs import compare_all
+        from validation.comparison.runs import agreements_of
         from validation.output import writable_folder, write_text
+        from validation.progress import progress_bar
         from validation.report.scenes import report
 
         options = self.run_options
         requests = [options.request(name) for name in listed(self.preset) or (None,)]
         scenes = list(scenes_of(self.scenes).values())
         out = writable_folder(options.out)
-        agreements = compare_all(
-            scenes, requests, times_of(options.duration), strict=options.strict
-        )
+        times = times_of(options.duration)
+        agreements: list[Agreement] = []
+        with progress_bar(len(scenes) * len(requests)) as show:
+            for i, scene in enumerate(scenes):
+                before = partial(_show, show, i * len(requests))
+                agreements += agreements_of(
+                    scene, requests, times, strict=options.strict, show=before
+                )
         stem = file_stem(agreements[: len(requests)])
         others = "".join(f"-{scene.name}" for scene in scenes[1:])
         path = out / f"{(stem + others)[:MOST_NAMES]}-report.html"
@@ -115,3 +122,7 @@ class Report:
         words += ["--keep-going"] if options.keep_going else []
         words += ["--film"] if self.film else []
         return shlex.join(words)
+
+
+def _show(show: "Show", before: int, done: float, what: str) -> None:
+    show(before + done, what)

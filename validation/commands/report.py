@@ -14,6 +14,7 @@ from validation.commands.arguments import (
     Run,
     RunOptions,
     listed,
+    times_of,
 )
 
 if TYPE_CHECKING:

@@ -57,10 +57,10 @@ def test_a_mistake_in_setting_up_the_scene_is_named(words: str) -> None:
 @pytest.mark.parametrize("timestep", STEPS)
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
 def test_a_right_file_has_no_mistake(scene: rb.Scene, timestep: float) -> None:
-    """20 of 20 by a first-order engine, whose attitudes are off by 0.01 to 3 rad."""
+    """20 of 20 by a first-order engine, whose attitudes are off by 0.002 to 3 rad."""
     found = judged(scene, run(scene, timestep))
     assert found.mistakes == ()
-    assert found.plain.attitude_error > 5e-3
+    assert found.plain.attitude_error > 2e-3
 
 
 @pytest.mark.slow
@@ -75,6 +75,7 @@ def test_a_contact_engines_file_has_no_mistake(name: str, preset: str, tmp_path:
     assert found.agrees == (preset != "naive")
 
 
+@pytest.mark.slow
 def test_two_mistakes_of_different_kinds_are_both_named() -> None:
     """The order of the quaternion, and a unit of length; what is left is the engine's error."""
     scene = rb.load_scene("fig12")
@@ -86,6 +87,7 @@ def test_two_mistakes_of_different_kinds_are_both_named() -> None:
     assert found.best.path_error < 0.02  # measured 9e-3, of the engine
 
 
+@pytest.mark.slow
 def test_mistakes_that_tell_the_same_are_named_together() -> None:
     """Half a turn about the vertical of the world is both signs of x, y, and no other mistake."""
     scene = rb.load_scene("fig12")
@@ -95,6 +97,7 @@ def test_mistakes_that_tell_the_same_are_named_together() -> None:
     assert mistake.name == "x and y both have the other sign"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [0.02, -0.013, 0.0003])
 def test_a_shift_in_time_is_found(shift: float) -> None:
     """To a millionth of a second where the engine is exact, and it is no mistake.
@@ -102,7 +105,7 @@ def test_a_shift_in_time_is_found(shift: float) -> None:
     Measured: 3e-9 s off; the errors fall 1e4 times and more.
     """
     scene = rb.load_scene("fig12")
-    motion = rb.integrate(scene, np.arange(0.02, 5, 0.02) - shift if shift < 0.02 else None)
+    motion = rb.integrate(scene, np.linspace(0, 5, 251))
     times = motion.times + shift
     keep = times >= 0
     position = np.column_stack([motion.contact_point, np.full(len(times), np.nan)])
@@ -115,6 +118,7 @@ def test_a_shift_in_time_is_found(shift: float) -> None:
     assert any(f"{abs(shift):.4g} s {way}" in line for line in lines(found))
 
 
+@pytest.mark.slow
 def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
     """A path that is longer by a hundredth slips; the radius at which it rolls says so."""
     scene = rb.load_scene("fig12")
@@ -127,6 +131,7 @@ def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
     assert plain.motion.rolling_radius == pytest.approx(1.01, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_files_of_several_steps_have_an_order() -> None:
     """The first order of Euler's method (measured 1.02 and 1.00); by the header's steps too."""
     scene = rb.load_scene("fig12")

@@ -12,8 +12,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.mujoco.cost_model import COST_MODEL, scene_rate, servo_rate
+from robotball.engines.mujoco.cost_model import COST_MODEL, scene_rate
 from robotball.engines.mujoco.integrators import ADAPTIVE
+from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.servo_rates import fastest_rate
 from robotball.engines.mujoco.settings import PRESETS, Settings, recipe
 from robotball.engines.spans import step_count
 from robotball.errors import warn
@@ -52,10 +54,14 @@ class _Search:
     run: Run
     seconds: float = 0.0
     rate: float = field(init=False)
+    servo_rate: float = field(init=False)
 
     def __post_init__(self) -> None:
         # A ball that hardly moves still has a duration.
-        self.rate = max(scene_rate(self.scene), 1 / float(self.times[-1]))
+        plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
+        rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
+        self.rate = max(rate, 1 / plan.duration)
+        self.servo_rate = fastest_rate(self.scene, plan.hinges)
 
     def made(self, settings: Settings, apart: float = 0.0) -> ContactMotion:
         """A run at the times, or at those of them that are at least so far apart [s]."""
@@ -76,8 +82,8 @@ class _Search:
         longest = PRESETS["fast"].timestep  # the longest that the recipe's contact allows
         assert longest is not None
         timestep = min(longest, PHASE / self.rate / 2)
-        if (servo := servo_rate(self.scene)) > 0:
-            timestep = min(timestep, STABLE / servo / 2)
+        if self.servo_rate > 0:
+            timestep = min(timestep, STABLE / self.servo_rate / 2)
         coarse = self.made(self.pilot(timestep=2 * timestep), apart=2 * timestep)
         fine = self.made(self.pilot(timestep=timestep))
         error = self.error(
@@ -90,7 +96,7 @@ class _Search:
         timestep = fine.report.timestep * self.finer(error, COST_MODEL.order)
         rtol = self.rtol(error, fine.report.timestep)
         if self.adaptive_seconds(rtol) < self.rk4_seconds(timestep):
-            lost = _momentum_change(fine)
+            lost = _momentum_change(fine) if self.scene.keeps_momentum else 0.0
             return self.by_rtol(rtol, error / lost if lost > 0 and error <= APART else np.inf)
         return self.by_timestep(timestep, fine)
 
@@ -166,7 +172,7 @@ class _Search:
         """What DOP853 at an rtol will take."""
         per_second = COST_MODEL.steps_per_second(self.rate, rtol)
         # However small the error, a servo's own rate limits the steps.
-        steps = float(self.times[-1]) * max(per_second, servo_rate(self.scene) / STABLE)
+        steps = float(self.times[-1]) * max(per_second, self.servo_rate / STABLE)
         of_steps = steps * (COST_MODEL.adaptive_step + DOP853_EVALUATIONS * self.control)
         return of_steps + len(self.times) * (COST_MODEL.sample + self.control)
 
@@ -190,14 +196,8 @@ class _Search:
 def reach(scene: Scene, times: Array, accuracy: float, run: Run) -> ContactMotion:
     """The scene's motion at times (n,) [s] to a path error, by the cheapest settings predicted.
 
-    run: makes the motion at given settings and times. Warns where the accuracy is not reached,
-    and where the scene's own motors keep the ball from the equations whatever the steps.
+    run: makes the motion at given settings and times. Warns where the accuracy is not reached.
     """
-    if any(scene.motors):
-        warn(
-            f"{scene.name} has motors of its own: the estimated error is that of the steps, not "
-            "of what its motors miss"
-        )
     return _Search(scene, times, accuracy, run).reach()
 
 

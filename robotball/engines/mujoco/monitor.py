@@ -6,10 +6,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from robotball.bodies import imbalance
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.step_limits import LOOSEST, allowed
+from robotball.engines.mujoco.step_limits import allowed
 from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
 from robotball.rotations import Array, Mask
 
@@ -44,14 +43,10 @@ class Monitor:
     slipped: float = 0.0
     momentum: Array | None = None
     last_centre: Array | None = None
-    balanced: bool = field(init=False)
     tolerance: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.balanced = imbalance(self.model.scene.ball) is None
-        # The load of an unbalanced ball varies, and with it the depth and the lever arm.
-        least = 0.0 if self.balanced else LOOSEST
-        self.tolerance = max(self.model.settings.error_tolerance, least)
+        self.tolerance = self.model.settings.error_tolerance
 
     def look(self, readings: Readings, failure: Fault | None = None) -> list[Found]:
         """The first of each kind of fault in the readings of the next portion, the earliest first.
@@ -124,7 +119,7 @@ class Monitor:
         self.last_centre = readings.centre[-1:]
         slips = slipped > tolerance * (rolled + SHORTEST_PATH * scene.ball.radius)
         faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
-        if self.balanced:
+        if scene.keeps_momentum:
             off = self._momentum_off(readings)
             faults.append((off, Fault(FaultKind.MOMENTUM_OFF, np.nan, limit=tolerance)))
         return faults

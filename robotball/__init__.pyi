@@ -4,8 +4,7 @@ from .custom import Custom as Custom
 from .designing.design import Design as Design
 from .designing.design import design as design
 from .designing.feasibility import Limits as Limits
-from .drives import Ramp as Ramp
-from .drives import Sine as Sine
+from .drives import Sum as Sum
 from .engines import engine_named as engine_named
 from .engines import engine_names as engine_names
 from .engines.mujoco.settings import PRESETS as PRESETS
@@ -36,6 +35,9 @@ from .motors import Free as Free
 from .motors import PositionServo as PositionServo
 from .motors import Servo as Servo
 from .motors import Torque as Torque
+from .rates import Ramp as Ramp
+from .rates import Samples as Samples
+from .rates import Sine as Sine
 from .scene import Scene as Scene
 from .scene import sample_times as sample_times
 from .settings import EngineSettings as EngineSettings

@@ -81,7 +81,13 @@ class Followed:
         return found
 
     def _rate(self, t: float) -> float:
-        value = float(self.custom.function(t := self._inside(t)))
+        t = self._inside(t)
+        try:
+            value = float(self.custom.function(t))
+        except Exception as error:  # whatever a user's function may raise
+            raise InputError(
+                f"a drive's function fails at t = {t:g} s: {type(error).__name__}: {error}"
+            ) from error
         if not abs(value) <= LARGEST:
             raise InputError(
                 f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "

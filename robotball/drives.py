@@ -4,15 +4,14 @@ A drive is smooth between its breakpoints and continuous at them; both engines s
 Times are scalars or increasing columns, in s from the start of the motion; SI units.
 """
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
-import msgspec
-import numpy as np
-
-from robotball.custom import Custom, Followed, Time
-from robotball.errors import InputError, check_positive, check_size
+from robotball.custom import ROUNDING, Custom, Followed, Time
+from robotball.errors import InputError, check_size
+from robotball.rates import Ramp, Samples, Sine
 
 
 @runtime_checkable
@@ -54,112 +53,58 @@ class Constant:
         return self.value * t
 
 
-class Ramp(
-    msgspec.Struct,
-    frozen=True,
-    forbid_unknown_fields=True,
-    kw_only=True,
-    tag_field="kind",
-    tag="ramp",
-):
-    """A rate that goes from `initial` to `final` between two times, linearly or smoothly.
+@dataclass(frozen=True)
+class Sum:
+    """A rate that is the sum of others: numbers, Ramps, Sines, Samples, functions of time."""
 
-    The smooth one starts and ends without a jerk: 3u² - 2u³ of the way at the fraction u.
-    """
-
-    final: float  # rad/s
-    end: float  # s
-    initial: float = 0.0  # rad/s
-    start: float = 0.0  # s
-    shape: Literal["linear", "smooth"] = "linear"
+    parts: tuple["Rate", ...]
 
     def __post_init__(self) -> None:
-        if not 0 <= self.start < self.end:
-            raise InputError(
-                f"a ramp must start at 0 or later and end after that, not from "
-                f"{self.start:g} to {self.end:g} s"
-            )
-        check_positive("the time that a ramp takes", self.end - self.start, "s")
-        check_size("a ramp's initial rate", self.initial, "rad/s")
-        check_size("a ramp's final rate", self.final, "rad/s")
+        parts = (part.parts if isinstance(part, Sum) else (part,) for part in self.parts)
+        object.__setattr__(self, "parts", tuple(itertools.chain.from_iterable(parts)))
+        if not self.parts:
+            raise InputError("a sum needs at least one rate")
+
+
+@dataclass(frozen=True)
+class Total:
+    """The drive of a Sum."""
+
+    drives: tuple[Drive, ...]
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
-        return (self.start, self.end)
-
-    def _fraction(self, t: Time) -> Any:
-        return np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)
+        return tuple(sorted({t for drive in self.drives for t in drive.breakpoints}))
 
     def rate(self, t: Time) -> Any:
-        u = self._fraction(t)
-        done = u if self.shape == "linear" else u * u * (3 - 2 * u)
-        return self.initial + (self.final - self.initial) * done
+        return sum(drive.rate(t) for drive in self.drives)
 
     def acceleration(self, t: Time) -> Any:
-        u = self._fraction(t)
-        inside = (t >= self.start) & (t < self.end)
-        slope = 1.0 if self.shape == "linear" else 6 * u * (1 - u)
-        return inside * slope * (self.final - self.initial) / (self.end - self.start)
+        return sum(drive.acceleration(t) for drive in self.drives)
 
     def angle(self, t: Time) -> Any:
-        u = self._fraction(t)
-        area = u * u / 2 if self.shape == "linear" else u**3 * (1 - u / 2)
-        rise = (self.final - self.initial) * (self.end - self.start)
-        after = np.maximum(t - self.end, 0.0)
-        return self.initial * t + rise * area + (self.final - self.initial) * after
+        return sum(drive.angle(t) for drive in self.drives)
 
 
-class Sine(
-    msgspec.Struct,
-    frozen=True,
-    forbid_unknown_fields=True,
-    kw_only=True,
-    tag_field="kind",
-    tag="sine",
-):
-    """A rate of mean + amplitude·sin(2π frequency t + phase)."""
-
-    amplitude: float  # rad/s
-    frequency: float  # Hz
-    mean: float = 0.0  # rad/s
-    phase: float = 0.0  # rad
-
-    def __post_init__(self) -> None:
-        check_positive("a sine's frequency", self.frequency, "Hz")
-        check_size("a sine's amplitude", self.amplitude, "rad/s")
-        check_size("a sine's mean", self.mean, "rad/s")
-        check_size("a sine's phase", self.phase, "rad")
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return ()
-
-    def _phase(self, t: Time) -> Any:
-        return 2 * np.pi * self.frequency * t + self.phase
-
-    def rate(self, t: Time) -> Any:
-        return self.mean + self.amplitude * np.sin(self._phase(t))
-
-    def acceleration(self, t: Time) -> Any:
-        return 2 * np.pi * self.frequency * self.amplitude * np.cos(self._phase(t))
-
-    def angle(self, t: Time) -> Any:
-        swing = (np.cos(self.phase) - np.cos(self._phase(t))) / (2 * np.pi * self.frequency)
-        return self.mean * t + self.amplitude * swing
-
-
-Rate = float | Ramp | Sine | Custom | Drive | Callable[[float], float]
+Rate = float | Ramp | Sine | Samples | Sum | Custom | Drive | Callable[[float], float]
 
 
 def as_drive(rate: Rate, end: float) -> Drive:
     """The drive of a rate in a run from 0 to `end` [s].
 
-    rate: a number [rad/s], a Ramp, a Sine, a function of time, a Custom, or an object of one's
-    own with a Drive's members. Raises InputError where it is none of these, or not finite at the
-    start.
+    rate: a number [rad/s], a Ramp, a Sine, Samples, a Sum, a function of time, a Custom, or an
+    object of one's own with a Drive's members. Raises InputError where it is none of these, not
+    finite at the start, or samples that do not reach over the run.
     """
     drive: Drive
-    if isinstance(rate, Constant | Ramp | Sine):
+    if isinstance(rate, Samples):
+        _check_covers(rate, end)
+        drive = rate
+    elif isinstance(rate, Sum):
+        drives = tuple(as_drive(part, end) for part in rate.parts)
+        steady = [each.value for each in drives if isinstance(each, Constant)]
+        drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)
+    elif isinstance(rate, Constant | Ramp | Sine | Total):
         drive = rate
     elif isinstance(rate, Custom):
         drive = Followed(rate, end)
@@ -172,6 +117,15 @@ def as_drive(rate: Rate, end: float) -> Drive:
         drive = Constant(_number(rate))
     check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
     return drive
+
+
+def _check_covers(samples: Samples, end: float) -> None:
+    first, last = samples.times[0], samples.times[-1]
+    if not (first <= 0 and last >= end * (1 - ROUNDING)):
+        raise InputError(
+            f"samples from t = {first:g} to {last:g} s do not reach over the run, from 0 to "
+            f"{end:g} s; give more of them, or shorten the run"
+        )
 
 
 def _number(rate: Any) -> float:
@@ -187,3 +141,12 @@ def _number(rate: Any) -> float:
 def turns(drive: Drive) -> bool:
     """Whether the hinge turns at all; a body whose rate is zero for good is fixed, motorless."""
     return drive != Constant(0.0)
+
+
+def functions_of(drive: Drive) -> Iterator[Followed]:
+    """What of a drive follows a function that is asked only when it is needed."""
+    if isinstance(drive, Followed):
+        yield drive
+    if isinstance(drive, Total):
+        for each in drive.drives:
+            yield from functions_of(each)

@@ -8,8 +8,7 @@ import numpy as np
 
 from robotball.bodies import ROUNDING, Ball, imbalance
 from robotball.contact import Friction
-from robotball.custom import Followed
-from robotball.drives import Constant, Drive, Rate, as_drive
+from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.hinges import Hinge
 from robotball.mechanics.robot import Robot, robot_of
@@ -83,8 +82,32 @@ class Scene:
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
         # Every engine starts from what is made exact here.
-        start = replace(self.start, attitude=attitude, momentum=momentum)
+        start = replace(self.start, attitude=attitude, momentum=momentum, **self._hinged_start())
         object.__setattr__(self, "start", start)
+
+    def _hinged_start(self) -> dict[str, Array | None]:
+        """The start's angles, None where all are 0, and its rates, those that are kept exactly."""
+        angles, rates = self.start.hinge_angles, self.start.hinge_rates
+        for name, values in (("angles", angles), ("rates", rates)):
+            if values is not None and values.shape != (len(self.drives),):
+                raise InputError(
+                    f"{len(self.drives)} hinges need as many {name} at the start, not an array of "
+                    f"shape {values.shape}"
+                )
+            for value in () if values is None else values.tolist():
+                check_size(f"a hinge's {name[:-1]} at the start", value, "rad")
+        if rates is not None:
+            motors = self.motors or (None,) * len(rates)
+            rates = np.array(
+                [
+                    float(drive.rate(0.0)) if motor is None else rate
+                    for drive, motor, rate in zip(self.drives, motors, rates.tolist(), strict=True)
+                ]
+            )
+        return {
+            "hinge_angles": None if angles is None or not angles.any() else angles,
+            "hinge_rates": rates,
+        }
 
     @cached_property
     def times(self) -> Array:
@@ -176,8 +199,8 @@ class Scene:
             return self
         scene = replace(self, duration=end)
         for drive in scene.drives:
-            if isinstance(drive, Followed):
-                assert drive.polynomials  # refused here, if at all
+            for function in functions_of(drive):
+                assert function.polynomials  # refused here, if at all
         return scene
 
     @cached_property

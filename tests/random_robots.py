@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from robotball.bodies import Ball, Frame, Pendulum, Rotor, Shell
-from robotball.drives import Sine
 from robotball.mechanics.robot import momentum_at
 from robotball.motors import Free, Motor, PositionServo, Servo, Torque
 from robotball.parameters import Rolling
+from robotball.rates import Sine
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from robotball.start import Start

@@ -11,10 +11,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from robotball.bodies import Frame
 from robotball.errors import InputError
 from robotball.files import mjcf_body
 from robotball.looks import PARTS
+from robotball.parts import Solid
 
 with warnings.catch_warnings(action="ignore"):
     # Without a screen, dm_control's search for a window system warns; nothing here needs one.
@@ -48,21 +48,16 @@ def text_of(root: Any) -> str:
     return ElementTree.tostring(tree, encoding="unicode") + "\n"
 
 
-def frame_of_mjcf(path: Path, name: str) -> Frame:
+def solid_of_mjcf(path: Path, name: str) -> Solid:
     """The mass, centre and inertia of the body `name` of an MJCF file, in the body's own axes.
 
-    Its origin is taken as the centre of the sphere. Raises InputError where the file does not
-    compile within a few seconds and a few hundred MB, has no such body, or the body carries others
-    that move on it.
+    Raises InputError where the file does not compile within a few seconds and a few hundred MB,
+    has no such body, or the body carries others that move on it.
     """
     answer = _body_of(path, name)
     if "error" in answer:
         raise InputError(f"{path}: {answer['error']}")
-    return Frame(
-        mass=answer["mass"],
-        inertia=np.array(answer["inertia"]),
-        centre=np.array(answer["centre"]),
-    )
+    return Solid(answer["mass"], np.array(answer["centre"]), np.array(answer["inertia"]))
 
 
 def _body_of(path: Path, name: str) -> dict[str, Any]:

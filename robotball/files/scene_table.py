@@ -1,193 +1,65 @@
-"""The tables of a scene's TOML: every key that there is, with its type."""
+"""The table of a whole scene."""
 
-from typing import Literal
+from typing import Annotated
 
-import msgspec
-import numpy as np
-
-from robotball import start as starts
-from robotball.bodies import Ball
-from robotball.drives import Ramp, Sine
-from robotball.errors import InputError
-from robotball.parameters import Parameters, Rolling, as_vector
-from robotball.rotations import Array, rotation_matrix
-from robotball.scene import GRAVITY
-from robotball.start import Start
-
-Triple = tuple[float, float, float]
-Quadruple = tuple[float, float, float, float]
-Rate = float | Ramp | Sine
+from robotball.described import key
+from robotball.files.body_table import FrameTable, PendulumTable, RotorTable, ShellTable
+from robotball.files.start_table import StartTable
+from robotball.files.tables import Table
+from robotball.parameters import Rolling
+from robotball.parts import Triple
+from robotball.scene import DOWN, GRAVITY
 
 
-class Table(msgspec.Struct, forbid_unknown_fields=True):
-    """A TOML table in which every key must be known."""
+class FrictionTable(Table, frozen=True):
+    """What the plane does to the shell besides carrying it."""
+
+    sliding: Annotated[
+        float | None, key("largest friction over the normal force; as much as needed if not given")
+    ] = None
+    torsional: Annotated[
+        float | None,
+        key("largest torque about the vertical over the normal force; likewise", "m"),
+    ] = None
+    rolling: Annotated[float, key("torque against rolling over the normal force", "m")] = 0.0
 
 
-class Axial(Table):
-    """Moments of a symmetric body about its axis and across it [kg m²]."""
-
-    axial: float
-    transverse: float
-
-
-class ShellInertia(Table):
-    """Two moments, or the thickness [m] of a homogeneous shell."""
-
-    axial: float | None = None
-    transverse: float | None = None
-    thickness: float | None = None
-
-
-class ShellTable(Table):
-    radius: float
-    mass: float
-    inertia: Literal["thin"] | ShellInertia
-    axis: Triple = (0.0, 0.0, 1.0)
-
-
-class HingeTable(Table, kw_only=True):
-    """How a hinge turns: at a rate [rad/s] kept exactly, or by a servo that follows it."""
-
-    rate: Rate = 0.0
-    drive: Literal["prescribed", "servo"] = "prescribed"
-    kv: float | None = None
-    torque_limit: float | None = None
-
-
-class BodyOf(Table):
-    """A body of an MJCF file, with all that is fixed to it; a relative path is from the scene's."""
-
-    file: str
-    body: str
-
-
-class FrameTable(HingeTable, kw_only=True):
-    mass: float | None = None
-    inertia: tuple[Triple, Triple, Triple] | None = None
-    centre: Triple = (0.0, 0.0, 0.0)
-    mjcf: BodyOf | None = None
-
-
-class RotorTable(HingeTable, kw_only=True):
-    mass: float
-    inertia: Axial
-    axis: Triple
-    centre: Triple = (0.0, 0.0, 0.0)
-
-
-class SectionTable(Table):
-    L: float
-    l: float
-    g: float
-    f: float
-    c: float = 0.0
-
-
-class StartTable(Table):
-    """An attitude and a momentum, in one of the forms of START_FORMS.
-
-    rest: M = 0, which is the paper's rest. It is not ω = 0: a frame or rotor that turns at the
-    start turns the ball. A ball that stands still has angular_velocity = [0, 0, 0].
-    """
-
-    section: SectionTable | None = None
-    attitude: Quadruple | None = None
-    gamma: Triple | None = None
-    alpha: Triple | None = None
-    momentum: Triple | None = None
-    momentum_world: Triple | None = None
-    angular_velocity: Triple | None = None
-    rest: bool = False
-
-
-class NumbersTable(Table):
+class NumbersTable(Table, frozen=True):
     """The numbers of the equations, for which bodies are designed."""
 
-    radius: float
-    A: list[float | Triple]  # a diagonal, or three rows
-    K: Triple
-    Omega: Triple
-    mass: float | None = None
+    radius: Annotated[float, key("a", "m")]
+    A: Annotated[list[float | Triple], key("A: its diagonal, or three rows", "1/(kg m²)")]
+    K: Annotated[Triple, key("K, in the same axes", "kg m²/s")]
+    Omega: Annotated[Triple, key("Ω, in the same axes", "rad/s")]
+    mass: Annotated[float | None, key("of the whole ball; found if not given", "kg")] = None
 
 
-class SceneTable(Table, kw_only=True):
-    title: str
-    rolling: Rolling
-    duration: float
-    start: StartTable
-    source: str = ""
-    gravity: float = GRAVITY
-    shell: ShellTable | None = None
-    frame: FrameTable | None = None
-    rotor: list[RotorTable] = []
-    numbers: NumbersTable | None = None
+class SceneTable(Table, frozen=True):
+    """What a scene is, as a whole."""
 
-
-TABLES: dict[str, type[Table]] = {
-    "": SceneTable,
-    "shell": ShellTable,
-    "frame": FrameTable,
-    "frame.mjcf": BodyOf,
-    "shell.inertia": ShellInertia,
-    "rotor": RotorTable,
-    "rotor.inertia": Axial,
-    "start": StartTable,
-    "start.section": SectionTable,
-    "numbers": NumbersTable,
-}
-
-
-def known_keys(table: str) -> list[str]:
-    """The keys of a table by its path, without indices."""
-    return list(TABLES[table].__struct_fields__) if table in TABLES else []
-
-
-START_FORMS = (
-    "section, or gamma and momentum, or an attitude (attitude, or gamma and alpha) with one of "
-    "momentum, momentum_world, angular_velocity and rest (M = 0; a ball that stands still has "
-    "angular_velocity = [0, 0, 0])"
-)
-
-
-def read_start(table: StartTable, ball: Ball, parameters: Parameters) -> Start:
-    """The one start that the table gives; a section's is in principal axes."""
-    given = {key for key in table.__struct_fields__ if getattr(table, key)}
-    axes = ball.principal[1]
-    if given == {"section"} and table.section:
-        gamma, M = starts.section_state(*msgspec.structs.astuple(table.section))
-        return starts.along_momentum(axes @ gamma, axes @ M)
-    if given == {"gamma", "momentum"}:
-        gamma = starts.unit("gamma", np.array(table.gamma))
-        return starts.along_momentum(gamma, np.array(table.momentum))
-    if (
-        given - MOMENTUM_KEYS in ({"attitude"}, {"gamma", "alpha"})
-        and len(given & MOMENTUM_KEYS) == 1
-    ):
-        attitude = _attitude(table)
-        return Start(attitude, _momentum(table, rotation_matrix(attitude), axes, parameters))
-    keys = ", ".join(sorted(given)) or "nothing"
-    raise InputError(f"start gives {keys}; it takes one form: {START_FORMS}")
-
-
-MOMENTUM_KEYS = {"momentum", "momentum_world", "angular_velocity", "rest"}
-
-
-def _attitude(table: StartTable) -> Array:
-    if table.attitude:
-        return starts.unit("attitude", np.array(table.attitude))
-    gamma, alpha = np.array(table.gamma), np.array(table.alpha)
-    return starts.attitude_of_axes(starts.unit("gamma", gamma), starts.unit("alpha", alpha))
-
-
-def _momentum(table: StartTable, to_world: Array, axes: Array, parameters: Parameters) -> Array:
-    """M (3,) in world axes of a table with one of MOMENTUM_KEYS."""
-    if table.momentum:
-        return to_world @ np.array(table.momentum)
-    if table.momentum_world:
-        return np.array(table.momentum_world)
-    if table.rest:
-        return np.zeros(3)
-    omega, gamma = axes.T @ np.array(table.angular_velocity), axes.T @ to_world[2]
-    if parameters.rolling == "rubber":
-        starts.check_no_spin(omega - parameters.Omega, gamma)
-    return to_world @ axes @ parameters.momentum(as_vector(omega), as_vector(gamma))
+    title: Annotated[str, key("one line, for tables and plots")]
+    rolling: Annotated[
+        Rolling,
+        key("`rubber`: the shell neither slips nor spins on the spot; `classical`: no slip"),
+    ]
+    duration: Annotated[float, key("of the motion", "s")]
+    start: Annotated[StartTable, key("where the motion starts, see Start")]
+    source: Annotated[str, key("where the numbers come from, any lines of text")] = ""
+    gravity: Annotated[float, key("how fast things fall", "m/s²")] = GRAVITY
+    gravity_direction: Annotated[
+        Triple,
+        key(
+            "which way they fall, a direction of any length; Z is up from the plane, and "
+            "`[tan(slope), 0, -1]` is a plane that goes down towards X"
+        ),
+    ] = DOWN
+    friction: Annotated[FrictionTable, key("friction of the plane, see Friction")] = FrictionTable()
+    shell: Annotated[ShellTable | None, key("the sphere that rolls, see Shell")] = None
+    frame: Annotated[FrameTable | None, key("what turns in it, see Frame")] = None
+    rotor: Annotated[tuple[RotorTable, ...], key("`[[rotor]]`, any number of them, see Rotor")] = ()
+    pendulum: Annotated[
+        tuple[PendulumTable, ...], key("`[[pendulum]]`, any number of them, see Pendulum")
+    ] = ()
+    numbers: Annotated[
+        NumbersTable | None, key("instead of bodies: numbers of the paper's equations, see Numbers")
+    ] = None

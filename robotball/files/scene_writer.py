@@ -6,11 +6,14 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotball.bodies import Frame, Rotor, Shell, thin_shell_inertia
-from robotball.drives import Ramp, Rate, Sine
+from robotball.bodies import Frame, Pendulum, Rotor, Shell, thin_shell_inertia
+from robotball.contact import Friction
+from robotball.drives import Rate, Sum
 from robotball.errors import InputError
-from robotball.motors import Motor, Servo
-from robotball.scene import GRAVITY, Scene
+from robotball.motors import Free, Motor, PositionServo, Servo, Torque
+from robotball.rates import Ramp, Samples, Sine
+from robotball.rotations import Array
+from robotball.scene import DOWN, GRAVITY, Scene
 
 AT_REST = "M = 0; ω is not, where frame or rotors turn"
 
@@ -25,7 +28,7 @@ def scene_toml(scene: Scene) -> str:
 
 def _lines(scene: Scene) -> Iterator[str]:
     ball = scene.ball
-    hinges = scene.motors or (None,) * (1 + len(ball.rotors))
+    hinges = list(_hinges(scene))
     yield f"title = {_string(scene.title)}"
     if scene.source:
         source = _escaped(scene.source, keep="\n")
@@ -34,15 +37,26 @@ def _lines(scene: Scene) -> Iterator[str]:
     yield f"duration = {_number(scene.duration)}"
     if scene.gravity != GRAVITY:
         yield f"gravity = {_number(scene.gravity)}"
+    if scene.gravity_direction != DOWN:
+        yield f"gravity_direction = {_array(scene.gravity_direction)}"
+    yield from _friction(scene.friction)
     yield from _shell(ball.shell)
-    yield from _frame(ball.frame)
-    yield from _hinge(scene.frame_rate, hinges[0])
-    for rotor, rate, motor in zip(ball.rotors, scene.rotor_rates, hinges[1:], strict=True):
-        yield from _rotor(rotor)
-        yield from _hinge(rate, motor)
+    yield from (*_frame(ball.frame), *hinges.pop(0))
+    for rotor in ball.rotors:
+        yield from (*_rotor(rotor), *hinges.pop(0))
+    for pendulum in ball.pendulums:
+        yield from (*_pendulum(pendulum), *hinges.pop(0))
     yield from ("", "[start]", f"attitude = {_array(scene.start.attitude)}")
     momentum = f"momentum_world = {_array(scene.start.momentum)}"
     yield momentum if np.any(scene.start.momentum) else f"{momentum}  # {AT_REST}"
+
+
+def _friction(friction: Friction) -> Iterator[str]:
+    if friction != Friction():
+        yield from ("", "[friction]")
+        for name in ("sliding", "torsional", "rolling"):
+            if value := getattr(friction, name):
+                yield f"{name} = {_number(value)}"
 
 
 def _shell(shell: Shell) -> Iterator[str]:
@@ -52,12 +66,23 @@ def _shell(shell: Shell) -> Iterator[str]:
     inertia = _string("thin") if moments == (thin, thin) else _moments(shell)
     yield f"inertia = {inertia}"
     yield f"axis = {_array(shell.axis)}"
+    if shell.offset:
+        yield f"offset = {_number(shell.offset)}"
 
 
 def _frame(frame: Frame) -> Iterator[str]:
-    rows = [f"    {_array(row)}," for row in frame.inertia]
-    yield from ("", "[frame]", f"mass = {_number(frame.mass)}", "inertia = [", *rows, "]")
+    yield from ("", "[frame]", f"mass = {_number(frame.mass)}", *_tensor(frame.inertia))
     yield from _centre(frame)
+
+
+def _pendulum(body: Pendulum) -> Iterator[str]:
+    yield from ("", "[[pendulum]]", f"mass = {_number(body.mass)}", *_tensor(body.inertia))
+    yield from _centre(body)
+    yield from (f"axis = {_array(body.axis)}", f"pivot = {_array(body.pivot)}")
+
+
+def _tensor(inertia: Array) -> list[str]:
+    return ["inertia = [", *(f"    {_array(row)}," for row in inertia), "]"]
 
 
 def _rotor(rotor: Rotor) -> Iterator[str]:
@@ -71,23 +96,55 @@ def _moments(body: Shell | Rotor) -> str:
     return f"{{ axial = {axial}, transverse = {transverse} }}"
 
 
-def _centre(body: Frame | Rotor) -> Iterator[str]:
+def _centre(body: Frame | Rotor | Pendulum) -> Iterator[str]:
     if np.any(body.centre):
         yield f"centre = {_array(body.centre)}"
 
 
-def _hinge(rate: Rate, motor: Motor | None) -> Iterator[str]:
-    yield f"rate = {_rate(rate)}"
-    if motor is not None:
-        if not isinstance(motor, Servo):
-            raise InputError(f"a scene file holds velocity servos only, not {motor}")
-        yield from ('drive = "servo"', f"kv = {_number(motor.gain)}")
-        if motor.torque_limit is not None:
-            yield f"torque_limit = {_number(motor.torque_limit)}"
+def _hinges(scene: Scene) -> Iterator[list[str]]:
+    """The lines of each hinge."""
+    commands = (scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates)
+    motors, angles = scene.motors or (None,) * len(commands), scene.start.hinge_angles
+    rates = scene.start.hinge_rates
+    for i, (command, motor) in enumerate(zip(commands, motors, strict=True)):
+        lines = list(_moved(command, motor))
+        if angles is not None and angles[i]:
+            lines.append(f"initial_angle = {_number(angles[i])}")
+        if rates is not None and motor is not None:
+            lines.append(f"initial_rate = {_number(rates[i])}")
+        yield lines
+
+
+def _moved(command: Rate, motor: Motor | None) -> Iterator[str]:
+    match motor:
+        case None:
+            yield f"rate = {_rate(command)}"
+        case Servo(gain, limit, armature):
+            yield from (f"rate = {_rate(command)}", 'drive = "servo"', f"kv = {_number(gain)}")
+            yield from _nonzero(torque_limit=limit, armature=armature)
+        case PositionServo(gain, damping, limit, armature):
+            yield from (f"angle = {_rate(command)}", 'drive = "position"', f"kp = {_number(gain)}")
+            yield from _nonzero(kd=damping, torque_limit=limit, armature=armature)
+        case Torque(armature):
+            yield from (f"torque = {_rate(command)}", 'drive = "torque"')
+            yield from _nonzero(armature=armature)
+        case Free(damping, stiffness, rest, armature):
+            yield 'drive = "free"'
+            yield from _nonzero(damping=damping, stiffness=stiffness, rest=rest, armature=armature)
+        case _:
+            raise InputError(f"a scene file cannot hold the motor {motor}")
+
+
+def _nonzero(**numbers: float | None) -> Iterator[str]:
+    for key, value in numbers.items():
+        if value:
+            yield f"{key} = {_number(value)}"
 
 
 def _rate(rate: Rate) -> str:
-    if isinstance(rate, Ramp | Sine):
+    if isinstance(rate, Sum):
+        return f"[{', '.join(map(_rate, rate.parts))}]"
+    if isinstance(rate, Ramp | Sine | Samples):
         fields = msgspec.to_builtins(rate)
         return f"{{ {', '.join(f'{key} = {_value(value)}' for key, value in fields.items())} }}"
     if isinstance(rate, float | int):
@@ -95,8 +152,10 @@ def _rate(rate: Rate) -> str:
     raise InputError("a rate given by a function of time cannot be written to a scene file")
 
 
-def _value(value: str | float) -> str:
-    return _string(value) if isinstance(value, str) else _number(value)
+def _value(value: str | float | tuple[float, ...]) -> str:
+    if isinstance(value, str):
+        return _string(value)
+    return _array(value) if isinstance(value, tuple | list) else _number(value)
 
 
 def _array(values: ArrayLike) -> str:

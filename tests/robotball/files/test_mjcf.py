@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
-from robotball.files.mjcf import frame_of_mjcf
+from robotball.files.mjcf import solid_of_mjcf
 
 
 def mjcf(inside: str = "", before: str = "") -> str:
@@ -49,7 +49,7 @@ def test_a_hostile_file_is_one_short_line(tmp_path: Path, text: str, words: str)
     path = tmp_path / "model.xml"
     path.write_text(text)
     with pytest.raises(rb.InputError, match=words) as refusal:
-        frame_of_mjcf(path, "b")
+        solid_of_mjcf(path, "b")
     assert len(str(refusal.value)) <= 500
 
 
@@ -59,7 +59,7 @@ def test_a_file_that_takes_long_is_given_up(tmp_path: Path) -> None:
     path = tmp_path / "model.xml"
     path.write_text(mjcf(replicated(2_000_000, GEOM)))
     with pytest.raises(rb.InputError, match=r"it takes more than (5 s|20 s|500 MB) to load"):
-        frame_of_mjcf(path, "b")
+        solid_of_mjcf(path, "b")
 
 
 @pytest.mark.slow
@@ -67,4 +67,4 @@ def test_an_ordinary_file_is_loaded(tmp_path: Path) -> None:
     """Limits leave room for a hundred geoms; their mass is the body's."""
     path = tmp_path / "model.xml"
     path.write_text(mjcf(replicated(100, '<geom size=".1" mass=".5"/>')))
-    assert frame_of_mjcf(path, "b").mass == pytest.approx(51.0, rel=1e-12)
+    assert solid_of_mjcf(path, "b").mass == pytest.approx(51.0, rel=1e-12)

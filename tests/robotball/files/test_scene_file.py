@@ -243,15 +243,23 @@ ATTITUDE = "attitude = [1.0, 0.0, 0.0, 0.0]\n"
         ("l = 0.6", "q = 0.6", "start.section: unknown key 'q'"),
         ("g = 0.0,", "", "start.section: key 'g' is missing"),
         # types
-        ("duration = 10.0", "duration = '10'", "duration: Expected `float`, got `str`"),
-        ("mass = 0.0284", "mass = [1.0]", "rotor1.mass: Expected `float`, got `array`"),
-        ("mass = 0.0284", "mass = true", "rotor1.mass: Expected `float`, got `bool`"),
-        ('rolling = "rubber"', 'rolling = "sliding"', "rolling: Invalid enum value 'sliding'"),
-        ('inertia = "thin"', 'inertia = "thick"', "shell.inertia: Invalid enum value 'thick'"),
+        ("duration = 10.0", "duration = '10'", "duration: it must be a number, not text"),
+        ("mass = 0.0284", "mass = [1.0]", "rotor1.mass: it must be a number, not a list"),
+        ("mass = 0.0284", "mass = true", "rotor1.mass: it must be a number, not true or false"),
+        (
+            'rolling = "rubber"',
+            'rolling = "sliding"',
+            "rolling: unknown value 'sliding'; it takes",
+        ),
+        (
+            'inertia = "thin"',
+            'inertia = "thick"',
+            "shell.inertia: unknown value 'thick'; it takes",
+        ),
         (
             "f = 25.0 }",
             "f = 25.0 }\nattitude = [1.0, 0.0]",
-            "attitude: Expected `array` of length 4",
+            "attitude: it must be a list of 4, not 2",
         ),
         # values
         ("radius = 1.0", "radius = 0.0", "the shell's radius must be positive and finite, not 0"),

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball.bodies import Ball, Frame, Rotor, Shell, thin_shell_inertia
-from robotball.drives import Ramp, Sine
-from robotball.motors import Servo
+from robotball.bodies import Ball, Frame, Pendulum, Rotor, Shell, thin_shell_inertia
+from robotball.contact import Friction
+from robotball.motors import Free, PositionServo, Servo, Torque
 from robotball.parameters import Rolling
+from robotball.rates import Ramp, Sine
 from robotball.rotations import Array
 from robotball.start import Start
 
@@ -72,15 +73,20 @@ def shells(draw: st.DrawFn) -> Shell:
     axial = transverse * draw(numbers(0.1, 1.9))
     if draw(st.booleans()):
         axial = transverse = thin_shell_inertia(radius, mass)
-    return Shell(radius, mass, axial, transverse, draw(units(3)))
+    offset = draw(st.just(0.0) | numbers())
+    return Shell(radius, mass, axial, transverse, draw(units(3)), offset)
 
 
 @st.composite
-def frames(draw: st.DrawFn) -> Frame:
-    """Of any second moments about any axes."""
+def tensors(draw: st.DrawFn) -> Array:
+    """An inertia (3, 3) of any second moments about any axes."""
     axes = Rotation.from_quat(draw(units(4))).as_matrix()
     second = axes @ np.diag([draw(numbers(1e-3, 1e3)) for _ in range(3)]) @ axes.T
-    return Frame(draw(positive), np.trace(second) * np.eye(3) - second, draw(centres()))
+    return np.trace(second) * np.eye(3) - second
+
+
+frames = st.builds(Frame, positive, tensors(), centres())
+pendulums = st.builds(Pendulum, positive, tensors(), centres(), units(3), centres())
 
 
 @st.composite
@@ -92,7 +98,15 @@ def rotors(draw: st.DrawFn) -> Rotor:
     )
 
 
-rates = st.one_of(
+@st.composite
+def samples(draw: st.DrawFn) -> rb.Samples:
+    """From 0 to beyond any duration."""
+    steps = draw(st.lists(numbers(1e-3, 1e3), min_size=1, max_size=5))
+    times = (0.0, *np.cumsum([*steps, 1e10]).tolist())
+    return rb.Samples(times=times, values=tuple(draw(numbers()) for _ in times))
+
+
+simple_rates: st.SearchStrategy[rb.Ramp | rb.Sine | rb.Samples | float] = st.one_of(
     numbers(),
     st.builds(
         lambda start, length, **others: Ramp(start=start, end=start + length, **others),
@@ -100,41 +114,63 @@ rates = st.one_of(
         length=numbers(0.1, 10),
         initial=numbers(-1e3, 1e3),
         final=numbers(-1e3, 1e3),
-        shape=st.sampled_from(["linear", "smooth"]),
+        shape=st.sampled_from(["linear", "smooth", "quintic"]),
     ),
     st.builds(
         Sine, mean=numbers(), amplitude=numbers(), frequency=numbers(1e-3, 10), phase=numbers()
     ),
+    samples(),
 )
-servos = st.builds(Servo, gain=positive, torque_limit=st.none() | positive)
+rates = simple_rates | st.lists(simple_rates, min_size=1, max_size=3).map(
+    lambda parts: rb.Sum(tuple(parts))
+)
+maybe, sometimes = st.none() | positive, st.just(0.0) | positive
+motors = st.one_of(
+    st.none(),
+    st.builds(Servo, gain=positive, torque_limit=maybe, armature=sometimes),
+    st.builds(PositionServo, positive, sometimes, torque_limit=maybe, armature=sometimes),
+    st.builds(Torque, armature=sometimes),
+    st.builds(Free, sometimes, sometimes, rest=numbers(), armature=sometimes),
+)
 texts = st.text(st.characters(exclude_categories=["Cs"]))
 
 
 @st.composite
 def scenes(draw: st.DrawFn) -> rb.Scene:
     """Any bodies, rates, motors and starts."""
-    bodies = draw(shells()), draw(frames()), tuple(draw(st.lists(rotors(), max_size=3)))
+    bodies = draw(shells()), draw(frames), tuple(draw(st.lists(rotors(), max_size=2)))
+    hung = tuple(draw(st.lists(pendulums, max_size=2)))
     try:
-        ball = Ball(*bodies)
+        ball = Ball(*bodies, hung)
     except rb.InputError:  # bodies of such different sizes that the whole is one of them, rounded
         reject()
-    hinges = 1 + len(ball.rotors)
-    turning = [draw(rates) for _ in range(hinges)]
-    motors = tuple(draw(st.none() | servos) for _ in range(hinges))
+    moved = [draw(motors) for _ in ball.named_bodies[1:]]
+    # What a free hinge is commanded is not used, and not written.
+    told = [0.0 if isinstance(motor, Free) else draw(rates) for motor in moved]
+    angles = np.array([draw(sometimes) for _ in moved])
+    turned = (
+        np.array([draw(numbers()) for _ in moved]) if any(moved) and draw(st.booleans()) else None
+    )
     rolling: Rolling = "rubber" if draw(st.booleans()) else "classical"
     vertical = draw(numbers()) if rolling == "classical" else 0.0
+    momentum = np.array([draw(numbers()), draw(numbers()), vertical])
+    down = draw(st.just((0.0, 0.0, -1.0)) | units(3).map(lambda v: (v[0], v[1], -abs(v[2]))))
+    assume(down[2] < 0)
     return rb.Scene(
         name="any",
         title=draw(texts),
         source=draw(texts),
         ball=ball,
         rolling=rolling,
-        frame_rate=turning[0],
-        rotor_rates=tuple(turning[1:]),
-        start=Start(draw(units(4)), np.array([draw(numbers()), draw(numbers()), vertical])),
+        frame_rate=told[0],
+        rotor_rates=tuple(told[1 : 1 + len(ball.rotors)]),
+        pendulum_rates=tuple(told[1 + len(ball.rotors) :]),
+        start=Start(draw(units(4)), momentum, angles, turned),
         duration=draw(positive),
         gravity=draw(st.just(9.81) | positive),
-        motors=motors if any(motors) else (),
+        gravity_direction=down,
+        friction=draw(st.builds(Friction, maybe, maybe, sometimes)),
+        motors=tuple(moved) if any(moved) else (),
     )
 
 

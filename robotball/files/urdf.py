@@ -1,0 +1,119 @@
+"""A link of a URDF file: its mass, its centre of mass and its inertia."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robotball.errors import InputError, unknown
+from robotball.parts import Solid, composed
+from robotball.rotations import Array
+
+LONGEST = 10_000_000  # bytes
+
+
+def solid_of_urdf(path: Path, name: str) -> Solid:
+    """The link `name` with all that fixed joints hold on it, in the link's own axes.
+
+    Raises InputError where there is no such link, or others move on it, or it has no inertia.
+    """
+    try:
+        return _link(_robot(path), name)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _robot(path: Path) -> Element:
+    try:
+        if path.stat().st_size > LONGEST:
+            raise InputError(f"it is longer than {LONGEST / 1e6:g} MB")
+        robot = ElementTree.fromstring(path.read_bytes())
+    except OSError as error:
+        raise InputError(str(error.strerror or error)) from None
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"no XML: {error}") from None
+    if robot.tag != "robot":
+        raise InputError(f"no URDF: its root is <{robot.tag}>, not <robot>")
+    return robot
+
+
+def _link(robot: Element, name: str) -> Solid:
+    links = {str(link.get("name")): link for link in robot.findall("link")}
+    if name not in links:
+        raise unknown("link", name, links)
+    children: dict[str, list[Element]] = {}
+    for joint in robot.findall("joint"):
+        children.setdefault(_named(joint, "parent"), []).append(joint)
+    solids: list[Solid] = []
+    left: list[tuple[str, Array, Array]] = [(name, np.zeros(3), np.eye(3))]
+    seen: set[str] = set()
+    while left:
+        each, origin, axes = left.pop()
+        if each in seen:
+            raise InputError(f"link {each!r} hangs on itself")
+        if each not in links:
+            raise unknown("link", each, links)
+        seen.add(each)
+        solids += [
+            Solid(one.mass, origin + axes @ one.centre, axes @ one.inertia @ axes.T)
+            for one in _own(links[each])
+        ]
+        for joint in children.get(each, []):
+            if joint.get("type") != "fixed":
+                raise InputError(
+                    f"link {name!r} carries {_named(joint, 'child')!r}, which moves on it; take "
+                    "each as a body of its own"
+                )
+            at, turn = _origin(joint)
+            left.append((_named(joint, "child"), origin + axes @ at, axes @ turn))
+    if not solids:
+        raise InputError(f"link {name!r} has no inertial")
+    return composed(solids)
+
+
+def _own(link: Element) -> list[Solid]:
+    """The link's own body, or none."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return []
+    what = f"link {link.get('name')!r}'s inertial"
+    (mass,) = _numbers(inertial.find("mass"), "value", 1, what)
+    tensor = inertial.find("inertia")
+    xx, xy, xz, yy, yz, zz = (
+        _numbers(tensor, key, 1, what)[0] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    centre, axes = _origin(inertial)
+    inertia = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
+    if not mass > 0:
+        raise InputError(f"{what} has no mass: {mass:g} kg")
+    return [Solid(mass, centre, inertia)]
+
+
+def _named(joint: Element, end: str) -> str:
+    element = joint.find(end)
+    return "" if element is None else str(element.get("link"))
+
+
+def _origin(element: Element) -> tuple[Array, Array]:
+    """The place (3,) and the axes (3, 3) of an element's origin."""
+    origin = element.find("origin")
+    if origin is None:
+        return np.zeros(3), np.eye(3)
+    what = f"the origin of <{element.tag}>"
+    at = _numbers(origin, "xyz", 3, what) if origin.get("xyz") else [0.0] * 3
+    turn = _numbers(origin, "rpy", 3, what) if origin.get("rpy") else [0.0] * 3
+    return np.array(at), Rotation.from_euler("xyz", turn).as_matrix()
+
+
+def _numbers(element: Element | None, key: str, count: int, what: str) -> list[float]:
+    """The numbers of an attribute; InputError unless there are so many, all finite."""
+    text = "" if element is None else element.get(key, "")
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not np.all(np.isfinite(numbers)):
+        raise InputError(f"{what}: {key} takes {count} finite numbers, not {text!r}")
+    return numbers

@@ -186,7 +186,7 @@ class Scene:
 
     @cached_property
     def keeps_momentum(self) -> bool:
-        """Whether M is constant in space: dM/dt is ... of the centre of mass and gravity."""
+        """Whether M is constant in space: balanced, on a level plane that resists no rolling."""
         upright = self.gravity_direction == DOWN
         return upright and not self.load_varies and not self.friction.rolling
 

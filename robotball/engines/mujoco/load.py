@@ -18,8 +18,14 @@ from robotball.scene import Scene
 VARYING: dict[str, Any] = {"solver": "Newton", "iterations": 10, "softness": 1e-5}
 
 
+# The depth goes as the square of the contact's time constant [s], which has to be two timesteps at
+# least. Steps that are chosen by their error have none, and rounding bounds it.
+SHORTEST = (0.005, 1.0)
+
+
 def fitted(settings: Settings, scene: Scene) -> Settings:
     """The settings as they are for this scene's load; those that fit none stay as they are."""
     if not settings.fits_load or not scene.load_varies:
         return settings
-    return replace(settings, **VARYING, fits_load=False)
+    solref = SHORTEST if settings.adaptive and not settings.timestep else settings.solref
+    return replace(settings, **VARYING, solref=solref, fits_load=False)

@@ -20,7 +20,7 @@ VARYING: dict[str, Any] = {"solver": "Newton", "iterations": 10, "softness": 1e-
 
 # The depth goes as the square of the contact's time constant [s], which has to be two timesteps at
 # least. Steps that are chosen by their error have none, and rounding bounds it.
-SHORTEST = (0.005, 1.0)
+SHORTEST = (0.01, 1.0)
 
 
 def fitted(settings: Settings, scene: Scene) -> Settings:

@@ -75,8 +75,6 @@ class Chosen:
         """The contact's dimension: how many directions of force and torque it has."""
         if self.settings.condim is not None:
             return self.settings.condim
-        if self.scene.friction.rolling:
-            return 6
         return 4 if self.scene.rolling == "rubber" else 3
 
     @property
@@ -87,9 +85,7 @@ class Chosen:
         spin = settings.torsional_friction_of(self.scene.ball.radius)
         if own.torsional is not None:
             spin = own.torsional
-        elif own.rolling and self.scene.rolling == "classical":
-            spin = 0.0  # it may spin: the row is there for the rolling ones behind it
-        return slide, spin, own.rolling or settings.rolling_friction
+        return slide, spin, settings.rolling_friction
 
     def _option(self, name: str) -> Any:
         value = getattr(self.settings, name, None)

@@ -54,8 +54,6 @@ def drag(plan: PlannedRun) -> LimitCheck | None:
     Rolling friction with condim 6 in both models, torsional friction in the classical one, which
     may spin. The part that is gone by the end, at most.
     """
-    if plan.settings.condim is None:  # what rows there are is the scene's own
-        return None
     eats = plan.friction[2] if plan.condim >= 6 else 0.0
     if plan.scene.rolling == "classical" and plan.condim >= 4:
         eats += plan.friction[1]

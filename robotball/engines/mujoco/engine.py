@@ -29,7 +29,9 @@ class MuJoCo(Engine):
     least_accuracy: float | None = LEAST_ACCURACY
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Nothing: every scene has a model."""
+        """Only a resistance to rolling that varies: it would need the load before it is known."""
+        if scene.friction.rolling and scene.load_varies:
+            return "its plane resists rolling, by a load that varies"
         return None
 
     def run(

@@ -1,12 +1,19 @@
 """The names of `robotball`, each from its home; loaded when they are first used."""
 
+from .bodies import Ball as Ball
+from .bodies import Frame as Frame
+from .bodies import Pendulum as Pendulum
+from .bodies import Rotor as Rotor
+from .bodies import Shell as Shell
 from .custom import Custom as Custom
 from .designing.design import Design as Design
 from .designing.design import design as design
 from .designing.feasibility import Limits as Limits
+from .drives import Drive as Drive
 from .drives import Sum as Sum
 from .engines import engine_named as engine_named
 from .engines import engine_names as engine_names
+from .engines.integrate import integrate as integrate
 from .engines.mujoco.settings import PRESETS as PRESETS
 from .engines.mujoco.settings import Settings as Settings
 from .engines.mujoco.settings import preset as preset
@@ -15,7 +22,6 @@ from .engines.protocol import Request as Request
 from .engines.recorded import RecordedMotion as RecordedMotion
 from .engines.recorded import load_motion as load_motion
 from .engines.recorded import recorded as recorded
-from .engines.reduced.integrate import integrate as integrate
 from .engines.simulate import simulate as simulate
 from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning
@@ -39,5 +45,6 @@ from .rates import Ramp as Ramp
 from .rates import Samples as Samples
 from .rates import Sine as Sine
 from .scene import Scene as Scene
-from .scene import sample_times as sample_times
 from .settings import EngineSettings as EngineSettings
+from .start import Start as Start
+from .times import sample_times as sample_times

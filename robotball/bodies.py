@@ -8,6 +8,7 @@ import numpy as np
 
 from robotball.errors import LARGEST, InputError, check_positive, check_size
 from robotball.rotations import Array
+from robotball.value import Value
 
 # How far, relative to its largest part, an inertia may miss a condition by rounding alone.
 ROUNDING = 1e-12
@@ -41,7 +42,7 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
 
 
 @dataclass(frozen=True)
-class Shell:
+class Shell(Value):
     """The sphere that rolls: symmetric about `axis` (3,), about which the frame turns in it.
 
     SI units; `axis` is a unit vector in frame axes. offset [m]: how far along it the shell's
@@ -66,7 +67,7 @@ class Shell:
 
 
 @dataclass(frozen=True)
-class Frame:
+class Frame(Value):
     """What turns inside the shell and carries the rotors.
 
     mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
@@ -79,7 +80,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Rotor:
+class Rotor(Value):
     """A symmetric body turning on the frame about its own axis (3,), a unit vector.
 
     Its moments are about its own centre of mass; centre (3,) m, that centre from the shell's.
@@ -97,7 +98,7 @@ class Rotor:
 
 
 @dataclass(frozen=True)
-class Pendulum:
+class Pendulum(Value):
     """Any body on a hinge of the frame, as it is at the hinge's angle 0, frame axes.
 
     mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
@@ -116,7 +117,7 @@ Body = Shell | Frame | Rotor | Pendulum
 
 
 @dataclass(frozen=True)
-class Ball:
+class Ball(Value):
     """Shell, frame, rotors and pendulums, in the frame's own axes, not always principal axes.
 
     The reduced equations need it balanced, its centre of mass at the centre of the sphere, and
@@ -222,14 +223,29 @@ def imbalance(ball: Ball) -> str | None:
 def beyond_the_shell(ball: Ball) -> list[str]:
     """Which bodies need mass outside the sphere, a line each: no workshop can build them.
 
-    tr(I)/2 = Σ m r² about the centre of the sphere is at most m a² for mass within the radius a.
+    tr(I)/2 = Σ m r² about the centre of the sphere is at most m a² for mass within the radius a;
+    of a pendulum at every angle.
     """
     lines = []
     for name, body in ball.named_bodies:
-        reach = float(np.sqrt(np.trace(_about_the_shells(body)) / 2 / body.mass))
+        spread = float(np.trace(body.inertia)) / 2 / body.mass
+        reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
-            lines.append(f"{name} has mass outside the shell: at {reach:.4g} m, of {ball.radius:g}")
+            lines.append(
+                f"{name} has mass outside the shell: at {reach:.4g} m, of {ball.radius:g}; check "
+                "its inertia and centre"
+            )
     return lines
+
+
+def _furthest(body: Body) -> float:
+    """How far its centre of mass is from the sphere's, at a pendulum's worst angle [m]."""
+    if not isinstance(body, Pendulum):
+        return float(np.linalg.norm(body.centre))
+    n, arm = body.axis, body.centre - body.pivot
+    height = float(n @ body.centre)
+    circle = float(np.linalg.norm(np.cross(n, arm)))
+    return math.hypot(height, circle + float(np.linalg.norm(np.cross(n, body.pivot))))
 
 
 def _about_the_shells(body: Body) -> Array:

@@ -1,10 +1,10 @@
 """Motion: what every engine returns, and how far two motions of one scene are apart."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from robotball.faults import Fault
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 from robotball.settings import EngineSettings
+from robotball.shown import Shown
+from robotball.value import Value
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Label:
 
 
 @dataclass(frozen=True)
-class ContactReport:
+class ContactReport(Value):
     """What a contact engine did besides moving the ball; arrays (n,) are at the motion's times.
 
     settings         those of the run
@@ -36,6 +38,7 @@ class ContactReport:
     friction_used    fraction of the friction cone that the contact force needs; 1 is saturated
     hinge_rate_error largest error of a hinge's rate, relative to the rate
     faults           what went wrong, the earliest first; empty for a sound run
+    notes            what belongs to the motion and is worth telling, as a motor at its limit
     timestep         s, the longest step taken
     steps            taken
     seconds          of processor time that they took, set-up excluded
@@ -55,14 +58,15 @@ class ContactReport:
     faults: tuple[Fault, ...]
     timestep: float
     steps: int
-    seconds: float
-    total_seconds: float
+    seconds: float = field(compare=False)
+    total_seconds: float = field(compare=False)
     estimated_error: float | None = None
-    python_seconds: float | None = None
+    notes: tuple[Fault, ...] = ()
+    python_seconds: float | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)
-class Loads:
+class Loads(Value):
     """Forces and torques at n times, on h hinges (the frame's, then the rotors').
 
     contact_force  (n, 3)  N, world: of the plane on the shell, the normal force last
@@ -95,8 +99,8 @@ def _per_newton(load: Array, normal_force: Array) -> Array:
     return np.divide(load, normal_force, out=np.zeros_like(load), where=normal_force > 0)
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, repr=False)
+class Motion(Shown, Value):
     """A sampled motion of a scene's ball, with n times, h hinges (the frame's, then the rotors').
 
     scene                     what moved
@@ -155,7 +159,7 @@ class Motion:
 
         report = getattr(self, "report", None)
         timestep = report.timestep if isinstance(report, ContactReport) else None
-        write_motion(Path(path), self.scene, asdict(self.engine), dict(_arrays(self)), timestep)
+        write_motion(Path(path), self.scene, asdict(self.engine), dict(arrays_of(self)), timestep)
 
 
 def gamma_of(attitude: Array) -> Array:
@@ -163,14 +167,18 @@ def gamma_of(attitude: Array) -> Array:
     return rotation_matrix(attitude)[:, 2, :]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ReferenceMotion(Motion):
     """A motion that others are measured by, and that knows how good it is itself.
 
-    again: the contact points (n, 2) of the same motion, made by longer steps [m].
+    again               the contact points (n, 2) of the same motion, made by longer steps [m]
+    motor_work  (n, h)  J: what the motors have put in since the start; None of the small equations
+    rolling_loss  (n,)  J: what the plane's resistance to rolling has taken; None likewise
     """
 
-    again: Callable[[], Array] = field(repr=False)
+    again: Callable[[], Array] = field(compare=False)
+    motor_work: Array | None = None
+    rolling_loss: Array | None = None
 
     @cached_property
     def reference_error(self) -> float:
@@ -183,14 +191,25 @@ class ReferenceMotion(Motion):
         return float(off.max() / self.path_scale)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ContactMotion(Motion):
     """A motion by a contact engine, with its report."""
 
     report: ContactReport
 
 
-AnyMotion = TypeVar("AnyMotion", bound=Motion)
+Place = tuple[str, ...]
+
+
+def arrays_of(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[Any]]]:
+    """The arrays over the times of a motion, of its loads and of its report, by their names."""
+    for each in fields(record):
+        value = getattr(record, each.name)
+        if isinstance(value, np.ndarray):
+            yield (*place, each.name), value
+        elif isinstance(value, Loads | ContactReport):
+            yield from arrays_of(value, (*place, each.name))
+
 
 # Long motions are made and measured in pieces, so that what is needed on the way stays small.
 
@@ -202,46 +221,7 @@ def pieces(count: int) -> Iterator[slice]:
     return (slice(i, min(i + PIECE, count)) for i in range(0, count, PIECE))
 
 
-def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
-    """One motion of its consecutive parts, of `count` times at most in all.
-
-    Each part is let go before the next is made.
-    """
-    done, whole, last = 0, {}, None
-    for last in parts:
-        size = len(last.times)
-        for place, array in _arrays(last):
-            if place not in whole:
-                whole[place] = np.empty((count, *array.shape[1:]), array.dtype)
-            whole[place][done : done + size] = array
-        done += size
-    assert last is not None
-    return _with_arrays(last, {place: array[:done] for place, array in whole.items()})
-
-
-Place = tuple[str, ...]
-
-
-def _arrays(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[Any]]]:
-    """The arrays over the times of a motion, of its loads and of its report, by their names."""
-    for each in fields(record):
-        value = getattr(record, each.name)
-        if isinstance(value, np.ndarray):
-            yield (*place, each.name), value
-        elif isinstance(value, Loads | ContactReport):
-            yield from _arrays(value, (*place, each.name))
-
-
-def _with_arrays(record: Any, arrays: Mapping[Place, NDArray[Any]]) -> Any:
-    own: dict[str, Any] = {place[0]: array for place, array in arrays.items() if len(place) == 1}
-    for name in {place[0] for place in arrays} - set(own):
-        inner = {place[1:]: array for place, array in arrays.items() if place[0] == name}
-        own[name] = _with_arrays(getattr(record, name), inner)
-    return replace(record, **own)
-
-
-# How far a motion is from a reference of the same scene. The motion's times, fewer where it broke
-# off, must be among the reference's.
+# How far a motion is from a reference, whose times have the motion's times among them.
 
 
 def path_errors(motion: Motion, reference: Motion) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 
 from robotball.errors import InputError
 from robotball.rotations import Array, from_matrix, normalised
+from robotball.value import Value
 
 # How far a given unit vector, right angle or horizontal momentum may be off: a caption's six
 # digits pass, a wrong number does not. What passes is then made exact.
@@ -16,7 +17,7 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Start:
+class Start(Value):
     """The attitude (4,), frame to world, and the momentum M (3,) in world axes [kg m²/s].
 
     hinge_angles, hinge_rates (h,): of every hinge, in the order of `Scene.hinges` [rad, rad/s];

@@ -129,7 +129,8 @@ def _thin_shell(a: float, mass: float, axis: Array) -> Shell:
 def _w2() -> Scene:
     frame = Frame(3.0, box_inertia(3.0, 0.16, 0.1, 0.06), np.array([0.0, 0.0, -0.08]))
     ball = Ball(_thin_shell(0.2, 1.0, Y), frame, ())
-    return robot("W2", ball, "rubber", [Ramp(final=-4.0, end=2.0, shape="quintic")], (1.0, 0.1, 0.0, 0.0))
+    spun_up = Ramp(final=-4.0, end=2.0, shape="quintic")
+    return robot("W2", ball, "rubber", [spun_up], (1.0, 0.1, 0.0, 0.0))
 
 
 def pendulum_ball() -> Ball:

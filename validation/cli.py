@@ -17,6 +17,7 @@ import tyro
 from tyro.conf import subcommand
 
 from robotball.errors import InputError, SceneWarning, unknown
+from robotball.threads import at_most
 from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT
 from validation.commands.attractors import Attractors
@@ -72,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(version_line())
             sys.exit(0)
         command = parse(arguments)
-        with standard_output_of(command):
+        with standard_output_of(command), at_most(getattr(command, "threads", None)):
             status = command.run()
         sys.stdout.flush()
     except InputError as error:

@@ -71,6 +71,11 @@ def write_rows(
     write_text(path, text.getvalue())
 
 
+def scientific(value: float | None) -> str:
+    """A number in two digits; a dash where a run that broke off has none."""
+    return "-" if value is None else f"{value:.1e}"
+
+
 def print_whole(table: "Table", console: "Console") -> None:
     """Print a table as wide as it is: a narrow terminal breaks its lines, and cuts no number."""
     terminal, console.width = console.width, WIDEST

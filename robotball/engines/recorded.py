@@ -20,7 +20,7 @@ COLOUR = "#56B4E9"  # of a motion whose file names no engine
 HALF_TURN = np.pi / 2  # rad between two samples, beyond which no turning can be told from them
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RecordedMotion(Motion):
     """A motion from a file, with what its own numbers say; arrays (n,), errors estimated.
 

@@ -1,5 +1,6 @@
 """The command `robotball model`."""
 
+import sys
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -10,7 +11,7 @@ from validation.commands.arguments import AGREES, PRESET, File, SceneName
 
 @dataclass(frozen=True)
 class Model:
-    """Print a scene's MJCF: self-contained, at full precision.
+    """Print a scene's MJCF: self-contained, at full precision, dressed to be looked at.
 
     Example: robotball model fig12 --out fig12.xml
     """
@@ -20,14 +21,18 @@ class Model:
     preset: Annotated[str, arg(metavar=PRESET)] = "balanced"
     """The settings to write into it."""
     out: File = None
-    """Write it to this file instead."""
+    """Write it to this file instead. Beside it go the controls, where they change in time, and a
+    player."""
+    bare: bool = False
+    """Leave out what only a picture needs."""
     explain: bool = False
-    """Say instead what the model leaves out, and why."""
+    """Say instead what a run's model leaves out, and why."""
 
     def run(self) -> int:
         from robotball import load_scene, preset
         from robotball.engines.mujoco.explain import left_out
-        from robotball.engines.mujoco.model import build
+        from robotball.engines.mujoco.written import write_model
+        from robotball.files.replacing import STANDARD_OUTPUT
         from validation.output import writable_file, write_text
 
         scene, settings = load_scene(self.scene), preset(self.preset)
@@ -36,9 +41,19 @@ class Model:
             print(*(f"  {line}" for line in left_out(scene, settings)), sep="\n")
             print(f"What it would cost: robotball tradeoff {self.scene} --parts")
             return AGREES
-        xml = build(scene, settings).xml
-        if self.out is None:
-            print(xml)
+        out = None if self.out is None else writable_file(self.out)
+        in_file = out is not None and out != STANDARD_OUTPUT
+        stem = out.stem if out is not None and in_file else scene.name
+        files = write_model(scene, settings, dressed=not self.bare, stem=stem)
+        if out is None:
+            print(files.xml, end="")
         else:
-            write_text(writable_file(self.out), xml)
+            write_text(out, files.xml)
+        if files.needs is not None:
+            print(f"robotball: {files.needs}", file=sys.stderr)
+            if out is not None and in_file:
+                write_text(out.with_name(f"{stem}-play.py"), files.player)
+                write_text(out.with_name(f"{stem}-controls.csv"), files.controls)
+            else:
+                print("robotball: --out FILE writes it beside the model", file=sys.stderr)
         return AGREES

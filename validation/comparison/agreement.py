@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate
+from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate, load_scene
 from robotball.engines import DEFAULT
 from robotball.engines.protocol import Request
 from robotball.engines.simulate import request_of, run_request
@@ -21,13 +21,16 @@ from robotball.motion import (
     path_errors,
 )
 from robotball.rotations import Array
+from robotball.shown import cell, path_lines
+from robotball.value import Value
 from validation.comparison.sensitivity import Sensitivity, sensitivity
+from validation.output import scientific
 
 LIMITED = 3.0  # times the reference's own error: a smaller path error tells no more of the engine
 
 
-@dataclass(frozen=True)
-class Agreement:
+@dataclass(frozen=True, repr=False)
+class Agreement(Value):
     """A contact engine's motion beside the reference's, and the measures of their difference.
 
     A motion that broke off has no measures: they are None, and `faults` says why. engine: what
@@ -37,6 +40,15 @@ class Agreement:
     theory: Motion
     motion: ContactMotion
     engine: Engine | None = None
+
+    def __repr__(self) -> str:
+        errors = f"path error {scientific(self.path_error)}, "
+        errors += f"momentum error {scientific(self.momentum_error)}"
+        by = f"{self.motion.engine.name}, {self.settings.name}"
+        return f"<Agreement of {self.scene.name} by {by}: {self.verdict}; {errors}>"
+
+    def _repr_html_(self) -> str:
+        return cell(repr(self), path_lines([self.theory, self.motion]))
 
     @property
     def scene(self) -> Scene:
@@ -158,7 +170,7 @@ class Agreement:
 
 
 def compare(
-    scene: Scene,
+    scene: Scene | str | Path,
     settings: EngineSettings | str | None = None,
     times: Array | None = None,
     *,
@@ -171,12 +183,15 @@ def compare(
 ) -> Agreement:
     """A contact engine's motion of `scene`, compared with the equations'.
 
+    scene: itself, or what `load_scene` takes: a name from the catalog, or a path to a TOML file.
     settings: a preset's name or the engine's settings, its default preset if None; times: (n,) s
     from 0, the scene's own if None; accuracy: instead of settings, the path error to reach; theory:
     the equations' motion at those times, where it is known already. Raises InputError and warns as
     integrate and simulate do; friction is held against what the whole motion needs. strict,
     fault_window, progress: as in simulate.
     """
+    if isinstance(scene, str | Path):
+        scene = load_scene(scene)
     return compare_with(
         integrate(scene, times) if theory is None else theory,
         request_of(engine, settings, accuracy),

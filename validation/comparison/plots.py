@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from robotball.rotations import Array
+from robotball.shown import by_value
 from validation.comparison.agreement import Agreement
 from validation.comparison.names import file_stem
 from validation.output import in_picture, replacing
@@ -16,6 +18,7 @@ from validation.output import in_picture, replacing
 # Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
 STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
 INCHES = (8.0, 7.0)
+ROOM = {"left": 0.12, "right": 0.86, "top": 0.9, "bottom": 0.08, "hspace": 0.25}
 
 
 def draw(agreements: Sequence[Agreement], out: Path) -> list[Path]:
@@ -62,7 +65,7 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
     components.axhline(
         np.nan, color=theory.engine.colour, linewidth=5, alpha=0.6, label=theory.engine.name
     )
-    for value, names in _by_value(theory.momentum[0]).items():
+    for value, names in by_value(theory.momentum[0]).items():
         components.axhline(value, color=theory.engine.colour, linewidth=5, alpha=0.6)
         _beside(components, names, value)
     for agreement, style in _styled(agreements):
@@ -81,11 +84,13 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
 
 
 def _two_panels(agreements: Sequence[Agreement]) -> tuple[Figure, Axes, Axes]:
-    figure = Figure(figsize=INCHES, layout="constrained")
+    figure = Figure(figsize=INCHES)
     scene = agreements[0].scene
     figure.suptitle(in_picture(f"{scene.name}: {scene.title}"))
-    above, below = figure.subplots(2, 1)
+    # Room that is given: to have it found takes as long as all the rest of a picture.
+    above, below = figure.subplots(2, 1, gridspec_kw=ROOM)
     below.set_yscale("log")
+    below.yaxis.set_minor_locator(NullLocator())
     for axes in (above, below):
         axes.grid(alpha=0.3)
         axes.margins(x=0.01)
@@ -123,13 +128,3 @@ def _beside(axes: Axes, text: str, height: float) -> None:
         textcoords="offset points",
         va="center",
     )
-
-
-def _by_value(momentum: Array) -> dict[float, str]:
-    """The components' names by their value; those that a line's width hides are one."""
-    groups: dict[float, str] = {}
-    for value, name in zip(momentum.tolist(), ("$M_X$", "$M_Y$", "$M_Z$"), strict=True):
-        near = [other for other in groups if abs(other - value) < 1e-3 * np.abs(momentum).max()]
-        key = near[0] if near else value
-        groups[key] = f"{groups[key]}, {name}" if near else name
-    return groups

@@ -15,8 +15,7 @@ from rich.table import Table
 
 from robotball.engines.mujoco import LABEL
 from robotball.palette import INK
-from validation.comparison.table import scientific
-from validation.output import in_picture, print_whole
+from validation.output import in_picture, print_whole, scientific
 from validation.studies.ablation import Ablation, Variant, fault_of
 
 BUILT = "Built up, every choice made so far: the worst to come hides what is done."

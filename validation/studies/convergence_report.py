@@ -15,8 +15,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.palette import INK
-from validation.comparison.table import scientific
-from validation.output import in_picture, print_whole
+from validation.output import in_picture, print_whole, scientific
 from validation.studies.convergence import ORDERS, REFERENCES, Convergence, Reference
 from validation.studies.order import Order
 

@@ -14,8 +14,7 @@ from rich.table import Table
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.integrators import INTEGRATORS
 from robotball.palette import ACCENT, FAINT, INK
-from validation.comparison.table import scientific
-from validation.output import in_picture, print_whole
+from validation.output import in_picture, print_whole, scientific
 from validation.studies.tradeoff import TARGET, Configuration, Line, Tradeoff, known
 
 NOTE = (

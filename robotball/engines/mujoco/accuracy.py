@@ -14,6 +14,7 @@ import numpy as np
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco.cost_model import COST_MODEL, scene_rate
 from robotball.engines.mujoco.integrators import ADAPTIVE
+from robotball.engines.mujoco.load import SHORTEST
 from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.engines.mujoco.servo_rates import fastest_rate
 from robotball.engines.mujoco.settings import PRESETS, Settings, recipe
@@ -40,6 +41,10 @@ APART = 0.01  # path lengths; no law of errors holds between runs that are farth
 FINEST_RTOL, COARSEST_RTOL = LEAST_RTOL, 1e-7  # with looser ones the contact may be lost
 LOOSER = 300.0  # times rtol, of the run that DOP853's first is compared with, if one is
 SPARSE = 0.1  # s, between the samples of that run
+# Under a load that varies: the power of the timestep with which RK4's error goes at least; the
+# smallest error that its contact allows, whose time constant has to be two timesteps; and the rtol
+# of the run that DOP853's is compared with.
+VARYING_ORDER, SOFT, SOFTER_RTOL = 3.4, 1e-9, 1e-14
 RK4_EVALUATIONS, DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejected steps included
 CORRECTIONS = 2
 
@@ -86,14 +91,16 @@ class _Search:
             timestep = min(timestep, STABLE / self.servo_rate / 2)
         coarse = self.made(self.pilot(timestep=2 * timestep), apart=2 * timestep)
         fine = self.made(self.pilot(timestep=timestep))
-        error = self.error(
-            coarse, fine, coarse.report.timestep / fine.report.timestep, COST_MODEL.order
-        )
+        error = self.error(coarse, fine, coarse.report.timestep / fine.report.timestep, self.order)
         if error <= self.accuracy:
             # The pilot run is good enough as it is.
             settled = replace(fine.report, settings=self.settings(timestep=timestep))
             return self.result(replace(fine, report=settled), error)
-        timestep = fine.report.timestep * self.finer(error, COST_MODEL.order)
+        timestep = fine.report.timestep * self.finer(error, self.order)
+        if self.scene.load_varies:
+            quicker = 2 * self.adaptive_seconds(FINEST_RTOL) < self.rk4_seconds(timestep)
+            beyond = self.accuracy < SOFT
+            return self.by_contact() if quicker or beyond else self.by_timestep(timestep, fine)
         rtol = self.rtol(error, fine.report.timestep)
         if self.adaptive_seconds(rtol) < self.rk4_seconds(timestep):
             lost = _momentum_change(fine) if self.scene.keeps_momentum else 0.0
@@ -106,10 +113,10 @@ class _Search:
             settings = self.settings(timestep=timestep)
             motion = self.made(settings)
             ratio = before.report.timestep / motion.report.timestep
-            error = self.error(before, motion, ratio, COST_MODEL.order)
+            error = self.error(before, motion, ratio, self.order)
             if error <= self.accuracy:
                 break
-            before, timestep = motion, motion.report.timestep * self.finer(error, COST_MODEL.order)
+            before, timestep = motion, motion.report.timestep * self.finer(error, self.order)
         return self.result(motion, error)
 
     def by_rtol(self, rtol: float, magnified: float) -> ContactMotion:
@@ -134,6 +141,18 @@ class _Search:
             before, looser = motion, rtol
             rtol = max(FINEST_RTOL, rtol * self.finer(error, COST_MODEL.rtol_order))
         return self.result(motion, error)
+
+    def by_contact(self) -> ContactMotion:
+        """DOP853 at its finest under a load that varies, where the contact's depth is what errs.
+
+        A looser rtol would lift the ball off so shallow a contact. The depth goes as the square of
+        the contact's time constant, so a run at twice that tells the error.
+        """
+        finest = self.settings(integrator=ADAPTIVE, rtol=FINEST_RTOL)
+        softer = self.pilot(integrator=ADAPTIVE, rtol=SOFTER_RTOL)
+        softer = replace(softer, solref=(2 * SHORTEST[0], SHORTEST[1]))
+        before, motion = self.made(softer, apart=SPARSE), self.made(finest)
+        return self.result(motion, self.error(before, motion, 2.0, 2.0))
 
     def by_momentum(self, motion: ContactMotion, magnified: float) -> float:
         """The path error of a whole run by the change of its M; 0 if RK4 told nothing of that."""
@@ -175,6 +194,11 @@ class _Search:
         steps = float(self.times[-1]) * max(per_second, self.servo_rate / STABLE)
         of_steps = steps * (COST_MODEL.adaptive_step + DOP853_EVALUATIONS * self.control)
         return of_steps + len(self.times) * (COST_MODEL.sample + self.control)
+
+    @property
+    def order(self) -> float:
+        """Of RK4's error."""
+        return VARYING_ORDER if self.scene.load_varies else COST_MODEL.order
 
     @property
     def control(self) -> float:

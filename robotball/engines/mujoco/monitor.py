@@ -68,8 +68,7 @@ class Monitor:
         if len(readings.time):
             self.last_time = float(readings.time[-1])
         found.sort(key=lambda each: each.row)
-        # A motor of the scene's own that is weak makes another motion, not a wrong one.
-        wrong = [each.row for each in found if each.fault.kind is not FaultKind.TORQUE_LIMIT]
+        wrong = [each.row for each in found if not each.fault.note]
         if wrong and self.model.settings.stop_at_fault:
             return [
                 Found(row, replace(fault, fatal=row == wrong[0]))
@@ -93,8 +92,12 @@ class Monitor:
             (readings.friction_used > SATURATED, Fault(kind.CONE_SATURATED, np.nan)),
             (off_rate, Fault(kind.RATE_OFF, np.nan, limit=RATE_ERROR)),
             *(
-                (readings.servo_saturation(hinge), Fault(kind.TORQUE_LIMIT, np.nan, hinge.body))
+                (
+                    readings.servo_saturation(hinge),
+                    Fault(kind.TORQUE_LIMIT, np.nan, hinge.body, note=hinge.own_motor),
+                )
                 for hinge in readings.model.hinges
+                if hinge.torque_limit is not None
             ),
             *(
                 (~diverged & (readings.warnings[:, i] > 0), Fault(kind.ENGINE_WARNED, np.nan, name))

@@ -1,0 +1,217 @@
+"""Line charts as SVG, in plain text: for a notebook's cell and for a page, with no library.
+
+Text and axes have the page's own colour. A line is known by its dashes and its name as well as by
+its colour.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from robotball.rotations import Array
+
+POINTS = 400  # of a line, at most: a screen shows no more
+LEFT, RIGHT, TOP, BOTTOM = 68, 16, 10, 44  # px around the axes
+DIGITS = 5  # of a number that is written for hovering over it
+LEAST_LOG = 1e-17  # what a logarithmic axis shows of a zero: below the rounding of 1
+
+
+@dataclass(frozen=True)
+class Line:
+    """What is drawn: x and y (n,); dash as SVG has it, "" for an unbroken line.
+
+    times (n,): what is told of a point that is hovered over, where x is not the time [s].
+    """
+
+    name: str
+    colour: str
+    x: Array
+    y: Array
+    dash: str = ""
+    width: float = 1.8
+    times: Array | None = None
+
+
+def chart(
+    lines: Sequence[Line],
+    x_label: str,
+    y_label: str,
+    *,
+    log: bool = False,
+    equal: bool = False,
+    size: tuple[int, int] = (640, 360),
+) -> str:
+    """An <svg> with axes, round ticks, lines and their names.
+
+    log: the y axis is logarithmic; equal: a metre is as long on both axes, and the picture is
+    lower, down to half of `size` [px], where the lines are flat. Its attribute `data-lines` has
+    what a page's script needs to tell the values under a pointer.
+    """
+    thin = [_thinned(line) for line in lines]
+    x0, x1 = _range(np.concatenate([line.x for line in thin]))
+    y = np.concatenate([line.y for line in thin])
+    y0, y1 = _log_range(y) if log else _range(y)
+    width = size[0] - LEFT - RIGHT
+    if equal:
+        flat = width * (y1 - y0) / (x1 - x0) + TOP + BOTTOM
+        size = size[0], round(min(size[1], max(flat, size[1] / 2)))
+    height = size[1] - TOP - BOTTOM
+    if equal:
+        x0, x1, y0, y1 = _equal_ranges(x0, x1, y0, y1, width / height)
+
+    def px(x: Array) -> Array:
+        return LEFT + (np.asarray(x) - x0) / (x1 - x0) * width
+
+    def py(y: Array) -> Array:
+        shown = np.log10(np.maximum(y, LEAST_LOG)) if log else np.asarray(y)
+        return TOP + (y1 - shown) / (y1 - y0) * height
+
+    parts = [_frame(width, height)]
+    for tick in ticks(x0, x1):
+        parts.append(_x_tick(float(px(np.array(tick))), height, f"{tick:g}"))
+    for tick in _log_ticks(y0, y1) if log else ticks(y0, y1, 5):
+        at = float(py(np.array(10.0**tick if log else tick)))
+        parts.append(_y_tick(at, width, f"1e{tick:.0f}" if log else f"{tick:g}"))
+    parts += [_polyline(line, px(line.x), py(line.y)) for line in thin]
+    parts.append(_labels(x_label, y_label, width, height))
+    data = [_data(line, px(line.x), py(line.y)) for line in thin]
+    names = ", ".join(line.name for line in lines)
+    return (
+        f'<svg class="chart" role="img" viewBox="0 0 {size[0]} {size[1]}" '
+        f'aria-label="{escape(f"{y_label} over {x_label}: {names}", quote=True)}" '
+        f'data-labels="{escape(json.dumps([x_label, y_label]), quote=True)}" '
+        f'data-lines="{escape(json.dumps(data, separators=(",", ":")), quote=True)}" '
+        f'style="width:100%;max-width:{size[0]}px;font:13px sans-serif" fill="currentColor">'
+        + "".join(parts)
+        + "</svg>"
+    )
+
+
+def legend(lines: Sequence[Line]) -> str:
+    """The lines' names, each beside a piece of its line, as HTML."""
+    return "".join(
+        '<span style="white-space:nowrap;margin-right:1.2em">'
+        '<svg width="34" height="10" aria-hidden="true">'
+        f'<line x1="1" y1="5" x2="33" y2="5" {_stroke(line)}/></svg> {escape(line.name)}</span> '
+        for line in lines
+    )
+
+
+def ticks(low: float, high: float, most: int = 7) -> list[float]:
+    """Round numbers between two, at most so many: steps of 1, 2 or 5 times a power of ten."""
+    raw = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(n * power for n in (1, 2, 5, 10) if n * power >= raw * (1 - 1e-9))
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [round(n * step, 12) + 0.0 for n in range(first, last + 1)]
+
+
+def _thinned(line: Line) -> Line:
+    count = len(line.x)
+    if count <= POINTS:
+        return line
+    kept = np.unique(np.linspace(0, count - 1, POINTS).round().astype(int))
+    times = None if line.times is None else line.times[kept]
+    return Line(line.name, line.colour, line.x[kept], line.y[kept], line.dash, line.width, times)
+
+
+def _range(values: Array) -> tuple[float, float]:
+    """Where an axis begins and ends: a little beyond the values, and never at one place."""
+    values = values[np.isfinite(values)]
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    least = 1e-6 * max(abs(low), abs(high)) or 1.0
+    if high - low < least:
+        low, high = low - least, high + least
+    margin = 0.03 * (high - low)
+    return low - margin, high + margin
+
+
+def _log_range(values: Array) -> tuple[float, float]:
+    """Decades around the positive values."""
+    positive = values[np.isfinite(values) & (values > LEAST_LOG)]
+    if not len(positive):
+        return math.log10(LEAST_LOG), math.log10(LEAST_LOG) + 2
+    return math.floor(np.log10(positive.min())), math.ceil(np.log10(positive.max()) + 1e-9)
+
+
+def _log_ticks(low: float, high: float) -> list[float]:
+    step = max(1, math.ceil((high - low) / 7))
+    return [float(n) for n in range(math.ceil(low), math.floor(high) + 1) if n % step == 0]
+
+
+def _equal_ranges(
+    x0: float, x1: float, y0: float, y1: float, aspect: float
+) -> tuple[float, float, float, float]:
+    """The ranges, one of them widened, so that both axes have one scale."""
+    across, up = max(x1 - x0, aspect * (y1 - y0)), max(y1 - y0, (x1 - x0) / aspect)
+    x, y = (x0 + x1) / 2, (y0 + y1) / 2
+    return x - across / 2, x + across / 2, y - up / 2, y + up / 2
+
+
+def _frame(width: float, height: float) -> str:
+    return (
+        f'<rect x="{LEFT}" y="{TOP}" width="{width}" height="{height}" fill="none" '
+        'stroke="currentColor" stroke-opacity=".45"/>'
+    )
+
+
+def _grid(x1: float, y1: float, x2: float, y2: float) -> str:
+    return (
+        f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" '
+        'stroke="currentColor" stroke-opacity=".13"/>'
+    )
+
+
+def _x_tick(x: float, height: float, text: str) -> str:
+    below = TOP + height
+    return _grid(x, TOP, x, below) + (
+        f'<text x="{x:.1f}" y="{below + 16:.0f}" text-anchor="middle">{text}</text>'
+    )
+
+
+def _y_tick(y: float, width: float, text: str) -> str:
+    return _grid(LEFT, y, LEFT + width, y) + (
+        f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
+    )
+
+
+def _labels(x_label: str, y_label: str, width: float, height: float) -> str:
+    middle = TOP + height / 2
+    return (
+        f'<text x="{LEFT + width / 2:.0f}" y="{TOP + height + 36:.0f}" '
+        f'text-anchor="middle">{escape(x_label)}</text>'
+        f'<text transform="translate(14 {middle:.0f}) rotate(-90)" '
+        f'text-anchor="middle">{escape(y_label)}</text>'
+    )
+
+
+def _stroke(line: Line) -> str:
+    dash = f' stroke-dasharray="{line.dash}"' if line.dash else ""
+    return f'stroke="{line.colour}" stroke-width="{line.width}" fill="none"{dash}'
+
+
+def _polyline(line: Line, x: Array, y: Array) -> str:
+    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True) if math.isfinite(a + b))
+    return f'<polyline points="{points}" {_stroke(line)} stroke-linejoin="round"/>'
+
+
+def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
+    """A line as a page's script takes it: pixels, and the values there."""
+    data: dict[str, object] = {
+        "name": line.name,
+        "colour": line.colour,
+        "at": [[round(float(a), 1), round(float(b), 1)] for a, b in zip(x, y, strict=True)],
+        "x": _digits(line.x),
+        "y": _digits(line.y),
+    }
+    return data if line.times is None else data | {"t": _digits(line.times)}
+
+
+def _digits(values: Array) -> list[float | None]:
+    return [
+        float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None for value in values.tolist()
+    ]

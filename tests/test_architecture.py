@@ -26,7 +26,7 @@ FLOORS = (
     ("validation.sweeps",),
     ("validation.comparison",),
     ("validation.studies",),
-    ("validation.figures", "validation.paper", "validation.bench"),
+    ("validation.figures", "validation.paper", "validation.bench", "validation.report"),
     ("validation.commands",),
     ("validation.streams", "validation.cli"),
     ("validation.endings", "validation.__main__"),

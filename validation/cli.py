@@ -35,6 +35,7 @@ from validation.commands.model import Model
 from validation.commands.paper import Paper
 from validation.commands.portraits import Portraits
 from validation.commands.replay import Replay
+from validation.commands.report import Report
 from validation.commands.scenes import Scenes
 from validation.commands.section import Section
 from validation.commands.tradeoff import Tradeoff
@@ -42,7 +43,7 @@ from validation.commands.video import Video
 from validation.streams import make_lasting, standard_output_of
 
 Command = (
-    Scenes | Engines | Compare | Video | Replay | Model | Design | Demo
+    Scenes | Engines | Compare | Report | Video | Replay | Model | Design | Demo
     | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
     | Portraits | Paper
     | Ablation | Convergence | Tradeoff | Extremes

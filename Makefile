@@ -4,6 +4,7 @@ UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
 export UV_PYTHON_DOWNLOADS := never
+export UV_COMPILE_BYTECODE := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
@@ -31,6 +32,7 @@ docs: setup
 bench: setup
 	$(BIN)/python -m validation.bench.steps
 	$(BIN)/python -m validation.bench.kernels
+	$(BIN)/python -m validation.bench.threads
 
 # The constants of robotball/engines/mujoco/cost_model.py, measured again; half an hour.
 cost-model: setup
@@ -38,11 +40,13 @@ cost-model: setup
 
 setup: .venv/.stamp
 
-# The exact versions and hashes of requirements.lock, then this checkout itself.
+# The exact versions and hashes of requirements.lock, then this checkout itself; compiled, so that
+# the first start is as quick as any other, and any where Python may not write.
 .venv/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
 	$(UV) venv --quiet --allow-existing --python '$(PYTHON_RANGE)' .venv
 	$(UV) pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
 	$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+	.venv/bin/python -m compileall -q robotball validation
 	touch $@
 
 # A machine without uv gets a pinned one in a tool environment of its own.

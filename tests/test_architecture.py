@@ -26,7 +26,7 @@ FLOORS = (
     ("validation.sweeps",),
     ("validation.comparison",),
     ("validation.studies",),
-    ("validation.figures", "validation.paper", "validation.bench"),
+    ("validation.figures", "validation.paper", "validation.bench", "validation.report"),
     ("validation.commands",),
     ("validation.streams", "validation.cli"),
     ("validation.endings", "validation.__main__"),
@@ -173,8 +173,8 @@ def test_an_engines_name_is_typed_in_its_room_alone() -> None:
 
 # What tyro and Python's own library need comes on top.
 HELP_IMPORTS = {
-    "robotball", "robotball.errors", "robotball.files", "robotball.files.replacing", "validation",
-    "validation.streams",
+    "robotball", "robotball.errors", "robotball.files", "robotball.files.replacing",
+    "robotball.threads", "validation", "validation.streams",
 }  # fmt: skip
 
 

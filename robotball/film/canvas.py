@@ -17,13 +17,16 @@ Pixels = NDArray[np.uint8]
 class Canvas:
     """Draws pictures of one model: `begin`, then any number of `add`, then `finish`.
 
-    size: (height, width) in pixels; spare: how many shapes may be added to a picture. Raises
+    size: (height, width) in pixels; spare: how many shapes may be added to a picture;
+    backend: the GL, found anew if None. Raises
     OSError where there is no off-screen GL. To be closed, or used in a `with`.
     """
 
-    def __init__(self, model: mujoco.MjModel, size: tuple[int, int], spare: int) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, size: tuple[int, int], spare: int, backend: str | None = None
+    ) -> None:
         self.height, self.width = size
-        self._context = gl.context(self.width, self.height)
+        self._context = gl.context(self.width, self.height, backend or gl.find_backend())
         model.vis.global_.offheight, model.vis.global_.offwidth = size
         model.vis.quality.offsamples = model.vis.quality.shadowsize = 0
         self._model = model

@@ -1,8 +1,9 @@
 """Two motions → frames → mp4: their balls side by side, each in its engine's colour."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -20,6 +21,7 @@ from robotball.film import gl
 from robotball.film.canvas import Canvas, Pixels
 from robotball.film.picture import Strip, build_stage, pose, strip, track
 from robotball.motion import Label, Motion
+from robotball.processes import in_processes
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -27,6 +29,7 @@ Progress = Callable[[float], None]
 
 FPS = 30
 SIZE = (720, 1280)  # height and width
+MANY = 100  # frames, worth more than one process
 FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -153,22 +156,59 @@ def _tell(motion: Motion, theory: Motion, fps: int) -> _Story:
     )
 
 
+@dataclass(frozen=True)
+class _Painter:
+    """Draws frames of a story, by a GL of its own in each process."""
+
+    scene: Scene
+    story: _Story
+    size: tuple[int, int]
+    backend: str | None
+
+    def __call__(self, i: int) -> Pixels:
+        if "_canvas" not in vars(self):
+            self._drawn(0)  # the first picture of a GL may be off by a last bit
+        return self._drawn(i)
+
+    def _drawn(self, i: int) -> Pixels:
+        story, canvas, colours = self.story, self._canvas, self._colours
+        pose(self._model, self._data, story.centres[:, i], story.attitudes[:, i])
+        camera = mujoco.MjvCamera()
+        camera.azimuth, camera.elevation = np.degrees(story.heading) + 180, -ELEVATION
+        camera.lookat[:] = story.look_at[i]
+        camera.distance = DISTANCE * story.zoom[i]
+        canvas.begin(self._data, camera)
+        for colour, centres, path in zip(colours, story.centres, story.paths, strict=True):
+            _add_shadow(canvas, centres[i])
+            _add_path(canvas, path, i, story, colour)
+        return _write(canvas, self.scene.title, story, i)
+
+    @cached_property
+    def _colours(self) -> list[str]:
+        return [label.colour for label in self.story.labels]
+
+    @cached_property
+    def _model(self) -> mujoco.MjModel:
+        return build_stage(len(self.scene.ball.rotors), self._colours)
+
+    @cached_property
+    def _data(self) -> mujoco.MjData:
+        return mujoco.MjData(self._model)
+
+    @cached_property
+    def _canvas(self) -> Canvas:
+        return Canvas(self._model, self.size, 2 * len(self.story.times), self.backend)
+
+    def close(self) -> None:
+        """Frees what this process has drawn with."""
+        if "_canvas" in vars(self):
+            self._canvas.close()
+
+
 def _draw(scene: Scene, story: _Story, size: tuple[int, int]) -> Iterator[Pixels]:
-    colours = [label.colour for label in story.labels]
-    model = build_stage(len(scene.ball.rotors), colours)
-    data = mujoco.MjData(model)
-    camera = mujoco.MjvCamera()
-    camera.azimuth, camera.elevation = np.degrees(story.heading) + 180, -ELEVATION
-    with Canvas(model, size, spare=2 * len(story.times)) as canvas:
-        for i in range(len(story.times)):
-            pose(model, data, story.centres[:, i], story.attitudes[:, i])
-            camera.lookat[:] = story.look_at[i]
-            camera.distance = DISTANCE * story.zoom[i]
-            canvas.begin(data, camera)
-            for colour, centres, path in zip(colours, story.centres, story.paths, strict=True):
-                _add_shadow(canvas, centres[i])
-                _add_path(canvas, path, i, story, colour)
-            yield _write(canvas, scene.title, story, i)
+    painter = _Painter(scene, story, size, gl.find_backend())
+    with closing(painter):
+        yield from in_processes(painter, range(len(story.times)), MANY)
 
 
 def _add_shadow(canvas: Canvas, centre: Array) -> None:

@@ -32,7 +32,7 @@ ROUNDS = 3  # of timing
 class Engines:
     """List the engines and their presets; of scenes, each engine's error against its cost.
 
-    Example: robotball engines fig12 --only mujoco,pinocchio
+    Example: robotball engines fig12 --only mujoco --quick
     """
 
     scenes: Positional[Annotated[tuple[str, ...], arg(metavar="[SCENE…]")]] = ()

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from robotball.bodies import imbalance
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
 from robotball.engines.mujoco.model import build
@@ -12,7 +11,7 @@ from robotball.engines.mujoco.precheck import precheck
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import PRESETS, Settings
 from robotball.engines.protocol import Engine, Ladder, Progress, Request, Runner
-from robotball.errors import InputError, warn
+from robotball.errors import InputError
 from robotball.motion import ContactMotion, Label, Loads
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -51,9 +50,6 @@ class MuJoCo(Engine):
         fault_window: Path | None = None,
         progress: Progress | None = None,
     ) -> ContactMotion:
-        """The scene's motion; also warns of a ball that is not balanced."""
-        if offset := imbalance(scene.ball):
-            warn(f"{scene.name}: {offset}; no equations describe it")
         if request.accuracy is not None:
             motion = _to_accuracy(scene, times, request.accuracy, fault_window, progress)
             precheck(scene, own_settings(motion.report.settings), times, loads, strict=strict)

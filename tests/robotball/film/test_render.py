@@ -20,6 +20,7 @@ from robotball.film.picture import track
 from robotball.film.render import frames, write_video
 from robotball.looks import PARTS
 from robotball.rotations import Array, conjugate, multiply, z_along
+from robotball.threads import at_most
 from tests.scenes import FOUR
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s
@@ -92,6 +93,18 @@ def test_a_frame_shows_each_engine_s_ball_on_its_side(theory: rb.Motion) -> None
 
 
 @pytest.mark.usefixtures("screen")
+@pytest.mark.slow
+def test_frames_are_the_same_from_any_number_of_processes(theory: rb.Motion) -> None:
+    """121 of them, enough to be drawn by two: to the last pixel, and in order."""
+    drawn = []
+    for count in (1, 2):
+        with at_most(count):
+            drawn.append(list(frames(theory, theory, fps=400, size=SMALL)))
+    assert len(drawn[0]) == 121
+    assert np.array_equal(drawn[0], drawn[1])
+    assert not np.array_equal(drawn[0][0], drawn[0][-1])
+
+
 def test_a_frame_shows_where_the_engines_differ(theory: rb.Motion) -> None:
     quarter = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
     engine = dataclasses.replace(theory, attitude=multiply(quarter, theory.attitude))

@@ -244,25 +244,13 @@ AS_IT_COMES = DrakeSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=10.0
 )
 TAMSI = DrakeSettings(
-    name="tamsi",
-    error_tolerance=5e-2,
-    stop_at_fault=False,
-    timestep=1e-3,
-    approximation="tamsi",
-    friction=20.0,
-    armature=1e12,
-    spin_damping=100.0,
-)
+    name="tamsi", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3,
+    approximation="tamsi", friction=20.0, armature=1e12, spin_damping=100.0,
+)  # fmt: skip
 BEST = replace(
-    TAMSI,
-    timestep=5e-3,
-    name="best",
-    approximation=None,
-    integrator="radau3",
-    accuracy_per_step=1e-5,
-    stiction=1e-3,
-    spin_damping=1e4,
-)
+    TAMSI, name="best", timestep=5e-3, approximation=None, integrator="radau3",
+    accuracy_per_step=1e-5, stiction=1e-3, spin_damping=1e4,
+)  # fmt: skip
 IDEAL = DrakeSettings(
     name="ideal", error_tolerance=1e-10, timestep=1.0, armature=0.0, ideal="DOP853"
 )

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robotball import InputError, Request, Scene, integrate
 from robotball.files.replacing import refused
@@ -10,6 +11,9 @@ from robotball.rotations import Array
 from validation.comparison.agreement import Agreement, compare_with
 from validation.comparison.names import fault_window_path
 from validation.progress import Show, progress_bar
+
+if TYPE_CHECKING:
+    from robotball.film.render import Film
 
 
 def compare_all(
@@ -51,9 +55,9 @@ def compare_all(
     return agreements
 
 
-def film(path: Path, agreement: Agreement) -> None:
-    """Both motions of an agreement, side by side, as an mp4 at `path`."""
-    from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
+def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
+    """Both motions of an agreement as a film at `path`, by default as `Film()` says."""
+    from robotball.film.write import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -62,6 +66,7 @@ def film(path: Path, agreement: Agreement) -> None:
             path,
             agreement.motion,
             agreement.theory,
+            how,
             progress=lambda part: show(part, f"{agreement.scene.name}: video"),
         )
 

@@ -1,13 +1,14 @@
 # Two commands, each with all its own set-up:  make demo   make test
-# On the way:  make check   make test-fast
+# On the way:  make check   make test-fast   make docs
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
 export UV_PYTHON_DOWNLOADS := never
+export UV_COMPILE_BYTECODE := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test test-fast check bench cost-model setup gl lock clean
+.PHONY: demo test test-fast check docs bench cost-model setup gl lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -24,9 +25,14 @@ check: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# docs/scene.md, from the tables that the reader uses; a test holds it.
+docs: setup
+	$(BIN)/python -m robotball.files.scene_page > docs/scene.md
+
 bench: setup
 	$(BIN)/python -m validation.bench.steps
 	$(BIN)/python -m validation.bench.kernels
+	$(BIN)/python -m validation.bench.threads
 
 # The constants of robotball/engines/mujoco/cost_model.py, measured again; half an hour.
 cost-model: setup
@@ -34,11 +40,13 @@ cost-model: setup
 
 setup: .venv/.stamp
 
-# The exact versions and hashes of requirements.lock, then this checkout itself.
+# The exact versions and hashes of requirements.lock, then this checkout itself; compiled, so that
+# the first start is as quick as any other, and any where Python may not write.
 .venv/.stamp: pyproject.toml requirements.lock Makefile | $(UV)
 	$(UV) venv --quiet --allow-existing --python '$(PYTHON_RANGE)' .venv
 	$(UV) pip sync --quiet --python $(BIN)/python --require-hashes requirements.lock
 	$(UV) pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation --editable .
+	.venv/bin/python -m compileall -q robotball validation
 	touch $@
 
 # A machine without uv gets a pinned one in a tool environment of its own.

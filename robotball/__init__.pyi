@@ -13,6 +13,7 @@ from .drives import Drive as Drive
 from .drives import Sum as Sum
 from .engines import engine_named as engine_named
 from .engines import engine_names as engine_names
+from .engines.integrate import integrate as integrate
 from .engines.mujoco.settings import PRESETS as PRESETS
 from .engines.mujoco.settings import Settings as Settings
 from .engines.mujoco.settings import preset as preset
@@ -21,7 +22,6 @@ from .engines.protocol import Request as Request
 from .engines.recorded import RecordedMotion as RecordedMotion
 from .engines.recorded import load_motion as load_motion
 from .engines.recorded import recorded as recorded
-from .engines.reduced.integrate import integrate as integrate
 from .engines.simulate import simulate as simulate
 from .errors import InputError as InputError
 from .errors import SceneWarning as SceneWarning
@@ -45,6 +45,6 @@ from .rates import Ramp as Ramp
 from .rates import Samples as Samples
 from .rates import Sine as Sine
 from .scene import Scene as Scene
-from .scene import sample_times as sample_times
 from .settings import EngineSettings as EngineSettings
 from .start import Start as Start
+from .times import sample_times as sample_times

@@ -223,14 +223,29 @@ def imbalance(ball: Ball) -> str | None:
 def beyond_the_shell(ball: Ball) -> list[str]:
     """Which bodies need mass outside the sphere, a line each: no workshop can build them.
 
-    tr(I)/2 = Σ m r² about the centre of the sphere is at most m a² for mass within the radius a.
+    tr(I)/2 = Σ m r² about the centre of the sphere is at most m a² for mass within the radius a;
+    of a pendulum at every angle.
     """
     lines = []
     for name, body in ball.named_bodies:
-        reach = float(np.sqrt(np.trace(_about_the_shells(body)) / 2 / body.mass))
+        spread = float(np.trace(body.inertia)) / 2 / body.mass
+        reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
-            lines.append(f"{name} has mass outside the shell: at {reach:.4g} m, of {ball.radius:g}")
+            lines.append(
+                f"{name} has mass outside the shell: at {reach:.4g} m, of {ball.radius:g}; check "
+                "its inertia and centre"
+            )
     return lines
+
+
+def _furthest(body: Body) -> float:
+    """How far its centre of mass is from the sphere's, at a pendulum's worst angle [m]."""
+    if not isinstance(body, Pendulum):
+        return float(np.linalg.norm(body.centre))
+    n, arm = body.axis, body.centre - body.pivot
+    height = float(n @ body.centre)
+    circle = float(np.linalg.norm(np.cross(n, arm)))
+    return math.hypot(height, circle + float(np.linalg.norm(np.cross(n, body.pivot))))
 
 
 def _about_the_shells(body: Body) -> Array:

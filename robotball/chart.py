@@ -68,7 +68,7 @@ def chart(
 
     def py(y: Array) -> Array:
         shown = np.log10(np.maximum(y, LEAST_LOG)) if log else np.asarray(y)
-        return TOP + (y1 - shown) / (y1 - y0) * height
+        return TOP + (y1 - np.maximum(shown, y0)) / (y1 - y0) * height
 
     parts = [_frame(width, height)]
     for tick in ticks(x0, x1):

@@ -1,10 +1,10 @@
 """Motion: what every engine returns, and how far two motions of one scene are apart."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,7 +157,7 @@ class Motion(Shown, Value):
 
         report = getattr(self, "report", None)
         timestep = report.timestep if isinstance(report, ContactReport) else None
-        write_motion(Path(path), self.scene, asdict(self.engine), dict(_arrays(self)), timestep)
+        write_motion(Path(path), self.scene, asdict(self.engine), dict(arrays_of(self)), timestep)
 
 
 def gamma_of(attitude: Array) -> Array:
@@ -169,10 +169,14 @@ def gamma_of(attitude: Array) -> Array:
 class ReferenceMotion(Motion):
     """A motion that others are measured by, and that knows how good it is itself.
 
-    again: the contact points (n, 2) of the same motion, made by longer steps [m].
+    again               the contact points (n, 2) of the same motion, made by longer steps [m]
+    motor_work  (n, h)  J: what the motors have put in since the start; None of the small equations
+    rolling_loss  (n,)  J: what the plane's resistance to rolling has taken; None likewise
     """
 
     again: Callable[[], Array] = field(compare=False)
+    motor_work: Array | None = None
+    rolling_loss: Array | None = None
 
     @cached_property
     def reference_error(self) -> float:
@@ -192,7 +196,18 @@ class ContactMotion(Motion):
     report: ContactReport
 
 
-AnyMotion = TypeVar("AnyMotion", bound=Motion)
+Place = tuple[str, ...]
+
+
+def arrays_of(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[Any]]]:
+    """The arrays over the times of a motion, of its loads and of its report, by their names."""
+    for each in fields(record):
+        value = getattr(record, each.name)
+        if isinstance(value, np.ndarray):
+            yield (*place, each.name), value
+        elif isinstance(value, Loads | ContactReport):
+            yield from arrays_of(value, (*place, each.name))
+
 
 # Long motions are made and measured in pieces, so that what is needed on the way stays small.
 
@@ -202,44 +217,6 @@ PIECE = 65_536  # samples; a multiple of what BLAS takes at once, or last bits w
 def pieces(count: int) -> Iterator[slice]:
     """Consecutive slices over `count` samples."""
     return (slice(i, min(i + PIECE, count)) for i in range(0, count, PIECE))
-
-
-def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
-    """One motion of its consecutive parts, of `count` times at most in all.
-
-    Each part is let go before the next is made.
-    """
-    done, whole, last = 0, {}, None
-    for last in parts:
-        size = len(last.times)
-        for place, array in _arrays(last):
-            if place not in whole:
-                whole[place] = np.empty((count, *array.shape[1:]), array.dtype)
-            whole[place][done : done + size] = array
-        done += size
-    assert last is not None
-    return _with_arrays(last, {place: array[:done] for place, array in whole.items()})
-
-
-Place = tuple[str, ...]
-
-
-def _arrays(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[Any]]]:
-    """The arrays over the times of a motion, of its loads and of its report, by their names."""
-    for each in fields(record):
-        value = getattr(record, each.name)
-        if isinstance(value, np.ndarray):
-            yield (*place, each.name), value
-        elif isinstance(value, Loads | ContactReport):
-            yield from _arrays(value, (*place, each.name))
-
-
-def _with_arrays(record: Any, arrays: Mapping[Place, NDArray[Any]]) -> Any:
-    own: dict[str, Any] = {place[0]: array for place, array in arrays.items() if len(place) == 1}
-    for name in {place[0] for place in arrays} - set(own):
-        inner = {place[1:]: array for place, array in arrays.items() if place[0] == name}
-        own[name] = _with_arrays(getattr(record, name), inner)
-    return replace(record, **own)
 
 
 # How far a motion is from a reference, whose times have the motion's times among them.

@@ -1,11 +1,12 @@
 """How a hinge is moved that does not keep its rate exactly: by a motor, or by nothing at all.
 
 A hinge's command is a function of time: a rate [rad/s] for a Servo, an angle [rad] for a
-PositionServo, a torque [N m] for a Torque. `torque` is what the parent puts on the child [N m].
+PositionServo, a torque [N m] for a Torque. Its torque is what the parent puts on the child [N m].
 """
 
+import math
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,19 +15,45 @@ from robotball.errors import check_not_negative, check_positive, check_size
 Scalar = Any  # a float, or a column (n,)
 
 
+class Law(NamedTuple):
+    """What every motor's torque is, between -limit and limit [N m].
+
+    per_command · command - per_angle · angle - per_rate · rate + at_rest.
+    """
+
+    per_command: float
+    per_angle: float
+    per_rate: float
+    at_rest: float = 0.0
+    limit: float = math.inf
+
+    def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
+        """The torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
+        free = (
+            self.per_command * command
+            - self.per_angle * angle
+            - self.per_rate * rate
+            + self.at_rest
+        )
+        return np.clip(free, -self.limit, self.limit)
+
+
 class Motor(Protocol):
-    """A hinge's motor: its torque, and the reflected inertia of its rotor [kg m²]."""
+    """A hinge's motor: its law, and the reflected inertia of its rotor [kg m²]."""
 
     @property
     def armature(self) -> float: ...
 
+    @property
+    def law(self) -> Law: ...
+
     def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
-        """The torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
-        ...
+        """The law's torque on the child [N m]."""
+        return self.law.torque(command, angle, rate)
 
 
 @dataclass(frozen=True)
-class Servo:
+class Servo(Motor):
     """A velocity servo with a gain [N m s/rad] and, if it has one, a torque limit [N m]."""
 
     gain: float
@@ -37,12 +64,13 @@ class Servo:
         check_positive("a servo's gain", self.gain, "N m s/rad")
         _check_common(self)
 
-    def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
-        return _limited(self.gain * (command - rate), self.torque_limit)
+    @property
+    def law(self) -> Law:
+        return Law(self.gain, 0.0, self.gain, limit=_limit(self))
 
 
 @dataclass(frozen=True)
-class PositionServo:
+class PositionServo(Motor):
     """A servo that follows an angle: gain [N m/rad], damping [N m s/rad], torque limit [N m]."""
 
     gain: float
@@ -55,12 +83,13 @@ class PositionServo:
         check_not_negative("a position servo's damping", self.damping, "N m s/rad")
         _check_common(self)
 
-    def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
-        return _limited(self.gain * (command - angle) - self.damping * rate, self.torque_limit)
+    @property
+    def law(self) -> Law:
+        return Law(self.gain, self.gain, self.damping, limit=_limit(self))
 
 
 @dataclass(frozen=True)
-class Torque:
+class Torque(Motor):
     """A motor that gives the commanded torque, whatever the hinge does."""
 
     armature: float = 0.0
@@ -68,12 +97,13 @@ class Torque:
     def __post_init__(self) -> None:
         check_not_negative("a motor's armature", self.armature, "kg m²")
 
-    def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
-        return command + 0.0 * rate
+    @property
+    def law(self) -> Law:
+        return Law(1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Free:
+class Free(Motor):
     """No motor: damping [N m s/rad] and a spring [N m/rad] that rests at an angle [rad].
 
     The hinge's command is not used, and is 0.
@@ -90,12 +120,13 @@ class Free:
         check_not_negative("a free hinge's armature", self.armature, "kg m²")
         check_size("a free hinge's rest angle", self.rest, "rad")
 
-    def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
-        return -self.damping * rate - self.stiffness * (angle - self.rest)
+    @property
+    def law(self) -> Law:
+        return Law(0.0, self.stiffness, self.damping, at_rest=self.stiffness * self.rest)
 
 
-def _limited(torque: Scalar, limit: float | None) -> Any:
-    return torque if limit is None else np.clip(torque, -limit, limit)
+def _limit(servo: Servo | PositionServo) -> float:
+    return math.inf if servo.torque_limit is None else servo.torque_limit
 
 
 def _check_common(servo: Servo | PositionServo) -> None:

@@ -10,19 +10,18 @@ from robotball.bodies import ROUNDING, Ball, imbalance
 from robotball.contact import Friction
 from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.errors import LARGEST, InputError, check_positive, check_size
-from robotball.hinges import Hinge
+from robotball.hinges import Hinge, hinges_of, with_hinges_checked
 from robotball.mechanics.robot import Robot, robot_of
-from robotball.motors import Motor, Servo
+from robotball.motors import Motor
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.shown import scene_line
 from robotball.start import Start, horizontal, unit
+from robotball.times import sample_times
 from robotball.value import Value
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
-SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
-MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each, and a comparison has two motions
 SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
 
 
@@ -84,35 +83,12 @@ class Scene(Value):
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
         # Every engine starts from what is made exact here.
-        start = replace(self.start, attitude=attitude, momentum=momentum, **self._hinged_start())
+        start = with_hinges_checked(self.start, self.drives, self.motors)
+        start = replace(start, attitude=attitude, momentum=momentum)
         object.__setattr__(self, "start", start)
 
     def __repr__(self) -> str:
         return scene_line(self)
-
-    def _hinged_start(self) -> dict[str, Array | None]:
-        """The start's angles, None where all are 0, and its rates, those that are kept exactly."""
-        angles, rates = self.start.hinge_angles, self.start.hinge_rates
-        for name, values in (("angles", angles), ("rates", rates)):
-            if values is not None and values.shape != (len(self.drives),):
-                raise InputError(
-                    f"{len(self.drives)} hinges need as many {name} at the start, not an array of "
-                    f"shape {values.shape}"
-                )
-            for value in () if values is None else values.tolist():
-                check_size(f"a hinge's {name[:-1]} at the start", value, "rad")
-        if rates is not None:
-            motors = self.motors or (None,) * len(rates)
-            rates = np.array(
-                [
-                    float(drive.rate(0.0)) if motor is None else rate
-                    for drive, motor, rate in zip(self.drives, motors, rates.tolist(), strict=True)
-                ]
-            )
-        return {
-            "hinge_angles": None if angles is None or not angles.any() else angles,
-            "hinge_rates": rates,
-        }
 
     @cached_property
     def times(self) -> Array:
@@ -133,27 +109,19 @@ class Scene(Value):
     def drives(self) -> tuple[Drive, ...]:
         """The hinges' commands: the frame's drive, then the rotors', then the pendulums'."""
         rates = (self.frame_rate, *self.rotor_rates, *self.pendulum_rates)
-        return tuple(as_drive(rate, self.duration) for rate in rates)
+        names = [name for name, _ in self.ball.named_bodies[1:]]
+        return tuple(map(self._drive, names, rates))
+
+    def _drive(self, name: str, rate: Rate) -> Drive:
+        try:
+            return as_drive(rate, self.duration)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from error
 
     @cached_property
     def hinges(self) -> tuple[Hinge, ...]:
         """The frame's hinge, then the rotors', then the pendulums', as they are at the start."""
-        ball, drives = self.ball, self.drives
-        motors = self.motors or (None,) * len(drives)
-        angles, rates = self.start.hinge_angles, self.start.hinge_rates
-        named = [("frame", ball.shell.axis, np.zeros(3))]
-        named += [(name, body.axis, body.centre) for name, body in ball.named_rotors]
-        named += [(name, body.axis, body.pivot) for name, body in ball.named_pendulums]
-        hinges = []
-        for i, (name, axis, pivot) in enumerate(named):
-            command, motor = drives[i], motors[i]
-            follows = motor is None or isinstance(motor, Servo)
-            rate = float(command.rate(0.0)) if follows else 0.0
-            if rates is not None and motor is not None:
-                rate = float(rates[i])
-            angle = 0.0 if angles is None else float(angles[i])
-            hinges.append(Hinge(name, axis, pivot, command, motor, angle, rate))
-        return tuple(hinges)
+        return hinges_of(self.ball, self.drives, self.motors, self.start)
 
     @cached_property
     def robot(self) -> Robot:
@@ -180,6 +148,14 @@ class Scene(Value):
         if self.friction.rolling:
             return "the plane resists rolling"
         return None
+
+    def check_reduced(self) -> None:
+        """Raises InputError where (3.2) and (3.3) do not describe the scene."""
+        if self.not_reduced:
+            raise InputError(
+                f"{self.name}: {self.not_reduced}; this needs a scene that the paper's equations "
+                "(3.2) and (3.3) describe: a balanced ball at given rates on a level plane"
+            )
 
     @cached_property
     def load_varies(self) -> bool:
@@ -225,7 +201,8 @@ class Scene(Value):
 
     @cached_property
     def parameters(self) -> Parameters:
-        """The numbers of the equations, in principal axes; InputError unless they are constant."""
+        """The numbers of (3.2) or (3.3), in principal axes; InputError unless they are constant."""
+        self.check_reduced()
         if not self.steady:
             raise InputError(f"{self.name}: the drives change in time; use parameters_at(t)")
         return self.parameters_at(0.0)
@@ -263,35 +240,3 @@ class Scene(Value):
         M, gamma = to_principal @ start.momentum, to_principal[:, 2]
         omega = self.parameters_at(0.0).angular_velocity(as_vector(M), as_vector(gamma))
         return self.principal_axes @ np.array(omega)
-
-
-def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
-    """Equal times (n,) from 0 to `duration`, at most `interval` apart [s].
-
-    Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
-    """
-    check_positive("duration", duration, "s")
-    if not duration / interval < MOST_SAMPLES:
-        raise InputError(
-            f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
-            f"at most {MOST_SAMPLES:g}; give times of your own"
-        )
-    intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
-    return np.linspace(0.0, duration, intervals + 1)
-
-
-def check_times(times: Array) -> Array:
-    """`times` (n,) as floats; raises InputError unless finite, increasing and starting at 0."""
-    times = np.asarray(times, dtype=float)
-    if times.ndim != 1 or len(times) < 2:
-        raise InputError(f"times must be a list of at least two, not of shape {times.shape}")
-    if not np.all(np.isfinite(times)):
-        raise InputError("times must be finite")
-    check_size("the last of the times", float(times[-1]), "s")
-    if times[0] != 0:
-        raise InputError(f"times must start at 0, not at {times[0]:g}")
-    late = np.flatnonzero(np.diff(times) <= 0)
-    if len(late):
-        i = int(late[0])
-        raise InputError(f"times must increase: {times[i + 1]:g} follows {times[i]:g}")
-    return times

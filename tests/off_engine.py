@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from robotball.engines.integrate import integrate
 from robotball.engines.protocol import Engine, Request
-from robotball.engines.reduced.integrate import integrate
 from robotball.motion import ContactMotion, ContactReport, Label, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene

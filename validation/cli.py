@@ -17,6 +17,7 @@ import tyro
 from tyro.conf import subcommand
 
 from robotball.errors import InputError, SceneWarning, unknown
+from robotball.threads import at_most
 from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT
 from validation.commands.attractors import Attractors
@@ -34,6 +35,7 @@ from validation.commands.model import Model
 from validation.commands.paper import Paper
 from validation.commands.portraits import Portraits
 from validation.commands.replay import Replay
+from validation.commands.report import Report
 from validation.commands.scenes import Scenes
 from validation.commands.section import Section
 from validation.commands.tradeoff import Tradeoff
@@ -41,7 +43,7 @@ from validation.commands.video import Video
 from validation.streams import make_lasting, standard_output_of
 
 Command = (
-    Scenes | Engines | Compare | Video | Replay | Model | Design | Demo
+    Scenes | Engines | Compare | Report | Video | Replay | Model | Design | Demo
     | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
     | Portraits | Paper
     | Ablation | Convergence | Tradeoff | Extremes
@@ -72,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(version_line())
             sys.exit(0)
         command = parse(arguments)
-        with standard_output_of(command):
+        with standard_output_of(command), at_most(getattr(command, "threads", None)):
             status = command.run()
         sys.stdout.flush()
     except InputError as error:

@@ -15,6 +15,9 @@ DEFAULT = "mujoco"
 OURS = {
     "mujoco": "robotball.engines.mujoco.engine:MUJOCO",
     "bullet": "robotball.engines.bullet:BULLET",
+    "drake": "robotball.engines.drake:DRAKE",
+    "exudyn": "robotball.engines.exudyn:EXUDYN",
+    "pinocchio": "robotball.engines.pinocchio:PINOCCHIO",
 }
 
 

@@ -6,7 +6,7 @@ ball made ready in that engine. The package is imported when a world is made, no
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -17,7 +17,7 @@ import numpy as np
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.engines.protocol import Engine, Progress, Request
 from robotball.engines.spans import spans
-from robotball.errors import InputError
+from robotball.errors import InputError, warn
 from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
 from robotball.motion import ContactMotion, ContactReport, Label, Loads
 from robotball.rotations import Array, Mask
@@ -36,13 +36,26 @@ class StepSettings(EngineSettings):
 
 
 class World(ABC):
-    """A ball in an engine, at its start; what it takes to make one is set-up."""
+    """A ball in an engine, at its start; what it takes to make one is set-up.
 
-    scene: Scene
-    now: State
+    steps, longest [s]: taken so far.
+    """
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.now = scene, start_state(scene)
+        self.steps, self.longest = 0, 0.0
+
+    @abstractmethod
+    def march(self, times: Array, timestep: float) -> Iterator[State]:
+        """The states at sample times (n,) after the first, in steps of `timestep` at most [s]."""
+
+    @abstractmethod
+    def python_seconds(self) -> float:
+        """Processor time of what Python did in all steps so far [s]."""
+
+
+class SteppedWorld(World):
+    """An engine that Python steps, one call a step."""
 
     @abstractmethod
     def control(self, t: float, step: float) -> None:
@@ -56,13 +69,20 @@ class World(ABC):
     def state(self) -> State:
         """Where the ball is now."""
 
-    def advance(self, begin: float, step: float, count: int) -> None:
-        """So many equal steps from `begin` on [s]."""
-        self._loop(self.step, begin, step, count)
+    def march(self, times: Array, timestep: float) -> Iterator[State]:
+        sampled = set(times.tolist())
+        cut = spans(times, self.scene.breakpoints, timestep)
+        for (begin, end), length, count in zip(*(each.tolist() for each in cut), strict=True):
+            self._loop(self.step, begin, length, int(count))
+            self.steps, self.longest = self.steps + int(count), max(self.longest, length)
+            if end in sampled:
+                yield self.state()
 
-    def idle(self, step: float, count: int) -> None:
-        """What Python does in so many steps, and no step of the engine."""
-        self._loop(_no_step, 0.0, step, count)
+    def python_seconds(self) -> float:
+        count = min(IDLE_STEPS, self.steps)
+        began = time.process_time()
+        self._loop(_no_step, 0.0, self.longest, count)
+        return (time.process_time() - began) / count * self.steps
 
     def _loop(self, take: Callable[[float], None], begin: float, step: float, count: int) -> None:
         if self.scene.steady:
@@ -81,12 +101,13 @@ def _no_step(_: float) -> None:
 class Adapter(Engine, ABC):
     """An engine of another package.
 
-    package: what is imported; extra: the extra of ours that brings it; settings_type: of its
-    settings.
+    package: what is imported; extra: the extra of ours that brings it; requirements: what that
+    extra asks for; settings_type: of its settings.
     """
 
     package: str
     extra: str
+    requirements: tuple[str, ...]
     settings_type: type[StepSettings]
     default = "best"
     least_accuracy: float | None = None
@@ -98,6 +119,10 @@ class Adapter(Engine, ABC):
 
     def limits(self, scene: Scene) -> str | None:
         """Why this engine in particular cannot roll the scene; None where it can."""
+        return None
+
+    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
+        """What of the scene the engine has not under these settings, in a line, for a warning."""
         return None
 
     @property
@@ -135,32 +160,27 @@ class Adapter(Engine, ABC):
                 f"{self.label.name} is not installed: pip install 'robotball[{self.extra}]', or "
                 f"robotball engines --install {self.extra} for an environment of its own"
             )
-        ends, lengths, counts = spans(times, scene.breakpoints, settings.timestep)
-        world = self.world(scene, settings, float(lengths[0]))
-        rows, sampled, spent = [world.now.row], set(times.tolist()), 0.0
-        for (begin, end), length, count in zip(ends.tolist(), lengths, counts, strict=True):
+        if lack := self.lacks(scene, settings):
+            warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
+        world = self.world(scene, settings, longest_step(scene, times, settings.timestep))
+        rows, spent = [world.now.row], 0.0
+        march = world.march(times, settings.timestep)
+        while len(rows) < len(times) and np.isfinite(rows[-1]).all():
             began = time.process_time()
-            world.advance(begin, float(length), int(count))
+            state = next(march)
             spent += time.process_time() - began
-            if end in sampled:
-                rows.append(world.state().row)
-                if not np.isfinite(rows[-1]).all():
-                    break
-                if progress is not None:
-                    progress(end / times[-1])
+            rows.append(state.row)
+            if progress is not None:
+                progress(times[len(rows) - 1] / times[-1])
         return motion_of(
-            self.label, scene, times[: len(rows)], np.array(rows), settings,
-            timestep=float(lengths.max()), steps=int(counts.sum()),
-            seconds=spent, python_seconds=_python_seconds(world, lengths, counts),
+            self.label, scene, times, np.array(rows), settings, timestep=world.longest,
+            steps=world.steps, seconds=spent, python_seconds=world.python_seconds(),
         )  # fmt: skip
 
 
-def _python_seconds(world: World, lengths: Array, counts: Array) -> float:
-    """Processor time of what Python does in all steps, from some of them taken idly."""
-    count = int(min(IDLE_STEPS, counts.sum()))
-    began = time.process_time()
-    world.idle(float(lengths[0]), count)
-    return (time.process_time() - began) / count * float(counts.sum())
+def longest_step(scene: Scene, times: Array, timestep: float) -> float:
+    """The longest step that such a run takes [s]."""
+    return float(spans(times, scene.breakpoints, timestep)[1].max())
 
 
 def motion_of(

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, World, version_of
+from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
 from robotball.engines.links import State, links_of
+from robotball.engines.protocol import Ladder
 from robotball.motion import Label
 from robotball.rotations import Array, multiply
 from robotball.scene import Scene
@@ -35,7 +36,7 @@ class BulletSettings(StepSettings):
     most_rate: float | None = None
 
 
-class BulletWorld(World):
+class BulletWorld(SteppedWorld):
     """The ball in a client of its own."""
 
     def __init__(self, scene: Scene, settings: BulletSettings, step: float) -> None:
@@ -147,6 +148,11 @@ class Bullet(Adapter):
     label = LABEL
     package = "pybullet"
     extra = "bullet"
+    requirements = ("pybullet>=3.2.7",)
+    ladders: Mapping[str, Ladder] = {
+        "as-it-comes": ("timestep", (1 / 240,)),
+        "best": ("timestep", (1 / 250, 1e-3, 1e-4)),
+    }
     settings_type = BulletSettings
     presets: Mapping[str, StepSettings] = {each.name: each for each in (AS_IT_COMES, BEST)}
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Protocol
 
 from robotball.motion import ContactMotion, Label, Loads
@@ -13,6 +14,8 @@ from robotball.start import Start
 
 Progress = Callable[[float], None]
 """Called with the fraction of the work that is done."""
+Ladder = tuple[str, tuple[float, ...]]
+"""A field of an engine's settings and the values that it takes in turn."""
 Runner = Callable[[Array, Start], ContactMotion]
 """Times (n,) [s] from 0 and a start → the motion."""
 
@@ -21,13 +24,17 @@ class Engine(Protocol):
     """A contact engine.
 
     presets: its settings by name; default: the preset that is taken where none is named;
-    least_accuracy: the smallest path error that it can choose settings for, None where it can't.
+    least_accuracy: the smallest path error that it can choose settings for, None where it can't;
+    as_it_comes: the preset that a newcomer would write; ladders: by preset, a field of its settings
+    and the values at which its error is held against its cost.
     """
 
     label: Label
     presets: Mapping[str, EngineSettings]
     default: str
     least_accuracy: float | None
+    as_it_comes: str = "as-it-comes"
+    ladders: Mapping[str, "Ladder"] = MappingProxyType({})
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Why the engine cannot roll this scene, in a line; None where it can."""

@@ -8,8 +8,9 @@ from robotball.engines.protocol import Engine, Progress, Request
 from robotball.errors import InputError
 from robotball.motion import ContactMotion, Loads
 from robotball.rotations import Array
-from robotball.scene import Scene, check_times
+from robotball.scene import Scene
 from robotball.settings import EngineSettings, preset_named
+from robotball.times import check_times
 
 
 def simulate(

@@ -24,7 +24,7 @@ class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
     values: Annotated[list[float] | None, key("as many values", COMMAND)] = None
     file: Annotated[
         str | None,
-        key("instead of both: a CSV file with a time and a value in each line, below a heading"),
+        key("instead of both: a file (.csv, .npz) of two columns, time and value, with names"),
     ] = None
 
 

@@ -1,41 +1,29 @@
-"""Samples of a rate from a CSV file."""
+"""Samples of a command from a table of numbers."""
 
-import re
 from pathlib import Path
 
 from robotball.errors import InputError
+from robotball.files.table_file import read_table
 from robotball.rates import Samples
 
-LONGEST = 10_000_000  # bytes
+TIME, VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
 
 
 def read_samples(path: Path) -> Samples:
-    """The samples of a file: a time [s] and a value in each line, below a heading if there is one.
+    """The samples of a file of two columns, a time [s] and a value.
 
-    Commas, semicolons or spaces stand between them. Raises InputError, with the file and the line.
+    Raises InputError, with the file, where it holds none, or a unit that is not SI's.
     """
+    table = read_table(path)
+    if len(table.columns) != 2:
+        raise InputError(
+            f"{path}: samples take two columns, time and value, not {', '.join(table.columns)}"
+        )
+    for name, known in zip(table.columns, (TIME, VALUE), strict=True):
+        if (unit := table.units.get(name)) and unit not in known:
+            raise InputError(f"{path}: {name} is in {unit}; samples take {', '.join(known[:3])}")
+    times, values = (tuple(column.tolist()) for column in table.columns.values())
     try:
-        if path.stat().st_size > LONGEST:
-            raise InputError(f"{path} is longer than {LONGEST / 1e6:g} MB")
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except ValueError:  # bytes that are no text, a null byte in the name
-        raise InputError(f"{path} is no text") from None
-    rows: list[tuple[float, float]] = []
-    for number, line in enumerate(lines, start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        try:
-            time, value = (float(word) for word in re.split(r"[\s,;]+", line.strip()))
-        except ValueError:
-            if rows or number > 1:
-                raise InputError(
-                    f"{path}: line {number} must be a time and a value, not {line.strip()!r}"
-                ) from None
-        else:
-            rows.append((time, value))
-    try:
-        return Samples(times=tuple(t for t, _ in rows), values=tuple(v for _, v in rows))
+        return Samples(times=times, values=values)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None

@@ -7,8 +7,7 @@ a talk's film faster than it plays.
 
 from collections.abc import Mapping, Sequence
 from ctypes import c_void_p
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import OpenGL
@@ -37,13 +36,18 @@ FLOOR = np.array([[x, y, 0, 0, 0, 1] for x, y in
 class Canvas:
     """Draws pictures of balls that look alike.
 
-    size: (height, width) in pixels. Raises OSError where there is no off-screen GL. To be closed,
-    or used in a `with`.
+    size: (height, width) in pixels; backend: as `gl.find_backend` told. Raises OSError where
+    there is no off-screen GL. To be closed.
     """
 
-    def __init__(self, size: tuple[int, int], looks: Mapping[str, Sequence[Shape]]) -> None:
+    def __init__(
+        self,
+        size: tuple[int, int],
+        looks: Mapping[str, Sequence[Shape]],
+        backend: str | None,
+    ) -> None:
         self.height, self.width = size
-        self._context = gl.context(self.width, self.height)
+        self._context = gl.context(self.width, self.height, backend)
         OpenGL.ERROR_CHECKING = False  # a check takes as long as the call before it
         from OpenGL import GL  # whose platform is chosen by the context
 
@@ -219,14 +223,3 @@ class Canvas:
     def close(self) -> None:
         """Frees what GL holds."""
         self._context.free()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -36,13 +36,12 @@ def find_backend() -> str | None:
     return next(filter(_works, _candidates()), None)
 
 
-def context(width: int, height: int) -> Any:
-    """A MuJoCo GLContext of `find_backend()`, current, for pictures up to this size in pixels.
+def context(width: int, height: int, backend: str | None) -> Any:
+    """A MuJoCo GLContext of a backend, current, for pictures up to this size in pixels.
 
-    It is made without regard to what `import mujoco` chose before. Raises OSError if there is
-    no backend.
+    backend: as `find_backend()` told, here or in another process. It is used without regard to
+    what `import mujoco` chose before. Raises OSError if it is None.
     """
-    backend = find_backend()
     if backend is None:
         raise OSError(advice())
     made = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)

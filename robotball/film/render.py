@@ -1,7 +1,9 @@
 """Two motions → frames: their balls under the same camera, each in its engine's colour."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -13,15 +15,16 @@ from robotball.film.camera import LENS, Camera
 from robotball.film.canvas import Canvas, Pixels
 from robotball.film.pane import Drawn, Line, Loose, Pane
 from robotball.film.sheet import Name, Sheet
-from robotball.film.tracks import Track, heading_of, stands
+from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.film.triangles import arrow, moved
-from robotball.looks import looks_of
+from robotball.looks import Shape, looks_of
 from robotball.motion import ContactMotion, Motion
+from robotball.processes import in_processes
 from robotball.rotations import Array, rotation_matrix
 
 Progress = Callable[[float], None]
 
-CHUNK = 64  # frames that are posed at once: memory does not grow with the film
+MANY = 100  # frames, worth more than one process
 SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
 BLUR_FROM, BLUR_TO = 0.25, 0.75  # rad a frame: beyond it a rotor's marks would mislead
 CAMERAS = {"follow": (7.2, 24.0), "above": (9.0, 80.0), "whole": (9.0, 40.0)}  # radii, degrees
@@ -84,51 +87,106 @@ def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator
     InputError where the times differ, or where there is no off-screen GL.
     """
     film = film or Film()
-    times = film.times(motion, theory)
-    if gl.find_backend() is None:
+    times, backend = film.times(motion, theory), gl.find_backend()
+    if backend is None:
         raise InputError(gl.advice())
-    return _draw((motion, theory), film, times)
+    motions, tracks = (motion, theory), (track_of(motion), track_of(theory))
+    points = [track.points(times) for track in tracks]
+    apart = np.linalg.norm(points[0] - points[1], axis=1) * theory.scene.ball.radius
+    return _painted(
+        _Painter(
+            film,
+            times,
+            tracks,
+            looks_of(theory.scene.ball),
+            (motion.engine.colour, theory.engine.colour),
+            _sheet(motions, film, times, apart),
+            _lengths(tracks[1].sampled, theory.scene.momentum_scale) if film.arrows else {},
+            backend,
+        )
+    )
 
 
-def _draw(motions: Sequence[Motion], film: Film, times: Array) -> Iterator[Pixels]:
-    scene, tracks = motions[1].scene, [Track(motion) for motion in motions]
-    radius = scene.ball.radius
-    points = [track.points(times) / radius for track in tracks]
-    apart = np.linalg.norm(points[0] - points[1], axis=1) * radius
-    panes = [[0, 1]] if film.ghost else [[0], [1]]
-    sheet = _sheet(motions, film, times, apart)
-    shape = (sheet.bottom - sheet.top, film.size[1])
-    width = shape[1] // len(panes)
-    cameras = [_cameras(film, [points[i] for i in pane], width / shape[0]) for pane in panes]
-    lengths = _lengths(motions[1])
-    with Canvas(shape, looks_of(scene.ball)) as canvas:
-        for i in (0, 1):
-            canvas.keep(f"path {i}", _strip(points[i], cameras[0](0).distance), strip=True)
-        for begin in range(0, len(times), CHUNK):
-            some = times[begin : begin + CHUNK]
-            parts = [track.at(some) for track in tracks]
-            drawn = [
-                list(_balls(part, film, GHOST if film.ghost and i else 1.0))
-                for i, part in enumerate(parts)
+def _painted(painter: "_Painter") -> Iterator[Pixels]:
+    with closing(painter):
+        yield from in_processes(painter, range(len(painter.times)), MANY)
+
+
+@dataclass(frozen=True)
+class _Painter:
+    """Draws the frames of a film by their numbers, with an OpenGL of its own in each process."""
+
+    film: Film
+    times: Array
+    tracks: tuple[Track, Track]
+    looks: dict[str, tuple[Shape, ...]]
+    colours: tuple[str, str]
+    sheet: Sheet
+    lengths: dict[str, float]
+    backend: str
+
+    def __call__(self, k: int) -> Pixels:
+        if "_canvas" not in vars(self):
+            self._drawn(0)  # the first picture of a GL may be off by a last bit
+        return self._drawn(k)
+
+    def _drawn(self, k: int) -> Pixels:
+        then = [track.at(self.times[k : k + 1]) for track in self.tracks]
+        balls = [
+            self._ball(i, moment, GHOST if self.film.ghost and i else 1.0)
+            for i, moment in enumerate(then)
+        ]
+        panes = []
+        for pane, camera in zip(self._panes, self._cameras, strict=True):
+            lines = [
+                Line(f"path {i}", 2 * (k + 1), self.colours[i], 1.0 if i in pane else OTHER)
+                for i in dict.fromkeys([*pane, 0, 1])
             ]
-            loose = [_arrows(part, lengths) if film.arrows else None for part in parts]
-            for j, t in enumerate(some.tolist()):
-                k = begin + j
-                shown = []
-                for pane, camera in zip(panes, cameras, strict=True):
-                    order = [*pane, *(i for i in (0, 1) if i not in pane)]
-                    lines = [
-                        Line(
-                            f"path {i}",
-                            2 * (k + 1),
-                            motions[i].engine.colour,
-                            1.0 if i in pane else OTHER,
-                        )
-                        for i in order
-                    ]
-                    own = [each for i in pane[:1] if (of := loose[i]) for each in of[j]]
-                    shown.append(Pane(camera(k), [drawn[i][j] for i in pane], lines, own))
-                yield sheet.frame(canvas.draw(shown), t, float(apart[k]))
+            first = pane[0]
+            arrows = _arrows(then[first], self.lengths, self.tracks[first].radius)
+            panes.append(Pane(camera(k), [balls[i] for i in pane], lines, arrows))
+        off = np.linalg.norm(then[0].contact_point - then[1].contact_point)
+        return self.sheet.frame(self._canvas.draw(panes), float(self.times[k]), float(off))
+
+    def _ball(self, i: int, then: Moments, opacity: float) -> Drawn:
+        turned = np.abs(then.hinge_rates[0]) / (self.film.fps * self.film.slow)
+        blurred = np.clip((turned - BLUR_FROM) / (BLUR_TO - BLUR_FROM), 0, 1).tolist()
+        matrices = {}
+        for name, (turn, shift) in self.tracks[i].stands(then).items():
+            matrices[name] = np.eye(4)
+            matrices[name][:3, :3], matrices[name][:3, 3] = turn[0], shift[0]
+        names = [name for name, _, _ in self.tracks[i].hinges]
+        return Drawn(self.colours[i], matrices, dict(zip(names, blurred, strict=True)), opacity)
+
+    @property
+    def _panes(self) -> list[list[int]]:
+        return [[0, 1]] if self.film.ghost else [[0], [1]]
+
+    @cached_property
+    def _points(self) -> list[Array]:
+        return [track.points(self.times) for track in self.tracks]
+
+    @cached_property
+    def _cameras(self) -> list[Callable[[int], Camera]]:
+        height, width = self.sheet.pane
+        return [
+            _camera(self.film, [self._points[i] for i in pane], width / height)
+            for pane in self._panes
+        ]
+
+    @cached_property
+    def _canvas(self) -> Canvas:
+        height, width = self.sheet.pane
+        canvas = Canvas((height, width * len(self._panes)), self.looks, self.backend)
+        for i, points in enumerate(self._points):
+            strip = _strip(points, self._cameras[0](0).distance)
+            canvas.keep(f"path {i}", strip, strip=True)
+        return canvas
+
+    def close(self) -> None:
+        """Frees what this process has drawn with."""
+        if "_canvas" in vars(self):
+            self._canvas.close()
 
 
 def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) -> Sheet:
@@ -161,24 +219,7 @@ def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) ->
     )
 
 
-def _balls(motion: Motion, film: Film, opacity: float) -> Iterator[Drawn]:
-    """The ball at each time of a motion."""
-    scene, places = motion.scene, stands(motion)
-    names = [hinge.name for hinge in scene.hinges]
-    turned = np.abs(motion.hinge_rates) / (film.fps * film.slow)
-    blurred = np.clip((turned - BLUR_FROM) / (BLUR_TO - BLUR_FROM), 0, 1)
-    points = motion.contact_point / scene.ball.radius
-    for j in range(len(motion.times)):
-        matrices = {}
-        for name, (turn, shift) in places.items():
-            matrices[name] = np.eye(4)
-            matrices[name][:3, :3], matrices[name][:3, 3] = turn[j], shift[j]
-            matrices[name][:2, 3] += points[j]
-        fast = dict(zip(names[1:], blurred[j, 1:].tolist(), strict=True))
-        yield Drawn(motion.engine.colour, matrices, fast, opacity)
-
-
-def _cameras(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int], Camera]:
+def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int], Camera]:
     """The camera of a frame, by its number; points (m, 2) of each ball in the picture."""
     distance, elevation = CAMERAS[film.camera]
     room = ROOM if film.arrows else 1.0
@@ -212,38 +253,35 @@ def _strip(points: Array, distance: float) -> Array:
     return strip
 
 
-def _vectors(motion: Motion) -> dict[str, Array]:
+def _vectors(then: Moments) -> dict[str, Array]:
     """What arrows show (n, 3), world axes."""
-    omega = np.einsum("nij,nj->ni", rotation_matrix(motion.attitude), motion.angular_velocity)
-    return dict(zip(ARROWS, (motion.momentum, omega, motion.loads.contact_force), strict=True))
+    omega = np.einsum("nij,nj->ni", rotation_matrix(then.attitude), then.angular_velocity)
+    return dict(zip(ARROWS, (then.momentum, omega, then.contact_force), strict=True))
 
 
-def _lengths(theory: Motion) -> dict[str, float]:
+def _lengths(reference: Moments, momentum_scale: float) -> dict[str, float]:
     """What an arrow of one radius stands for, by the reference's largest."""
-    least = {"M": LEAST * theory.scene.momentum_scale}  # of a ball at M = 0 it is rounding
+    least = {"M": LEAST * momentum_scale}  # of a ball at M = 0 it is rounding
     return {
         name: max(float(np.linalg.norm(vectors, axis=1).max()), least.get(name, 0.0))
         / ARROWS[name][1]
-        for name, vectors in _vectors(theory).items()
+        for name, vectors in _vectors(reference).items()
     }
 
 
-def _arrows(motion: Motion, lengths: dict[str, float]) -> list[list[Loose]]:
-    """The arrows at each time of a motion; the contact force's begins where its line leaves the
-    ball.
-    """
-    found: list[list[Loose]] = [[] for _ in motion.times]
-    points = motion.contact_point / motion.scene.ball.radius
-    for name, vectors in _vectors(motion).items():
-        for j, vector in enumerate(vectors):
-            size = float(np.linalg.norm(vector))
-            if not size > LEAST * lengths[name]:
-                continue
+def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Loose]:
+    """The arrows at one time; the contact force's begins where its line leaves the ball."""
+    found = []
+    place = np.append(then.contact_point[0] / radius, 0.0)
+    vectors = _vectors(then)
+    for name, length in lengths.items():
+        vector = vectors[name][0]
+        size = float(np.linalg.norm(vector))
+        if size > LEAST * length:
             along = vector / size
             start = CLEAR * along + np.array([0.0, 0.0, 1.0])
             if name == "contact force":
                 start = (2 * along[2] + CLEAR - 1) * along
-            place = start + np.append(points[j], 0.0)
-            corners = arrow(vector / lengths[name], THICK)
-            found[j].append(Loose(moved(corners, np.eye(3), place), ARROWS[name][0]))
+            corners = moved(arrow(vector / length, THICK), np.eye(3), place + start)
+            found.append(Loose(corners, ARROWS[name][0]))
     return found

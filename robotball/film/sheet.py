@@ -34,7 +34,7 @@ class Sheet:
     """Everything but the pictures, drawn once, and what changes in it, a frame at a time.
 
     size: (height, width) in pixels; panes: how many pictures stand side by side; times (m,) s and
-    apart (m,) m: the error's curve.
+    apart (m,) m: the error's curve. pane: the (height, width) of a picture.
     """
 
     def __init__(
@@ -51,9 +51,10 @@ class Sheet:
         height, width = size
         self._line = height / LINES
         self._end = float(times[-1])
-        self._edges = [i * width // panes for i in range(1, panes)]
         self.top = round(HEADER * self._line)
         self.bottom = height - round(FOOTER * self._line)
+        self.pane = (self.bottom - self.top, width // panes)
+        self._edges = [i * width // panes for i in range(1, panes)]
         image = Image.new("RGB", (width, height), PAPER)
         pen = ImageDraw.Draw(image)
         self._bold = ImageFont.truetype(str(FONTS / "DejaVuSans-Bold.ttf"), 0.72 * self._line)

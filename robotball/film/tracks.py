@@ -1,84 +1,91 @@
-"""Motions at other times than their own, and where the bodies of their balls stand then."""
+"""Motions at any times, and where the bodies of their balls stand then; plain data alone."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from robotball.motion import Loads, Motion
+from robotball.motion import Motion
 from robotball.rotations import Array
 
 
 @dataclass(frozen=True)
-class Track:
-    """A motion to be asked at any times within its own: attitude by slerp, the rest by splines."""
+class Moments:
+    """What a picture shows of a motion at m times; as in Motion and its loads."""
 
-    motion: Motion
+    contact_point: Array
+    attitude: Array
+    momentum: Array
+    angular_velocity: Array
+    hinge_angles: Array
+    hinge_rates: Array
+    contact_force: Array
+
+
+@dataclass(frozen=True)
+class Track:
+    """A motion to be asked at any times (m,) [s]: attitude by slerp, the rest by splines.
+
+    hinges: name, axis (3,) and pivot (3,), in radii, of each. After its end it stands still.
+    """
+
+    times: Array
+    sampled: Moments
+    radius: float
+    hinges: tuple[tuple[str, Array, Array], ...]
 
     @cached_property
     def _turn(self) -> Slerp:
-        return Slerp(self.motion.times, Rotation.from_quat(self.motion.attitude, scalar_first=True))
+        return Slerp(self.times, Rotation.from_quat(self.sampled.attitude, scalar_first=True))
 
     @cached_property
-    def _columns(self) -> CubicSpline:
-        return CubicSpline(self.motion.times, np.column_stack(list(self._all.values())))
-
-    @property
-    def _all(self) -> dict[str, Array]:
-        motion, loads = self.motion, self.motion.loads
-        return {
-            "contact_point": motion.contact_point,
-            "momentum": motion.momentum,
-            "angular_velocity": motion.angular_velocity,
-            "hinge_angles": motion.hinge_angles,
-            "hinge_rates": motion.hinge_rates,
-            "contact_force": loads.contact_force,
-            "spin_torque": loads.spin_torque[:, None],
-            "motor_torques": loads.motor_torques,
-        }
+    def _columns(self) -> dict[str, CubicSpline]:
+        names = [each.name for each in fields(Moments) if each.name != "attitude"]
+        return {name: CubicSpline(self.times, getattr(self.sampled, name)) for name in names}
 
     def points(self, times: Array) -> Array:
-        """The contact points (m, 2) at times (m,) [s]."""
-        return np.asarray(self._columns(np.minimum(times, self.motion.times[-1]))[:, :2])
+        """The contact points (m, 2) in radii."""
+        inside = np.minimum(times, self.times[-1])
+        return np.asarray(self._columns["contact_point"](inside) / self.radius)
 
-    def at(self, times: Array) -> Motion:
-        """The motion at times (m,) [s]; after its end it stands still."""
-        inside = np.minimum(times, self.motion.times[-1])
-        widths = np.cumsum([column.shape[1] for column in self._all.values()])
-        parts = np.split(self._columns(inside), widths[:-1], axis=1)
-        named = dict(zip(self._all, parts, strict=True))
-        return replace(
-            self.motion,
-            times=times,
+    def at(self, times: Array) -> Moments:
+        """What the motion is then."""
+        inside = np.minimum(times, self.times[-1])
+        return Moments(
             attitude=self._turn(inside).as_quat(scalar_first=True),
-            contact_point=named["contact_point"],
-            momentum=named["momentum"],
-            angular_velocity=named["angular_velocity"],
-            hinge_angles=named["hinge_angles"],
-            hinge_rates=named["hinge_rates"],
-            loads=Loads(named["contact_force"], named["spin_torque"][:, 0], named["motor_torques"]),
+            **{name: np.asarray(spline(inside)) for name, spline in self._columns.items()},
         )
 
+    def stands(self, then: Moments) -> dict[str, tuple[Array, Array]]:
+        """Where each body's looks stand: the turn (m, 3, 3) and the shift (m, 3) in radii."""
+        frame = Rotation.from_quat(then.attitude, scalar_first=True)
+        ones = np.ones((len(then.attitude), 1))
+        centre = np.concatenate([then.contact_point / self.radius, ones], axis=1)
+        found = {"frame": (frame.as_matrix(), centre)}
+        for index, (hung, axis, pivot) in enumerate(self.hinges):
+            # The frame is where it is; what turns by its hinge's angle is the shell, the other way.
+            name, sign = ("shell", -1) if index == 0 else (hung, 1)
+            turn = Rotation.from_rotvec(np.outer(sign * then.hinge_angles[:, index], axis))
+            shift = centre + frame.apply(pivot - turn.apply(pivot))
+            found[name] = (np.asarray((frame * turn).as_matrix()), shift)
+        return found
 
-def stands(motion: Motion) -> dict[str, tuple[Array, Array]]:
-    """Where each body's looks stand: the turn (n, 3, 3) and the shift (n, 3), in radii, from the
-    contact point's place on the floor.
-    """
-    scene, up = motion.scene, np.array([0.0, 0.0, 1.0])
-    frame = Rotation.from_quat(motion.attitude, scalar_first=True)
-    found = {"frame": (frame.as_matrix(), np.tile(up, (len(motion.times), 1)))}
-    for index, hinge in enumerate(scene.hinges):
-        # The frame is where it is; what turns by its hinge's angle is the shell, the other way.
-        name, sign = ("shell", -1) if index == 0 else (hinge.name, 1)
-        turn = Rotation.from_rotvec(np.outer(sign * motion.hinge_angles[:, index], hinge.axis))
-        pivot = hinge.pivot / scene.ball.radius
-        found[name] = (
-            (frame * turn).as_matrix(),
-            up + frame.apply(pivot - turn.apply(pivot)),
-        )
-    return found
+
+def track_of(motion: Motion) -> Track:
+    """The track of a motion of two times at least."""
+    ball = motion.scene.ball
+    own = {each.name for each in fields(Moments)} - {"contact_force"}
+    return Track(
+        motion.times,
+        Moments(
+            **{name: getattr(motion, name) for name in own},
+            contact_force=motion.loads.contact_force,
+        ),
+        ball.radius,
+        tuple((each.name, each.axis, each.pivot / ball.radius) for each in motion.scene.hinges),
+    )
 
 
 def heading_of(points: Array) -> float:

@@ -51,8 +51,8 @@ def _profile(shape: Shape) -> tuple[Array, int]:
         c, s = _circle(-np.pi / 2, np.pi / 2, SECTION)
         return np.stack([a * c, a * s + b * np.where(s > 0, 1, -1), c, s], axis=1), SMALL
     flat, side = (0.0, 1.0), (1.0, 0.0)
-    edges = [(0, b, *flat), (a, b, *flat), (a, b, *side), (a, -b, *side), (a, -b, 0, -1),
-             (0, -b, 0, -1)]  # fmt: skip
+    edges = [(0, -b, 0, -1), (a, -b, 0, -1), (a, -b, *side), (a, b, *side), (a, b, *flat),
+             (0, b, *flat)]  # fmt: skip
     return np.array(edges, dtype=float), AROUND
 
 

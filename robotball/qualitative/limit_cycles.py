@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotball import equations as eq
+from robotball.engines.reduced.compiled.flatten import LANES
 from robotball.engines.reduced.compiled.kernels import orbit, orbits
 from robotball.errors import InputError
 from robotball.parameters import Parameters, as_vector
@@ -27,6 +28,7 @@ from robotball.qualitative.equilibria import (
     tangents,
 )
 from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.threads import in_chunks
 
 NO_MOMENTUM = np.zeros(3)
 SAMPLES = 4000  # of a closed curve
@@ -162,10 +164,20 @@ def first_returns(
 def returns_within(
     parameters: Parameters, arc: Arc, angles: Array, longest: float
 ) -> tuple[Array, Array, Array]:
-    """The same, whatever becomes of those that do not return; and the last γ (n, 3).
+    """The same, whatever becomes of those that do not return; and the last γ (n, 3)."""
+    back, when, ends = (np.empty((len(angles), *each)) for each in ((), (), (3,)))
 
-    Between samples by cubics through values and rates.
-    """
+    def find(some: slice) -> None:
+        back[some], when[some], ends[some] = _returns_of(parameters, arc, angles[some], longest)
+
+    in_chunks(find, len(angles), LANES)
+    return back, when, ends
+
+
+def _returns_of(
+    parameters: Parameters, arc: Arc, angles: Array, longest: float
+) -> tuple[Array, Array, Array]:
+    """The same for some of them, between samples by cubics through values and rates."""
     n, places, normal = len(angles), arc.at(angles), np.cross(arc.centre, arc.across)
     times = np.linspace(0.0, longest, 2 + int(longest * rate_scale(parameters) / STRIDE))
     found = orbits(parameters, arc.attitudes(angles), np.zeros((n, 3)), times, TOLERANCE)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from robotball import equations as eq
 from robotball.engines.reduced.compiled import marching
 from robotball.engines.reduced.compiled.crossing import cross
+from robotball.engines.reduced.compiled.flatten import LANES
 from robotball.engines.reduced.compiled.kernels import STEP_TOLERANCE, Integers, Starts, components
 from robotball.engines.reduced.compiled.steppers import BALL, SECTION, stepper
 from robotball.engines.reduced.compiled.systems import RETURN
@@ -20,6 +21,7 @@ from robotball.parameters import Parameters
 from robotball.qualitative.cycles import Cycle, close
 from robotball.rotations import Array
 from robotball.start import along_momentum, section_state
+from robotball.threads import in_chunks
 
 # Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
 STEPS_PER_CROSSING = 100_000
@@ -68,19 +70,26 @@ def section(
     times, states = np.full((n, count), np.nan), np.full((n, count, 4), np.nan)
     directions = np.zeros((n, count), np.int64)
     found, status = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    cross(
-        stepper(RETURN, parameters.rolling),
-        np.concatenate([starts.rows, starts.attitudes], axis=1),
-        starts.first_lengths(np.inf, tolerance),
-        tolerance,
-        STEPS_PER_CROSSING,
-        direction,
-        times,
-        states,
-        directions,
-        found,
-        status,
-    )
+    step = stepper(RETURN, parameters.rolling)
+    rows = np.concatenate([starts.rows, starts.attitudes], axis=1)
+    lengths = starts.first_lengths(np.inf, tolerance)
+
+    def find(some: slice) -> None:
+        cross(
+            step,
+            rows[some],
+            lengths[some],
+            tolerance,
+            STEPS_PER_CROSSING,
+            direction,
+            times[some],
+            states[some],
+            directions[some],
+            found[some],
+            status[some],
+        )
+
+    in_chunks(find, n, LANES)
     world = starts.to_world(states)
     l, L = section_coordinates(world, np.asarray(momenta, dtype=float))
     return Section(times, l, L, directions, world, found, status)

@@ -10,7 +10,7 @@ from robotball.parameters import Parameters
 from robotball.qualitative.equilibria import FixedPoint, attitude_at, jacobian, tangents
 from robotball.qualitative.limit_cycles import reversed_in_time
 from robotball.rotations import Array, rotation_matrix
-from robotball.scene import sample_times
+from robotball.times import sample_times
 
 OFFSET = 1e-4  # of the first point from the saddle
 REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there

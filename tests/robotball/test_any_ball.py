@@ -11,6 +11,7 @@ import pytest
 import robotball as rb
 from robotball.bodies import beyond_the_shell
 from robotball.engines.mujoco.model import build
+from robotball.motion import path_error
 from robotball.rotations import Array
 from validation import Agreement, compare
 from validation.studies.random_scenes import random_scene
@@ -69,16 +70,17 @@ def test_rotors_off_centre_count_by_steiners_theorem() -> None:
     assert np.abs(at_centre).max() > 1e-2
 
 
-def test_only_a_contact_engine_rolls_an_unbalanced_ball() -> None:
-    """The equations refuse it with the offset; MuJoCo rolls it, and warns."""
+def test_an_unbalanced_ball_has_a_reference() -> None:
+    """(3.2) and (3.3) refuse it with the offset; the larger equations roll it, and M changes."""
     scene = with_pair_of_rotors(np.array([0.4, 0.0, 0.0]), np.array([0.2, 0.0, 0.0]))
     words = r"the ball is not balanced: its centre of mass is 0\.0131637 m off"
-    with pytest.raises(rb.InputError, match=words + r".*only a contact engine rolls it"):
-        rb.integrate(scene)
-    with pytest.warns(rb.SceneWarning, match=words):
-        motion = rb.simulate(scene, settings="accurate")
-    assert motion.path_length > 1
-    assert np.linalg.norm(motion.momentum - motion.momentum[0], axis=1).max() > 1e-3
+    with pytest.raises(rb.InputError, match=words):
+        rb.integrate(scene, equations="reduced")
+    theory = rb.integrate(scene)
+    assert theory.engine.name == "multibody equations"
+    assert np.linalg.norm(theory.momentum - theory.momentum[0], axis=1).max() > 1e-3
+    motion = rb.simulate(scene, settings="accurate")
+    assert path_error(motion, theory) < 1e-5
 
 
 def test_mass_beyond_the_shell_is_told() -> None:

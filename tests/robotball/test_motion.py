@@ -20,7 +20,7 @@ MEASURES = (path_error, attitude_error, gamma_error, momentum_error)
 
 
 def arrays(motion: rb.Motion) -> dict[Any, Array]:
-    return dict(robotball.motion._arrays(motion))
+    return dict(robotball.motion.arrays_of(motion))
 
 
 @pytest.mark.slow

@@ -28,6 +28,14 @@ Preset = DisallowNone[Annotated[str | None, arg(metavar=PRESET, help_behavior_hi
 # One value an option, so that it never takes the scenes that follow; `listed` reads it.
 Names = UseAppendAction[Annotated[tuple[str, ...], arg(metavar="NAME,…", help_behavior_hint="")]]
 
+THREADS_HELP = (
+    "How many cores to work on; all that this process may use if not given. The numbers are the "
+    "same with any."
+)
+Threads = DisallowNone[
+    Annotated[int | None, arg(metavar="N", help=THREADS_HELP, help_behavior_hint="")]
+]
+
 
 @dataclass(frozen=True)
 class Sweep:

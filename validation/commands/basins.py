@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from validation.commands.arguments import AGREES, File, SceneName
+from validation.commands.arguments import AGREES, File, SceneName, Threads
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,7 @@ class Basins:
     """Time that each is given to reach it [s]."""
     seed: int = 0
     """Of the random starts."""
+    threads: Threads = None
     json: File = None
     """Also write the starts and what they reach."""
 

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated
 
 from tyro.conf import Positional, arg
@@ -15,6 +16,7 @@ from validation.commands.arguments import (
     Names,
     Run,
     RunOptions,
+    Threads,
     check_files,
     listed,
     times_of,
@@ -36,6 +38,7 @@ class Compare:
     run_options: RunOptions = field(default_factory=Run)
     plots: bool = True
     """Draw each scene's paths and momentum into the output folder."""
+    threads: Threads = None
     json: File = None
     """Also write the results as a list of objects, one a scene and preset."""
     csv: File = None
@@ -44,57 +47,44 @@ class Compare:
     def run(self) -> int:
         from rich.console import Console
 
-        from robotball import InputError, Scene
+        from robotball import InputError
         from validation.comparison.names import scenes_of
         from validation.comparison.results import write_csv, write_json
-        from validation.comparison.runs import compare_all, tell_fault_windows
+        from validation.comparison.runs import Comparing, compare_all, tell_fault_windows
         from validation.comparison.table import show
         from validation.output import writable_folder
 
         if not self.scenes:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")
         options = self.run_options
-        requests = [options.request(name) for name in listed(self.preset) or (None,)]
-        self._check_no_preset_is_a_scene(requests[0].engine.presets)
-        scenes_by_file = scenes_of(self.scenes)
-        scenes = list(scenes_by_file.values())
+        requests = [partial(options.request, name) for name in listed(self.preset) or (None,)]
+        presets = [make().engine.presets for make in requests]
+        self._check_no_preset_is_a_scene(presets[0])
+        scenes = scenes_of(self.scenes)
         check_files(self.json, self.csv)
         out = writable_folder(options.out)
-        files = {scene.name: file for file, scene in scenes_by_file.items()}
-        refused: list[str] = []
-
-        def refuse(scene: Scene, error: InputError) -> None:
-            file = files[scene.name]
-            name = scene.name if file == scene.name else f"{scene.name} ({file})"
-            refused.append(f"{name}: {error}")
-
-        agreements = compare_all(
-            scenes,
-            requests,
-            times_of(options.duration),
-            strict=options.strict,
-            fault_windows=out,
-            refuse=refuse,
-        )
-        if not agreements:
+        times = times_of(options.duration)
+        comparing = Comparing(requests, times, options.strict, out, self.plots)
+        found = compare_all(list(scenes.values()), comparing)
+        records = [record for each in found for record in each.records]
+        refused = [
+            f"{scene.name if file == scene.name else f'{scene.name} ({file})'}: {each.refused}"
+            for (file, scene), each in zip(scenes.items(), found, strict=True)
+            if each.refused is not None
+        ]
+        if not records:
             raise InputError("; ".join(refused))
         if self.json:
-            write_json(self.json, agreements)
+            write_json(self.json, records)
         if self.csv:
-            write_csv(self.csv, agreements)
-        if self.plots:
-            from validation.comparison.plots import draw
-
-            for scene in scenes:
-                if drawn := [each for each in agreements if each.scene is scene]:
-                    draw(drawn, out)
-        show(agreements, Console())
-        tell_fault_windows(agreements, out)
+            write_csv(self.csv, records)
+        show(records, Console())
+        tell_fault_windows(window for each in found for window in each.windows)
         for line in refused:
             print(f"robotball: {line}", file=sys.stderr)
         if refused:
             return BAD_INPUT
-        return AGREES if all(agreement.agrees for agreement in agreements) else DISAGREES
+        return AGREES if all(record["agrees"] for record in records) else DISAGREES
 
     def _check_no_preset_is_a_scene(self, presets: Collection[str]) -> None:
         from robotball import InputError, catalog

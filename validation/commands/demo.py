@@ -27,28 +27,32 @@ class Demo:
         from robotball.engines.simulate import request_of
         from validation.comparison.names import file_stem
         from validation.comparison.plots import draw
-        from validation.comparison.results import write_csv, write_json, write_markdown
-        from validation.comparison.runs import compare_all, film
+        from validation.comparison.results import record, write_csv, write_json, write_markdown
+        from validation.comparison.runs import agreements_of, film
         from validation.comparison.table import show
         from validation.output import writable_folder
+        from validation.progress import progress_bar
 
         out, console = writable_folder(self.out), Console()
         requests = [request_of(settings=name) for name in PRESETS]
-        agreements = compare_all([load_scene(name) for name in SCENES], requests)
-        show(agreements, console)
-        written = []
+        written, records, filmed = [], [], []
+        with progress_bar(len(SCENES)) as progress:
+            for i, name in enumerate(SCENES):
+                progress(i, name)
+                agreements = agreements_of(load_scene(name), requests)
+                written += draw(agreements, out)
+                records += [record(each) for each in agreements]
+                filmed += [each for each in agreements if (name, each.settings.name) == FILMED]
+        show(records, console)
         for suffix, write in (("json", write_json), ("csv", write_csv), ("md", write_markdown)):
             written.append(out / f"demo.{suffix}")
-            write(written[-1], agreements)
-        for name in SCENES:
-            written += draw([each for each in agreements if each.scene.name == name], out)
-        for agreement in agreements:
-            if (agreement.scene.name, agreement.settings.name) == FILMED:
-                path = out / f"{file_stem([agreement])}.mp4"
-                try:
-                    film(path, agreement)
-                    written.append(path)
-                except InputError as error:
-                    console.print(escape(f"no video: {error}"), style="yellow")
+            write(written[-1], records)
+        for agreement in filmed:
+            path = out / f"{file_stem([agreement])}.mp4"
+            try:
+                film(path, agreement)
+                written.append(path)
+            except InputError as error:
+                console.print(escape(f"no video: {error}"), style="yellow")
         console.print("Written:", *(escape(f"  {path}") for path in written), sep="\n")
         return AGREES

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from validation.commands.arguments import AGREES, OUT, File, SceneName
+from validation.commands.arguments import AGREES, OUT, File, SceneName, Threads
 
 if TYPE_CHECKING:
     from robotball import Scene
@@ -25,6 +25,7 @@ class Equilibria:
     """Period of the longest limit cycle to look for [s]; 0 for none."""
     out: Path = OUT
     """Folder for the picture of the motion from rest."""
+    threads: Threads = None
     json: File = None
     """Also write them."""
 

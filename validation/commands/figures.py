@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from validation.commands.arguments import AGREES, OUT, File
+from validation.commands.arguments import AGREES, OUT, File, Threads
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,7 @@ class Figures:
     them if none is given."""
     out: Path = OUT
     """Folder for the pictures."""
+    threads: Threads = None
     json: File = None
     """Also write which files were drawn."""
 

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from validation.commands.arguments import AGREES, File, Preset, SceneName
+from validation.commands.arguments import AGREES, File, Preset, SceneName, Threads
 
-BATCH = 16  # starts followed at once, between two moves of the progress bar
+BATCH = 16  # starts a core followed at once, between two moves of the progress bar
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,7 @@ class Lyapunov:
     """Also measure the largest one by the engine so set, over a tenth of the duration."""
     seed: int = 0
     """Of the random starts."""
+    threads: Threads = None
     json: File = None
     """Also write the results, start by start."""
 
@@ -39,6 +40,7 @@ class Lyapunov:
         from robotball.engines.mujoco import LABEL
         from robotball.engines.mujoco.model import build
         from robotball.qualitative.lyapunov import Exponents, exponents
+        from robotball.threads import allowed
         from validation.commands.suited import moving_scene
         from validation.output import print_whole, write_record
         from validation.progress import progress_bar
@@ -50,10 +52,10 @@ class Lyapunov:
         attitudes, momenta = level_starts(scene, self.starts, self.seed)
         record: dict[str, object] = {"scene": scene.name, "starts": self.starts, "seed": self.seed}
         with progress_bar(self.starts * (1 if settings is None else 2)) as show:
-            parts = []
-            for i in range(0, self.starts, BATCH):
+            parts, together = [], BATCH * allowed()
+            for i in range(0, self.starts, together):
                 show(i, f"{scene.name}: equations")
-                batch = slice(i, i + BATCH)
+                batch = slice(i, i + together)
                 parts.append(
                     exponents(
                         scene.parameters,

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName
+from validation.commands.arguments import AGREES, OUT, File, Preset, SceneName, Threads
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,7 @@ class Section:
     """Of the random starts."""
     out: Path = OUT
     """Folder for the picture."""
+    threads: Threads = None
     json: File = None
     """Also write the points."""
 

@@ -13,6 +13,7 @@ from validation.commands.arguments import (
     Run,
     RunOptions,
     SceneName,
+    Threads,
     times_of,
 )
 
@@ -43,23 +44,26 @@ class Video:
     format: Literal["mp4", "webm", "gif"] = "mp4"
     """Of the file."""
     run_options: RunOptions = field(default_factory=Run)
+    threads: Threads = None
 
     def run(self) -> int:
         from robotball import load_scene
         from robotball.film.render import Film
         from validation.comparison.names import file_stem
-        from validation.comparison.runs import compare_all, film, tell_fault_windows
+        from validation.comparison.runs import agreements_of, film, tell_fault_windows, windows
         from validation.output import writable_folder
+        from validation.progress import progress_bar
 
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
         options, scene = self.run_options, load_scene(self.scene)
         request, out = options.request(self.preset), writable_folder(options.out)
         times = times_of(options.duration)
-        agreements = compare_all(
-            [scene], [request], times, strict=options.strict, fault_windows=out
-        )
+        with progress_bar(1) as show:
+            agreements = agreements_of(
+                scene, [request], times, strict=options.strict, fault_windows=out, show=show
+            )
         (agreement,) = agreements
-        tell_fault_windows(agreements, out)
+        tell_fault_windows(windows(agreements, out))
         path = out / f"{file_stem(agreements)}.{self.format}"
         film(path, agreement, how)
         print(path)

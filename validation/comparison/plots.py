@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from robotball.rotations import Array
 from robotball.shown import by_value
@@ -17,6 +18,7 @@ from validation.output import in_picture, replacing
 # Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
 STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
 INCHES = (8.0, 7.0)
+ROOM = {"left": 0.12, "right": 0.86, "top": 0.9, "bottom": 0.08, "hspace": 0.25}
 
 
 def draw(agreements: Sequence[Agreement], out: Path) -> list[Path]:
@@ -82,11 +84,13 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
 
 
 def _two_panels(agreements: Sequence[Agreement]) -> tuple[Figure, Axes, Axes]:
-    figure = Figure(figsize=INCHES, layout="constrained")
+    figure = Figure(figsize=INCHES)
     scene = agreements[0].scene
     figure.suptitle(in_picture(f"{scene.name}: {scene.title}"))
-    above, below = figure.subplots(2, 1)
+    # Room that is given: to have it found takes as long as all the rest of a picture.
+    above, below = figure.subplots(2, 1, gridspec_kw=ROOM)
     below.set_yscale("log")
+    below.yaxis.set_minor_locator(NullLocator())
     for axes in (above, below):
         axes.grid(alpha=0.3)
         axes.margins(x=0.01)

@@ -29,7 +29,10 @@ TABLE_COLUMNS = (
 )
 
 
-def record(agreement: Agreement) -> dict[str, Any]:
+Record = dict[str, Any]
+
+
+def record(agreement: Agreement) -> Record:
     """One comparison as plain data; numbers of a run that broke off are None."""
     report, sensitivity = agreement.report, agreement.sensitivity
     return {
@@ -91,25 +94,24 @@ def needs(motion: Motion) -> dict[str, Any]:
     }
 
 
-def write_json(path: Path, agreements: Sequence[Agreement]) -> None:
+def write_json(path: Path, records: Sequence[Record]) -> None:
     """A list of records, one an agreement."""
-    records = [record(agreement) for agreement in agreements]
-    text = json.dumps(records, indent=2, allow_nan=False, ensure_ascii=False)
+    text = json.dumps(list(records), indent=2, allow_nan=False, ensure_ascii=False)
     write_text(path, text + "\n")
 
 
-def write_csv(path: Path, agreements: Sequence[Agreement]) -> None:
+def write_csv(path: Path, records: Sequence[Record]) -> None:
     """The table of the agreements, a row each."""
-    write_rows(path, [record(agreement) for agreement in agreements], TABLE_COLUMNS)
+    write_rows(path, records, TABLE_COLUMNS)
 
 
-def write_markdown(path: Path, agreements: Sequence[Agreement]) -> None:
+def write_markdown(path: Path, records: Sequence[Record]) -> None:
     """The table of the agreements as the README shows it."""
     lines = [
         "| scene | preset | step | path error | γ error | momentum error | × real time | verdict |",
         "|---|---|---:|---:|---:|---:|---:|---|",
     ]
-    for each in map(record, agreements):
+    for each in records:
         errors = (each[name] for name in ("path_error", "gamma_error", "momentum_error"))
         cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:.3g} ms"]
         cells += ["-" if error is None else f"{error:.1e}" for error in errors]

@@ -20,6 +20,7 @@ from robotball.start import Start
 # Short beside the time in which a chaotic motion of the catalog doubles a difference, 2 to 6 s.
 STRETCH = 2.5  # s
 FEWEST, MOST = 8, 400  # stretches
+LONG = 100.0  # s, in which chaos shows itself
 # The difference of two neighbouring motions, in rad: its square and rounding are far below it.
 NEAR = 1e-6
 # Twice the time doubles the growth of a regular motion; more than this is exponential.
@@ -83,8 +84,8 @@ def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensit
     if not scene.steady or not scene.start.momentum.any():
         return None
     duration = float(theory.times[-1])
-    count = int(np.clip(duration / STRETCH, FEWEST, MOST))
-    right = integrate(scene, np.linspace(0.0, duration, count + 1))
+    right = _stretches_of(theory)
+    count = len(right.times) - 1
     defects = _defects(engine.prepare(scene, settings), right)
     if defects is None:
         return None
@@ -96,12 +97,44 @@ def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensit
     return Sensitivity(
         exponent=doubling / (duration - float(right.times[half])),
         doubling=math.exp(min(doubling, 700.0)),  # finite
-        defect=float(np.linalg.norm(defects[:, 6:], axis=1).sum() / path_scale),
+        defect=_total(defects, path_scale),
         expected=expected / path_scale,
         measured=float(errors.max() / path_scale),
         tolerance=settings.error_tolerance,
         agrees_until=float(theory.times[np.argmax(passed)] if passed.any() else duration),
     )
+
+
+def _stretches_of(theory: Motion) -> Motion:
+    """The equations' motion at the ends of equal stretches of a longer one."""
+    duration = float(theory.times[-1])
+    count = int(np.clip(duration / STRETCH, FEWEST, MOST))
+    return integrate(theory.scene, np.linspace(0.0, duration, count + 1))
+
+
+def total_defect(run: Runner, theory: Motion) -> float | None:
+    """What an engine misses over all stretches, set anew on the right motion at each.
+
+    Relative as path errors are; None where a stretch is not run to its end.
+    """
+    defects = _defects(run, _stretches_of(theory))
+    return None if defects is None else _total(defects, theory.path_scale)
+
+
+def _total(defects: Array, path_scale: float) -> float:
+    return float(np.linalg.norm(defects[:, 6:], axis=1).sum() / path_scale)
+
+
+def chaotic(scene: Scene, duration: float = LONG) -> bool:
+    """Whether a small turn of the start grows exponentially over `duration` [s].
+
+    False where the drives change in time or M = 0, of which it is not known.
+    """
+    if not scene.steady or not scene.start.momentum.any():
+        return False
+    right = integrate(scene, np.linspace(0.0, duration, int(duration / STRETCH) + 1))
+    growth = _growth(scene, right)
+    return bool(growth[-1] - growth[len(growth) // 2 - 1] > math.log(EXPONENTIAL))
 
 
 def _defects(run: Runner, right: Motion) -> Array | None:

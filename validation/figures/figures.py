@@ -5,18 +5,20 @@ the facts as corrected, and MuJoCo's motion over that of the equations wherever 
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from robotball import InputError
+from robotball.processes import in_processes
 from validation.figures.lines import figure9, figure10
 from validation.figures.paths import figure12, figure13, figure14
 from validation.figures.rest import figure5, figure6, figure7, figure8
 from validation.figures.sections import figure11a, figure11b
 from validation.figures.structure import figure3, figure4
 from validation.figures.tori import figure_tori
-from validation.output import replacing
+from validation.output import write_picture
 
 FIGURES: dict[str, dict[str, Callable[[], Figure]]] = {
     "3": {"fig03": figure3},
@@ -40,18 +42,20 @@ def draw_figures(
 ) -> list[Path]:
     """The pictures of the figures named, or of all for none, as PNGs in the folder `out`.
 
-    report is called with how many pictures are done and which is next. Raises InputError for a
+    report is called with how many pictures are done and which was the last. Raises InputError for a
     figure that there is not.
     """
     pictures = chosen(names)
     written = []
-    for i, (name, picture) in enumerate(pictures.items()):
-        report(i, name)
-        path = out / f"{name}.png"
-        with replacing(path) as temporary:
-            picture().savefig(temporary, dpi=120)
+    for i, path in enumerate(in_processes(partial(_draw, out), list(pictures))):
+        report(i + 1, path.stem)
         written.append(path)
     return written
+
+
+def _draw(out: Path, name: str) -> Path:
+    (picture,) = (figures[name] for figures in FIGURES.values() if name in figures)
+    return write_picture(out / f"{name}.png", picture())
 
 
 def chosen(names: Sequence[str]) -> dict[str, Callable[[], Figure]]:

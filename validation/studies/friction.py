@@ -11,7 +11,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.parameters import Rolling
 from robotball.rotations import Array, rotation_matrix
-from robotball.scene import SAMPLE_INTERVAL
+from robotball.times import SAMPLE_INTERVAL
 from validation.comparison.agreement import Agreement
 from validation.studies.configurations import RECIPE
 from validation.studies.tradeoff import reference, scene_cell

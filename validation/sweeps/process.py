@@ -8,15 +8,13 @@ import fcntl
 import multiprocessing
 import os
 import signal
-import sys
-import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import CancelledError
-from contextlib import contextmanager, suppress
-from multiprocessing import resource_tracker
+from contextlib import suppress
 from multiprocessing.connection import Connection
-from types import ModuleType
 
+from robotball.processes import CHILDREN, FORKSERVER, for_a_worker
+from robotball.threads import at_most
 from validation.sweeps.cells import OUTLASTED, Cell, Work, reason, to_line
 
 IDLE = 60.0
@@ -25,14 +23,6 @@ PARTS = 20
 """A limit is waited for in so many parts; however long we are stopped, it takes one of them."""
 TRIES = 10
 """How often a process is asked to begin a cell, and started again where it was idle or killed."""
-ONE_THREAD = dict.fromkeys(
-    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
-)
-_FORKSERVER = multiprocessing.get_context("forkserver")
-"""Its server imports the work once, and then starts a process in milliseconds."""
-_CHILDREN = threading.Lock()
-"""A process that is started looks after all others, which two threads must not do at a time."""
-
 Outcome = tuple[str, bool]
 """A result as a line, and whether the process died, of the cell or of a kill from outside."""
 
@@ -79,10 +69,10 @@ class Worker:
         raise ChildProcessError(f"no process takes one ({why}); more is on standard error")
 
     def _start(self, work: Work) -> None:
-        _FORKSERVER.set_forkserver_preload([work.__module__, __name__])
-        self._pipe, theirs = _FORKSERVER.Pipe()
-        process = _FORKSERVER.Process(target=_serve, args=(theirs,), daemon=True)
-        with theirs, _for_a_worker(work):
+        FORKSERVER.set_forkserver_preload([work.__module__, __name__])
+        self._pipe, theirs = FORKSERVER.Pipe()
+        process = FORKSERVER.Process(target=_serve, args=(theirs,), daemon=True)
+        with theirs, for_a_worker(work.__module__):
             process.start()
         self._process = process
         if self._closed:  # meanwhile
@@ -100,7 +90,7 @@ class Worker:
         if process is None:
             return 0
         process.kill()
-        with _CHILDREN:
+        with CHILDREN:
             process.join()
             return process.exitcode or 0
 
@@ -109,30 +99,6 @@ def _death(status: int) -> str:
     if status < 0:
         return f"its process was ended by signal {-status}, {signal.strsignal(-status)}"
     return f"ended its process with status {status}"
-
-
-@contextmanager
-def _for_a_worker(work: Work) -> Iterator[None]:
-    """What is started in the block has one thread a library, and leaves Ctrl-C to us.
-
-    Nor does it run the script again that asked for the sweep, unless that defines the work.
-    """
-    with _CHILDREN:
-        resource_tracker.ensure_running()  # whose start would unblock SIGINT
-        before = {name: os.environ[name] for name in ONE_THREAD if name in os.environ}
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        os.environ.update(ONE_THREAD)
-        main = sys.modules["__main__"]
-        if work.__module__ != "__main__":
-            sys.modules["__main__"] = ModuleType("__main__")
-        try:
-            yield
-        finally:
-            sys.modules["__main__"] = main
-            for name in ONE_THREAD:
-                del os.environ[name]
-            os.environ.update(before)
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def _serve(pipe: Connection) -> None:
@@ -153,14 +119,20 @@ def _end_with_parent() -> None:
     """
     parent = multiprocessing.parent_process()
     assert parent is not None
-    fcntl.fcntl(parent.sentinel, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(parent.sentinel, fcntl.F_SETFL, os.O_ASYNC)
+    end_when_closed(parent.sentinel)
+
+
+def end_when_closed(pipe: int) -> None:
+    """Has SIGIO end this process when the other end of a pipe closes."""
+    fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(pipe, fcntl.F_SETFL, os.O_ASYNC)
 
 
 def _line(work: Work, cell: Cell) -> str:
     """The result; whatever the work raises is its failure."""
     try:
-        record = work(cell)
+        with at_most(1):
+            record = work(cell)
         if not isinstance(record, Mapping):
             raise TypeError(f"a record must be a mapping, not {type(record).__name__}")
         return to_line(cell, record, None)

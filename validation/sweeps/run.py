@@ -1,6 +1,5 @@
 """A sweep: every cell's result, in spite of cells that fail and of being killed."""
 
-import os
 import time
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -8,6 +7,7 @@ from pathlib import Path
 
 from robotball import InputError
 from robotball.errors import check_count, check_positive
+from robotball.threads import cores
 from validation.progress import Show
 from validation.sweeps.cells import Cell, Result, Work, identity
 from validation.sweeps.cluster import cluster_pool
@@ -80,13 +80,8 @@ def _pool(
         if workers is not None:
             raise InputError("a cluster has its own workers: give one of workers and cluster")
         return cluster_pool(work, limit, cluster)
-    chosen = _cores() if workers is None else check_count("workers", workers, 1)
+    chosen = cores() if workers is None else check_count("workers", workers, 1)
     return local_pool(work, limit, min(chosen, count))
-
-
-def _cores() -> int:
-    """Those that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Progress:

@@ -4,19 +4,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from robotball.bodies import imbalance
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.precheck import precheck
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import PRESETS, Settings
-from robotball.engines.protocol import Engine, Progress, Request, Runner
-from robotball.errors import InputError, warn
+from robotball.engines.protocol import Engine, Ladder, Progress, Request, Runner
+from robotball.errors import InputError
 from robotball.motion import ContactMotion, Label, Loads
 from robotball.rotations import Array
 from robotball.scene import Scene
 from robotball.settings import EngineSettings
+
+LADDERS: Mapping[str, Ladder] = {
+    "naive": ("timestep", (2e-3,)),
+    "balanced": ("timestep", (20e-3, 10e-3, 5e-3, 1e-3)),
+    "adaptive": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15)),
+}
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,8 @@ class MuJoCo(Engine):
     presets: Mapping[str, EngineSettings] = field(default_factory=lambda: PRESETS)
     default: str = "balanced"
     least_accuracy: float | None = LEAST_ACCURACY
+    as_it_comes: str = "naive"
+    ladders: Mapping[str, Ladder] = field(default_factory=lambda: LADDERS)
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Nothing: every scene has a model."""
@@ -43,9 +50,6 @@ class MuJoCo(Engine):
         fault_window: Path | None = None,
         progress: Progress | None = None,
     ) -> ContactMotion:
-        """The scene's motion; also warns of a ball that is not balanced."""
-        if offset := imbalance(scene.ball):
-            warn(f"{scene.name}: {offset}; no equations describe it")
         if request.accuracy is not None:
             motion = _to_accuracy(scene, times, request.accuracy, fault_window, progress)
             precheck(scene, own_settings(motion.report.settings), times, loads, strict=strict)

@@ -19,7 +19,8 @@ from robotball.engines.mujoco.stepping import Portion, by_steps
 from robotball.engines.protocol import Progress
 from robotball.faults import Fault, FaultKind
 from robotball.files.replacing import discard
-from robotball.motion import PIECE, ContactMotion, ContactReport, joined
+from robotball.joining import joined
+from robotball.motion import PIECE, ContactMotion, ContactReport
 from robotball.rotations import Array
 from robotball.start import Start
 

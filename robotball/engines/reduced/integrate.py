@@ -6,15 +6,15 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from robotball import equations as eq
-from robotball.bodies import imbalance
 from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate
 from robotball.engines.reduced import LABEL
 from robotball.errors import InputError, too_many_steps
+from robotball.joining import joined
 from robotball.loads import loads_of
-from robotball.motion import Motion, ReferenceMotion, joined, pieces
+from robotball.motion import Motion, ReferenceMotion, pieces
 from robotball.parameters import as_vector, check_speed, speed_bound
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
-from robotball.scene import Scene, check_times
+from robotball.scene import Scene
 
 # Longer motions at steady rates, in rad by the bound on |ω|, are left to the compiled step, which
 # takes a hundredth of the time: so much takes some seconds here.
@@ -25,30 +25,19 @@ COARSER = 4.0  # times the error of a step, of the motion by which its own error
 
 
 def integrate(
-    scene: Scene,
-    times: Array | None = None,
-    rtol: float = LEAST_RTOL,
-    max_steps: int | None = None,
+    scene: Scene, times: Array, rtol: float = LEAST_RTOL, max_steps: int | None = None
 ) -> ReferenceMotion:
     """The motion of the ball by (3.2) or (3.3), with an estimate of its own error.
 
     M is constant in space, so the state is one unit quaternion q and the contact point:
-    dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; the scene's own if None.
-    rtol: the error allowed in one step, from 1e-15 on; max_steps: a limit for motions that turn
-    too often, some minutes' work if None. Raises InputError on unusable times, for a ball that is
-    not balanced, where the limit is met or a step shrinks to nothing, and where a number would
-    overflow: a motion that is returned is finite.
+    dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; rtol: the error allowed in
+    one step; max_steps: a limit for motions that turn too often. Raises InputError for a scene
+    that these equations do not describe, where the limit is met or a step shrinks to nothing.
     """
-    times = scene.times if times is None else check_times(times)
-    if not LEAST_RTOL <= rtol < 1:
-        raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
-    if offset := imbalance(scene.ball):
-        raise InputError(f"{offset}, where the equations need it; only a contact engine rolls it")
+    scene.check_reduced()
     ours = scene.until(float(times[-1]))
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        motion = motion_of(ours, times, _states(ours, times, rtol, max_steps))
-    _check_finite(scene, motion)
-    values = {each.name: getattr(motion, each.name) for each in fields(motion)} | {"scene": scene}
+    motion = replace(motion_of(ours, times, _states(ours, times, rtol, max_steps)), scene=scene)
+    values = {each.name: getattr(motion, each.name) for each in fields(motion)}
     return ReferenceMotion(
         **values, again=lambda: _states(ours, times, rtol, max_steps, COARSER)[:, 4:]
     )
@@ -89,20 +78,6 @@ def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Arr
             for t, M_now, gamma_now in zip(times.tolist(), M, gamma, strict=True)
         ]
     )
-
-
-def _check_finite(scene: Scene, motion: Motion) -> None:
-    """Raises InputError, with the first number that overflowed, unless all are finite."""
-    for part in (motion, motion.loads):
-        for field in fields(part):
-            value = getattr(part, field.name)
-            if isinstance(value, np.ndarray) and not np.isfinite(value).all():
-                i = int(np.argmin(np.isfinite(value).reshape(len(value), -1).all(axis=1)))
-                raise InputError(
-                    f"{scene.name}: the {field.name.replace('_', ' ')} exceeds "
-                    f"{np.finfo(float).max:.2g}, the largest number that there is, at "
-                    f"t = {motion.times[i]:g} s; bring the bodies or the rates nearer to 1"
-                )
 
 
 def right_hand_side(scene: Scene) -> Rate:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import robotball as rb
-from robotball.engines.bullet import BEST, BULLET
+from robotball.engines.bullet import BULLET
 from robotball.motion import momentum_error, path_error
 
 needs_bullet = pytest.mark.skipif(not BULLET.installed, reason="needs the extra bullet")
@@ -27,32 +27,9 @@ def test_at_its_best_it_is_of_first_order() -> None:
 
 
 @needs_bullet
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("scene", "first_order"), [("fig12", 3.68e-3), ("classical_regular", 3.75e-2)]
-)
-def test_its_error_is_that_of_semi_implicit_euler(scene: str, first_order: float) -> None:
-    """That of MuJoCo's Euler and implicitfast at 1 ms, 3.68e-3 and 3.75e-2, to two digits."""
-    assert errors(scene, "best", 1e-3, 10.0)[0] == pytest.approx(first_order, rel=0.02)
-
-
-@needs_bullet
 def test_as_it_comes_it_cuts_the_rotors_rate() -> None:
     """Every hinge at 100 rad/s at most, in silence: the rotor's 148 are off by a third."""
     scene = rb.load_scene("fig12")
     motion = rb.simulate(scene, rb.sample_times(0.2), "as-it-comes", engine=BULLET)
     assert motion.hinge_rates[-1, 1] == pytest.approx(100, abs=1)
     assert motion.report.faults[0].kind is rb.FaultKind.RATE_OFF
-
-
-def test_a_package_that_is_missing_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It names the extra."""
-    monkeypatch.setattr("robotball.engines.adapter.find_spec", lambda _: None)
-    with pytest.raises(rb.InputError, match=r"pip install 'robotball\[bullet\]'"):
-        rb.simulate(rb.load_scene("fig12"), engine="bullet")
-
-
-def test_a_motor_of_the_scenes_own_is_refused_before_the_run() -> None:
-    """With the reason."""
-    with pytest.raises(rb.InputError, match="turns hinges at given rates"):
-        rb.simulate(rb.load_scene("servo_motors"), engine="bullet", settings=BEST)

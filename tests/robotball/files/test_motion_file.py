@@ -9,7 +9,7 @@ import pytest
 
 import robotball as rb
 from robotball.files.csv_text import read_csv
-from robotball.motion import Motion, _arrays
+from robotball.motion import Motion, arrays_of
 
 KINDS = ("csv", "npz", "parquet")
 
@@ -27,7 +27,7 @@ def test_a_motion_comes_back_to_the_last_bit(name: str, kind: str, tmp_path: Pat
     """Every array of a motion and of its loads, and the engine's label."""
     motion = rb.integrate(rb.load_scene(name), np.linspace(0, 1, 51))
     again = saved(motion, tmp_path / f"m.{kind}")
-    for (place, array), (_, back) in zip(_arrays(motion), _arrays(again), strict=True):
+    for (place, array), (_, back) in zip(arrays_of(motion), arrays_of(again), strict=True):
         assert array.tobytes() == np.ascontiguousarray(back).tobytes(), place
         assert array.shape == back.shape
     assert again.engine == motion.engine

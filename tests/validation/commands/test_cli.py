@@ -208,9 +208,9 @@ def test_rotors_are_counted_from_one_in_every_message(robotball: Robotball, tmp_
     first, *rotors = text.split("[[rotor]]")
     changes = {
         "rotor2.mas: ": ("mass", "mas"),
-        "rotor2.mass: Expected `float`": ("mass = ", "mass = true #"),
+        "rotor2.mass: it must be a number": ("mass = ", "mass = true #"),
         "rotor2.mass must be finite": ("mass = ", "mass = nan #"),
-        "rotor2: a servo needs its gain": ("rate = ", 'drive = "servo"\nrate = '),
+        'rotor2: drive = "servo" needs the key': ("rate = ", 'drive = "servo"\nrate = '),
         "rotor2's mass must be positive": ("mass = ", "mass = -"),
         "rotor2's axis must have a length": ("axis = ", "axis = [0.0, 0.0, 0.0] #"),
     }

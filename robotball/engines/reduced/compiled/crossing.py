@@ -166,7 +166,8 @@ def cross(
     tracks, clock, faced = np.zeros((LANES, TRACK)), np.zeros(LANES), np.zeros(LANES)
     for lane in range(LANES):
         # Lanes without an orbit compute too, to no end.
-        load(w, lane, rows[min(lane, len(rows) - 1)], lengths[0], tolerance)
+        first = min(lane, len(rows) - 1)
+        load(w, lane, rows[first], lengths[first], tolerance)
         aim(w, lane, STARTING, tracks, tolerance)
         orbit[lane] = lane if lane < len(rows) else -1
     waiting = running = min(LANES, len(rows))

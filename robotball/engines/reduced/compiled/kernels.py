@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball.engines.reduced.compiled import marching
+from robotball.engines.reduced.compiled.flatten import LANES
 from robotball.engines.reduced.compiled.steppers import row_of, stepper
 from robotball.engines.reduced.compiled.systems import PATH, System
 from robotball.errors import InputError, too_many_steps
 from robotball.parameters import Parameters, as_vector, check_speed, speed_bound
 from robotball.rotations import Array, multiply, rotation_matrix
-from robotball.scene import Scene, check_times
+from robotball.scene import Scene
+from robotball.threads import in_chunks
+from robotball.times import check_times
 
 # Of one step, in the unit quaternion: near the least that double precision can judge.
 STEP_TOLERANCE = 1e-14
@@ -54,7 +57,7 @@ def orbits(
     times: Array,
     tolerance: float = STEP_TOLERANCE,
 ) -> Orbits:
-    """The motions of (3.2) or (3.3) from many starts, eight at a time.
+    """The motions of (3.2) or (3.3) from many starts, on all cores.
 
     attitudes: (n, 4) unit quaternions, frame to world; momenta: (n, 3) kg m²/s, world, horizontal
     in the rubber model; times: (m,) s, increasing from 0; tolerance: the error of the quaternion
@@ -147,16 +150,17 @@ class Starts:
         """
         n = len(self.rows)
         states, status = np.full((n, len(times), system.size), np.nan), np.zeros(n, np.int64)
-        marching.march(
-            stepper(system, self.parameters.rolling),
-            np.concatenate([self.rows, self.attitudes, rest], axis=1),
-            self.first_lengths(times[-1], tolerance),
-            np.ascontiguousarray(times),
-            tolerance,
-            self.step_limit(times[-1]) + len(times),
-            states,
-            status,
-        )
+        step = stepper(system, self.parameters.rolling)
+        rows = np.concatenate([self.rows, self.attitudes, rest], axis=1)
+        lengths = self.first_lengths(times[-1], tolerance)
+        stops, limit = np.ascontiguousarray(times), self.step_limit(times[-1]) + len(times)
+
+        def march(some: slice) -> None:
+            marching.march(
+                step, rows[some], lengths[some], stops, tolerance, limit, states[some], status[some]
+            )
+
+        in_chunks(march, n, LANES)
         return states, status
 
     def first_lengths(self, duration: float, tolerance: float) -> Array:

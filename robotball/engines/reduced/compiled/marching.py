@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from robotball.engines.kept import Function, compiled_from
 from robotball.engines.reduced.compiled.flatten import LANES
-from robotball.engines.reduced.compiled.kept import Function, compiled_from
 from robotball.engines.reduced.compiled.steppers import (
     ALLOWED,
     BALL,

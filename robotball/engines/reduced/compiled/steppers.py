@@ -16,8 +16,8 @@ import numba
 from numba.core.codegen import get_host_cpu_features
 from scipy.integrate import DOP853
 
+from robotball.engines.kept import compiled_from
 from robotball.engines.reduced.compiled.flatten import Tape, at, lane_function, least
-from robotball.engines.reduced.compiled.kept import compiled_from
 from robotball.engines.reduced.compiled.systems import Level, State, System, section_function
 from robotball.equations import Scalar
 from robotball.parameters import Parameters, Rolling

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robotball.engines.reduced.compiled import kept
+from robotball.engines import kept
 from robotball.errors import SceneWarning
 
 

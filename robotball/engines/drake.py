@@ -1,0 +1,268 @@
+"""Drake: its plant in steps or in continuous time, and its dynamics under our constraints.
+
+Point contact has no torsional friction: a torque against the spin, ours, stands in for it. What
+friction lets slip is set by the stiction tolerance, not by the step.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from robotball.engines.adapter import Adapter, StepSettings, World, longest_step, version_of
+from robotball.engines.ideal import IdealWorld, Stepper
+from robotball.engines.links import State, links_of
+from robotball.engines.protocol import Ladder
+from robotball.motion import Label
+from robotball.rotations import Array
+from robotball.scene import Scene
+
+LABEL = Label("Drake", version_of("drake"), "#009E73")
+Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrakeSettings(StepSettings):
+    """None leaves a choice at Drake's own default.
+
+    approximation: of the contact in discrete steps; integrator, accuracy: continuous time instead,
+    where the timestep is the longest step; stiction m/s: the slip below which friction is not full;
+    gain N m s/rad: of velocity servos on the hinges; armature kg m²: reflected inertia instead of
+    servos; spin_damping N m s: of our torque, of a rubber ball alone; ideal: our constraints and
+    our steps on Drake's mass matrix and bias, with rtol for DOP853.
+    """
+
+    approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None
+    integrator: Integrator | None = None
+    accuracy_per_step: float | None = None
+    stiction: float | None = None
+    friction: float = 1.0
+    gain: float | None = None
+    armature: float | None = None
+    spin_damping: float | None = None
+    ideal: Stepper | None = None
+    rtol: float = 1e-12
+
+
+def _add_plant(scene: Scene, settings: DrakeSettings, builder: Any, step: float) -> Any:
+    """The ball on its plane; step 0 is continuous time."""
+    from pydrake.geometry import HalfSpace, Sphere
+    from pydrake.math import RigidTransform
+    from pydrake.multibody import plant as plants
+    from pydrake.multibody import tree
+
+    plant, _ = plants.AddMultibodyPlantSceneGraph(builder, time_step=step)
+    if settings.approximation is not None:
+        of = f"k{settings.approximation.capitalize()}"
+        plant.set_discrete_contact_approximation(getattr(plants.DiscreteContactApproximation, of))
+    bodies = []
+    for link in links_of(scene):
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
+        central = tree.RotationalInertia(xx, yy, zz, xy, xz, yz)
+        inertia = tree.SpatialInertia.MakeFromCentralInertia(link.mass, link.centre, central)
+        bodies.append(plant.AddRigidBody(link.name, inertia))
+        if link.drive is None:
+            continue
+        parent = bodies[link.parent].body_frame()
+        place = tree.FixedOffsetFrame(f"{link.name}_hinge", parent, RigidTransform(link.origin))
+        ends = plant.AddFrame(place), bodies[-1].body_frame()
+        motor = plant.AddJointActuator(
+            link.name, plant.AddJoint(tree.RevoluteJoint(link.name, *ends, link.axis))
+        )
+        if settings.armature is not None:
+            motor.set_default_rotor_inertia(settings.armature)
+            motor.set_default_gear_ratio(1.0)
+        else:
+            motor.set_controller_gains(tree.PdControllerGains(p=0.0, d=settings.gain))
+    friction = plants.CoulombFriction(settings.friction, settings.friction)
+    ground = HalfSpace.MakePose(np.array([0, 0, 1.0]), np.zeros(3))
+    plant.RegisterCollisionGeometry(plant.world_body(), ground, HalfSpace(), "plane", friction)
+    sphere = Sphere(scene.ball.radius)
+    plant.RegisterCollisionGeometry(bodies[0], RigidTransform(), sphere, "sphere", friction)
+    plant.mutable_gravity_field().set_gravity_vector([0, 0, -scene.gravity])
+    plant.Finalize()
+    if settings.stiction is not None:
+        plant.set_stiction_tolerance(settings.stiction)
+    return plant
+
+
+def _positions(state: State) -> tuple[Array, Array]:
+    """Drake's q and v."""
+    q = np.concatenate([state.attitude, state.centre, state.angles])
+    return q, np.concatenate([state.turning, state.velocity, state.rates])
+
+
+def _motors(scene: Scene, armature: float | None) -> Any:
+    """A system whose output is what the motors take: accelerations, scaled, or angles and rates."""
+    from pydrake.systems.framework import LeafSystem
+
+    drives = scene.drives
+
+    def told(context: Any, output: Any) -> None:
+        t = context.get_time()
+        if armature is not None:
+            output.SetFromVector([armature * drive.acceleration(t) for drive in drives])
+        else:
+            rates = [float(drive.rate(t)) for drive in drives]
+            output.SetFromVector([*np.zeros(len(drives)), *rates])
+
+    system = LeafSystem()
+    size = len(drives) * (1 if armature is not None else 2)
+    system.DeclareVectorOutputPort("told", size, told)
+    return system
+
+
+def _against_spin(plant: Any, damping: float) -> Any:
+    """A system that puts the torque -damping (ω, e_z) on the shell."""
+    from pydrake.common.value import Value
+    from pydrake.multibody.math import SpatialForce
+    from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+    from pydrake.systems.framework import LeafSystem
+
+    system, n = LeafSystem(), plant.num_multibody_states()
+    port, first = system.DeclareVectorInputPort("state", n), plant.num_positions()
+    force = ExternallyAppliedSpatialForce()
+    force.body_index = plant.GetBodyByName("shell").index()
+
+    def torque(context: Any, output: Any) -> None:
+        spin = port.Eval(context)[first + 2]
+        force.F_Bq_W = SpatialForce(np.array([0.0, 0.0, -damping * spin]), np.zeros(3))
+        output.set_value([force])
+
+    system.DeclareAbstractOutputPort("torque", lambda: Value([force]), torque)
+    return system
+
+
+class DrakeWorld(World):
+    """The plant in a Simulator, which steps it in C++ from sample to sample."""
+
+    def __init__(self, scene: Scene, settings: DrakeSettings, step: float) -> None:
+        super().__init__(scene)
+        from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+        from pydrake.systems.framework import DiagramBuilder
+
+        builder = DiagramBuilder()
+        discrete = settings.integrator is None
+        self.plant = plant = _add_plant(scene, settings, builder, step if discrete else 0.0)
+        motors = builder.AddSystem(_motors(scene, settings.armature))
+        only = plant.GetModelInstanceByName("DefaultModelInstance")
+        if settings.armature is not None:
+            builder.Connect(motors.get_output_port(0), plant.get_actuation_input_port())
+        else:
+            builder.Connect(motors.get_output_port(0), plant.get_desired_state_input_port(only))
+        if settings.spin_damping is not None and scene.rolling == "rubber":
+            torque = builder.AddSystem(_against_spin(plant, settings.spin_damping))
+            builder.Connect(plant.get_state_output_port(), torque.get_input_port(0))
+            builder.Connect(torque.get_output_port(0), plant.get_applied_spatial_force_input_port())
+        self.simulator = Simulator(builder.Build())
+        if not discrete:
+            config = SimulatorConfig(integration_scheme=settings.integrator, max_step_size=step)
+            if settings.accuracy_per_step is not None:
+                config.accuracy = settings.accuracy_per_step
+            ApplySimulatorConfig(config, self.simulator)
+        self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
+        q, v = _positions(self.now)
+        plant.SetPositions(self.context, q)
+        plant.SetVelocities(self.context, v)
+        self.simulator.Initialize()
+
+    def march(self, times: Array, timestep: float) -> Iterator[State]:
+        plant, context, simulator = self.plant, self.context, self.simulator
+        self.longest = longest_step(self.scene, times, timestep)
+        for t in times[1:].tolist():
+            simulator.AdvanceTo(t)
+            self.steps = max(simulator.get_num_steps_taken(), simulator.get_num_discrete_updates())
+            q, v = plant.GetPositions(context), plant.GetVelocities(context)
+            yield State(q[4:7], v[3:6], q[:4], v[:3], q[7:], v[6:])
+
+    def python_seconds(self) -> float:
+        """Not told apart: our torque and our motors are called from within Drake."""
+        return float("nan")
+
+
+class DrakeDynamics(IdealWorld):
+    """The plant's mass matrix and bias, with no contact of its own."""
+
+    def __init__(self, scene: Scene, stepper: Stepper, settings: DrakeSettings) -> None:
+        super().__init__(scene, stepper, settings.rtol)
+        from pydrake.systems.framework import DiagramBuilder
+
+        builder = DiagramBuilder()
+        self.plant = _add_plant(scene, settings, builder, 0.0)
+        self.diagram = builder.Build()
+        self.root = self.diagram.CreateDefaultContext()
+        self.context = self.plant.GetMyMutableContextFromRoot(self.root)
+        # Ours is (v, ω, rates), Drake's (ω, v, rates).
+        self.order = np.array([3, 4, 5, 0, 1, 2, *range(6, self.plant.num_velocities())])
+
+    def dynamics(self, state: State) -> tuple[Array, Array]:
+        plant, context, order = self.plant, self.context, self.order
+        plant.SetPositionsAndVelocities(context, np.concatenate(_positions(state)))
+        M = plant.CalcMassMatrix(context)
+        h = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
+        return M[np.ix_(order, order)], h[order]
+
+
+AS_IT_COMES = DrakeSettings(
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=10.0
+)
+TAMSI = DrakeSettings(
+    name="tamsi",
+    error_tolerance=5e-2,
+    stop_at_fault=False,
+    timestep=1e-3,
+    approximation="tamsi",
+    friction=20.0,
+    armature=1e12,
+    spin_damping=100.0,
+)
+BEST = replace(
+    TAMSI,
+    name="best",
+    approximation=None,
+    integrator="radau3",
+    accuracy_per_step=1e-9,
+    stiction=1e-4,
+    spin_damping=1e4,
+)
+IDEAL = DrakeSettings(
+    name="ideal", error_tolerance=1e-10, timestep=1.0, armature=0.0, ideal="DOP853"
+)
+
+
+class Drake(Adapter):
+    """The engine, as `robotball.engines.protocol` describes one."""
+
+    label = LABEL
+    package = "pydrake"
+    extra = "drake"
+    requirements = ("drake>=1.51",)
+    ladders: Mapping[str, Ladder] = {
+        "as-it-comes": ("timestep", (1e-3,)),
+        "tamsi": ("timestep", (4e-3, 1e-3, 1e-4)),
+        "best": ("timestep", (1e-3,)),
+        "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
+    }
+    settings_type = DrakeSettings
+    presets: Mapping[str, StepSettings] = {
+        each.name: each for each in (AS_IT_COMES, TAMSI, BEST, IDEAL)
+    }
+
+    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
+        """Torsional friction, in a point contact."""
+        assert isinstance(settings, DrakeSettings)
+        if scene.rolling == "classical" or settings.ideal:
+            return None
+        if settings.spin_damping is None:
+            return "its point contact has no torsional friction: the shell spins freely"
+        return "its point contact has no torsional friction: a torque of ours damps the spin"
+
+    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
+        assert isinstance(settings, DrakeSettings)
+        if settings.ideal is not None:
+            return DrakeDynamics(scene, settings.ideal, settings)
+        return DrakeWorld(scene, settings, step)
+
+
+DRAKE = Drake()

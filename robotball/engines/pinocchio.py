@@ -1,0 +1,96 @@
+"""Pinocchio: its mass matrix and bias, under our rolling constraints and our steps.
+
+It has constraints of points that stay where they are on a body, and none of a ball that rolls.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball.engines.adapter import Adapter, StepSettings, World, version_of
+from robotball.engines.ideal import IdealWorld, Stepper
+from robotball.engines.links import State, links_of
+from robotball.engines.protocol import Ladder
+from robotball.motion import Label
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import Scene
+
+LABEL = Label("Pinocchio", version_of("pin"), "#56B4E9")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PinocchioSettings(StepSettings):
+    """stepper: ours, as Pinocchio has none for constraints; rtol: of DOP853 alone."""
+
+    stepper: Stepper
+    rtol: float = 1e-12
+
+
+class PinocchioWorld(IdealWorld):
+    """The ball as a free shell with hinges, in Pinocchio's local coordinates."""
+
+    def __init__(self, scene: Scene, settings: PinocchioSettings) -> None:
+        super().__init__(scene, settings.stepper, settings.rtol)
+        import pinocchio
+
+        self.pin, self.model = pinocchio, pinocchio.Model()
+        joints = [0]
+        for i, link in enumerate(links_of(scene)):
+            joint = (
+                pinocchio.JointModelRevoluteUnaligned(*link.axis)
+                if i
+                else pinocchio.JointModelFreeFlyer()
+            )
+            place = pinocchio.SE3(np.eye(3), link.origin)
+            parent = joints[link.parent + 1] if i else 0
+            joints.append(self.model.addJoint(parent, joint, place, link.name))
+            body = pinocchio.Inertia(link.mass, link.centre, link.inertia)
+            self.model.appendBodyToJoint(joints[-1], body, pinocchio.SE3.Identity())
+        self.model.gravity.linear = np.array([0.0, 0.0, -scene.gravity])
+        self.data = self.model.createData()
+        self.T = np.eye(self.model.nv)
+
+    def dynamics(self, state: State) -> tuple[Array, Array]:
+        R = rotation_matrix(state.attitude)
+        v, w = R.T @ state.velocity, R.T @ state.turning
+        q = np.concatenate([state.centre, np.roll(state.attitude, -1), state.angles])
+        qdot = np.concatenate([v, w, state.rates])
+        M = self.pin.crba(self.model, self.data, q, self.pin.Convention.WORLD)
+        M = np.triu(M) + np.triu(M, 1).T
+        h = self.pin.nonLinearEffects(self.model, self.data, q, qdot)
+        # Its velocities are in the shell's axes, which turn.
+        self.T[:3, :3] = self.T[3:6, 3:6] = R.T
+        turned = np.concatenate([-np.cross(w, v), np.zeros(self.model.nv - 3)])
+        return self.T.T @ M @ self.T, self.T.T @ (h + M @ turned)
+
+
+PRESETS = {
+    each.name: each
+    for each in (
+        PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, stepper="RK4"),
+        PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, stepper="DOP853"),
+    )
+}
+
+
+class Pinocchio(Adapter):
+    """The engine, as `robotball.engines.protocol` describes one."""
+
+    label = LABEL
+    package = "pinocchio"
+    extra = "pinocchio"
+    requirements = ("pin>=4.1",)
+    ladders: Mapping[str, Ladder] = {
+        "RK4": ("timestep", (20e-3, 10e-3, 5e-3)),
+        "best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-14)),
+    }
+    settings_type = PinocchioSettings
+    presets: Mapping[str, StepSettings] = PRESETS
+
+    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
+        assert isinstance(settings, PinocchioSettings)
+        return PinocchioWorld(scene, settings)
+
+
+PINOCCHIO = Pinocchio()

@@ -1,0 +1,132 @@
+"""Jobs of Python's own code on all cores: processes, as such code holds the interpreter's lock."""
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import partial
+from itertools import islice
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from types import ModuleType
+from typing import Any, TypeVar
+
+from robotball.errors import SceneWarning
+from robotball.threads import allowed, at_most
+
+ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+)
+FORKSERVER = multiprocessing.get_context("forkserver")
+"""Its server imports the work once, and then starts a process in milliseconds."""
+CHILDREN = threading.Lock()
+"""A process that is started looks after all others, which two threads must not do at a time."""
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+
+def in_processes(
+    work: Callable[[Job], Result], jobs: Sequence[Job], least: int = 2
+) -> Iterator[Result]:
+    """The results of jobs in their order, from as many processes as `threads.at_most` allows.
+
+    work: a module's function, `partial` of one, or an object that can be called; like jobs and
+    results it can be pickled. With one process, or fewer jobs than `least`, it is called here: a
+    process takes a second to start. What it warns of is warned of here, and what it raises is
+    raised here; the processes end with the iterator.
+    """
+    count = min(allowed(), len(jobs))
+    if count < 2 or len(jobs) < least:
+        yield from map(work, jobs)
+        return
+    waiting = iter(enumerate(jobs))
+    done: dict[int, Result] = {}
+    processes, busy = [], 0
+    try:
+        for _ in range(count):
+            processes.append(_started(work))
+        for (_, pipe), job in zip(processes, waiting, strict=False):
+            pipe.send(job)
+            busy += 1
+        following = 0
+        while busy:
+            for ready in wait([pipe for _, pipe in processes]):
+                assert isinstance(ready, Connection)
+                try:
+                    i, result, error, lines = ready.recv()
+                except EOFError:
+                    raise ChildProcessError("a process was ended from outside") from None
+                for line in lines:
+                    warnings.warn(line, SceneWarning, stacklevel=2)
+                if error is not None:
+                    raise error
+                done[i] = result
+                busy -= 1
+                for job in islice(waiting, 1):
+                    ready.send(job)
+                    busy += 1
+            while following in done:
+                yield done.pop(following)
+                following += 1
+    finally:
+        for process, pipe in processes:
+            pipe.close()
+            process.kill()
+            with CHILDREN:
+                process.join()
+
+
+def _started(work: Callable[[Any], Any]) -> tuple[Any, Connection]:
+    module = (work.func if isinstance(work, partial) else work).__module__
+    FORKSERVER.set_forkserver_preload([module, __name__])
+    ours, theirs = FORKSERVER.Pipe()
+    process = FORKSERVER.Process(target=_serve, args=(theirs, work), daemon=True)
+    with theirs, for_a_worker(module):
+        process.start()
+    return process, ours
+
+
+def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
+    """What a process does, until the pipe is closed, as it is where the other end has died."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(EOFError, OSError), at_most(1):
+        while True:
+            i, job = pipe.recv()
+            result, error = None, None
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always", SceneWarning)
+                try:
+                    result = work(job)
+                except Exception as raised:
+                    error = raised
+            lines = [str(w.message) for w in caught if issubclass(w.category, SceneWarning)]
+            pipe.send((i, result, error, lines))
+
+
+@contextmanager
+def for_a_worker(module: str) -> Iterator[None]:
+    """What is started in the block has one thread a library, and leaves Ctrl-C to us.
+
+    Nor does it run the script again that asked for it, unless that is the module of its work.
+    """
+    with CHILDREN:
+        resource_tracker.ensure_running()  # whose start would unblock SIGINT
+        before = {name: os.environ[name] for name in ONE_THREAD if name in os.environ}
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        os.environ.update(ONE_THREAD)
+        main = sys.modules["__main__"]
+        if module != "__main__":
+            sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main
+            for name in ONE_THREAD:
+                del os.environ[name]
+            os.environ.update(before)
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)

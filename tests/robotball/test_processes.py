@@ -1,0 +1,104 @@
+"""Work in processes: in order, with its errors and warnings, and gone with who asked for it."""
+
+import os
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from robotball import InputError, SceneWarning
+from robotball.errors import warn
+from robotball.processes import in_processes
+from robotball.threads import allowed, at_most
+
+
+def late(jobs: int, job: int) -> tuple[int, int, int]:
+    """The earlier a job, the longer it takes; also its process and the threads allowed there."""
+    time.sleep(0.02 * (jobs - job))
+    return job, os.getpid(), allowed()
+
+
+def faulty(job: int) -> int:
+    """Warns of job 1, and refuses job 2."""
+    if job == 1:
+        warn("job 1 is odd")
+    if job == 2:
+        raise InputError("job 2 cannot be done")
+    return job
+
+
+def deadly(job: int) -> int:
+    """Ends its process."""
+    os._exit(job)
+
+
+@pytest.mark.slow
+def test_results_come_in_the_order_of_the_jobs() -> None:
+    """From two processes of one thread each, none of them this one."""
+    with at_most(2):
+        found = list(in_processes(partial(late, 7), range(7)))
+    assert [job for job, _, _ in found] == list(range(7))
+    processes = {process for _, process, _ in found}
+    assert len(processes) == 2
+    assert os.getpid() not in processes
+    assert {threads for _, _, threads in found} == {1}
+
+
+def test_one_process_is_this_one() -> None:
+    """Where one is allowed, and where the jobs are too few."""
+    for most, least in ((1, 2), (4, 5)):
+        with at_most(most):
+            found = list(in_processes(partial(late, 4), range(4), least))
+        assert {process for _, process, _ in found} == {os.getpid()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("most", [1, 3])
+def test_warnings_and_errors_are_the_callers(most: int) -> None:
+    """With their own words, wherever the work is done."""
+    with at_most(most), pytest.warns(SceneWarning, match="job 1 is odd"):
+        assert list(in_processes(faulty, [0, 1, 3])) == [0, 1, 3]
+    with at_most(most), pytest.raises(InputError, match="job 2 cannot be done"):
+        list(in_processes(faulty, [0, 2, 3]))
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_ends_the_work() -> None:
+    """It waits for nothing that cannot come."""
+    with at_most(2), pytest.raises(ChildProcessError, match="ended from outside"):
+        list(in_processes(deadly, [3, 3]))
+
+
+SCRIPT = """
+import os
+from functools import partial
+from robotball.processes import in_processes
+from robotball.threads import at_most
+from tests.robotball.test_processes import late
+print("script")
+with at_most(2):
+    for _, process, _ in in_processes(partial(late, 200), range(200)):
+        print(process, flush=True)
+"""
+
+
+@pytest.mark.slow
+def test_no_process_outlives_who_asked_for_it(tmp_path: Path) -> None:
+    """Killed without warning; and its script was not run again, though it has no guard."""
+    (tmp_path / "script.py").write_text(SCRIPT)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(
+        [sys.executable, tmp_path / "script.py"], stdout=subprocess.PIPE, text=True, env=environment
+    ) as script:
+        assert script.stdout is not None
+        lines = [script.stdout.readline().strip() for _ in range(3)]
+        script.kill()
+    assert lines[0] == "script"
+    for process in {int(line) for line in lines[1:]}:
+        deadline = time.monotonic() + 20
+        while Path(f"/proc/{process}").exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert not Path(f"/proc/{process}").exists()

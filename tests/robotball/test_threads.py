@@ -1,0 +1,147 @@
+"""Work on several cores: everything once, the same digits, and no more cores than are allowed."""
+
+import math
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robotball import InputError, load_scene
+from robotball.engines.reduced.compiled.kernels import orbits
+from robotball.qualitative.basins import basins
+from robotball.qualitative.limit_cycles import limit_cycles
+from robotball.qualitative.lyapunov import exponents
+from robotball.qualitative.sections import section, section_starts
+from robotball.threads import allowed, at_most, cores, in_chunks, quota
+
+BALL = load_scene("fig14").parameters
+GENERATOR = np.random.default_rng(5)
+STARTS = section_starts(GENERATOR.uniform(-4, 4, 45), GENERATOR.uniform(0, 6, 45), 25.0)
+TIMES = np.array([0.0, 3.0, 40.0])
+
+WORK: dict[str, Callable[[], list[Any]]] = {
+    "orbits": lambda: list(vars(orbits(BALL, *STARTS, TIMES)).values()),
+    "section": lambda: list(vars(section(BALL, *STARTS, 5)).values()),
+    "exponents": lambda: [exponents(BALL, *STARTS, 50.0, 10.0).largest],
+    "basins": lambda: [basins(BALL, *STARTS, 100.0).labels],
+    "limit cycles": lambda: [each.gamma for each in limit_cycles(load_scene("fig07").parameters)],
+}
+
+
+@given(count=st.integers(1, 300), unit=st.integers(1, 9), threads=st.integers(1, 7))
+def test_every_motion_is_done_once(count: int, unit: int, threads: int) -> None:
+    """Whatever their number, and in whole units but for the last."""
+    done = np.zeros(count, int)
+    sizes = []
+
+    def work(some: slice) -> None:
+        done[some] += 1
+        sizes.append((some.start, some.stop - some.start))
+
+    with at_most(threads):
+        in_chunks(work, count, unit)
+    assert (done == 1).all()
+    assert all(size % unit == 0 for start, size in sizes if start + size < count)
+
+
+def test_as_many_threads_work_at_once_as_are_allowed() -> None:
+    """Three wait for each other, which two of them could not; and within one there is no other."""
+    meeting = threading.Barrier(3, timeout=20.0)
+    inside = []
+
+    def work(_: slice) -> None:
+        meeting.wait()
+        inside.append(allowed())
+
+    with at_most(3):
+        in_chunks(work, 12, 1)
+    assert inside == [1] * 12
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] if n == "limit cycles" else []) for n in WORK],
+)
+def test_the_digits_are_the_same_at_any_number_of_threads(name: str) -> None:
+    """45 starts, of which the last chunk is not full: to the last bit, and not all the same."""
+    found = {}
+    for count in (1, 2, 3, 16):
+        with at_most(count):
+            found[count] = WORK[name]()
+    assert found[1]
+    for other in found.values():
+        assert all(
+            np.array_equal(a, b, equal_nan=True) for a, b in zip(found[1], other, strict=True)
+        )
+
+
+def test_an_error_in_a_thread_is_the_callers() -> None:
+    """With its own words."""
+
+    def work(some: slice) -> None:
+        if some.start:
+            raise InputError("a start that cannot be used")
+
+    with at_most(2), pytest.raises(InputError, match="a start that cannot be used"):
+        in_chunks(work, 20, 1)
+
+
+@pytest.mark.parametrize("count", [0, -1])
+def test_less_than_one_thread_is_refused(count: int) -> None:
+    """In one line with the value."""
+    with (
+        pytest.raises(InputError, match=f"threads must be at least 1, not {count}"),
+        at_most(count),
+    ):
+        pass
+
+
+def groups(folder: Path, files: dict[str, str], own: str) -> float:
+    """The quota of a process in these control groups."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    (folder / "own").write_text(own)
+    return quota(folder, folder / "own")
+
+
+@pytest.mark.parametrize(
+    ("files", "own", "least"),
+    [
+        ({"cpu.max": "150000 100000\n"}, "0::/\n", 1.5),
+        ({"cpu.max": "max 100000\n"}, "0::/\n", math.inf),
+        ({"a/cpu.max": "400000 100000\n", "a/b/cpu.max": "max 100000"}, "0::/a/b\n", 4.0),
+        ({"cpu.max": "200000 100000\n"}, "0::/of/the/host\n", 2.0),
+        (
+            {"cpu/a/cpu.cfs_quota_us": "50000\n", "cpu/a/cpu.cfs_period_us": "100000\n"},
+            "4:memory:/a\n3:cpu,cpuacct:/a\n0::/\n",
+            0.5,
+        ),
+        (
+            {"cpu/a/cpu.cfs_quota_us": "-1\n", "cpu/a/cpu.cfs_period_us": "100000\n"},
+            "3:cpu,cpuacct:/a\n",
+            math.inf,
+        ),
+        ({}, "", math.inf),
+    ],
+)
+def test_a_containers_quota_is_respected(
+    tmp_path: Path, files: dict[str, str], own: str, least: float
+) -> None:
+    """Of both versions of control groups, of a group and of those around it, and of none."""
+    assert groups(tmp_path, files, own) == least
+
+
+def test_cores_are_at_most_what_the_quota_and_the_affinity_allow(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A part of a core is one; without a limit it is the affinity's number."""
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(8)), raising=False)
+    for left, expected in ((math.inf, 8), (2.5, 3), (0.5, 1), (64.0, 8)):
+        monkeypatch.setattr("robotball.threads.quota", lambda left=left: left)
+        assert cores() == expected

@@ -1,0 +1,171 @@
+"""The report: one file, the numbers in words, plots that tell their values, in a browser too."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import robotball as rb
+from tests.browser import needs_browser, opened
+from tests.validation.commands.test_cli import Robotball, robotball  # noqa: F401
+from validation import Agreement, compare
+from validation.report.scenes import friction_words, report, sentence
+from validation.report.study import study_report
+
+TIMES = rb.sample_times(1.0)
+COMMAND = "robotball report fig12 --preset naive,fast"
+
+
+@pytest.fixture(scope="module")
+def agreements() -> list[Agreement]:
+    return [compare("fig12", name, TIMES) for name in ("naive", "fast")]
+
+
+@pytest.fixture(scope="module")
+def page(agreements: list[Agreement]) -> str:
+    return report(agreements, COMMAND)
+
+
+def test_a_report_asks_for_nothing_outside_itself(page: str) -> None:
+    """No address of a page, a script, a font or a picture."""
+    assert re.findall(r'(?:src|href)="(?!data:)', page) == []
+    assert re.findall(r"url\(|@import|fetch\(|https?://(?!www\.w3\.org/2000/svg)", page) == []
+    assert len(page) < 1e6  # measured 0.2 MB
+
+
+def test_a_report_has_what_was_run_and_how_to_repeat_it(
+    page: str, agreements: list[Agreement]
+) -> None:
+    """The settings' values, the versions, the scene's file and the command."""
+    for words in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
+        assert words in page.replace("&quot;", '"')
+    for name, value in agreements[1].settings.plain().items():
+        assert f"<td>{name}</td>" in page
+        assert f">{value}<" in page or isinstance(value, dict | list)
+
+
+def test_a_sentence_has_the_error_and_its_bound(agreements: list[Agreement]) -> None:
+    """Of a sound run and of a faulty one."""
+    naive, fast = agreements
+    error = fast.path_error
+    assert error is not None
+    assert f"which is {error:.1e} of the path; the tolerance is 0.0005." in sentence(fast)
+    assert "slipped over 0.01 of the path" in sentence(naive)
+
+
+def test_a_run_that_broke_off_is_reported(agreements: list[Agreement]) -> None:
+    """With the time at which it ended, and plots as far as it went."""
+    mine = replace(rb.preset("naive"), name="mine", stop_at_fault=True)
+    stopped = rb.simulate(rb.load_scene("fig12"), TIMES, mine)
+    broken = Agreement(agreements[0].theory, stopped)
+    assert not broken.finished
+    words = sentence(broken)
+    assert words.endswith(f"The run ended at {stopped.times[-1]:.4g} s.")
+    assert "mine" in report([broken], COMMAND)
+
+
+def test_friction_needed_is_told_beside_what_is_given(agreements: list[Agreement]) -> None:
+    """fig12 needs 1.32 by the equations; the naive plane gives 1, the recipe's 20."""
+    words = " ".join(friction_words([compare("fig12", "fast")]))
+    assert "needs a coefficient of sliding friction of 1.32." in words
+    assert "torsional one of 1.87 m" in words
+    assert "the plane gives 20, and the run uses at most 9.58 %" in words
+
+
+def test_a_users_title_is_text(agreements: list[Agreement]) -> None:
+    """Never markup."""
+    first = agreements[1]
+    scene = replace(first.scene, title="<img src=x onerror=alert(1)>")
+    odd = Agreement(replace(first.theory, scene=scene), replace(first.motion, scene=scene))
+    assert "<img src=x" not in report([odd], COMMAND)
+
+
+@pytest.mark.slow
+@needs_browser
+@pytest.mark.parametrize(("width", "dark"), [(360, False), (1280, True)])
+def test_a_report_works_in_a_browser(page: str, tmp_path: Path, width: int, dark: bool) -> None:
+    """No error, no request, nothing wider than the page; a pointer and a key tell values."""
+    with opened(page, tmp_path, width=width, dark=dark) as browser:
+        told = browser.run(
+            """(() => {
+            const chart = document.querySelectorAll('svg.chart')[1];
+            const box = chart.getBoundingClientRect();
+            const told = chart.parentElement.querySelector('.told'), said = [];
+            chart.dispatchEvent(new PointerEvent('pointermove',
+                {clientX: box.left + box.width / 2, clientY: box.top + box.height / 2}));
+            said.push(told.textContent);
+            chart.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight'}));
+            said.push(told.textContent);
+            chart.dispatchEvent(new PointerEvent('pointerleave'));
+            return [...said, told.textContent];
+            })()"""
+        )
+        assert browser.console == []
+        assert [each for each in browser.requests if not each.startswith("data:")] == [
+            (tmp_path / "page.html").as_uri()
+        ]
+        assert browser.run("document.documentElement.scrollWidth") == width
+        seen = browser.run("getComputedStyle(document.body).backgroundColor")
+        assert seen == ("rgb(22, 25, 29)" if dark else "rgb(255, 255, 255)")
+    first, second, after = told
+    assert re.fullmatch(r"t = 0\.\d+ s · naive: [\d.e-]+ · fast: [\d.e-]+", first)
+    assert second != first
+    assert after == "Point at the plot, or use the arrow keys, for values."
+
+
+def test_a_studys_record_is_tables_and_pictures(tmp_path: Path) -> None:
+    """Its plain values, its lists, and the PNGs beside it."""
+    record = {
+        "scene": "fig12",
+        "runs": [{"name": "a <b>", "error": 1.23456e-7, "deep": [1]}],
+        "versions": {"robotball": "9"},
+    }
+    (tmp_path / "s.json").write_text(json.dumps(record))
+    (tmp_path / "s.png").write_bytes(b"\x89PNG")
+    made = study_report(tmp_path / "s.json")
+    for words in ("<td>fig12</td>", "a &lt;b&gt;", "1.235e-07", "data:image/png;base64,"):
+        assert words in made
+    assert "deep" not in made
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("report", "report needs a scene, or the JSON file of a study"),
+        ("report a.json fig12", "one study's JSON file at a time"),
+        ("report a.json", "a.json: No such file"),
+        ("report b.json", "b.json is no JSON"),
+        ("report c.json", "c.json is no record of a study"),
+        ("report fig112", "no scene is called 'fig112'"),
+    ],
+)
+def test_what_a_report_cannot_use_is_one_line(
+    robotball: Robotball,  # noqa: F811
+    tmp_path: Path,
+    arguments: str,
+    words: str,
+) -> None:
+    """Status 2."""
+    (tmp_path / "b.json").write_text("{")
+    (tmp_path / "c.json").write_text("{}")
+    status, _, err = robotball(*arguments.split())
+    assert status == 2
+    assert words in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_the_command_writes_a_page_of_several_scenes(
+    robotball: Robotball,  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    """Named after them, and the printed command repeats it."""
+    arguments = ("report", "fig12", "fig13", "--preset", "fast", "--duration", "0.5")
+    status, out, _ = robotball(*arguments)
+    assert status == 0
+    assert out.splitlines()[-1] == "out/fig12-fast-fig13-report.html"
+    page = (tmp_path / "out" / "fig12-fast-fig13-report.html").read_text()
+    assert "robotball report fig12 fig13 --preset fast --duration 0.5" in page
+    assert page.count('class="rb-view"') == 2

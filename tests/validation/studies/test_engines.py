@@ -1,0 +1,109 @@
+"""The study of all engines: a crash is a row, the front a front, an environment looks into ours."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import robotball as rb
+from validation.studies.engines.environments import OLDER, contestants, python_of
+from validation.studies.engines.measure import Run, cells_of, measure, study_of
+from validation.sweeps import Result
+
+FIG12 = rb.load_scene("fig12")
+CELL = {
+    "scene": "fig12", "digest": "", "duration": 0.2, "rounds": 1, "stretches": False,
+    "contestant": "mujoco", "engine": "mujoco", "preset": "balanced", "field": "timestep",
+    "value": 5e-3, "interpreter": sys.executable,
+}  # fmt: skip
+
+
+def result(value: float, error: float, seconds: float, **changes: Any) -> Result:
+    """A run of the recipe, as the journal has it."""
+    record = {
+        "label": "MuJoCo", "version": "4", "colour": "#000000", "path_error": error,
+        "momentum_error": error, "defect": None, "reached": 0.2, "slip": 0.0, "spin": 0.0,
+        "longest_step": value, "seconds": seconds, "python_seconds": None, "fixed_work": 1.0,
+        "faults": [],
+    }  # fmt: skip
+    return Result({**CELL, "value": value}, {**record, **changes}, None)
+
+
+@pytest.mark.slow
+def test_a_run_in_a_process_says_what_a_run_here_says() -> None:
+    """The same path error, to the last bit, and what it depends on."""
+    record = measure(CELL)
+    theory = rb.integrate(FIG12, rb.sample_times(0.2))
+    here = rb.simulate(FIG12, theory.times, "balanced")
+    assert record["path_error"] == rb.motion.path_error(here, theory)
+    assert record["settings"]["timestep"] == 5e-3
+    assert record["version"] == rb.engine_named("mujoco").label.version
+    assert record["seconds"] > 0
+
+
+@pytest.mark.parametrize(
+    ("script", "said"),
+    [
+        ("kill -SEGV $$", "SIGSEGV"),
+        ("echo the last word >&2; exit 3", "the last word"),
+        ("""echo '{"refused": "it has no ball"}'""", "it has no ball"),
+    ],
+)
+def test_a_process_that_ends_badly_is_one_line(tmp_path: Path, script: str, said: str) -> None:
+    """Its signal, its last word, or why it refused."""
+    interpreter = tmp_path / "python"
+    interpreter.write_text(f"#!/bin/sh\n{script}\n")
+    interpreter.chmod(0o755)
+    with pytest.raises((RuntimeError, rb.InputError), match=said):
+        measure({**CELL, "interpreter": str(interpreter)})
+
+
+def test_the_front_is_what_nothing_is_cheaper_and_better_than() -> None:
+    """And a run whose errors cancelled, or that diverged, is not on it."""
+    results = [
+        result(20e-3, 1e-6, 1.0),
+        result(10e-3, 1e-7, 2.0),
+        result(9e-3, 2e-7, 3.0),  # dearer and worse than the one before
+        result(8e-3, 1e-12, 0.5, momentum_error=1e-3),
+        result(7e-3, 1e-9, 0.4, faults=["the state diverged at t = 0.1 s"]),
+    ]
+    front = study_of(FIG12, results).pareto_front
+    assert [run.value for run in front] == [10e-3, 20e-3]
+
+
+def test_the_order_is_fitted_over_the_steps() -> None:
+    """Errors that fall with the fourth power have order 4."""
+    results = [result(h, h**4, 1 / h) for h in (20e-3, 10e-3, 5e-3)]
+    (order,) = study_of(FIG12, results).orders.values()
+    assert order.order == pytest.approx(4, abs=1e-9)
+
+
+def test_costs_are_brought_to_one_speed() -> None:
+    """A process at half the speed took twice as long for the same work."""
+    results = [result(20e-3, 1e-6, 1.0), result(10e-3, 1e-7, 2.0, fixed_work=2.0)]
+    runs: tuple[Run, ...] = study_of(FIG12, results).runs
+    assert runs[0].cost == pytest.approx(runs[1].cost)
+
+
+def test_a_run_without_an_answer_keeps_its_row() -> None:
+    """With the reason: of a crash, and of a run that broke off."""
+    crash = Result({**CELL, "value": 1.0}, None, "its process was ended by SIGSEGV")
+    off = result(20e-3, 0.0, 1.0, path_error=None, momentum_error=None)
+    failed = study_of(FIG12, [crash, off]).failed
+    assert [why for *_, why in failed] == ["broke off at 0.2 s", "its process was ended by SIGSEGV"]
+
+
+@pytest.mark.slow
+def test_an_engine_that_is_nowhere_has_no_cells(tmp_path: Path) -> None:
+    """An environment in the folder gives it some; ours is taken where the engine is there."""
+    known = contestants()
+    older = known[OLDER]
+    assert python_of(older, tmp_path) is None
+    assert cells_of("fig12", [older], tmp_path, 1.0, 1) == []
+    place = tmp_path / OLDER / "bin" / "python"
+    place.parent.mkdir(parents=True)
+    place.touch()
+    assert python_of(older, tmp_path) == place
+    assert {cell["engine"] for cell in cells_of("fig12", [older], tmp_path, 1.0, 1)} == {"mujoco"}
+    assert python_of(known["mujoco"], tmp_path / "none") == Path(sys.executable)

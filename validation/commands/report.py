@@ -1,0 +1,130 @@
+"""The command `robotball report`."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import Positional, arg
+
+from validation.commands.arguments import (
+    AGREES,
+    DISAGREES,
+    Names,
+    Run,
+    RunOptions,
+    listed,
+    times_of,
+)
+
+if TYPE_CHECKING:
+    from validation.comparison.agreement import Agreement
+    from validation.progress import Show
+
+FILM = (360, 640)  # px, height and width
+MOST_NAMES = 80  # characters of a file's name that scenes may take
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write one HTML page: agreement in words, plots, a 3-D view, settings, how to repeat it.
+
+    The page needs no network, and can be sent as it is. Of a study's JSON file it shows the tables,
+    and the picture that is beside the file.
+
+    Example: robotball report fig12 --preset fast,accurate
+    """
+
+    scenes: Positional[Annotated[tuple[str, ...], arg(metavar="SCENE...", help_behavior_hint="")]]
+    """Names from the catalog, or paths to TOML files; or the JSON file that a study wrote."""
+    preset: Names = ()
+    """The engine's settings to run each scene with, its default if none. Several: naive,fast."""
+    film: bool = False
+    """Have a film of the first scene in the page, in place of the 3-D views."""
+    run_options: RunOptions = field(default_factory=Run)
+
+    def run(self) -> int:
+        from robotball import InputError
+
+        if not self.scenes:
+            raise InputError("report needs a scene, or the JSON file of a study")
+        studies = [name for name in self.scenes if name.endswith(".json")]
+        if studies and len(self.scenes) > 1:
+            raise InputError("report takes one study's JSON file at a time, without scenes")
+        return self._study(Path(studies[0])) if studies else self._compared()
+
+    def _study(self, source: Path) -> int:
+        from validation.output import writable_folder, write_text
+        from validation.report.study import study_report
+
+        path = writable_folder(self.run_options.out) / f"{source.stem}-report.html"
+        write_text(path, study_report(source))
+        print(path)
+        return AGREES
+
+    def _compared(self) -> int:
+        import tempfile
+
+        from validation.comparison.names import file_stem, scenes_of
+        from validation.comparison.runs import agreements_of
+        from validation.output import writable_folder, write_text
+        from validation.progress import progress_bar
+        from validation.report.scenes import report
+
+        options = self.run_options
+        requests = [options.request(name) for name in listed(self.preset) or (None,)]
+        scenes = list(scenes_of(self.scenes).values())
+        out = writable_folder(options.out)
+        times = times_of(options.duration)
+        agreements: list[Agreement] = []
+        with progress_bar(len(scenes) * len(requests)) as show:
+            for i, scene in enumerate(scenes):
+                before = partial(_show, show, i * len(requests))
+                agreements += agreements_of(
+                    scene, requests, times, strict=options.strict, show=before
+                )
+        stem = file_stem(agreements[: len(requests)])
+        others = "".join(f"-{scene.name}" for scene in scenes[1:])
+        path = out / f"{(stem + others)[:MOST_NAMES]}-report.html"
+        with tempfile.TemporaryDirectory() as folder:
+            filmed = self._filmed(agreements[0], Path(folder)) if self.film else None
+            write_text(path, report(agreements, self._command(), filmed))
+        for each in agreements:
+            print(f"{each.scene.name}, {each.settings.name}: {each.verdict}")
+        print(path)
+        return AGREES if all(each.agrees for each in agreements) else DISAGREES
+
+    def _filmed(self, agreement: "Agreement", folder: Path) -> Path:
+        """A small film of an agreement, so that the page stays below six megabytes."""
+        from robotball.film.render import Film
+        from robotball.film.write import write_video
+        from validation.progress import progress_bar
+
+        path = folder / "film.mp4"
+        with progress_bar(1) as show:
+            write_video(
+                path,
+                agreement.motion,
+                agreement.theory,
+                Film(size=FILM),
+                progress=lambda part: show(part, f"{agreement.scene.name}: film"),
+            )
+        return path
+
+    def _command(self) -> str:
+        """The command line that makes the same report."""
+        import shlex
+
+        options = self.run_options
+        words = ["robotball", "report", *self.scenes]
+        words += ["--preset", ",".join(listed(self.preset))] if self.preset else []
+        words += ["--engine", options.engine] if options.engine != Run.engine else []
+        words += ["--accuracy", f"{options.accuracy:g}"] if options.accuracy else []
+        words += ["--duration", f"{options.duration:g}"] if options.duration else []
+        words += ["--keep-going"] if options.keep_going else []
+        words += ["--film"] if self.film else []
+        return shlex.join(words)
+
+
+def _show(show: "Show", before: int, done: float, what: str) -> None:
+    show(before + done, what)

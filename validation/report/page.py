@@ -1,0 +1,105 @@
+"""The page around a report: head, style, script; tables and plots as HTML."""
+
+from base64 import b64encode
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from robotball.chart import Line, chart, legend
+
+HERE = Path(__file__).parent
+ROWS = 21  # of the table beside a plot
+HINT = "Point at the plot, or use the arrow keys, for values."
+
+
+def page(title: str, body: Iterable[str], head: str = "") -> str:
+    """A whole HTML page, self-contained."""
+    style, script = ((HERE / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<link rel="icon" href="data:,">\n<title>{text(title)}</title>\n'
+        f"{head}\n<style>{style}</style>\n</head>\n<body>\n"
+        + "\n".join(body)
+        + f"\n<script>{script}</script>\n</body>\n</html>\n"
+    )
+
+
+def text(words: object) -> str:
+    """Words as HTML, on one line."""
+    return escape(" ".join(str(words).split()))
+
+
+def paragraph(words: str, kind: str = "") -> str:
+    """A paragraph of plain words."""
+    return f'<p class="{kind}">{text(words)}</p>' if kind else f"<p>{text(words)}</p>"
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str = "") -> str:
+    """A table that scrolls by itself where it is wider than the page."""
+    head = "".join(f'<th scope="col">{text(each)}</th>' for each in headings)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{text(each)}</td>" for each in row) + "</tr>" for row in rows
+    )
+    return (
+        f'<div class="wide"><table class="{kind}"><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def folded(summary: str, inside: str, short: bool = False) -> str:
+    """What a reader may unfold; what is short is unfolded on paper."""
+    kind = ' class="short"' if short else ""
+    return f"<details{kind}><summary>{text(summary)}</summary>{inside}</details>"
+
+
+def plain(values: Mapping[str, Any]) -> str:
+    """Names and values as a table."""
+    return table(("", ""), values.items(), "words")
+
+
+def plot(
+    caption: str,
+    lines: Sequence[Line],
+    x_label: str,
+    y_label: str,
+    *,
+    log: bool = False,
+    equal: bool = False,
+    note: str = "",
+) -> str:
+    """A plot with its names above, the values under the pointer and a table of them below."""
+    drawn = chart(lines, x_label, y_label, log=log, equal=equal, size=(560, 330))
+    words = f'<p class="faint">{text(note)}</p>' if note else ""
+    return (
+        f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"
+        f'<div class="told" aria-live="polite">{HINT}</div>{words}'
+        f"{folded('Values', _values(lines, x_label, y_label))}</figure>"
+    )
+
+
+def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
+    """Each line at a few places, in a table."""
+    first, path = lines[0], lines[0].times is not None
+    count = len(first.x)
+    places = sorted({round(i * (count - 1) / (ROWS - 1)) for i in range(ROWS)})
+    headings = ["t [s]" if path else x_label]
+    for line in lines:
+        axes = (f"{x_label}, {line.name}", f"{y_label}, {line.name}")
+        headings += axes if path else axes[1:]
+    rows = []
+    for i in places:
+        at = first.x[i] if first.times is None else first.times[i]
+        row = [f"{at:.4g}"]
+        for line in lines:
+            known = i < len(line.x)
+            row += [f"{line.x[i]:.5g}" if known else "-"] if path else []
+            row.append(f"{line.y[i]:.5g}" if known else "-")
+        rows.append(row)
+    return table(headings, rows)
+
+
+def embedded(path: Path, kind: str) -> str:
+    """A file as an address that needs no network."""
+    return f"data:{kind};base64,{b64encode(path.read_bytes()).decode('ascii')}"

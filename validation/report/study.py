@@ -1,0 +1,76 @@
+"""The report of a study's JSON file: its tables, its versions, and the pictures beside it."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from robotball import InputError
+from validation.report.page import embedded, folded, page, paragraph, plain, table, text
+
+LONGEST = 60  # rows of a table; the file has the others
+WIDEST = 60  # characters of a cell
+
+
+def study_report(source: Path) -> str:
+    """The page of a JSON file that a study wrote, and of the PNGs whose names begin as its own.
+
+    Raises InputError for a file that cannot be read, or that no study wrote.
+    """
+    try:
+        record = json.loads(source.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{source}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise InputError(f"{source} is no JSON: {error}") from None
+    parts = record if isinstance(record, list) else [record]
+    if not parts or not all(isinstance(part, dict) and "versions" in part for part in parts):
+        raise InputError(f"{source} is no record of a study: it says no versions")
+    body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
+    for picture in sorted(source.parent.glob(f"{source.stem}*.png")):
+        body.append(
+            f'<figure><img alt="{text(picture.stem)}" src="{embedded(picture, "image/png")}">'
+            f"<figcaption>{text(picture.stem)}</figcaption></figure>"
+        )
+    if isinstance(record, list):
+        body += _rows("runs", record)
+    else:
+        body += _parts(record)
+    body.append(folded("Versions", plain(parts[0]["versions"]), short=True))
+    return page(f"robotball: {source.stem}", body)
+
+
+def _parts(record: Mapping[str, Any]) -> list[str]:
+    """A record's plain values as one table, and each list of records in it as another."""
+    single = {name: value for name, value in record.items() if _is_plain(value)}
+    body = [plain({name: _cell(value) for name, value in single.items()})] if single else []
+    for name, value in record.items():
+        if isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
+            body += _rows(name, value)
+    return body
+
+
+def _rows(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    columns = [key for key, value in rows[0].items() if _is_plain(value)]
+    cells = [[_cell(row.get(key)) for key in columns] for row in rows[:LONGEST]]
+    words = f"{len(rows)} rows"
+    if len(rows) > LONGEST:
+        words += f", of which the first {LONGEST} are shown"
+    return [
+        f"<h2>{text(name.replace('_', ' '))}</h2>",
+        paragraph(f"{words}.", "faint"),
+        table([key.replace("_", " ") for key in columns], cells),
+    ]
+
+
+def _is_plain(value: object) -> bool:
+    return value is None or isinstance(value, str | int | float)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    words = str(value)
+    return words if len(words) <= WIDEST else f"{words[: WIDEST - 1]}…"

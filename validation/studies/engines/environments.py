@@ -1,0 +1,81 @@
+"""Environments of their own for engines, whose packages do not all fit beside each other.
+
+An environment has the engine and what it asks for; everything else, robotball among it, it takes
+from ours, after its own. So MuJoCo of another version is only another environment.
+"""
+
+import os
+import subprocess
+import sys
+import sysconfig
+import venv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import robotball
+from robotball import InputError, engine_named, engine_names
+from robotball.engines import DEFAULT
+from robotball.engines.adapter import Adapter
+
+FOLDER = Path("out/engines")
+OLDER = "mujoco-3.17"  # before RK4 was of order 4 on free joints
+LINK = "zz_robotball.pth"
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """An engine as one environment has it.
+
+    name: the environment's; engine: its key; requirements: what pip installs there, none where
+    our own environment has the engine.
+    """
+
+    name: str
+    engine: str
+    requirements: tuple[str, ...]
+
+
+def contestants() -> dict[str, Contestant]:
+    """All of them by name: the engines, and one of them in an older version."""
+    found = []
+    for name in engine_names():
+        try:
+            engine = engine_named(name)
+        except InputError:
+            continue
+        requirements = engine.requirements if isinstance(engine, Adapter) else ()
+        found.append(Contestant(name, name, requirements))
+    found.append(Contestant(OLDER, DEFAULT, (OLDER.replace("-", "==") + ".*",)))
+    return {each.name: each for each in found}
+
+
+def python_of(contestant: Contestant, folder: Path) -> Path | None:
+    """The interpreter that runs it: its environment's, or ours where it needs none; else None."""
+    own = folder / contestant.name / "bin" / "python"
+    if own.exists():
+        return own.absolute()
+    engine = engine_named(contestant.engine)
+    there = engine.installed if isinstance(engine, Adapter) else not contestant.requirements
+    return Path(sys.executable) if there else None
+
+
+def install(contestant: Contestant, folder: Path) -> Path:
+    """Its environment, made anew by venv and pip; raises InputError where pip fails."""
+    home = folder / contestant.name
+    venv.create(home, clear=True, with_pip=True)
+    python = home / "bin" / "python"
+    command = [str(python), "-m", "pip", "install", "--quiet", *contestant.requirements]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        words = [line for line in done.stderr.split("\n") if line.strip()]
+        raise InputError(f"{contestant.name} cannot be installed: {words[-1] if words else '?'}")
+    _link(home)
+    return home
+
+
+def _link(home: Path) -> None:
+    """Has the environment look into ours, after its own packages."""
+    own = sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)})
+    ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
+    (Path(own) / LINK).write_text(os.linesep.join(ours) + os.linesep)

@@ -1,0 +1,178 @@
+"""All engines on a scene: their runs as cells, and what comes of them: orders, the Pareto front."""
+
+import contextlib
+import json
+import math
+import signal
+import statistics
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from subprocess import PIPE
+from typing import Any
+
+from robotball import InputError, Scene, engine_named, load_scene
+from validation.comparison.sensitivity import chaotic
+from validation.studies.engines import process
+from validation.studies.engines.environments import Contestant, python_of
+from validation.studies.order import Order, fit_order
+from validation.studies.tradeoff import scene_cell
+from validation.sweeps import Cell, Result
+
+CANCELLED = 100.0  # a path so much better than M is one whose errors cancelled
+USABLE = 0.3  # a larger path error is no result
+
+
+def cells_of(
+    scene: str, contestants: Sequence[Contestant], folder: Path, duration: float, rounds: int
+) -> list[Cell]:
+    """A run for every value of every ladder of every engine that is there."""
+    stretches = chaotic(load_scene(scene))
+    shared = {**scene_cell(scene, duration), "rounds": rounds, "stretches": stretches}
+    return [
+        {
+            **shared,
+            "contestant": each.name,
+            "engine": each.engine,
+            "preset": preset,
+            "field": field,
+            "value": value,
+            "interpreter": str(python),
+        }
+        for each in contestants
+        if (python := python_of(each, folder)) is not None
+        for preset, (field, values) in engine_named(each.engine).ladders.items()
+        for value in values
+    ]
+
+
+def measure(cell: Cell) -> dict[str, Any]:
+    """The record of a run in a process of its own; raises where that ends without one."""
+    command = [cell["interpreter"], "-m", process.__name__]
+    with tempfile.TemporaryFile() as said:
+        with subprocess.Popen(command, 0, stdin=PIPE, stdout=PIPE, stderr=said) as running:
+            assert running.stdin is not None
+            assert running.stdout is not None
+            with contextlib.suppress(BrokenPipeError):
+                running.stdin.write(json.dumps(dict(cell)).encode() + b"\n")
+            # Its input stays open meanwhile: the run ends where we do.
+            answer = running.stdout.read()
+        said.seek(0)
+        text = said.read().decode(errors="replace")
+        words = [line for line in text.split("\n") if line.strip()]
+    if running.returncode < 0:
+        raise RuntimeError(f"its process was ended by {signal.Signals(-running.returncode).name}")
+    if not answer:
+        raise RuntimeError(words[-1] if words else "it ended without a word")
+    record: dict[str, Any] = json.loads(answer)
+    if "refused" in record:
+        raise InputError(record["refused"])
+    return record
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that came to an answer.
+
+    error: of the path, or in a chaotic scene the total defect of stretches; cost: processor time
+    of a simulated second [s], at the speed of the study's median process.
+    """
+
+    contestant: str
+    label: str
+    version: str
+    colour: str
+    preset: str
+    newcomer: bool
+    field: str
+    value: float
+    error: float
+    momentum_error: float
+    cost: float
+    python_share: float | None
+    faults: tuple[str, ...]
+    record: dict[str, Any]
+
+    @property
+    def title(self) -> str:
+        value = f"{self.value * 1e3:g} ms" if self.field == "timestep" else f"{self.value:g}"
+        return f"{self.name}, {self.preset}, {value}"
+
+    @property
+    def name(self) -> str:
+        return f"{self.label} {self.version}"
+
+    @property
+    def usable(self) -> bool:
+        """Whether the error says how well it rolls."""
+        honest = self.momentum_error < CANCELLED * max(self.error, 1e-15)
+        return self.error < USABLE and honest and "diverged" not in " ".join(self.faults)
+
+
+@dataclass(frozen=True)
+class EngineStudy:
+    """All runs of a scene; failed: (contestant, preset, value, why) of those without an answer."""
+
+    scene: Scene
+    by_defects: bool
+    runs: tuple[Run, ...]
+    failed: tuple[tuple[str, str, float, str], ...]
+
+    @cached_property
+    def pareto_front(self) -> list[Run]:
+        """What nothing is both cheaper and better than, the best first."""
+        front: list[Run] = []
+        for run in sorted(
+            (each for each in self.runs if each.usable), key=lambda r: (r.cost, r.error)
+        ):
+            if not front or run.error < front[-1].error:
+                front.append(run)
+        return front[::-1]
+
+    @cached_property
+    def orders(self) -> dict[tuple[str, str], Order]:
+        """By contestant and preset, where the runs lie on a line."""
+        found = {}
+        for key in dict.fromkeys((run.contestant, run.preset) for run in self.runs):
+            mine = [
+                r for r in self.runs if (r.contestant, r.preset) == key and r.field == "timestep"
+            ]
+            steps = [r.record["longest_step"] for r in mine]
+            if len(mine) > 2 and (order := fit_order(steps, [r.error for r in mine])) is not None:
+                found[key] = order
+        return found
+
+
+def study_of(scene: Scene, results: Sequence[Result]) -> EngineStudy:
+    """The study of a scene's results."""
+    answers = [(result.cell, result.record) for result in results if result.record]
+    speed = statistics.median(record["fixed_work"] for _, record in answers) if answers else 1.0
+    by_defects = any(result.cell["stretches"] for result in results)
+    runs, failed = [], []
+    for cell, record in answers:
+        error = record["defect"] if by_defects else record["path_error"]
+        if error is None or record["momentum_error"] is None:
+            why = "; ".join(record["faults"]) or f"broke off at {record['reached']:g} s"
+            failed.append((cell["contestant"], cell["preset"], cell["value"], why))
+            continue
+        seconds, python = record["seconds"], record["python_seconds"]
+        runs.append(
+            Run(
+                cell["contestant"], record["label"], record["version"], record["colour"],
+                cell["preset"], cell["preset"] == engine_named(cell["engine"]).as_it_comes,
+                cell["field"], cell["value"], error, record["momentum_error"],
+                seconds / cell["duration"] * speed / record["fixed_work"],
+                None if python is None or not seconds else min(1.0, python / seconds),
+                tuple(record["faults"]), record,
+            )
+        )  # fmt: skip
+    failed += [
+        (r.cell["contestant"], r.cell["preset"], r.cell["value"], r.failure or "")
+        for r in results
+        if r.record is None
+    ]
+    assert all(math.isfinite(run.cost) for run in runs)
+    return EngineStudy(scene, by_defects, tuple(runs), tuple(failed))

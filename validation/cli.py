@@ -38,12 +38,13 @@ from validation.commands.replay import Replay
 from validation.commands.report import Report
 from validation.commands.scenes import Scenes
 from validation.commands.section import Section
+from validation.commands.steer import Steer
 from validation.commands.tradeoff import Tradeoff
 from validation.commands.video import Video
 from validation.streams import make_lasting, standard_output_of
 
 Command = (
-    Scenes | Engines | Compare | Report | Video | Replay | Model | Design | Demo
+    Scenes | Engines | Compare | Report | Video | Replay | Model | Design | Steer | Demo
     | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
     | Portraits | Paper
     | Ablation | Convergence | Tradeoff | Extremes

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from robotball.errors import InputError
 from robotball.faults import Fault
+from robotball.room import let_go
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 from robotball.settings import EngineSettings
@@ -38,6 +39,7 @@ class ContactReport(Value):
     friction_used    fraction of the friction cone that the contact force needs; 1 is saturated
     hinge_rate_error largest error of a hinge's rate, relative to the rate
     faults           what went wrong, the earliest first; empty for a sound run
+    notes            what belongs to the motion and is worth telling, as a motor at its limit
     timestep         s, the longest step taken
     steps            taken
     seconds          of processor time that they took, set-up excluded
@@ -60,6 +62,7 @@ class ContactReport(Value):
     seconds: float = field(compare=False)
     total_seconds: float = field(compare=False)
     estimated_error: float | None = None
+    notes: tuple[Fault, ...] = ()
     python_seconds: float | None = field(default=None, compare=False)
 
 
@@ -215,8 +218,10 @@ PIECE = 65_536  # samples; a multiple of what BLAS takes at once, or last bits w
 
 
 def pieces(count: int) -> Iterator[slice]:
-    """Consecutive slices over `count` samples."""
-    return (slice(i, min(i + PIECE, count)) for i in range(0, count, PIECE))
+    """Consecutive slices over `count` samples; memory is given back of each after its use."""
+    for i in range(0, count, PIECE):
+        yield slice(i, min(i + PIECE, count))
+        let_go()
 
 
 # How far a motion is from a reference, whose times have the motion's times among them.
@@ -225,7 +230,10 @@ def pieces(count: int) -> Iterator[slice]:
 def path_errors(motion: Motion, reference: Motion) -> Array:
     """(n,) m: the distance between the two contact points, at the motion's times."""
     ours, theirs = motion.contact_point, reference.contact_point[_shared(motion, reference)]
-    return np.linalg.norm(ours - theirs, axis=1)
+    errors = np.empty(len(ours))
+    for piece in pieces(len(ours)):
+        errors[piece] = np.linalg.norm(ours[piece] - theirs[piece], axis=1)
+    return errors
 
 
 def path_error(motion: Motion, reference: Motion) -> float:
@@ -255,8 +263,12 @@ def gamma_error(motion: Motion, reference: Motion) -> float:
 
 def momentum_errors(motion: Motion, reference: Motion) -> Array:
     """(n,): |M - M of the reference| over the scene's `momentum_scale`, at the motion's times."""
-    off = motion.momentum - reference.momentum[_shared(motion, reference)]
-    return np.linalg.norm(off, axis=1) / reference.scene.momentum_scale
+    ours, theirs = motion.momentum, reference.momentum[_shared(motion, reference)]
+    errors = np.empty(len(ours))
+    for piece in pieces(len(ours)):
+        off = np.linalg.norm(ours[piece] - theirs[piece], axis=1)
+        errors[piece] = off / reference.scene.momentum_scale
+    return errors
 
 
 def momentum_error(motion: Motion, reference: Motion) -> float:

@@ -42,11 +42,12 @@ from validation.commands.scenes import Scenes
 from validation.commands.section import Section
 from validation.commands.tradeoff import Tradeoff
 from validation.commands.video import Video
+from validation.commands.view import View
 from validation.streams import make_lasting, standard_output_of
 
 Command = (
-    Scenes | Engines | Compare | Report | Judge | Video | Replay | Model | Export | Design | Demo
-    | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
+    Scenes | Engines | Compare | Report | Judge | Video | View | Replay | Model | Export
+    | Design | Demo | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
     | Portraits | Paper
     | Ablation | Convergence | Tradeoff | Extremes
 )  # fmt: skip

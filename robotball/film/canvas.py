@@ -1,8 +1,8 @@
 """The canvas: balls, paths and arrows on a floor → pixels, by off-screen OpenGL 2.1.
 
 The floor and the paths average their own edges. Only what is near a ball is drawn with several
-samples a pixel, and shadows are the bodies themselves, laid flat: so two cores without a GPU draw
-a talk's film faster than it plays.
+samples a pixel, and shadows are the bodies themselves, laid flat. Without a GPU the samples take
+half of a picture's time.
 """
 
 from collections.abc import Mapping, Sequence

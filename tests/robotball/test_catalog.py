@@ -32,6 +32,7 @@ MEASURED = {  # balanced, accurate
     "fig13": (9.9e-10, 2.1e-12),
     "fig14": (5.5e-9, 9.4e-12),
     "routh_sphere": (1.1e-8, 1.9e-11),
+    "inclined_plane": (1.9e-9, 3.0e-12),
     "offset_routh_sphere": (9.3e-9, 1.3e-11),
     "pendulum_robot": (2.3e-10, 1.1e-12),
     "rubber_chaplygin_ball": (2.4e-11, 2.1e-13),
@@ -61,8 +62,8 @@ def agreement_of(name: str, settings: str) -> Agreement:
 
 
 def test_no_scene_is_left_out() -> None:
-    """Every scene has its bound below, but the one with stiff motors and the one on a slope."""
-    assert sorted([*MEASURED, SERVO, "inclined_plane"]) == rb.catalog()
+    """Every scene has its bound below, but the one with stiff motors."""
+    assert sorted([*MEASURED, SERVO]) == rb.catalog()
 
 
 @pytest.mark.slow

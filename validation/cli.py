@@ -41,12 +41,15 @@ from validation.commands.replay import Replay
 from validation.commands.report import Report
 from validation.commands.scenes import Scenes
 from validation.commands.section import Section
+from validation.commands.steer import Steer
 from validation.commands.tradeoff import Tradeoff
 from validation.commands.video import Video
+from validation.commands.view import View
 from validation.streams import make_lasting, standard_output_of
 
 Command = (
-    Scenes | Engines | Compare | Report | Judge | Video | Replay | Model | Export | Design | Demo
+    Scenes | Engines | Compare | Report | Judge | Video | View | Replay | Model | Export
+    | Design | Steer | Demo
     | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
     | Portraits | Paper
     | Ablation | Convergence | Tradeoff | Extremes

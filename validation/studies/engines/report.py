@@ -61,7 +61,7 @@ def show_study(study: EngineStudy, console: Console) -> None:
 def what(study: EngineStudy) -> str:
     """What the errors are of."""
     if study.by_defects:
-        return "chaotic, so errors are the sum of defects over stretches of 2.5 s"
+        return "chaotic, so errors are the sum of defects over short stretches"
     return "path errors"
 
 

@@ -121,7 +121,11 @@ class Scene(Value):
     @cached_property
     def hinges(self) -> tuple[Hinge, ...]:
         """The frame's hinge, then the rotors', then the pendulums', as they are at the start."""
-        return hinges_of(self.ball, self.drives, self.motors, self.start)
+        return self.hinges_at(self.start)
+
+    def hinges_at(self, start: Start) -> tuple[Hinge, ...]:
+        """The same hinges as they are at another start."""
+        return hinges_of(self.ball, self.drives, self.motors, start)
 
     @cached_property
     def robot(self) -> Robot:
@@ -167,7 +171,7 @@ class Scene(Value):
 
     @cached_property
     def keeps_momentum(self) -> bool:
-        """Whether M is constant in space: dM/dt is ... of the centre of mass and gravity."""
+        """Whether M is constant in space: what moves the centre of mass changes it, and gravity."""
         upright = self.gravity_direction == DOWN
         return upright and not self.load_varies and not self.friction.rolling
 
@@ -228,7 +232,7 @@ class Scene(Value):
         """ω (3,) in frame axes of this ball at any start [rad/s]."""
         to_frame = rotation_matrix(start.attitude).T
         if self.not_reduced:
-            hinges = replace(self, start=start).hinges
+            hinges = self.hinges_at(start)
             return self.robot.angular_velocity(
                 to_frame[None, :, 2],
                 np.array([[hinge.angle for hinge in hinges]]),

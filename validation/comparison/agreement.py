@@ -147,8 +147,8 @@ class Agreement(Value):
         """
         if self.engine is None or self.faults or self.agrees or not self.finished:
             return None
-        error = self.momentum_error
-        if error is None or not error <= self.settings.error_tolerance:
+        lost = self.momentum_error is None or self.momentum_error > self.settings.error_tolerance
+        if lost and self.scene.keeps_momentum:
             return None  # M is constant however sensitive the motion is: the engine lost it
         return sensitivity(self.engine, self.motion, self.theory)
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
@@ -60,15 +59,19 @@ def path_picture(agreements: Sequence[Agreement]) -> Figure:
 
 
 def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
-    """M's components, which the equations keep constant in space, and its error below."""
+    """M's components, by the equations and by the engine, and the error of M below."""
     figure, components, errors = _two_panels(agreements)
     theory = agreements[0].theory
-    components.axhline(
-        np.nan, color=theory.engine.colour, linewidth=5, alpha=0.6, label=theory.engine.name
-    )
-    for value, names in by_value(theory.momentum[0]).items():
-        components.axhline(value, color=theory.engine.colour, linewidth=5, alpha=0.6)
-        _beside(components, names, value)
+    wide: dict[str, Any] = {"color": theory.engine.colour, "linewidth": 5, "alpha": 0.6}
+    components.plot([], [], label=theory.engine.name, **wide)
+    if theory.scene.keeps_momentum:
+        for value, names in by_value(theory.momentum[0]).items():
+            components.axhline(value, **wide)
+            _beside(components, names, value)
+    else:
+        components.plot(theory.times, theory.momentum, **wide)
+        for value, names in by_value(theory.momentum[-1]).items():
+            _beside(components, names, value)
     for agreement, style in _styled(agreements):
         lines = components.plot(
             agreement.motion.times,

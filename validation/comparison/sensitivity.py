@@ -76,12 +76,12 @@ def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensit
     """The sensitivity of a scene's motion to the errors that an engine makes of it.
 
     motion: the engine's, by the settings in its report; theory: the equations' motion at the same
-    times. None where the drives change in time, where M = 0 and where the engine breaks off: there
-    it is not known. Costs as much as the engine's motion and three by the equations.
+    times. None where the commands change in time and where the engine breaks off: there it is not
+    known. Costs as much as the engine's motion and three by the equations.
     """
     scene, settings = theory.scene, motion.report.settings
     errors, path_scale = path_errors(motion, theory), theory.path_scale
-    if not scene.steady or not scene.start.momentum.any():
+    if not scene.steady:
         return None
     duration = float(theory.times[-1])
     right = _stretches_of(theory)
@@ -89,8 +89,8 @@ def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensit
     defects = _defects(engine.prepare(scene, settings), right)
     if defects is None:
         return None
-    expected = max(math.hypot(*error[6:]) for error in _carried(scene, right, defects))
-    growth = _growth(scene, right)
+    expected = max(math.hypot(*error[-2:]) for error in _carried(right, defects))
+    growth = _growth(right)
     half = count // 2
     doubling = float(growth[-1] - growth[half - 1])
     passed = errors > settings.error_tolerance * path_scale
@@ -122,85 +122,108 @@ def total_defect(run: Runner, theory: Motion) -> float | None:
 
 
 def _total(defects: Array, path_scale: float) -> float:
-    return float(np.linalg.norm(defects[:, 6:], axis=1).sum() / path_scale)
+    return float(np.linalg.norm(defects[:, -2:], axis=1).sum() / path_scale)
 
 
 def chaotic(scene: Scene, duration: float = LONG) -> bool:
     """Whether a small turn of the start grows exponentially over `duration` [s].
 
-    False where the drives change in time or M = 0, of which it is not known.
+    False where the commands change in time, of which it is not known.
     """
-    if not scene.steady or not scene.start.momentum.any():
+    if not scene.steady:
         return False
     right = integrate(scene, np.linspace(0.0, duration, int(duration / STRETCH) + 1))
-    growth = _growth(scene, right)
+    growth = _growth(right)
     return bool(growth[-1] - growth[len(growth) // 2 - 1] > math.log(EXPONENTIAL))
 
 
 def _defects(run: Runner, right: Motion) -> Array | None:
-    """What an engine misses (k, 8) at the end of each of k stretches from the right motion.
+    """What an engine misses (k, e) at the end of each of k stretches from the right motion.
 
     None where a stretch is not run to its end.
     """
     defects = []
     for i, length in enumerate(np.diff(right.times)):
-        start = Start(right.attitude[i], right.momentum[i])
-        motion = run(np.array([0.0, length]), start)
+        motion = run(np.array([0.0, length]), _start(right, i))
         if len(motion.times) < 2:
             return None
-        defects.append(_difference(right.scene, motion, right, i))
+        defects.append(_difference(motion, right, i))
     return np.array(defects)
 
 
-def _difference(scene: Scene, other: Motion, right: Motion, i: int) -> Array:
-    """How far a motion over stretch i ends from the right one's: (8,).
+# An error (e,): a turn (3) rad, frame axes; the change of M (3), world, over its scale; of the
+# angles (f) rad and rates (f) rad/s of hinges whose rate is not given; last, of the path (2) m.
 
-    A turn (3) rad, frame axes; the change of M (3), world, relative to |M|; of the path (2) m.
-    """
+
+def _moving(scene: Scene) -> list[int]:
+    """The hinges whose rate is not given."""
+    return [i for i, hinge in enumerate(scene.hinges) if hinge.motor is not None]
+
+
+def _start(right: Motion, i: int, error: Array | None = None) -> Start:
+    """The start of stretch i, off by an error (e,) if one is given."""
+    scene = right.scene
+    attitude, M = right.attitude[i], right.momentum[i]
+    angles, rates = right.hinge_angles[i].copy(), right.hinge_rates[i].copy()
+    if error is not None:
+        step = np.array([1.0, *(error[:3] / 2)])
+        attitude = multiply(attitude, step / np.linalg.norm(step))
+        M = M + error[3:6] * scene.momentum_scale
+        if scene.rolling == "rubber":
+            M[2] = 0.0  # by (3.1)
+        of_angles, of_rates = np.split(error[6:-2], 2)
+        angles[_moving(scene)] += of_angles
+        rates[_moving(scene)] += of_rates
+    return Start(attitude, M, angles, rates) if scene.not_reduced else Start(attitude, M)
+
+
+def _difference(other: Motion, right: Motion, i: int) -> Array:
+    """How far a motion over stretch i ends from the right one's: (e,)."""
+    scene = right.scene
     w, *turn = multiply(conjugate(right.attitude[i + 1]), other.attitude[-1])
     moved = other.momentum[-1] - right.momentum[i + 1]
     way = right.contact_point[i + 1] - right.contact_point[i]
     off = other.contact_point[-1] - other.contact_point[0] - way
-    size = math.hypot(*scene.start.momentum)
-    return np.array([*(2 * math.copysign(1, w) * np.array(turn)), *(moved / size), *off])
+    free = _moving(scene)
+    angles = (other.hinge_angles[-1] - right.hinge_angles[i + 1])[free]
+    rates = (other.hinge_rates[-1] - right.hinge_rates[i + 1])[free]
+    turned = 2 * math.copysign(1, w) * np.array(turn)
+    return np.concatenate([turned, moved / scene.momentum_scale, angles, rates, off])
 
 
-def _transfer(scene: Scene, right: Motion, i: int, error: Array) -> Array:
-    """What an error (8,) at the start of stretch i has become at its end, to first order."""
-    size = float(np.linalg.norm(error[:6]))
+def _transfer(right: Motion, i: int, error: Array) -> Array:
+    """What an error (e,) at the start of stretch i has become at its end, to first order."""
+    size = float(np.linalg.norm(error[:-2]))
     if not size > 0:
         return error
-    near = NEAR / size * error
-    step = np.array([1.0, *(near[:3] / 2)])
-    M = right.momentum[i] + near[3:6] * math.hypot(*scene.start.momentum)
-    if scene.rolling == "rubber":
-        M[2] = 0.0  # by (3.1)
-    start = Start(multiply(right.attitude[i], step / np.linalg.norm(step)), M)
     stretch = np.array([0.0, right.times[i + 1] - right.times[i]])
-    neighbour = integrate(replace(scene, start=start), stretch)
-    grown = _difference(scene, neighbour, right, i) * size / NEAR
-    grown[6:] += error[6:]
+    start = _start(right, i, NEAR / size * error)
+    grown = _difference(integrate(replace(right.scene, start=start), stretch), right, i)
+    grown *= size / NEAR
+    grown[-2:] += error[-2:]
     return grown
 
 
-def _carried(scene: Scene, right: Motion, defects: Array) -> list[Array]:
-    """The error (8,) at the end of every stretch, of which each adds its defect."""
-    error, errors = np.zeros(8), []
+def _carried(right: Motion, defects: Array) -> list[Array]:
+    """The error (e,) at the end of every stretch, of which each adds its defect."""
+    error, errors = np.zeros(defects.shape[1]), []
     for i, defect in enumerate(defects):
-        error = _transfer(scene, right, i, error) + defect
+        error = _transfer(right, i, error) + defect
         # Beyond a whole turn nothing grows any more.
-        error[:6] *= min(1.0, 2 * math.pi / max(float(np.linalg.norm(error[:6])), 1e-300))
+        error[:-2] *= min(1.0, 2 * math.pi / max(float(np.linalg.norm(error[:-2])), 1e-300))
         errors.append(error)
     return errors
 
 
-def _growth(scene: Scene, right: Motion) -> Array:
+def _growth(right: Motion) -> Array:
     """The logarithm (k,) of what the motion makes of a small turn of its start, by each stretch."""
-    error, total, growth = np.array([0.6, 0.48, 0.64, 0, 0, 0, 0, 0]), 0.0, []
+    error, total, growth = np.zeros(8 + 2 * len(_moving(right.scene))), 0.0, []
+    error[:3] = (0.6, 0.48, 0.64)
     for i in range(len(right.times) - 1):
-        error = _transfer(scene, right, i, error)
-        size = float(np.linalg.norm(error[:3]))
+        error = _transfer(right, i, error)
+        size = float(np.linalg.norm(error[:-2]))
         total += math.log(size)
-        error = np.array([*(error[:3] / size), 0, 0, 0, 0, 0])
+        error = error / size
+        error[-2:] = 0.0
         growth.append(total)
     return np.array(growth)

@@ -19,8 +19,10 @@ def start_state(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> 
 def state_at(
     scene: Scene, settings: Settings, start: Start, hinges: tuple[Hinge, ...]
 ) -> tuple[Array, Array]:
-    """qpos and qvel of a start on the constraints, the hinges at the scene's angles and rates."""
-    shell, frame = scene.ball.shell, scene.hinges[0]
+    """qpos and qvel of a start on the constraints, with its hinges' angles and rates."""
+    as_started = scene.hinges_at(start)
+    shell, frame = scene.ball.shell, as_started[0]
+    turning = [as_started[hinge.index] for hinge in hinges]
     # The free joint's angular velocity is local.
     frame_turning = scene.angular_velocity_at(start)
     shell_turning = frame_turning - frame.rate * shell.axis
@@ -33,8 +35,8 @@ def state_at(
             # Seen from the shell, ω - Ω is turned on by the angle.
             attitude = multiply(attitude, back)
             root_turning = rotation_matrix(back).T @ shell_turning
-    qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.of.angle for hinge in hinges)]
-    qvel = [*velocity, *root_turning, *(hinge.of.rate for hinge in hinges)]
+    qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
+    qvel = [*velocity, *root_turning, *(hinge.rate for hinge in turning)]
     return np.array(qpos), np.array(qvel)
 
 

@@ -54,15 +54,23 @@ def stand(system: System, t: float, state: Array, told: Told) -> Array:
 
 
 def let_go(system: System, t: float, state: Array) -> Array:
-    """The state of a shell that begins to roll; sets the mode."""
-    held = system.told(t, state)
-    state = _with_momentum(system, state, held)
-    system.modes = Modes(system.modes.motors, False, -_level(held.plane_torque))
+    """The state of a shell that begins to roll; sets the mode.
+
+    Resistance is against the way it will go, which depends on the resistance: t is found such that
+    the acceleration with resistance against t is along t. The step towards it is damped by the
+    acceleration without any, or it would overshoot.
+    """
+    state = _with_momentum(system, state, system.told(t, state))
+    system.modes = Modes(system.modes.motors)
+
+    def ahead() -> Array:
+        return system.told(t, state + NUDGE * system.rate(t, state)).rolling
+
+    free = ahead()
     for _ in range(NUDGES):
-        ahead = system.told(t, state + NUDGE * system.rate(t, state)).rolling
-        if not np.any(ahead):
-            break
-        system.modes.toward = ahead / np.linalg.norm(ahead)
+        to = float(np.linalg.norm(free)) * system.modes.toward + ahead()
+        if np.any(to):
+            system.modes.toward = to / np.linalg.norm(to)
     return state
 
 
@@ -85,13 +93,6 @@ def lift_off(t: float) -> InputError:
         f"the ball lifts off the plane at t = {t:.9g} s, where its rolling ends; shorten the "
         "motion, or move the bodies more gently"
     )
-
-
-def _level(v: Array) -> Array:
-    """The direction of a vector's horizontal part (3,)."""
-    level = v * [1.0, 1.0, 0.0]
-    size = float(np.linalg.norm(level))
-    return level / size if size else level
 
 
 def _held(told: Told) -> float:

@@ -10,6 +10,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.engine import MUJOCO
 from tests.motions import as_contact
+from tests.robots import worked
 from validation import Agreement, compare
 from validation.comparison.results import record
 from validation.comparison.sensitivity import Sensitivity, sensitivity
@@ -145,3 +146,12 @@ def test_a_ball_that_stays_in_place_has_a_path_error() -> None:
     off = as_contact(still, report, contact_point=np.array([[0.0, 0.0], [0.0, 3e-6]]))
     agreement = Agreement(still, off)
     assert agreement.path_error == pytest.approx(3e-6 / scene.ball.radius)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "share"), [("W1", 1.32), ("W5", 1.27)])
+def test_defects_make_the_error_of_any_robot(name: str, share: float) -> None:
+    """Off balance, with free hinges: the error is what the motion makes of the engine's defects."""
+    found = measured(compare(replace(worked(name), duration=20.0), "fast"))
+    assert found.measured / found.expected == pytest.approx(share, rel=0.5)
+    assert found.doubling < 10

@@ -1,0 +1,88 @@
+"""What ends a smooth piece of a motion: resistance that holds the shell, lift-off."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robotball import InputError, Scene, integrate
+from robotball.bodies import Ball, Frame, Shell
+from robotball.contact import Friction
+from robotball.mechanics.energy import energy
+from tests.robots import Y, robot, worked
+
+RADIUS, MASS, MOMENT = 0.3, 2.0, 0.09
+RESISTANCE, G = 0.004, 9.81
+STOPPING = RESISTANCE * MASS * G / (MOMENT + MASS * RADIUS**2)  # rad/s²
+TIMES = np.linspace(0.0, 10.0, 101)
+
+
+def round_ball(rolling: Any, omega: Any, **more: Any) -> Scene:
+    """A ball whose every axis is principal, with the same moment, on a plane that resists."""
+    shell = Shell(RADIUS, 1.0, 0.05, 0.05, Y)
+    ball = Ball(shell, Frame(1.0, 0.04 * np.eye(3)), ())
+    friction = Friction(rolling=RESISTANCE)
+    attitude = (1.0, 0.3, 0.2, -0.1)
+    return robot("round", ball, rolling, [0.0], attitude, omega, friction=friction, **more)
+
+
+@pytest.mark.parametrize("rolling", ["rubber", "classical"])
+def test_resistance_stops_a_ball_after_its_way(rolling: Any) -> None:
+    """ω₀²a/2α in a straight line, evenly slower, and then it stands; a classical one spins on.
+
+    Measured 6e-15 m and 1.3e-14 rad/s.
+    """
+    scene = round_ball(rolling, (1.0, -0.5, 0.3))
+    motion = integrate(scene, TIMES)
+    shell = motion.angular_velocity
+    up = (shell * motion.gamma).sum(axis=1)
+    level = np.linalg.norm(shell - up[:, None] * motion.gamma, axis=1)
+    stops = level[0] / STOPPING
+    assert 1 < stops < 9
+    assert level == pytest.approx(np.maximum(level[0] - STOPPING * TIMES, 0.0), abs=1e-13)
+    way = RADIUS * level[0] ** 2 / 2 / STOPPING
+    assert np.linalg.norm(motion.contact_point[-1]) == pytest.approx(way, abs=1e-12)
+    assert up == pytest.approx(np.full(101, up[0]), abs=1e-12)
+    assert motion.rolling_loss is not None
+    assert np.ptp(energy(motion) + motion.rolling_loss) < 1e-12
+    assert (abs(up[0]) > 0.1) == (rolling == "classical")
+
+
+@pytest.mark.parametrize("slope", [0.9, 1.2])
+def test_a_ball_rolls_off_where_the_plane_is_steep_enough(slope: float) -> None:
+    """From rest: it stands where tan of the slope is below resistance/radius, and rolls above.
+
+    Measured 6e-14 m.
+    """
+    tangent = slope * RESISTANCE / RADIUS
+    down = np.array([tangent, 0.0, -1.0]) / np.hypot(1.0, tangent)
+    scene = round_ball("rubber", (0.0, 0.0, 0.0), gravity_direction=tuple(down))
+    motion = integrate(scene, TIMES)
+    pull = MASS * G * (RADIUS * down[0] + RESISTANCE * down[2])
+    acceleration = max(pull, 0.0) * RADIUS / (MOMENT + MASS * RADIUS**2)
+    assert motion.contact_point[:, 0] == pytest.approx(acceleration * TIMES**2 / 2, abs=1e-12)
+    assert motion.contact_point[:, 1] == pytest.approx(np.zeros(101), abs=1e-12)
+
+
+def test_energy_is_lost_to_the_plane_alone() -> None:
+    """W4's robot on a plane that resists, standing and rolling in turns.
+
+    Measured 1.2e-14 J, of 5 J that are lost.
+    """
+    scene = replace(worked("W4"), friction=Friction(rolling=0.005))
+    motion = integrate(scene, TIMES)
+    assert motion.motor_work is not None
+    assert motion.rolling_loss is not None
+    kept = energy(motion) - motion.motor_work.sum(axis=1) + motion.rolling_loss
+    assert np.ptp(kept) < 1e-13
+    assert motion.rolling_loss[-1] > 0.1
+    assert (np.diff(motion.rolling_loss) >= -1e-15).all()
+
+
+def test_a_ball_that_lifts_off_is_told_with_the_time() -> None:
+    """A heavy frame off centre that is spun up: where F_z = 0, not later."""
+    scene = worked("W2")
+    fast = replace(scene, frame_rate=-40.0, rolling="rubber")
+    with pytest.raises(InputError, match=r"the ball lifts off the plane at t = 0\.\d+ s, where"):
+        integrate(fast)

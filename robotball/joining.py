@@ -4,10 +4,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
 
 from robotball.motion import Motion, Place, arrays_of
+from robotball.room import let_go, room
 
 AnyMotion = TypeVar("AnyMotion", bound=Motion)
 
@@ -15,16 +15,17 @@ AnyMotion = TypeVar("AnyMotion", bound=Motion)
 def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
     """One motion of its consecutive parts, of `count` times at most in all.
 
-    Each part is let go before the next is made.
+    Each part is let go before the next is made; a long motion is in files (room.py).
     """
     done, whole, last = 0, {}, None
     for last in parts:
         size = len(last.times)
         for place, array in arrays_of(last):
             if place not in whole:
-                whole[place] = np.empty((count, *array.shape[1:]), array.dtype)
+                whole[place] = room((count, *array.shape[1:]), array.dtype)
             whole[place][done : done + size] = array
         done += size
+        let_go()
     assert last is not None
     return _with_arrays(last, {place: array[:done] for place, array in whole.items()})
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from robotball.errors import InputError
 from robotball.faults import Fault
+from robotball.room import let_go
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 from robotball.settings import EngineSettings
@@ -215,8 +216,10 @@ PIECE = 65_536  # samples; a multiple of what BLAS takes at once, or last bits w
 
 
 def pieces(count: int) -> Iterator[slice]:
-    """Consecutive slices over `count` samples."""
-    return (slice(i, min(i + PIECE, count)) for i in range(0, count, PIECE))
+    """Consecutive slices over `count` samples; memory is given back of each after its use."""
+    for i in range(0, count, PIECE):
+        yield slice(i, min(i + PIECE, count))
+        let_go()
 
 
 # How far a motion is from a reference, whose times have the motion's times among them.
@@ -225,7 +228,10 @@ def pieces(count: int) -> Iterator[slice]:
 def path_errors(motion: Motion, reference: Motion) -> Array:
     """(n,) m: the distance between the two contact points, at the motion's times."""
     ours, theirs = motion.contact_point, reference.contact_point[_shared(motion, reference)]
-    return np.linalg.norm(ours - theirs, axis=1)
+    errors = np.empty(len(ours))
+    for piece in pieces(len(ours)):
+        errors[piece] = np.linalg.norm(ours[piece] - theirs[piece], axis=1)
+    return errors
 
 
 def path_error(motion: Motion, reference: Motion) -> float:
@@ -255,8 +261,12 @@ def gamma_error(motion: Motion, reference: Motion) -> float:
 
 def momentum_errors(motion: Motion, reference: Motion) -> Array:
     """(n,): |M - M of the reference| over the scene's `momentum_scale`, at the motion's times."""
-    off = motion.momentum - reference.momentum[_shared(motion, reference)]
-    return np.linalg.norm(off, axis=1) / reference.scene.momentum_scale
+    ours, theirs = motion.momentum, reference.momentum[_shared(motion, reference)]
+    errors = np.empty(len(ours))
+    for piece in pieces(len(ours)):
+        off = np.linalg.norm(ours[piece] - theirs[piece], axis=1)
+        errors[piece] = off / reference.scene.momentum_scale
+    return errors
 
 
 def momentum_error(motion: Motion, reference: Motion) -> float:

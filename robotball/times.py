@@ -6,7 +6,7 @@ from robotball.errors import InputError, check_positive, check_size
 from robotball.rotations import Array
 
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
-MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each, and a comparison has two motions
+MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file (room.py), 120 in memory
 
 
 def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:

@@ -9,6 +9,7 @@ from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.reduced import integrate as reduced
 from robotball.errors import InputError, unknown
 from robotball.motion import ReferenceMotion
+from robotball.room import let_go
 from robotball.rotations import Array
 from robotball.scene import Scene
 from robotball.times import check_times
@@ -55,6 +56,7 @@ def _check_finite(motion: ReferenceMotion) -> None:
     """Raises InputError, with the first number that overflowed, unless all are finite."""
     for part in (motion, motion.loads):
         for field in fields(part):
+            let_go()
             value = getattr(part, field.name)
             if isinstance(value, np.ndarray) and not np.isfinite(value).all():
                 i = int(np.argmin(np.isfinite(value).reshape(len(value), -1).all(axis=1)))

@@ -4,9 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
+from numpy.typing import NDArray
 
 from robotball.rotations import Array
 from robotball.shown import by_value
@@ -14,9 +16,12 @@ from validation.comparison.agreement import Agreement
 from validation.comparison.names import file_stem
 from validation.output import in_picture, replacing
 
+Integers = NDArray[np.int64]
+
 # Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
 STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
 INCHES = (8.0, 7.0)
+MOST = 50_000  # points of a line: a dozen for each column of pixels
 ROOM = {"left": 0.12, "right": 0.86, "top": 0.9, "bottom": 0.08, "hspace": 0.25}
 
 
@@ -37,7 +42,7 @@ def path_picture(agreements: Sequence[Agreement]) -> Figure:
     figure, paths, errors = _two_panels(agreements)
     theory = agreements[0].theory
     paths.plot(
-        *theory.contact_point.T,
+        *some(theory.contact_point).T,
         color=theory.engine.colour,
         linewidth=5,
         alpha=0.6,
@@ -45,7 +50,7 @@ def path_picture(agreements: Sequence[Agreement]) -> Figure:
     )
     for agreement, style in _styled(agreements):
         paths.plot(
-            *agreement.motion.contact_point.T,
+            *some(agreement.motion.contact_point).T,
             linestyle=style,
             color=agreement.motion.engine.colour,
             label=_label(agreement),
@@ -74,8 +79,8 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
             _beside(components, names, value)
     for agreement, style in _styled(agreements):
         lines = components.plot(
-            agreement.motion.times,
-            agreement.motion.momentum,
+            some(agreement.motion.times),
+            some(agreement.motion.momentum),
             linestyle=style,
             color=agreement.motion.engine.colour,
         )
@@ -116,14 +121,30 @@ def _label(agreement: Agreement) -> str:
 
 def _log_line(axes: Axes, agreement: Agreement, values: Array, style: Any) -> None:
     """A line on a log axis, without the exact zero that it starts from, named at its end."""
+    which = 1 + extremes(values[1:])
     axes.plot(
-        agreement.motion.times[1:],
-        values[1:],
+        agreement.motion.times[which],
+        values[which],
         linestyle=style,
         color=agreement.motion.engine.colour,
     )
     if agreement.finished:
         _beside(axes, in_picture(agreement.settings.name), values.max())
+
+
+def some(samples: Array) -> Array:
+    """As many of the samples (n, …) as a picture can show."""
+    return samples[:: 1 + len(samples) // MOST]
+
+
+def extremes(values: Array) -> Integers:
+    """The places of the values (n,), or of the largest and the smallest of each bin of many."""
+    if len(values) <= MOST:
+        return np.arange(len(values))
+    edges = np.linspace(0, len(values), MOST // 2 + 1).astype(int)
+    ends = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+    found = [sorted((i + values[i:j].argmin(), i + values[i:j].argmax())) for i, j in ends]
+    return np.array(found).ravel()
 
 
 def _beside(axes: Axes, text: str, height: float) -> None:

@@ -12,6 +12,7 @@ from robotball.engines.mujoco.states import STATE, read_row, state_of
 from robotball.engines.mujoco.switches import Switches, switched
 from robotball.engines.spans import spans
 from robotball.faults import Fault
+from robotball.motion import pieces
 from robotball.rotations import Array
 
 LOOK = 4096  # steps between two looks at the run
@@ -42,6 +43,14 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
 
     Between two sample times or breakpoints go the fewest equal steps not longer than `timestep`.
     """
+    for piece in pieces(len(times) - 1):
+        some = times[piece.start : piece.stop + 1]
+        later = tuple(t for t in breakpoints if t > some[0])
+        yield from _stretches(some, later, timestep)
+
+
+def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
+    """The same for a part of the samples."""
     ends, lengths, counts = spans(times, breakpoints, timestep)
     # A long span is cut into parts of LOOK steps.
     parts = np.ceil(counts / LOOK).astype(int)

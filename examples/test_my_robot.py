@@ -11,7 +11,7 @@ import pytest
 import robotball as rb
 from validation import Agreement, compare
 
-ROBOT = Path(__file__).parent / "pendulum_robot.toml"
+ROBOT = Path(__file__).parent / "my_robot.toml"
 TIMES = rb.sample_times(2.0)
 
 

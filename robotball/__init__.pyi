@@ -28,6 +28,7 @@ from .errors import SceneWarning as SceneWarning
 from .faults import Fault as Fault
 from .faults import FaultKind as FaultKind
 from .files.catalog import catalog as catalog
+from .files.export.folder import export_scene as export_scene
 from .files.scene_file import load_scene as load_scene
 from .files.scene_writer import scene_toml as scene_toml
 from .files.trajectory_file import Trajectory as Trajectory

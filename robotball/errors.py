@@ -11,6 +11,7 @@ from numbers import Real
 LARGEST = 1e50
 MOST = 10_000_000  # of anything that is counted: more fill the memory
 LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
+FEW = 12  # names that a message holds
 PACKAGES = ("robotball", "validation")
 
 
@@ -42,9 +43,11 @@ def warn(line: str) -> None:
 
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
-    """What to raise where nothing of its kind has this name: the near ones, or all there are."""
+    """What to raise where nothing of its kind has this name: the near ones, or what there is."""
     near = difflib.get_close_matches(str(name), known := list(known))
-    hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(known)}"
+    some = f"{len(known)}, as " if len(known) > FEW else ""
+    all_ = f"there are {some}{', '.join(known[:FEW])}"
+    hint = f"did you mean {' or '.join(near)}?" if near else all_
     return InputError(f"no {kind} is called {str(name)!r}; {hint}")
 
 

@@ -33,7 +33,8 @@ class FaultKind(Enum):
 class Fault:
     """A fault of a run: its kind, and from when it is there [s].
 
-    subject, limit: what its kind's sentence names; fatal: whether it ended the run.
+    subject, limit: what its kind's sentence names; fatal: whether it ended the run; note: whether
+    it is no fault but belongs to the motion, as a scene's own motor at its limit.
     """
 
     kind: FaultKind
@@ -41,6 +42,7 @@ class Fault:
     subject: str = ""
     limit: float = 0.0
     fatal: bool = False
+    note: bool = False
 
     @property
     def text(self) -> str:

@@ -39,6 +39,7 @@ class ContactReport(Value):
     friction_used    fraction of the friction cone that the contact force needs; 1 is saturated
     hinge_rate_error largest error of a hinge's rate, relative to the rate
     faults           what went wrong, the earliest first; empty for a sound run
+    notes            what belongs to the motion and is worth telling, as a motor at its limit
     timestep         s, the longest step taken
     steps            taken
     seconds          of processor time that they took, set-up excluded
@@ -61,6 +62,7 @@ class ContactReport(Value):
     seconds: float = field(compare=False)
     total_seconds: float = field(compare=False)
     estimated_error: float | None = None
+    notes: tuple[Fault, ...] = ()
     python_seconds: float | None = field(default=None, compare=False)
 
 

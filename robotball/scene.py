@@ -171,7 +171,7 @@ class Scene(Value):
 
     @cached_property
     def keeps_momentum(self) -> bool:
-        """Whether M is constant in space: what moves the centre of mass changes it, and gravity."""
+        """Whether M is constant in space: balanced, on a level plane that resists no rolling."""
         upright = self.gravity_direction == DOWN
         return upright and not self.load_varies and not self.friction.rolling
 

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 
 from robotball.bodies import Ball, Frame, Pendulum, Shell, thin_shell_inertia
-from robotball.custom import Custom
 from robotball.drives import Rate
 from robotball.mechanics.robot import momentum_at
 from robotball.motors import Free, Motor, PositionServo, Servo
 from robotball.parameters import Rolling
-from robotball.rates import Sine
+from robotball.rates import Ramp, Sine
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from robotball.start import Start
@@ -62,24 +61,6 @@ ENDINGS = {
 def box_inertia(mass: float, x: float, y: float, z: float) -> Array:
     """The inertia (3, 3) of a homogeneous box of these edges [kg m²]."""
     return mass / 12 * np.diag([y * y + z * z, x * x + z * z, x * x + y * y])
-
-
-def quintic(final: float, end: float) -> Custom:
-    """A rate from 0 to `final` in `end` s, with neither a jerk nor a jump of its slope."""
-
-    def rate(t: float) -> float:
-        u = min(t / end, 1.0)
-        return final * u**3 * (10 - 15 * u + 6 * u * u)
-
-    def derivative(t: float) -> float:
-        u = min(t / end, 1.0)
-        return final / end * 30 * u * u * (1 - u) ** 2
-
-    def integral(t: float) -> float:
-        u = min(t / end, 1.0)
-        return final * end * u**4 * (2.5 - 3 * u + u * u) + final * max(t - end, 0.0)
-
-    return Custom(rate, (end,), derivative, integral)
 
 
 def swing(amplitude: float, rate: float) -> Sine:
@@ -148,7 +129,8 @@ def _thin_shell(a: float, mass: float, axis: Array) -> Shell:
 def _w2() -> Scene:
     frame = Frame(3.0, box_inertia(3.0, 0.16, 0.1, 0.06), np.array([0.0, 0.0, -0.08]))
     ball = Ball(_thin_shell(0.2, 1.0, Y), frame, ())
-    return robot("W2", ball, "rubber", [quintic(-4.0, 2.0)], (1.0, 0.1, 0.0, 0.0))
+    spun_up = Ramp(final=-4.0, end=2.0, shape="quintic")
+    return robot("W2", ball, "rubber", [spun_up], (1.0, 0.1, 0.0, 0.0))
 
 
 def pendulum_ball() -> Ball:

@@ -2,3 +2,5 @@
 
 from .comparison.agreement import Agreement as Agreement
 from .comparison.agreement import compare as compare
+from .studies.judge.measure import Judgement as Judgement
+from .studies.judge.measure import judge as judge

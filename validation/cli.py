@@ -28,8 +28,10 @@ from validation.commands.demo import Demo
 from validation.commands.design import Design
 from validation.commands.engines import Engines
 from validation.commands.equilibria import Equilibria
+from validation.commands.export import Export
 from validation.commands.extremes import Extremes
 from validation.commands.figures import Figures
+from validation.commands.judge import Judge
 from validation.commands.lyapunov import Lyapunov
 from validation.commands.model import Model
 from validation.commands.paper import Paper
@@ -43,7 +45,7 @@ from validation.commands.video import Video
 from validation.streams import make_lasting, standard_output_of
 
 Command = (
-    Scenes | Engines | Compare | Report | Video | Replay | Model | Design | Demo
+    Scenes | Engines | Compare | Report | Judge | Video | Replay | Model | Export | Design | Demo
     | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
     | Portraits | Paper
     | Ablation | Convergence | Tradeoff | Extremes

@@ -15,8 +15,11 @@ DEFAULT = "mujoco"
 OURS = {
     "mujoco": "robotball.engines.mujoco.engine:MUJOCO",
     "bullet": "robotball.engines.bullet:BULLET",
+    "dart": "robotball.engines.dart:DART",
     "drake": "robotball.engines.drake:DRAKE",
     "exudyn": "robotball.engines.exudyn:EXUDYN",
+    "mujoco-warp": "robotball.engines.mujoco.warp:WARP",
+    "physx": "robotball.engines.physx:PHYSX",
     "pinocchio": "robotball.engines.pinocchio:PINOCCHIO",
 }
 

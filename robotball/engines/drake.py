@@ -12,13 +12,14 @@ import numpy as np
 
 from robotball.engines.adapter import Adapter, StepSettings, World, longest_step, version_of
 from robotball.engines.ideal import IdealWorld, Stepper
-from robotball.engines.links import State, links_of
+from robotball.engines.links import State, links_of, start_state
 from robotball.engines.protocol import Ladder
 from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
 
 LABEL = Label("Drake", version_of("drake"), "#009E73")
+FIRST_DEPTH, SECANTS = 1e-3, 8  # of the radius; of the search for the depth at rest
 Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
 
 
@@ -45,8 +46,10 @@ class DrakeSettings(StepSettings):
     rtol: float = 1e-12
 
 
-def _add_plant(scene: Scene, settings: DrakeSettings, builder: Any, step: float) -> Any:
-    """The ball on its plane; step 0 is continuous time."""
+def _add_plant(
+    scene: Scene, settings: DrakeSettings, builder: Any, step: float, depth: float = 0.0
+) -> Any:
+    """The ball on its plane, pressed in so deep [m]; step 0 is continuous time."""
     from pydrake.geometry import HalfSpace, Sphere
     from pydrake.math import RigidTransform
     from pydrake.multibody import plant as plants
@@ -78,7 +81,7 @@ def _add_plant(scene: Scene, settings: DrakeSettings, builder: Any, step: float)
     friction = plants.CoulombFriction(settings.friction, settings.friction)
     ground = HalfSpace.MakePose(np.array([0, 0, 1.0]), np.zeros(3))
     plant.RegisterCollisionGeometry(plant.world_body(), ground, HalfSpace(), "plane", friction)
-    sphere = Sphere(scene.ball.radius)
+    sphere = Sphere(scene.ball.radius + depth)
     plant.RegisterCollisionGeometry(bodies[0], RigidTransform(), sphere, "sphere", friction)
     plant.mutable_gravity_field().set_gravity_vector([0, 0, -scene.gravity])
     plant.Finalize()
@@ -93,11 +96,43 @@ def _positions(state: State) -> tuple[Array, Array]:
     return q, np.concatenate([state.turning, state.velocity, state.rates])
 
 
+def _carrying_depth(scene: Scene, settings: DrakeSettings) -> float:
+    """The depth at which the contact carries the ball's weight [m], by secants."""
+    from pydrake.systems.framework import DiagramBuilder
+
+    def fall(depth: float) -> float:
+        builder = DiagramBuilder()
+        plant = _add_plant(scene, replace(settings, gain=None, armature=0.0), builder, 0.0, depth)
+        diagram = builder.Build()
+        root = diagram.CreateDefaultContext()
+        context = plant.GetMyMutableContextFromRoot(root)
+        plant.get_actuation_input_port().FixValue(context, np.zeros(len(scene.drives)))
+        resting = start_state(scene)
+        plant.SetPositions(context, _positions(resting)[0])
+        plant.SetVelocities(context, np.zeros(plant.num_velocities()))
+        rates = plant.EvalTimeDerivatives(context).CopyToVector()
+        return float(rates[plant.num_positions() + 5])
+
+    low, high = 0.0, FIRST_DEPTH * scene.ball.radius
+    at_low, at_high = fall(low), fall(high)
+    for _ in range(SECANTS):
+        if at_high == at_low or abs(at_high) < 1e-12 * scene.gravity:
+            break
+        low, high = high, high - at_high * (high - low) / (at_high - at_low)
+        at_low, at_high = at_high, fall(high)
+    return high
+
+
 def _motors(scene: Scene, armature: float | None) -> Any:
     """A system whose output is what the motors take: accelerations, scaled, or angles and rates."""
     from pydrake.systems.framework import LeafSystem
+    from pydrake.systems.primitives import ConstantVectorSource
 
     drives = scene.drives
+    if scene.steady:
+        rates = [float(drive.rate(0.0)) for drive in drives]
+        none = np.zeros(len(drives))
+        return ConstantVectorSource(none if armature is not None else np.array([*none, *rates]))
 
     def told(context: Any, output: Any) -> None:
         t = context.get_time()
@@ -144,7 +179,8 @@ class DrakeWorld(World):
 
         builder = DiagramBuilder()
         discrete = settings.integrator is None
-        self.plant = plant = _add_plant(scene, settings, builder, step if discrete else 0.0)
+        depth = 0.0 if discrete else _carrying_depth(scene, settings)
+        self.plant = plant = _add_plant(scene, settings, builder, step if discrete else 0.0, depth)
         motors = builder.AddSystem(_motors(scene, settings.armature))
         only = plant.GetModelInstanceByName("DefaultModelInstance")
         if settings.armature is not None:
@@ -208,24 +244,13 @@ AS_IT_COMES = DrakeSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=10.0
 )
 TAMSI = DrakeSettings(
-    name="tamsi",
-    error_tolerance=5e-2,
-    stop_at_fault=False,
-    timestep=1e-3,
-    approximation="tamsi",
-    friction=20.0,
-    armature=1e12,
-    spin_damping=100.0,
-)
+    name="tamsi", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3,
+    approximation="tamsi", friction=20.0, armature=1e12, spin_damping=100.0,
+)  # fmt: skip
 BEST = replace(
-    TAMSI,
-    name="best",
-    approximation=None,
-    integrator="radau3",
-    accuracy_per_step=1e-9,
-    stiction=1e-4,
-    spin_damping=1e4,
-)
+    TAMSI, name="best", timestep=5e-3, approximation=None, integrator="radau3",
+    accuracy_per_step=1e-5, stiction=1e-3, spin_damping=1e4,
+)  # fmt: skip
 IDEAL = DrakeSettings(
     name="ideal", error_tolerance=1e-10, timestep=1.0, armature=0.0, ideal="DOP853"
 )
@@ -241,7 +266,7 @@ class Drake(Adapter):
     ladders: Mapping[str, Ladder] = {
         "as-it-comes": ("timestep", (1e-3,)),
         "tamsi": ("timestep", (4e-3, 1e-3, 1e-4)),
-        "best": ("timestep", (1e-3,)),
+        "best": ("timestep", (5e-3,)),
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     }
     settings_type = DrakeSettings

@@ -45,18 +45,24 @@ class Link:
 
 
 def links_of(scene: Scene) -> tuple[Link, ...]:
-    """The shell, the frame and the rotors."""
-    ball, zero = scene.ball, np.zeros(3)
-    shell, frame = ball.shell, ball.frame
-    frame_drive, *rotor_drives = scene.drives
+    """The shell, the frame, the rotors and the pendulums."""
+    _, *others = scene.ball.named_bodies
+    shell, zero = scene.ball.shell, np.zeros(3)
+    root = Link("shell", SHELL, zero, shell.axis, shell.mass, shell.centre, shell.inertia, None)
     return (
-        Link("shell", SHELL, zero, shell.axis, shell.mass, zero, shell.inertia, None),
-        Link("frame", 0, zero, shell.axis, frame.mass, frame.centre, frame.inertia, frame_drive),
+        root,
         *(
-            Link(name, 1, body.centre, body.axis, body.mass, zero, body.inertia, drive)
-            for (name, _), body, drive in zip(
-                ball.named_bodies[2:], ball.rotors, rotor_drives, strict=True
+            Link(
+                name=name,
+                parent=0 if hinge.name == "frame" else 1,
+                origin=hinge.pivot,
+                axis=hinge.axis,
+                mass=body.mass,
+                centre=body.centre - hinge.pivot,
+                inertia=body.inertia,
+                drive=hinge.command,
             )
+            for (name, body), hinge in zip(others, scene.hinges, strict=True)
         ),
     )
 

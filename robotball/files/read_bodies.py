@@ -180,7 +180,10 @@ def _symmetric(name: str, inertia: Array, axis: Array) -> tuple[float, float]:
             f"{name} is not symmetric about its axis: its inertia is off by {off:.6g} of "
             f"{np.abs(inertia).max():.6g} kg m²; such a body is a {other}"
         )
-    return axial, transverse
+    # A disc's are as 2 to 1, but for the rounding of its turned axes.
+    return min(axial, 2 * transverse) if axial < 2 * transverse * (
+        1 + SYMMETRIC
+    ) else axial, transverse
 
 
 def _check_inside(name: str, solid: Solid, radius: float) -> None:

@@ -12,8 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.mujoco.cost_model import COST_MODEL, scene_rate, servo_rate
+from robotball.engines.mujoco.cost_model import COST_MODEL, scene_rate
 from robotball.engines.mujoco.integrators import ADAPTIVE
+from robotball.engines.mujoco.load import SHORTEST
+from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.servo_rates import fastest_rate
 from robotball.engines.mujoco.settings import PRESETS, Settings, recipe
 from robotball.engines.spans import step_count
 from robotball.errors import warn
@@ -38,6 +41,10 @@ APART = 0.01  # path lengths; no law of errors holds between runs that are farth
 FINEST_RTOL, COARSEST_RTOL = LEAST_RTOL, 1e-7  # with looser ones the contact may be lost
 LOOSER = 300.0  # times rtol, of the run that DOP853's first is compared with, if one is
 SPARSE = 0.1  # s, between the samples of that run
+# Under a load that varies: the power of the timestep with which RK4's error goes at least; the
+# smallest error that its contact allows, whose time constant has to be two timesteps; and the rtol
+# of the run that DOP853's is compared with.
+VARYING_ORDER, SOFT, SOFTER_RTOL = 3.4, 1e-9, 1e-14
 RK4_EVALUATIONS, DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejected steps included
 CORRECTIONS = 2
 
@@ -52,10 +59,14 @@ class _Search:
     run: Run
     seconds: float = 0.0
     rate: float = field(init=False)
+    servo_rate: float = field(init=False)
 
     def __post_init__(self) -> None:
         # A ball that hardly moves still has a duration.
-        self.rate = max(scene_rate(self.scene), 1 / float(self.times[-1]))
+        plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
+        rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
+        self.rate = max(rate, 1 / plan.duration)
+        self.servo_rate = fastest_rate(self.scene, plan.hinges)
 
     def made(self, settings: Settings, apart: float = 0.0) -> ContactMotion:
         """A run at the times, or at those of them that are at least so far apart [s]."""
@@ -76,21 +87,23 @@ class _Search:
         longest = PRESETS["fast"].timestep  # the longest that the recipe's contact allows
         assert longest is not None
         timestep = min(longest, PHASE / self.rate / 2)
-        if (servo := servo_rate(self.scene)) > 0:
-            timestep = min(timestep, STABLE / servo / 2)
+        if self.servo_rate > 0:
+            timestep = min(timestep, STABLE / self.servo_rate / 2)
         coarse = self.made(self.pilot(timestep=2 * timestep), apart=2 * timestep)
         fine = self.made(self.pilot(timestep=timestep))
-        error = self.error(
-            coarse, fine, coarse.report.timestep / fine.report.timestep, COST_MODEL.order
-        )
+        error = self.error(coarse, fine, coarse.report.timestep / fine.report.timestep, self.order)
         if error <= self.accuracy:
             # The pilot run is good enough as it is.
             settled = replace(fine.report, settings=self.settings(timestep=timestep))
             return self.result(replace(fine, report=settled), error)
-        timestep = fine.report.timestep * self.finer(error, COST_MODEL.order)
+        timestep = fine.report.timestep * self.finer(error, self.order)
+        if self.scene.load_varies:
+            quicker = 2 * self.adaptive_seconds(FINEST_RTOL) < self.rk4_seconds(timestep)
+            beyond = self.accuracy < SOFT
+            return self.by_contact() if quicker or beyond else self.by_timestep(timestep, fine)
         rtol = self.rtol(error, fine.report.timestep)
         if self.adaptive_seconds(rtol) < self.rk4_seconds(timestep):
-            lost = _momentum_change(fine)
+            lost = _momentum_change(fine) if self.scene.keeps_momentum else 0.0
             return self.by_rtol(rtol, error / lost if lost > 0 and error <= APART else np.inf)
         return self.by_timestep(timestep, fine)
 
@@ -100,10 +113,10 @@ class _Search:
             settings = self.settings(timestep=timestep)
             motion = self.made(settings)
             ratio = before.report.timestep / motion.report.timestep
-            error = self.error(before, motion, ratio, COST_MODEL.order)
+            error = self.error(before, motion, ratio, self.order)
             if error <= self.accuracy:
                 break
-            before, timestep = motion, motion.report.timestep * self.finer(error, COST_MODEL.order)
+            before, timestep = motion, motion.report.timestep * self.finer(error, self.order)
         return self.result(motion, error)
 
     def by_rtol(self, rtol: float, magnified: float) -> ContactMotion:
@@ -128,6 +141,18 @@ class _Search:
             before, looser = motion, rtol
             rtol = max(FINEST_RTOL, rtol * self.finer(error, COST_MODEL.rtol_order))
         return self.result(motion, error)
+
+    def by_contact(self) -> ContactMotion:
+        """DOP853 at its finest under a load that varies, where the contact's depth is what errs.
+
+        A looser rtol would lift the ball off so shallow a contact. The depth goes as the square of
+        the contact's time constant, so a run at twice that tells the error.
+        """
+        finest = self.settings(integrator=ADAPTIVE, rtol=FINEST_RTOL)
+        softer = self.pilot(integrator=ADAPTIVE, rtol=SOFTER_RTOL)
+        softer = replace(softer, solref=(2 * SHORTEST[0], SHORTEST[1]))
+        before, motion = self.made(softer, apart=SPARSE), self.made(finest)
+        return self.result(motion, self.error(before, motion, 2.0, 2.0))
 
     def by_momentum(self, motion: ContactMotion, magnified: float) -> float:
         """The path error of a whole run by the change of its M; 0 if RK4 told nothing of that."""
@@ -166,9 +191,14 @@ class _Search:
         """What DOP853 at an rtol will take."""
         per_second = COST_MODEL.steps_per_second(self.rate, rtol)
         # However small the error, a servo's own rate limits the steps.
-        steps = float(self.times[-1]) * max(per_second, servo_rate(self.scene) / STABLE)
+        steps = float(self.times[-1]) * max(per_second, self.servo_rate / STABLE)
         of_steps = steps * (COST_MODEL.adaptive_step + DOP853_EVALUATIONS * self.control)
         return of_steps + len(self.times) * (COST_MODEL.sample + self.control)
+
+    @property
+    def order(self) -> float:
+        """Of RK4's error."""
+        return VARYING_ORDER if self.scene.load_varies else COST_MODEL.order
 
     @property
     def control(self) -> float:
@@ -190,14 +220,8 @@ class _Search:
 def reach(scene: Scene, times: Array, accuracy: float, run: Run) -> ContactMotion:
     """The scene's motion at times (n,) [s] to a path error, by the cheapest settings predicted.
 
-    run: makes the motion at given settings and times. Warns where the accuracy is not reached,
-    and where the scene's own motors keep the ball from the equations whatever the steps.
+    run: makes the motion at given settings and times. Warns where the accuracy is not reached.
     """
-    if any(scene.motors):
-        warn(
-            f"{scene.name} has motors of its own: the estimated error is that of the steps, not "
-            "of what its motors miss"
-        )
     return _Search(scene, times, accuracy, run).reach()
 
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from robotball.drives import turns
 from robotball.engines.mujoco.planned_run import Laws, LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.rotations import Array
@@ -16,11 +15,9 @@ def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
 
     At the start if that is all that is known, so that a demand which grows later is not seen.
     """
-    if not plan.balanced:
-        return None
     return LimitCheck(
         "sliding friction",
-        plan.settings.sliding_friction,
+        plan.friction[0],
         float(plan.loads.sliding_friction.max()),
         "the ball slips; give sliding_friction more",
         least=True,
@@ -29,11 +26,11 @@ def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
 
 def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
     """μ_t ≥ |λ₀|/N for rubber; with less the ball spins under drag, and that is not rubber."""
-    if not plan.balanced or plan.scene.rolling != "rubber" or plan.condim < 4:
+    if plan.scene.rolling != "rubber" or plan.condim < 4:
         return None
     return LimitCheck(
         "torsional friction",
-        plan.torsional_friction,
+        plan.friction[1],
         float(plan.loads.torsional_friction.max()),
         "the ball spins on the spot; give torsional_friction more",
         "m",
@@ -57,9 +54,9 @@ def drag(plan: PlannedRun) -> LimitCheck | None:
     Rolling friction with condim 6 in both models, torsional friction in the classical one, which
     may spin. The part that is gone by the end, at most.
     """
-    eats = plan.settings.rolling_friction if plan.condim >= 6 else 0.0
+    eats = plan.friction[2] if plan.condim >= 6 else 0.0
     if plan.scene.rolling == "classical" and plan.condim >= 4:
-        eats += plan.torsional_friction
+        eats += plan.friction[1]
     if not eats:
         return None
     weight = plan.scene.ball.mass * plan.scene.gravity
@@ -79,9 +76,9 @@ def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
     all the while: it is measured, not rolled. Measured 0.6 to 3.5 times what is predicted, for the
     start's numbers stand for the whole motion's.
     """
-    if plan.settings.root == "shell" or not plan.balanced:
+    if plan.settings.root == "shell" or not plan.reduced:
         return None
-    left_out = np.cross(plan.angular_velocity, plan.parameters.Omega)
+    left_out = np.cross(plan.angular_velocity, plan.Omega)
     acceleration = plan.scene.ball.radius * float(np.linalg.norm(np.cross(left_out, plan.axes[2])))
     return LimitCheck(
         "the part of the path that a model with the frame as root slips",
@@ -99,13 +96,13 @@ def creep(plan: PlannedRun) -> LimitCheck | None:
     edges lean that far. So b v = (1 - d)/d α. Measured within 3 % on fig12, and a sixth of it on
     classical_regular, whose force is not always that of the start.
     """
-    if plan.noslip or not plan.balanced:
+    if plan.noslip or not plan.reduced:
         return None
     softness = (1 - plan.impedance) / plan.impedance
     if plan.cone == "elliptic":
         softness /= plan.impratio
     else:
-        softness *= plan.settings.sliding_friction**2
+        softness *= plan.friction[0] ** 2
     force = float(np.linalg.norm(plan.loads.contact_force[:, :2], axis=1).max())
     return LimitCheck(
         "the part of the path that soft friction lets the ball creep",
@@ -136,11 +133,7 @@ def noslip_determinant(plan: PlannedRun) -> LimitCheck | None:
     if not plan.noslip or plan.cone != "elliptic":
         return None
     rows = plan.condim - 1
-    slide, spin, roll = (
-        plan.settings.sliding_friction,
-        plan.torsional_friction,
-        plan.settings.rolling_friction,
-    )
+    slide, spin, roll = plan.friction
     scale = np.diag([slide, slide, spin, roll, roll][:rows])
     return LimitCheck(
         "the determinant of the friction's inverse inertia",
@@ -157,7 +150,7 @@ def inverse_inertia(plan: PlannedRun) -> Array:
     Of the ball with its hinges held; slip is at the contact, a below the centre.
     """
     ball = plan.scene.ball
-    turning = plan.axes @ np.diag(1 / np.array(plan.parameters.I)) @ plan.axes.T
+    turning = plan.axes @ np.diag(1 / ball.principal[0]) @ plan.axes.T
     x, y, z = np.eye(3)
     arm = np.array([0.0, 0.0, -ball.radius])
     linear = np.array([x, y, *np.zeros((3, 3))])
@@ -175,7 +168,7 @@ def start_depth(plan: PlannedRun) -> LimitCheck | None:
         return None
     return LimitCheck(
         "the depth into which the ball falls, over its radius",
-        equilibrium_depth(plan) / plan.scene.ball.radius,
+        plan.equilibrium_depth / plan.scene.ball.radius,
         2 * plan.settings.error_tolerance,
         "set start_in_equilibrium",
     )
@@ -188,7 +181,7 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
     that friction should have taken from it, and slip dies out slowly. Measured 0.38 to 0.56 of it
     on six scenes, in proportion to dt.
     """
-    if plan.settings.start_in_equilibrium or not plan.balanced or not np.isfinite(plan.timestep):
+    if plan.settings.start_in_equilibrium or not plan.reduced or not np.isfinite(plan.timestep):
         return None
     force = float(np.linalg.norm(plan.loads.contact_force[0, :2]))
     slip = force * float(inverse_inertia(plan)[0, 0]) * plan.timestep
@@ -198,14 +191,6 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
         plan.settings.error_tolerance,
         "set start_in_equilibrium",
     )
-
-
-def equilibrium_depth(plan: PlannedRun) -> float:
-    """p = g (1 - d)/(d² k) [m], at which a contact of impedance d carries the weight."""
-    d, (stiffness, _) = plan.impedance, plan.normal_reference
-    if stiffness == 0:
-        return np.inf
-    return plan.scene.gravity * (1 - d) / (d * d * stiffness)
 
 
 def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
@@ -219,11 +204,11 @@ def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
     drive = plan.settings.drive
     if not isinstance(drive, Prescribed) or plan.solver == "PGS":
         return None
-    hinges = sum(turns(drive) for drive in plan.scene.drives) - len(plan.scene.motors)
+    prescribed = [each for each in plan.hinges if not each.own_motor]
     d, weight = plan.impedance, plan.scene.ball.mass * plan.scene.gravity
     return LimitCheck(
         "the solver's tolerance times the armatures",
-        plan.tolerance * drive.armature * max(hinges, 0),
+        plan.tolerance * drive.armature * len(prescribed),
         weight * d / (1 - d) / (1 if plan.solver == "Newton" else 100),
         "the solver stops before it has begun: give tolerance 0, or solver PGS",
     )
@@ -235,9 +220,9 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
     The path by the speed of the start, the angles that the hinges turn through, and the controls
     of the actuators.
     """
-    rates = [abs(float(drive.rate(0.0))) for drive in plan.scene.drives]
+    rates = [abs(hinge.rate) for hinge in plan.scene.hinges]
     speed = float(np.linalg.norm(plan.rolling_velocity))
-    controls = [abs(float(drive.acceleration(0.0))) for drive in plan.scene.drives]
+    controls = [abs(hinge.control(0.0)) for hinge in plan.hinges]
     reach = max(1.0, plan.duration)
     return LimitCheck(
         "the largest coordinate, rate or control",

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.motors import Servo
 from robotball.rotations import rotation_matrix
 from robotball.scene import Scene
 
@@ -55,12 +54,3 @@ def scene_rate(scene: Scene) -> float:
         rates = (A * parameters.K, parameters.Omega, A * M, omega)
         squares.append(sum(float(np.dot(rate, rate)) for rate in rates))
     return float(np.sqrt(max(squares)))
-
-
-def servo_rate(scene: Scene) -> float:
-    """The rate at which the fastest of the scene's own servos settles [1/s]; 0 without any."""
-    axis = scene.ball.shell.axis
-    of_frame = float(axis @ scene.ball.frame.inertia @ axis)
-    inertias = (of_frame, *(rotor.axial_inertia for rotor in scene.ball.rotors))
-    gains = [motor.gain if isinstance(motor, Servo) else 0.0 for motor in scene.motors]
-    return max((g / i for g, i in zip(gains, inertias, strict=False)), default=0.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
+from robotball.engines.mujoco.load import fitted
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.precheck import precheck
 from robotball.engines.mujoco.run import run
@@ -36,7 +37,9 @@ class MuJoCo(Engine):
     ladders: Mapping[str, Ladder] = field(default_factory=lambda: LADDERS)
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Nothing: every scene has a model."""
+        """Only a resistance to rolling that varies: it would need the load before it is known."""
+        if scene.friction.rolling and scene.load_varies:
+            return "its plane resists rolling, by a load that varies"
         return None
 
     def run(
@@ -54,7 +57,7 @@ class MuJoCo(Engine):
             motion = _to_accuracy(scene, times, request.accuracy, fault_window, progress)
             precheck(scene, own_settings(motion.report.settings), times, loads, strict=strict)
             return motion
-        settings = own_settings(request.settings)
+        settings = fitted(own_settings(request.settings), scene)
         precheck(scene, settings, times, loads, strict=strict)
         return run(build(scene, settings), times, progress, fault_window=fault_window)
 

@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
 
-from robotball.engines.mujoco.contact_limits import equilibrium_depth
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.chosen import Chosen
 from robotball.engines.mujoco.settings import Settings
 from robotball.errors import InputError
 from robotball.scene import Scene
@@ -45,18 +44,18 @@ def carrying_depth(scene: Scene, settings: Settings, xml: str) -> float:
         mujoco.mj_forward(model, data)
         return float(data.qacc[2])
 
-    plan = PlannedRun(scene, settings, scene.duration)
-    if not 0 < plan.normal_reference[0] < np.inf:
+    chosen = Chosen(scene, settings)
+    if not 0 < chosen.normal_reference[0] < np.inf:
         raise InputError(
-            f"the contact cannot carry the ball at any depth: solref {plan.solref} has no "
+            f"the contact cannot carry the ball at any depth: solref {chosen.solref} has no "
             "stiffness; give another, or start_in_equilibrium off"
         )
     # The acceleration is nearly linear in the depth: g is about k times it.
-    scale = settings.softness * scene.gravity / plan.normal_reference[0]
+    scale = settings.softness * scene.gravity / chosen.normal_reference[0]
     with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
         warnings.simplefilter("ignore")
         found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
         if found.converged and 0 < found.root < np.inf:
             return float(found.root)
     # A ball that slips from the start is thrown up at any depth; the normal force alone has one.
-    return equilibrium_depth(plan)
+    return chosen.equilibrium_depth

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from robotball.engines.mujoco.hinges import hinges_of
 from robotball.engines.mujoco.planned_run import Laws, LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Prescribed
+from robotball.motors import Servo
 
 MAGNIFIED = 10.0  # times a relative error of a rate: what it may well make of the path, relative
 
@@ -14,15 +14,14 @@ def servo_droop(plan: PlannedRun) -> LimitCheck | None:
 
     Measured 0.75 to 0.99 of that, where it is small.
     """
-    if not plan.servos or not plan.balanced:
+    servos = [(h, h.actuation) for h in plan.hinges if isinstance(h.actuation, Servo)]
+    if not servos:
         return None
-    own = plan.scene.motors or (None,) * len(plan.scene.drives)
     worst = 0.0
-    for i, servo in plan.servos:
-        rate = abs(float(plan.scene.drives[i].rate(0.0)))
-        torque = float(np.abs(plan.loads.motor_torques[:, i]).max())
-        if own[i] is None and rate:  # an error of the scene's own motor belongs to the motion
-            worst = max(worst, torque / servo.gain / rate)
+    for hinge, servo in servos:
+        torque = float(np.abs(plan.loads.motor_torques[:, hinge.index]).max())
+        if not hinge.own_motor and hinge.of.rate:  # else its error belongs to the motion
+            worst = max(worst, torque / servo.gain / abs(hinge.of.rate))
     return LimitCheck(
         "what a servo's rate loses under its load, as a part of it,",
         worst,
@@ -38,15 +37,13 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
     off by 0.1 to 40 times as much, relative. Where only the start's loads are known, they are taken
     to act for a radian of the fastest rotation.
     """
-    if not plan.balanced:
-        return None
     torques, worst = plan.loads.motor_torques, 0.0
     if plan.known_loads is not None:
         impulses = np.abs(np.cumsum(torques, axis=0)).max(axis=0) * plan.duration / len(torques)
     else:
         rate = plan.rotation_rate
         impulses = np.abs(torques[0]) * (min(plan.duration, 1 / rate) if rate else plan.duration)
-    for hinge in hinges_of(plan.scene, plan.settings):
+    for hinge in plan.hinges:
         if isinstance(hinge.actuation, Prescribed):
             lost = float(impulses[hinge.index]) / hinge.actuation.armature / hinge.largest_rate
             worst = max(worst, lost)

@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robotball.engines.mujoco.chosen import Chosen
 from robotball.engines.mujoco.dress import dress
 from robotball.engines.mujoco.equilibrium import carrying_depth, compiled_model
 from robotball.engines.mujoco.hinges import Hinge, hinges_of
@@ -133,14 +134,15 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tup
     for hinge in hinges:
         _add_hinge(root, hinge, *turning[hinge.index])
 
-    condim = _condim(scene, settings)
+    chosen = Chosen(scene, settings)
+    slide, spin, roll = chosen.friction
     pair = root.contact.add(
         "pair",
         name="contact",
         geom1="floor",
         geom2=SPHERE,
-        condim=condim,
-        friction=_friction(scene, settings)[: FRICTIONS[condim]],
+        condim=chosen.condim,
+        friction=[slide, slide, spin, roll, roll][: FRICTIONS[chosen.condim]],
     )
     for name in PAIR_OPTIONS:
         _set(pair, name, getattr(settings, name))
@@ -171,27 +173,6 @@ def _set(element: Any, attribute: str, value: Any) -> None:
 def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) -> None:
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
     body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
-
-
-def _condim(scene: Scene, settings: Settings) -> int:
-    if settings.condim is not None:
-        return settings.condim
-    if scene.friction.rolling:
-        return 6
-    return 4 if scene.rolling == "rubber" else 3
-
-
-def _friction(scene: Scene, settings: Settings) -> list[float]:
-    """MuJoCo's five coefficients of a pair, of which a contact takes as many as it has rows."""
-    own = scene.friction
-    slide = settings.sliding_friction if own.sliding is None else own.sliding
-    spin = settings.torsional_friction_of(scene.ball.radius)
-    if own.torsional is not None:
-        spin = own.torsional
-    elif own.rolling and scene.rolling == "classical":
-        spin = 0.0  # it may spin: the row is there for the rolling ones behind it
-    roll = own.rolling or settings.rolling_friction
-    return [slide, slide, spin, roll, roll]
 
 
 def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:

@@ -44,7 +44,7 @@ class _Ball:
         self.inertia = scene.principal_axes.T @ scene.ball.gyrostatic_inertia
         self.I, self.d = as_vector(scene.ball.principal[0]), scene.ball.d
         attitude = multiply(scene.start.attitude, scene.principal_quaternion)
-        shell = plan.angular_velocity - plan.parameters.Omega
+        shell = plan.angular_velocity - plan.Omega
         self.start = np.array([*shell, *attitude])
 
     @cached_property

@@ -6,10 +6,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from robotball.bodies import imbalance
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.step_limits import LOOSEST, allowed
+from robotball.engines.mujoco.step_limits import allowed
 from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
 from robotball.rotations import Array, Mask
 
@@ -44,14 +43,10 @@ class Monitor:
     slipped: float = 0.0
     momentum: Array | None = None
     last_centre: Array | None = None
-    balanced: bool = field(init=False)
     tolerance: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.balanced = imbalance(self.model.scene.ball) is None
-        # The load of an unbalanced ball varies, and with it the depth and the lever arm.
-        least = 0.0 if self.balanced else LOOSEST
-        self.tolerance = max(self.model.settings.error_tolerance, least)
+        self.tolerance = self.model.settings.error_tolerance
 
     def look(self, readings: Readings, failure: Fault | None = None) -> list[Found]:
         """The first of each kind of fault in the readings of the next portion, the earliest first.
@@ -73,8 +68,7 @@ class Monitor:
         if len(readings.time):
             self.last_time = float(readings.time[-1])
         found.sort(key=lambda each: each.row)
-        # A motor of the scene's own that is weak makes another motion, not a wrong one.
-        wrong = [each.row for each in found if each.fault.kind is not FaultKind.TORQUE_LIMIT]
+        wrong = [each.row for each in found if not each.fault.note]
         if wrong and self.model.settings.stop_at_fault:
             return [
                 Found(row, replace(fault, fatal=row == wrong[0]))
@@ -98,8 +92,12 @@ class Monitor:
             (readings.friction_used > SATURATED, Fault(kind.CONE_SATURATED, np.nan)),
             (off_rate, Fault(kind.RATE_OFF, np.nan, limit=RATE_ERROR)),
             *(
-                (readings.servo_saturation(hinge), Fault(kind.TORQUE_LIMIT, np.nan, hinge.body))
+                (
+                    readings.servo_saturation(hinge),
+                    Fault(kind.TORQUE_LIMIT, np.nan, hinge.body, note=hinge.own_motor),
+                )
                 for hinge in readings.model.hinges
+                if hinge.torque_limit is not None
             ),
             *(
                 (~diverged & (readings.warnings[:, i] > 0), Fault(kind.ENGINE_WARNED, np.nan, name))
@@ -124,7 +122,7 @@ class Monitor:
         self.last_centre = readings.centre[-1:]
         slips = slipped > tolerance * (rolled + SHORTEST_PATH * scene.ball.radius)
         faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
-        if self.balanced:
+        if scene.keeps_momentum:
             off = self._momentum_off(readings)
             faults.append((off, Fault(FaultKind.MOMENTUM_OFF, np.nan, limit=tolerance)))
         return faults

@@ -2,149 +2,52 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import Any
+from functools import cached_property
 
-import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.bodies import imbalance
-from robotball.drives import turns
-from robotball.engines.mujoco.integrators import INTEGRATORS, MUJOCOS_DEFAULT, Integrator
-from robotball.engines.mujoco.settings import Settings
+from robotball.engines.mujoco.chosen import Chosen
+from robotball.engines.mujoco.hinges import Hinge, hinges_of
+from robotball.engines.mujoco.start_look import StartLook, look_at_start
 from robotball.loads import loads_of
 from robotball.motion import Loads
 from robotball.motors import Servo
 from robotball.parameters import Parameters, as_vector
 from robotball.rotations import Array, multiply, rotation_matrix
-from robotball.scene import Scene
-
-
-@cache
-def _mujocos_own() -> tuple[Any, Any]:
-    """MuJoCo's own option and contact pair, for what the settings leave open."""
-    return mujoco.MjModel.from_xml_string("<mujoco/>").opt, mujoco.MjSpec().default.pair
-
 
 DRIVES_SEEN = 9  # times over the run at which drives in time are looked at
-CONES = ("pyramidal", "elliptic")
-SOLVERS = ("PGS", "CG", "Newton")
 
 
 @dataclass(frozen=True)
-class PlannedRun:
+class PlannedRun(Chosen):
     """A scene under settings over a duration [s], as the predictions of its limits see it.
 
     loads: those of the whole motion where they are known, else the start's alone are.
     """
 
-    scene: Scene
-    settings: Settings
     duration: float
     known_loads: Loads | None = None
 
-    # What the settings come to -----------------------------------------------------------
-
     @property
-    def integrator(self) -> Integrator:
-        return INTEGRATORS[self.settings.integrator or MUJOCOS_DEFAULT]
+    def reduced(self) -> bool:
+        """Whether (3.2) or (3.3) tells what the ball does, but for what servos miss of their rates.
 
-    @property
-    def timestep(self) -> float:
-        """The longest step [s]; infinite where the steps are chosen by their error alone."""
-        if self.settings.timestep is None and self.settings.adaptive:
-            return np.inf
-        return float(self._option("timestep"))
-
-    @property
-    def cone(self) -> str:
-        return self.settings.cone or CONES[self._option("cone")]
-
-    @property
-    def solver(self) -> str:
-        return self.settings.solver or SOLVERS[self._option("solver")]
-
-    @property
-    def tolerance(self) -> float:
-        return float(self._option("tolerance"))
-
-    @property
-    def impratio(self) -> float:
-        return float(self._option("impratio"))
-
-    @property
-    def noslip(self) -> bool:
-        """Whether friction is solved once more without its softness."""
-        return bool(self._option("noslip_iterations"))
-
-    @property
-    def solref(self) -> tuple[float, float]:
-        first, second = self.settings.solref or _mujocos_own()[1].solref
-        return float(first), float(second)
-
-    @property
-    def impedance(self) -> float:
-        """d of a contact pressed in beyond the width of its impedance."""
-        return float((self.settings.solimp or _mujocos_own()[1].solimp)[1])
-
-    @property
-    def condim(self) -> int:
-        return self.settings.condim or self.needed_condim
-
-    @property
-    def torsional_friction(self) -> float:
-        """The coefficient [m]."""
-        return self.settings.torsional_friction_of(self.scene.ball.radius)
-
-    @property
-    def needed_condim(self) -> int:
-        return 4 if self.scene.rolling == "rubber" else 3
-
-    def _option(self, name: str) -> Any:
-        value = getattr(self.settings, name, None)
-        return getattr(_mujocos_own()[0], name) if value is None else value
-
-    @cached_property
-    def normal_reference(self) -> tuple[float, float]:
-        """Stiffness [1/s²] and damping [1/s] of the contact's spring, from solref."""
-        return self._reference(self.solref)
-
-    @cached_property
-    def friction_damping(self) -> float:
-        """b [1/s]: the rate at which slip dies out; solref's where solreffriction is not heard."""
-        given = self.settings.solreffriction
-        heard = given is not None and any(given) and self.cone == "elliptic"
-        return self._reference(given if heard and given else self.solref)[1]
-
-    def _reference(self, solref: tuple[float, float]) -> tuple[float, float]:
-        first, second = solref
-        if first <= 0:
-            return -first / self.impedance**2, -second / self.impedance
-        # refsafe: never shorter than two steps.
-        constant = max(first, 2 * self.timestep) if np.isfinite(self.timestep) else first
-        return (
-            1 / (self.impedance * constant * second) ** 2,
-            2 / (self.impedance * constant),
-        )
-
-    @cached_property
-    def servos(self) -> tuple[tuple[int, Servo], ...]:
-        """(index among the drives, servo) of the hinges that a servo turns."""
+        Of any other ball MuJoCo's own model is asked, at its start.
+        """
         scene = self.scene
-        motors = scene.motors or (None,) * len(scene.drives)
-        return tuple(
-            (i, by)
-            for i, (drive, motor) in enumerate(zip(scene.drives, motors, strict=True))
-            if isinstance(by := motor or self.settings.drive, Servo) and (motor or turns(drive))
-        )
-
-    # What the scene asks -----------------------------------------------------------------
+        kept = all(motor is None or isinstance(motor, Servo) for motor in scene.motors)
+        return scene.keeps_momentum and kept and not scene.ball.pendulums
 
     @cached_property
-    def balanced(self) -> bool:
-        """Whether there are equations to tell what the ball does."""
-        return imbalance(self.scene.ball) is None
+    def hinges(self) -> tuple[Hinge, ...]:
+        """Those of the model."""
+        return hinges_of(self.scene, self.settings)
+
+    @cached_property
+    def look(self) -> StartLook:
+        """What MuJoCo's model says of the start."""
+        return look_at_start(self.scene, self.settings)
 
     @cached_property
     def axes(self) -> Array:
@@ -161,17 +64,25 @@ class PlannedRun:
         """ω (3,) in principal axes at the start [rad/s]."""
         return self.scene.principal_axes.T @ self.scene.angular_velocity_at(self.scene.start)
 
+    @property
+    def Omega(self) -> Array:
+        """Ω (3,) of the frame in the shell, in principal axes at the start [rad/s]."""
+        frame = self.scene.hinges[0]
+        return self.scene.principal_axes.T @ (frame.rate * frame.axis)
+
     @cached_property
     def loads(self) -> Loads:
         """Of the whole motion where they are known, else of the start."""
         if self.known_loads is not None:
             return self.known_loads
+        if not self.reduced:
+            return self.look.loads
         return loads_of(self.scene, np.zeros(1), self.axes[None], self.angular_velocity[None])
 
     @cached_property
     def rolling_velocity(self) -> Array:
         """(3,): of the ball's centre at the start, principal axes [m/s]."""
-        turning = self.angular_velocity - np.array(self.parameters.Omega)
+        turning = self.angular_velocity - self.Omega
         return self.scene.ball.radius * np.cross(turning, self.axes[2])
 
     @cached_property
@@ -183,6 +94,10 @@ class PlannedRun:
         rates don't count: their hinges turn evenly. At the start's attitude, with the drives as
         they are at a few times.
         """
+        if not self.reduced:
+            frame = [h.largest_rate for h in self.hinges if h.index == 0 and h.follows_rate]
+            size = float(np.linalg.norm(self.angular_velocity))
+            return max(size, *frame, float(np.abs(self.look.rates.imag).max()))
         times = [0.0] if self.scene.steady else np.linspace(0.0, self.duration, DRIVES_SEEN)
         return max(self._rotation_rate_at(float(t)) for t in times)
 

@@ -24,8 +24,6 @@ def limit_checks(
     times: (n,) s, the run's; loads: of the whole motion by the equations, if known already, in
     place of the start's.
     """
-    if scene.load_varies or scene.ball.pendulums:
-        return ()
     plan = PlannedRun(scene, settings, float(times[-1]), loads)
     with np.errstate(all="ignore"):
         found = (predict(plan) for predict in LAWS)

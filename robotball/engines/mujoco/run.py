@@ -49,7 +49,8 @@ def run(
             write(fault_window, model, record.window)
     report = replace(
         motion.report,
-        faults=tuple(record.faults.values()),
+        faults=tuple(each for each in record.faults.values() if not each.note),
+        notes=tuple(each for each in record.faults.values() if each.note),
         timestep=record.longest,
         steps=record.steps,
         seconds=record.seconds,
@@ -146,8 +147,9 @@ def _run(
                 break
             found = monitor.look(Readings(model, portion.rows), portion.failure)
             ends = record.add(portion, found)
-            if record.keeps_window and found and record.window is None:
-                record.window = window_around(found, portion, before)
+            wrong = [each for each in found if not each.fault.note]
+            if record.keeps_window and wrong and record.window is None:
+                record.window = window_around(wrong, portion, before)
             kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
             yield portion.rows[kept]
             if ends is not None:

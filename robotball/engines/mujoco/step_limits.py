@@ -5,10 +5,10 @@ import numpy as np
 from robotball.engines.mujoco.cost_model import COST_MODEL
 from robotball.engines.mujoco.momentum_loss import measured_loss
 from robotball.engines.mujoco.planned_run import Laws, LimitCheck, PlannedRun
+from robotball.engines.mujoco.servo_rates import fastest_rate
 from robotball.rotations import Array
 
 TOLERATED = 10.0  # s, over which the settings' error tolerance holds
-RIGID = 1e6  # times the ball's inertia: as good as not turning at all
 LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
 
 
@@ -57,13 +57,15 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
     """
     if plan.integrator.momentum_loss is None:
         return None
+    if plan.integrator.order == 4 and not plan.scene.keeps_momentum:
+        return None  # M changes by itself, and tells nothing
     theta = plan.rotation_rate * plan.timestep
     order, factor = plan.integrator.momentum_loss
     steps = plan.duration / plan.timestep
     limit = float(allowed(plan.settings.error_tolerance, np.array(plan.duration)))
     with np.errstate(over="ignore"):
         value = float(steps * factor * np.float64(theta) ** order)
-    if value > limit and plan.integrator.order == 4 and plan.balanced:
+    if value > limit and plan.integrator.order == 4 and plan.reduced:
         value = min(value, measured_loss(plan))
     shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
     fix = f"take a timestep below {shorter:.2g} s"
@@ -156,49 +158,19 @@ def raised_solref(plan: PlannedRun) -> LimitCheck | None:
 def servo_gain(plan: PlannedRun) -> LimitCheck | None:
     """kv·dt/j < 2.785 under RK4, 2 under Euler and discrete, no limit under the implicit ones.
 
-    A velocity servo is a damper: H dv/dt = -diag(kv) (v - rate) for the turning v of the shell and
-    the hinges, on which H is the inertia of the ball that rolls as it starts. kv/j is the largest
-    eigenvalue of H⁻¹ diag(kv); hinges whose rates are prescribed have no part in it. Measured on
-    both models: sound at 2.7 and diverged at 2.9 under RK4, at 1.95 and 2.1 under Euler.
+    A velocity servo is a damper, and j the inertia that it feels with the ball rolling: kv/j is its
+    `fastest_rate`, with springs and position servos the size of a complex one. Measured on both
+    models: sound at 2.7 and diverged at 2.9 under RK4, at 1.95 and 2.1 under Euler.
     """
-    limit = plan.integrator.servo_limit
-    if limit is None or not plan.servos:
+    limit, fastest = plan.integrator.servo_limit, fastest_rate(plan.scene, plan.hinges)
+    if limit is None or not fastest:
         return None
-    gains = np.diag([0.0, 0.0, 0.0, *(servo.gain for _, servo in plan.servos)])
-    inertia = _inertia_of_turning(plan, [index for index, _ in plan.servos])
-    fastest = float(np.abs(np.linalg.eigvals(np.linalg.solve(inertia, gains))).max())
     return LimitCheck(
         "the servos' gain times the timestep over their inertia",
         fastest * plan.timestep,
         limit,
         "take a lower gain, a shorter timestep, or prescribe the rate",
     )
-
-
-def _inertia_of_turning(plan: PlannedRun, hinges: list[int]) -> Array:
-    """H (3 + n, 3 + n) of the shell's ω and the rates of n hinges, frame axes [kg m²]."""
-    ball = plan.scene.ball
-    gamma = plan.scene.principal_axes @ plan.axes[2]
-    inertia = np.zeros((3 + len(hinges), 3 + len(hinges)))
-    rolling = ball.d * (np.eye(3) - np.outer(gamma, gamma))
-    inertia[:3, :3] = ball.inertia + rolling
-    if plan.scene.rolling == "rubber":  # it may not spin
-        inertia[:3, :3] += RIGID * np.trace(ball.inertia + rolling) * np.outer(gamma, gamma)
-    for row, index in enumerate(hinges, start=3):
-        if index:
-            rotor = ball.rotors[index - 1]
-            coupling, own = rotor.axial_inertia * rotor.axis, rotor.axial_inertia
-        else:  # the frame takes the rotors with it
-            carried = ball.inertia - ball.shell.inertia
-            coupling = carried @ ball.shell.axis
-            own = float(ball.shell.axis @ coupling)
-        inertia[:3, row] = inertia[row, :3] = coupling
-        inertia[row, row] = own
-    if hinges and hinges[0] == 0:
-        for row, index in enumerate(hinges[1:], start=4):
-            rotor = ball.rotors[index - 1]
-            inertia[3, row] = inertia[row, 3] = rotor.axial_inertia * (rotor.axis @ ball.shell.axis)
-    return inertia
 
 
 # Each prediction with its law, as a legend tells it.

@@ -26,6 +26,9 @@ MEASURED = [
     ("drake", "ideal", "rtol", 1e-12, "fig12", 9.9e-13),
     ("drake", "tamsi", "timestep", 1e-3, "classical_regular", 6.5e-3),
     ("exudyn", "best", "timestep", 5e-3, "fig12", 2.85e-5),
+    ("dart", "ideal", "rtol", 1e-12, "fig12", 9.8e-13),
+    ("dart", "best", "timestep", 1e-3, "classical_regular", 8.8e-3),
+    ("physx", "best", "timestep", 1e-3, "classical_regular", 5.6e-3),
 ]
 
 

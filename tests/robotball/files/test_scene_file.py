@@ -70,8 +70,7 @@ def test_catalog_has_the_papers_scenes_and_all_of_it_loads() -> None:
     for name in rb.catalog():
         by_name, by_path = rb.load_scene(name), rb.load_scene(CATALOG / f"{name}.toml")
         assert by_name.name == by_path.name == name
-        assert by_name.parameters_at(1.0) == by_path.parameters_at(1.0)
-        np.testing.assert_array_equal(by_name.start.momentum, by_path.start.momentum)
+        assert by_name == by_path
 
 
 def test_scene_has_what_its_file_says() -> None:
@@ -173,9 +172,10 @@ def test_rest_is_no_momentum(write: Write, text: str) -> None:
 
 
 def test_unknown_name_is_answered_by_the_nearest() -> None:
-    """A misspelt catalog name gets its near matches, a wild one the whole catalog."""
+    """A misspelt catalog name gets its near matches, a wild one some of the catalog."""
     assert re.search("no scene is called 'fig21'; did you mean .*fig12", refusal("fig21"))
-    assert f"there are {', '.join(rb.catalog())}" in refusal("zzzz")
+    some = ", ".join(rb.catalog()[:12])
+    assert f"there are {len(rb.catalog())}, as {some}" in refusal("zzzz")
 
 
 def test_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:

@@ -27,7 +27,6 @@ REST = {
     "start": "[start]\nattitude = [1, 0, 0, 0]\nangular_velocity = [0, 0, 0]\n",
 }
 HEAD = {"title": '"whole"', "rolling": '"classical"', "duration": "10.0"}
-# At rest means ω, and a frame or rotor that turns at a given rate turns a rubber shell.
 
 
 def whole(example: str) -> str:

@@ -330,7 +330,7 @@ def test_a_ball_that_starts_just_touching_falls_as_deep_as_predicted() -> None:
     )  # fmt: skip
     depth = run(FIG12, settings, 2.0).report.depth[-1]
     plan = PlannedRun(FIG12, settings, 2.0)
-    assert depth == pytest.approx(contact_limits.equilibrium_depth(plan), rel=1e-3)
+    assert depth == pytest.approx(plan.equilibrium_depth, rel=1e-3)
     soft = replace(settings, solref=(1.0, 1.0))
     assert the_limit(contact_limits.start_depth, FIG12, soft, 2.0).exceeded
 

@@ -1,0 +1,43 @@
+"""Contact rows have no term of dJ/dt: a shell that hangs on a turning body slips.
+
+A shell of radius 1 m rolls on a plane, and a frame turns in it at 2 rad/s. The same ball twice:
+with the shell on the free joint, and with the frame on it. Largest slip of the shell's lowest point
+within 1 s [m/s]; slip decays at the rate b = 1/s.
+"""
+
+import mujoco
+import numpy as np
+
+BODY = {
+    "shell": '<geom name="ball" size="1" mass="0"/>'
+    '<inertial pos="0 0 0" mass=".1" diaginertia=".06 .06 .06"/>',
+    "frame": '<inertial pos="0 0 0" mass=".9" diaginertia=".5 .7 .3"/>',
+}
+WORLD = """<mujoco><option timestep="1e-3" integrator="RK4" cone="elliptic" solver="PGS"
+ iterations="3" tolerance="0" noslip_iterations="1" noslip_tolerance="0"/>
+<worldbody><geom name="plane" type="plane" size="0 0 1"/>
+<body pos="0 0 1"><freejoint/>{}<body><joint axis="0 0 {}" armature="1e12"/>{}</body></body>
+</worldbody>
+<contact><pair geom1="plane" geom2="ball" condim="3" friction="20 20 1 1 1" margin="1.4e-3"
+ solimp=".9999 .9999 .001 .5 1" solref=".02 1" solreffriction="-1 -1"/></contact></mujoco>"""
+SHELL, OMEGA = np.array([1.0, 2.0, 0.5]), np.array([0.0, 0.0, 2.0])  # the shell's, and the frame's
+
+
+def slip(root: str, child: str, sign: int) -> float:
+    model = mujoco.MjModel.from_xml_string(WORLD.format(BODY[root], sign, BODY[child]))
+    data = mujoco.MjData(model)
+    data.qvel[:3] = np.cross(SHELL, [0, 0, 1])
+    data.qvel[3:6] = SHELL if root == "shell" else SHELL + OMEGA
+    data.qvel[6] = OMEGA[2]  # of the child in the root: an axis turned over is minus minus
+    shell, found, moving = model.geom("ball").bodyid[0], 0.0, np.zeros(6)
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+        mujoco.mj_forward(model, data)
+        of = mujoco.mjtObj.mjOBJ_BODY
+        mujoco.mj_objectVelocity(model, data, of, shell, moving, 0)
+        found = max(found, np.linalg.norm((moving[3:] + np.cross(moving[:3], [0, 0, -1]))[:2]))
+    return found
+
+
+print("shell root:", slip("shell", "frame", 1))
+print("frame root:", slip("frame", "shell", -1))

@@ -1,0 +1,23 @@
+"""changeDynamics with several options for a link changes the base: the link keeps what it had.
+
+A body with one link: first moments of inertia of base and link [kg m²] after the link was given 0.3
+together with a damping, and after it was given 0.3 alone.
+"""
+
+import pybullet as p
+
+p.connect(p.DIRECT)
+for options in ({"linearDamping": 0.0}, {}):
+    p.resetSimulation()
+    body = p.createMultiBody(
+        1.0, linkMasses=[0.1], linkCollisionShapeIndices=[-1], linkVisualShapeIndices=[-1],
+        linkPositions=[[0, 0, 0]], linkOrientations=[[0, 0, 0, 1]],
+        linkInertialFramePositions=[[0, 0, 0]], linkInertialFrameOrientations=[[0, 0, 0, 1]],
+        linkParentIndices=[0], linkJointTypes=[p.JOINT_REVOLUTE], linkJointAxis=[[0, 0, 1]],
+    )  # fmt: skip
+    p.changeDynamics(body, -1, localInertiaDiagonal=[0.1, 0.1, 0.1])
+    p.changeDynamics(body, 0, localInertiaDiagonal=[0.2, 0.2, 0.2])
+    p.changeDynamics(body, 0, localInertiaDiagonal=[0.3, 0.3, 0.3], **options)
+    name = "with a damping" if options else "alone"
+    print(f"{name}, base:", p.getDynamicsInfo(body, -1)[2][0])
+    print(f"{name}, link:", p.getDynamicsInfo(body, 0)[2][0])

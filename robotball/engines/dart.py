@@ -1,0 +1,175 @@
+"""DART: its articulated bodies with velocity actuators, and its dynamics under our constraints.
+
+Its contact has no torsional friction. It steps by semi-implicit Euler alone.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
+from robotball.engines.ideal import IdealWorld, Stepper
+from robotball.engines.links import State, links_of
+from robotball.engines.protocol import Ladder
+from robotball.motion import Label
+from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.scene import Scene
+
+LABEL = Label("DART", version_of("dartpy"), "#8C564B")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DartSettings(StepSettings):
+    """friction: of ball and plane; None is DART's own; ideal: our constraints and our steps on
+    DART's mass matrix and bias, with rtol for DOP853.
+    """
+
+    friction: float | None = None
+    ideal: Stepper | None = None
+    rtol: float = 1e-12
+
+
+def _skeleton(scene: Scene, dart: Any) -> Any:
+    """The ball; the shell's collision is put on it by who needs one."""
+    ball = dart.dynamics.Skeleton("ball")
+    bodies: list[Any] = []
+    for link in links_of(scene):
+        if link.drive is None:
+            _, body = ball.createFreeJointAndBodyNodePair()
+        else:
+            properties = dart.dynamics.RevoluteJointProperties()
+            properties.mName = link.name
+            properties.mAxis = link.axis
+            place = dart.math.Isometry3()
+            place.set_translation(link.origin)
+            properties.mT_ParentBodyToJoint = place
+            joint, body = ball.createRevoluteJointAndBodyNodePair(bodies[link.parent], properties)
+            joint.setActuatorType(dart.dynamics.ActuatorType.VELOCITY)
+        body.setInertia(dart.dynamics.Inertia(link.mass, link.centre, link.inertia))
+        bodies.append(body)
+    return ball
+
+
+def _put(ball: Any, state: State, dart: Any) -> None:
+    """The ball in a state; a free joint's velocities are (ω, v) in world axes."""
+    place = dart.math.Isometry3()
+    place.set_rotation(rotation_matrix(state.attitude))
+    place.set_translation(state.centre)
+    free = dart.dynamics.FreeJoint.convertToPositions(place)
+    ball.setPositions(np.concatenate([free, state.angles]))
+    ball.setVelocities(np.concatenate([state.turning, state.velocity, state.rates]))
+
+
+class DartWorld(SteppedWorld):
+    """The ball and its plane in a World."""
+
+    def __init__(self, scene: Scene, settings: DartSettings, step: float) -> None:
+        super().__init__(scene)
+        import dartpy
+
+        self.world, self.ball = dartpy.simulation.World(), _skeleton(scene, dartpy)
+        self.world.setTimeStep(step)
+        self.world.setGravity([0.0, 0.0, -scene.gravity])
+        ground = dartpy.dynamics.Skeleton("ground")
+        _, plane = ground.createWeldJointAndBodyNodePair()
+        ground.setMobile(False)
+        up, shapes = np.array([0.0, 0.0, 1.0]), dartpy.dynamics
+        for body, shape in (
+            (plane, shapes.PlaneShape(up, 0.0)),
+            (self.ball.getBodyNode(0), shapes.SphereShape(scene.ball.radius)),
+        ):
+            node = body.createShapeNode(shape)
+            node.createCollisionAspect()
+            node.createDynamicsAspect()
+            if settings.friction is not None:
+                node.getDynamicsAspect().setFrictionCoeff(settings.friction)
+        self.world.addSkeleton(ground)
+        self.world.addSkeleton(self.ball)
+        _put(self.ball, self.now, dartpy)
+        self._turn(self.now.rates)
+
+    def _turn(self, rates: Array) -> None:
+        for i, rate in enumerate(rates.tolist(), start=6):
+            self.ball.setCommand(i, rate)
+
+    def control(self, t: float, step: float) -> None:
+        self._turn(np.array([float(drive.rate(t + step)) for drive in self.scene.drives]))
+
+    def step(self, step: float) -> None:
+        self.world.step(False)  # and keep the commands
+
+    def state(self) -> State:
+        shell = self.ball.getBodyNode(0)
+        place = shell.getTransform()
+        q, v = self.ball.getPositions(), self.ball.getVelocities()
+        R = np.array(place.rotation())
+        return State(
+            np.array(place.translation()),
+            np.array(shell.getLinearVelocity()),
+            from_matrix(R),
+            np.array(shell.getAngularVelocity()),
+            q[6:],
+            v[6:],
+        )
+
+
+class DartDynamics(IdealWorld):
+    """The skeleton's mass matrix and bias, with no contact of its own."""
+
+    def __init__(self, scene: Scene, stepper: Stepper, settings: DartSettings) -> None:
+        super().__init__(scene, stepper, settings.rtol)
+        import dartpy
+
+        self.dart, self.ball = dartpy, _skeleton(scene, dartpy)
+        self.ball.setGravity([0.0, 0.0, -scene.gravity])
+        # Ours is (v, ω, rates), DART's (ω, v, rates).
+        self.order = np.array([3, 4, 5, 0, 1, 2, *range(6, self.ball.getNumDofs())])
+
+    def dynamics(self, state: State) -> tuple[Array, Array]:
+        _put(self.ball, state, self.dart)
+        M, h = self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces()
+        return M[np.ix_(self.order, self.order)], h[self.order]
+
+
+PRESETS = {
+    each.name: each
+    for each in (
+        DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3),
+        DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
+        DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
+    )
+}
+
+
+class Dart(Adapter):
+    """The engine, as `robotball.engines.protocol` describes one."""
+
+    label = LABEL
+    package = "dartpy"
+    extra = "dart"
+    requirements = ("dartpy>=6.20",)
+    ladders: Mapping[str, Ladder] = {
+        "as-it-comes": ("timestep", (1e-3,)),
+        "best": ("timestep", (4e-3, 1e-3, 1e-4)),
+        "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
+    }
+    settings_type = DartSettings
+    presets: Mapping[str, StepSettings] = PRESETS
+
+    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
+        """Torsional friction."""
+        assert isinstance(settings, DartSettings)
+        if scene.rolling == "classical" or settings.ideal:
+            return None
+        return "its contact has no torsional friction: the shell spins freely"
+
+    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
+        assert isinstance(settings, DartSettings)
+        if settings.ideal is not None:
+            return DartDynamics(scene, settings.ideal, settings)
+        return DartWorld(scene, settings, step)
+
+
+DART = Dart()

@@ -1,0 +1,111 @@
+"""MuJoCo Warp: MuJoCo's models stepped by Warp, in single precision; here on the processor."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
+from robotball.engines.links import State
+from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.settings import NAIVE, PRESETS, Prescribed, Settings
+from robotball.engines.protocol import Ladder
+from robotball.motion import Label
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import Scene
+
+LABEL = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WarpSettings(StepSettings):
+    """model: MuJoCo's settings, of which Warp takes the model and its options."""
+
+    model: Settings
+
+
+class WarpWorld(SteppedWorld):
+    """One world on Warp's processor device."""
+
+    def __init__(self, scene: Scene, settings: WarpSettings, step: float) -> None:
+        super().__init__(scene)
+        import mujoco_warp
+        import warp
+
+        warp.config.quiet = True
+        warp.init()
+        self.warp, self.engine = warp, mujoco_warp
+        self.built = build(scene, replace(settings.model, timestep=step))
+        start = self.built.start_data()
+        # Warp has no such flag, and resets nothing.
+        self.built.compiled.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        with warp.ScopedDevice("cpu"):
+            self.model = mujoco_warp.put_model(self.built.compiled)
+            self.data = mujoco_warp.put_data(self.built.compiled, start)
+            mujoco_warp.step(self.model, self.data)  # compiles; not of the run
+            self.data = mujoco_warp.put_data(self.built.compiled, start)
+
+    def control(self, t: float, step: float) -> None:
+        controls = [hinge.control(t + step / 2) for hinge in self.built.hinges]
+        self.data.ctrl.assign(np.array([controls], dtype=np.float32))
+
+    def step(self, step: float) -> None:
+        with self.warp.ScopedDevice("cpu"):
+            self.engine.step(self.model, self.data)
+
+    def state(self) -> State:
+        qpos, qvel = (each.numpy()[0].astype(float) for each in (self.data.qpos, self.data.qvel))
+        return state_of(self.built, qpos, qvel)
+
+
+def state_of(model: Model, qpos: Array, qvel: Array) -> State:
+    """The state of MuJoCo's coordinates, with the shell as the root."""
+    count, places = len(model.scene.drives), [hinge.index for hinge in model.hinges]
+    angles, rates = np.zeros(count), np.zeros(count)
+    angles[places], rates[places] = qpos[7:], qvel[6:]
+    attitude = qpos[3:7] / np.linalg.norm(qpos[3:7])
+    return State(qpos[:3], qvel[:3], attitude, rotation_matrix(attitude) @ qvel[3:6], angles, rates)
+
+
+# Single precision has no room for the recipe's impedance and armature: they break it.
+SINGLE = replace(
+    PRESETS["balanced"],
+    solver="Newton",
+    solimp=(0.99, 0.99, 0.001, 0.5, 1.0),
+    drive=Prescribed(armature=1e4),
+    warmstart=None,
+    island=None,
+)
+AS_IT_COMES = WarpSettings(
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3, model=NAIVE
+)
+BEST = WarpSettings(
+    name="best", error_tolerance=1e-2, stop_at_fault=False, timestep=20e-3, model=SINGLE
+)
+
+
+class Warp(Adapter):
+    """The engine, as `robotball.engines.protocol` describes one."""
+
+    label = LABEL
+    package = "mujoco_warp"
+    extra = "mujoco-warp"
+    requirements = ("mujoco-warp>=4.0", "warp-lang>=1.19")
+    ladders: Mapping[str, Ladder] = {
+        "as-it-comes": ("timestep", (2e-3,)),
+        "best": ("timestep", (20e-3, 10e-3)),
+    }
+    settings_type = WarpSettings
+    presets: Mapping[str, StepSettings] = {each.name: each for each in (AS_IT_COMES, BEST)}
+
+    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
+        """Double precision."""
+        return "its state is in single precision"
+
+    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
+        assert isinstance(settings, WarpSettings)
+        return WarpWorld(scene, settings, step)
+
+
+WARP = Warp()

@@ -1,0 +1,174 @@
+"""PhysX 5, as SAPIEN brings it: an articulation with hinge drives, in single precision."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
+from robotball.engines.links import State, links_of
+from robotball.engines.protocol import Ladder
+from robotball.motion import Label
+from robotball.rotations import Array, from_matrix, perpendicular
+from robotball.scene import Scene
+
+LABEL = Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysxSettings(StepSettings):
+    """None leaves a choice at SAPIEN's own default.
+
+    friction: of ball and plane; damping N m s/rad: of the hinges' velocity drives; armature kg m²:
+    their reflected inertia; most_rate rad/s: at which hinges and bodies are cut; patch m: the
+    radius of the patch that friction resists spin by, of a rubber ball; iterations of the solver.
+    """
+
+    friction: float | None = None
+    damping: float = 10.0
+    armature: float | None = None
+    most_rate: float | None = None
+    patch: float | None = None
+    iterations: int | None = None
+
+
+class PhysxWorld(SteppedWorld):
+    """The ball and its plane in a scene of its own."""
+
+    def __init__(self, scene: Scene, settings: PhysxSettings, step: float) -> None:
+        super().__init__(scene)
+        import sapien
+
+        physx, start = sapien.physx, self.now
+        config = physx.PhysxSceneConfig()
+        config.gravity = np.array([0.0, 0.0, -scene.gravity], dtype=np.float32)
+        physx.set_scene_config(config)
+        bodies = physx.PhysxBodyConfig()
+        bodies.sleep_threshold = 0.0
+        if settings.iterations is not None:
+            bodies.solver_position_iterations = bodies.solver_velocity_iterations = (
+                settings.iterations
+            )
+        physx.set_body_config(bodies)
+        self.world = sapien.Scene([physx.PhysxCpuSystem()])
+        self.world.set_timestep(step)
+        material = None
+        if settings.friction is not None:
+            material = physx.PhysxMaterial(settings.friction, settings.friction, 0.0)
+        ground = self.world.create_actor_builder()
+        ground.set_physx_body_type("static")
+        upward = sapien.Pose(q=from_matrix(np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]])))
+        ground.add_plane_collision(upward, material=material)
+        ground.build("ground")
+        builder = self.world.create_articulation_builder()
+        made: list[Any] = []
+        patch = settings.patch if scene.rolling == "rubber" else None
+        for link in links_of(scene):
+            each = builder.create_link_builder(made[link.parent] if made else None)
+            each.set_name(link.name)
+            moments, axes = link.principal
+            each.set_mass_and_inertia(link.mass, sapien.Pose(link.centre, axes), moments)
+            if link.drive is None:
+                each.add_sphere_collision(
+                    radius=scene.ball.radius, material=material,
+                    patch_radius=patch or 0.0, min_patch_radius=patch or 0.0,
+                )  # fmt: skip
+            else:
+                turn = from_matrix(_x_along(link.axis))
+                each.set_joint_name(link.name)
+                each.set_joint_properties(
+                    "revolute_unwrapped", [[-np.inf, np.inf]],
+                    sapien.Pose(link.origin, turn), sapien.Pose(q=turn),
+                )  # fmt: skip
+            made.append(each)
+        builder.set_initial_pose(sapien.Pose(start.centre, start.attitude))
+        self.ball = ball = builder.build()
+        for link in ball.links:
+            link.set_linear_damping(0.0)
+            link.set_angular_damping(0.0)
+            if settings.most_rate is not None:
+                link.set_max_angular_velocity(settings.most_rate)
+        for joint in ball.active_joints:
+            joint.set_drive_properties(0.0, settings.damping)
+            if settings.armature is not None:
+                joint.set_armature(np.array([settings.armature], dtype=np.float32))
+            if settings.most_rate is not None:
+                joint.set_max_velocity(settings.most_rate)
+        ball.set_root_pose(sapien.Pose(start.centre, start.attitude))
+        ball.set_root_linear_velocity(start.velocity)
+        ball.set_root_angular_velocity(start.turning)
+        ball.set_qvel(start.rates)
+        self._turn(start.rates)
+
+    def _turn(self, rates: Array) -> None:
+        for joint, rate in zip(self.ball.active_joints, rates.tolist(), strict=True):
+            joint.set_drive_velocity_target(rate)
+
+    def control(self, t: float, step: float) -> None:
+        self._turn(np.array([float(drive.rate(t + step)) for drive in self.scene.drives]))
+
+    def step(self, step: float) -> None:
+        self.world.step()
+
+    def state(self) -> State:
+        ball, pose = self.ball, self.ball.root_pose
+        velocity, turning = _double(ball.root_linear_velocity), _double(ball.root_angular_velocity)
+        attitude = _double(pose.q) / np.linalg.norm(pose.q)
+        angles, rates = _double(ball.qpos), _double(ball.qvel)
+        return State(_double(pose.p), velocity, attitude, turning, angles, rates)
+
+
+def _double(values: Any) -> Array:
+    return np.array(values, dtype=float)
+
+
+def _x_along(axis: Array) -> Array:
+    """A rotation (3, 3) that turns x onto `axis`."""
+    side = perpendicular(axis)
+    return np.stack([axis, side, np.cross(axis, side)], axis=1)
+
+
+PRESETS = {
+    each.name: each
+    for each in (
+        PhysxSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1 / 100),
+        PhysxSettings(
+            name="best",
+            error_tolerance=5e-2,
+            timestep=1e-3,
+            friction=20.0,
+            damping=1e8,
+            armature=1e4,
+            most_rate=1e6,
+            patch=20.0,
+            iterations=20,
+        ),
+    )
+}
+
+
+class Physx(Adapter):
+    """The engine, as `robotball.engines.protocol` describes one."""
+
+    label = LABEL
+    package = "sapien"
+    extra = "physx"
+    requirements = ("sapien>=3.0.3",)
+    ladders: Mapping[str, Ladder] = {
+        "as-it-comes": ("timestep", (1 / 100,)),
+        "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
+    }
+    settings_type = PhysxSettings
+    presets: Mapping[str, StepSettings] = PRESETS
+
+    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
+        """Double precision."""
+        return "its state is in single precision"
+
+    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
+        assert isinstance(settings, PhysxSettings)
+        return PhysxWorld(scene, settings, step)
+
+
+PHYSX = Physx()

@@ -1,0 +1,118 @@
+"""Each finding in docs/findings/ is what its script prints, where its engine is installed."""
+
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "docs/findings"
+PACKAGES = {"mujoco": "mujoco", "pybullet": "pybullet", "drake": "pydrake", "exudyn": "exudyn"}
+# Of every line that a script prints: its label, and bounds close to what was measured.
+FIRST_ORDER = (0.04499, 0.04501)  # 0.0450016 in three engines
+EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
+    "mujoco_frame_root": {"shell root": (8e-4, 1e-3), "frame root": (1.39, 1.42)},
+    "mujoco_implicitfast": {
+        "Euler, alone": (0.0164, 0.0166),
+        "Euler, with a rotor": FIRST_ORDER,
+        "implicitfast, alone": (-0.0158, -0.0156),
+        "implicitfast, with a rotor": FIRST_ORDER,
+        "implicit, alone": (-0.0158, -0.0156),
+        "implicit, with a rotor": (-0.0367, -0.0365),
+        "RK4, alone": (-1e-13, 1e-13),
+        "RK4, with a rotor": (-2e-12, -2e-13),
+    },
+    "mujoco_rk4_order": {"error at 20 ms": (2.9e-7, 3.2e-7), "order": (3.9, 4.1)},
+    "mujoco_condim6": {
+        "condim 3": (5e-5, 5.5e-5),
+        "condim 4": (5e-5, 5.5e-5),
+        "condim 6": (0.174, 0.176),
+    },
+    "mujoco_newton_stops": {
+        "default tolerance, iterations": (0, 0),
+        "default tolerance, slip": (0.34, 0.36),
+        "default tolerance, warnings": (0, 0),
+        'tolerance="0", iterations': (1, 100),
+        'tolerance="0", slip': (4.8e-4, 5.3e-4),
+        'tolerance="0", warnings': (0, 0),
+    },
+    "mujoco_heavy_ball": {
+        "Newton, 1 kg": (4.1e-4, 4.25e-4),
+        "Newton and noslip, 1 kg": (3.6e-4, 3.75e-4),
+        "PGS, 1 kg": (4.1e-4, 4.25e-4),
+        "Newton, 1e+06 kg": (4.1e-4, 4.25e-4),
+        "Newton and noslip, 1e+06 kg": (4.1e-4, 4.25e-4),
+        "PGS, 1e+06 kg": (2.99, 3.01),
+    },
+    "mujoco_euler_growth": {
+        "Euler, momentum": (2.1, 2.25),
+        "Euler, warnings": (0, 0),
+        "RK4, momentum": (1 - 2e-9, 1 - 1e-10),
+        "RK4, warnings": (0, 0),
+    },
+    "mujoco_reset": {
+        "enable, time": (0.9, 0.945),
+        "enable, finite": (1, 1),
+        "disable, time": (0.949, 0.951),
+        "disable, finite": (0, 0),
+    },
+    "pybullet_rate_limit": {"default": (99.9, 100.1), "raised": (149.9, 150.1)},
+    "pybullet_change_dynamics": {
+        "with a damping, base": (0.3, 0.3),
+        "with a damping, link": (0.2, 0.2),
+        "alone, base": (0.1, 0.1),
+        "alone, link": (0.3, 0.3),
+    },
+    "pybullet_first_order": {"with a rotor": FIRST_ORDER},
+    "drake_first_order": {"with a rotor": FIRST_ORDER},
+    "drake_frozen": {
+        "kTamsi, 100 kg m²": (7e-6, 8.5e-6),
+        "kTamsi, 1e+12 kg m²": (7e-6, 8.5e-6),
+        "kSap, 100 kg m²": (3.4e-5, 3.9e-5),
+        "kSap, 1e+12 kg m²": (1.0, 1.0),
+        "kLagged, 100 kg m²": (7.7e-6, 9.5e-6),
+        "kLagged, 1e+12 kg m²": (1.0, 1.0),
+    },
+    "drake_stiction": {
+        "vs 0.01 m/s, slip over vs": (0.23, 0.25),
+        "vs 0.001 m/s, slip over vs": (0.22, 0.25),
+    },
+    "exudyn_fast_rotor": {"2 ms": (6.4e-3, 6.9e-3), "0.5 ms": (2.4e-6, 2.7e-6)},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXPECTED)
+def test_a_finding_is_what_its_script_prints(name: str, tmp_path: Path) -> None:
+    """All its figures, within bounds on both sides."""
+    package = PACKAGES[name.partition("_")[0]]
+    if find_spec(package) is None:
+        pytest.skip(f"needs {package}")
+    command = [sys.executable, str(FOLDER / f"{name}.py")]
+    printed = subprocess.check_output(command, text=True, cwd=tmp_path, stderr=subprocess.DEVNULL)
+    found = {label: float(value) for label, value in re.findall(r"^(.+): (\S+)$", printed, re.M)}
+    assert set(found) >= set(EXPECTED[name])
+    off = {
+        label: found[label]
+        for label, (low, high) in EXPECTED[name].items()
+        if not low <= found[label] <= high
+    }
+    assert off == {}
+
+
+def test_every_finding_has_its_figures_here_and_its_line_in_the_page() -> None:
+    """No script without a test, and none that a reader does not find."""
+    page = (FOLDER.parent / "engines.md").read_text()
+    scripts = {file.stem for file in FOLDER.glob("*.py")}
+    assert scripts == set(EXPECTED)
+    assert {name for name in scripts if f"findings/{name}.py" not in page} == set()
+
+
+@pytest.mark.parametrize("file", sorted(FOLDER.glob("*.py")), ids=lambda file: file.stem)
+def test_a_finding_is_short_and_of_one_engine_alone(file: Path) -> None:
+    """Under sixty lines, with nothing of ours."""
+    text = file.read_text()
+    assert len(text.splitlines()) < 60
+    assert not re.search(r"^\s*(import|from) (robotball|validation)", text, re.M)

@@ -1,0 +1,177 @@
+"""Judge names the mistake that is planted, and plants none itself."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from tests.euler_engine import euler
+from tests.validation.studies.judge.planting import IN_FILES, IN_SCENES
+from validation import judge
+from validation.studies.judge.measure import FileJudgement
+from validation.studies.judge.report import lines
+from validation.studies.random_scenes import random_scene
+
+NAMES = ("fig12", "classical_regular", "wobbling_drive", "three_rotors", "classical_chaotic")
+SCENES = (*map(rb.load_scene, NAMES), *map(random_scene, range(1, 6)))
+STEPS = (0.02, 0.005)  # s: first-order errors of the attitude of up to 3, and of 0.9 rad
+END = 5.0  # s
+
+
+def judged(scene: rb.Scene, trajectory: rb.Trajectory) -> FileJudgement:
+    return judge(scene, trajectory).files[0]
+
+
+def run(scene: rb.Scene, timestep: float = 0.005) -> rb.Trajectory:
+    return euler(scene, timestep, round(0.02 / timestep), END)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(len(IN_FILES)))
+def test_a_mistake_in_a_file_is_named(number: int) -> None:
+    """20 of 20, and nothing else is named; in files by a first-order engine."""
+    words, plant = list(IN_FILES.items())[number]
+    scene = SCENES[(number + 5) % len(SCENES)]
+    trajectory = run(scene, STEPS[number % 2])
+    found = judged(scene, plant(trajectory, scene))
+    assert [words in each.name for each in found.mistakes] == [True], found.mistakes
+    # What is left is the engine's error alone.
+    right = judge(scene, trajectory, tolerance=1.0).files[0]
+    assert found.best.path_error == pytest.approx(right.plain.path_error, rel=1e-6, abs=1e-9)
+    assert found.best.attitude_error == pytest.approx(right.plain.attitude_error, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", IN_SCENES)
+def test_a_mistake_in_setting_up_the_scene_is_named(words: str) -> None:
+    """The engine rolls another ball, or from another start; nothing else is named."""
+    number = list(IN_SCENES).index(words)
+    scene = SCENES[(0, 3, 5, 0, 6, 2, 9)[number]]
+    found = judged(scene, run(IN_SCENES[words](scene)))
+    assert [words in each.name for each in found.mistakes] == [True], found.mistakes
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("timestep", STEPS)
+@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.name)
+def test_a_right_file_has_no_mistake(scene: rb.Scene, timestep: float) -> None:
+    """20 of 20 by a first-order engine, whose attitudes are off by 0.002 to 3 rad."""
+    found = judged(scene, run(scene, timestep))
+    assert found.mistakes == ()
+    assert found.plain.attitude_error > 2e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["naive", "fast", "accurate"])
+@pytest.mark.parametrize("name", ["fig12", "classical_regular"])
+def test_a_contact_engines_file_has_no_mistake(name: str, preset: str, tmp_path: Path) -> None:
+    """Path errors from 1e-12 to 0.6, with slip, lost contact and hinges off their rates."""
+    scene = rb.load_scene(name)
+    rb.simulate(scene, settings=preset).save(tmp_path / "run.csv")
+    found = judge(scene, tmp_path / "run.csv").files[0]
+    assert found.mistakes == ()
+    assert found.agrees == (preset != "naive")
+
+
+@pytest.mark.slow
+def test_two_mistakes_of_different_kinds_are_both_named() -> None:
+    """The order of the quaternion, and a unit of length; what is left is the engine's error."""
+    scene = rb.load_scene("fig12")
+    right = run(scene)
+    both = IN_FILES["the quaternion's order is x, y, z, w"](right, scene)
+    found = judged(scene, IN_FILES["the positions are in cm"](both, scene))
+    names = {each.name for each in found.mistakes}
+    assert names == {"the positions are in cm", "the quaternion's order is x, y, z, w"}
+    assert found.best.path_error < 0.02  # measured 9e-3, of the engine
+
+
+@pytest.mark.slow
+def test_mistakes_that_tell_the_same_are_named_together() -> None:
+    """Half a turn about the vertical of the world is both signs of x, y, and no other mistake."""
+    scene = rb.load_scene("fig12")
+    right = run(scene)
+    turned = replace(right, position=right.position * [-1, -1, 1])
+    (mistake,) = judged(scene, turned).mistakes
+    assert mistake.name == "x and y both have the other sign"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shift", [0.02, -0.013, 0.0003])
+def test_a_shift_in_time_is_found(shift: float) -> None:
+    """To a millionth of a second where the engine is exact, and it is no mistake.
+
+    Measured: 3e-9 s off; the errors fall 1e4 times and more.
+    """
+    scene = rb.load_scene("fig12")
+    motion = rb.integrate(scene, np.linspace(0, 5, 251))
+    times = motion.times + shift
+    keep = times >= 0
+    position = np.column_stack([motion.contact_point, np.full(len(times), np.nan)])
+    late = rb.Trajectory("run.csv", times[keep], position[keep], motion.attitude[keep])
+    found = judged(scene, late)
+    assert found.mistakes == ()
+    assert found.lag.explains
+    assert found.lag.shift == pytest.approx(shift, abs=1e-6)
+    way = "late" if shift > 0 else "early"
+    assert any(f"{abs(shift):.4g} s {way}" in line for line in lines(found))
+
+
+@pytest.mark.slow
+def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
+    """A path that is longer by a hundredth slips; the radius at which it rolls says so."""
+    scene = rb.load_scene("fig12")
+    motion = rb.integrate(scene)
+    position = np.column_stack([1.01 * motion.contact_point, np.full(len(motion.times), 1.0)])
+    plain = judged(scene, rb.Trajectory("a", motion.times, position, motion.attitude)).plain
+    (slip, error), (spin, spin_error) = plain.slip, plain.spin
+    assert slip > 50 * error  # measured 5e-2 m/s and 5e-4
+    assert abs(spin) < spin_error
+    assert plain.motion.rolling_radius == pytest.approx(1.01, abs=1e-5)
+
+
+@pytest.mark.slow
+def test_files_of_several_steps_have_an_order() -> None:
+    """The first order of Euler's method (measured 1.02 and 1.00); by the header's steps too."""
+    scene = rb.load_scene("fig12")
+    steps = (0.01, 0.005, 0.0025)
+    files = [euler(scene, step, round(0.02 / step), 2.0) for step in steps]
+    judgement = judge(scene, files, timesteps=steps)
+    assert [each.measure for each in judgement.orders] == ["path error", "attitude error"]
+    for each in judgement.orders:
+        assert each.order == pytest.approx(1.0, abs=0.05)
+    headed = [
+        replace(file, header={"timestep": str(step)})
+        for file, step in zip(files[:2], steps, strict=False)
+    ]
+    for each in judge(scene, headed).orders:
+        assert each.order == pytest.approx(1.0, abs=0.05)
+        assert each.stderr is None
+    assert judge(scene, files[:2]).orders == ()
+
+
+def test_a_file_in_milliseconds_is_refused_with_the_unit() -> None:
+    """A time beyond all scenes is another unit; what to write is said."""
+    scene = rb.load_scene("fig12")
+    file = run(scene)
+    with pytest.raises(rb.InputError, match=r"t goes to 5000 s, and fig12 lasts 10 s; if t is in"):
+        judge(scene, replace(file, times=1e3 * file.times))
+
+
+def test_a_file_of_another_scene_is_told(tmp_path: Path) -> None:
+    """By the scene in its header."""
+    rb.integrate(rb.load_scene("fig13"), np.linspace(0, 1, 51)).save(tmp_path / "a.csv")
+    found = judge(rb.load_scene("fig12"), tmp_path / "a.csv").files[0]
+    assert "the file's header has another scene than this one: fig13" in lines(found)
+
+
+def test_a_file_that_starts_late_is_judged_from_there() -> None:
+    """Its times are the scene's own; nothing is shifted."""
+    scene = rb.load_scene("fig12")
+    motion = rb.integrate(scene, np.linspace(0, 5, 251))
+    position = np.column_stack([motion.contact_point, np.full(251, 1.0)])
+    late = rb.Trajectory("a", motion.times[50:], position[50:], motion.attitude[50:])
+    found = judged(scene, late)
+    assert found.mistakes == ()
+    assert found.plain.path_error < 1e-12  # measured 4e-15

@@ -1,0 +1,1 @@
+"""Anybody's trajectory held against the equations, and what is wrong with its conventions."""

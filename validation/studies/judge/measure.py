@@ -1,0 +1,239 @@
+"""A trajectory held against the equations: how far off it is, and which mistakes explain that."""
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from robotball import (
+    InputError,
+    Motion,
+    RecordedMotion,
+    Scene,
+    Trajectory,
+    read_trajectory,
+    recorded,
+    scene_toml,
+)
+from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
+from validation.studies.judge.lag import Lag, lag_of
+from validation.studies.judge.numbers import Errors, numbers_of, some_of
+from validation.studies.judge.search import Explanation, Mistake, explain, reference_of
+from validation.studies.order import LEAST, fit_order
+
+TOLERANCE = 1e-2  # of path and momentum, relative
+LONGEST = 100  # times the scene's duration; a longer file is in another unit
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A trajectory's motion beside the reference's, and the measures of their difference."""
+
+    motion: RecordedMotion
+    theory: Motion
+
+    @cached_property
+    def path_error(self) -> float:
+        """The largest contact-point error over the path's length or the radius."""
+        return path_error(self.motion, self.theory)
+
+    @cached_property
+    def attitude_error(self) -> float:
+        """The largest angle between the two attitudes [rad]."""
+        return attitude_error(self.motion, self.theory)
+
+    @cached_property
+    def gamma_error(self) -> float:
+        """The largest angle between the two verticals, seen from the frame [rad]."""
+        return gamma_error(self.motion, self.theory)
+
+    @cached_property
+    def momentum_error(self) -> float:
+        """Of M from the file's attitude and ω, or of its own M, relative."""
+        return momentum_error(self.motion, self.theory)
+
+    @property
+    def momentum_known_to(self) -> float:
+        """What numerical rates may have made of the momentum error."""
+        return float(self.motion.momentum_error.max() / self.theory.scene.momentum_scale)
+
+    @property
+    def slip(self) -> tuple[float, float]:
+        """The largest [m/s], and what numerical rates may have made of it."""
+        i = int(self.motion.slip.argmax())
+        return float(self.motion.slip[i]), float(self.motion.slip_error[i])
+
+    @property
+    def spin(self) -> tuple[float, float]:
+        """The same of the spin, either way round [rad/s]."""
+        i = int(np.abs(self.motion.spin).argmax())
+        return float(np.abs(self.motion.spin[i])), float(self.motion.spin_error[i])
+
+
+@dataclass(frozen=True)
+class FileJudgement:
+    """A trajectory as it stands, what is wrong with it, and how it is without these mistakes.
+
+    corrected: beside the motion of the scene that was simulated, where that is another one; None
+    where no mistake was found. lag: of what is left.
+    """
+
+    trajectory: Trajectory
+    plain: Beside
+    explanation: Explanation
+    corrected: Beside | None
+    lag: Lag
+    timestep: float
+    tolerance: float
+
+    @property
+    def name(self) -> str:
+        return self.trajectory.name
+
+    @property
+    def other_scene(self) -> str | None:
+        """The name of the scene in the file's header, where that is not the one that was meant."""
+        header = self.trajectory.header or {}
+        given = header.get("scene_toml")
+        with contextlib.suppress(InputError):  # of a rate by a function, which no header can hold
+            if given and given.strip() != scene_toml(self.plain.theory.scene).strip():
+                return header.get("scene", "?")
+        return None
+
+    @property
+    def mistakes(self) -> tuple[Mistake, ...]:
+        return self.explanation.mistakes
+
+    @property
+    def plain_errors(self) -> Errors:
+        """Of the file as it stands."""
+        return self.explanation.plain
+
+    @property
+    def best(self) -> Beside:
+        """The trajectory without its mistakes."""
+        return self.corrected or self.plain
+
+    @property
+    def agrees(self) -> bool:
+        """No mistake, and path and momentum within the tolerance, as far as they are known."""
+        of_momentum = self.plain.momentum_error - self.plain.momentum_known_to
+        return not self.mistakes and max(self.plain.path_error, of_momentum) <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Order:
+    """The order of a measure over several files; None where the errors are no straight line."""
+
+    measure: str
+    order: float | None
+    stderr: float | None = None
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Files of one scene, the one with the longest step first, and orders of convergence."""
+
+    scene: Scene
+    files: tuple[FileJudgement, ...]
+    orders: tuple[Order, ...]
+
+    @property
+    def agrees(self) -> bool:
+        return all(each.agrees for each in self.files)
+
+
+def judge(
+    scene: Scene,
+    files: Sequence[Path | str | Trajectory] | Path | str | Trajectory,
+    *,
+    timesteps: Sequence[float] = (),
+    tolerance: float = TOLERANCE,
+    progress: Callable[[float], None] | None = None,
+) -> Judgement:
+    """What is wrong with trajectories of a scene, each from a file or as `read_trajectory` gives.
+
+    timesteps: the engine's in each file [s]; by the file's header, or else the interval of its
+    samples, where they are not given. tolerance: of path and momentum, relative. progress is
+    called with the fraction that is done. Raises InputError as `read_trajectory`, `recorded` and
+    `integrate` do, and for a file that is many times longer than the scene.
+    """
+    given = [files] if isinstance(files, Path | str | Trajectory) else list(files)
+    if timesteps and len(timesteps) != len(given):
+        raise InputError(f"each file needs its timestep: {len(given)}, not {len(timesteps)}")
+    trajectories = [
+        each if isinstance(each, Trajectory) else read_trajectory(Path(each)) for each in given
+    ]
+    for each in trajectories:
+        _check_end(scene, each)
+    judged = []
+    for i, trajectory in enumerate(trajectories):
+        timestep = timesteps[i] if timesteps else timestep_of(trajectory)
+        judged.append(_judged(scene, trajectory, timestep, tolerance))
+        if progress is not None:
+            progress((i + 1) / len(trajectories))
+    judged.sort(key=lambda each: -each.timestep)
+    return Judgement(scene, tuple(judged), tuple(_orders(judged)))
+
+
+def timestep_of(trajectory: Trajectory) -> float:
+    """The engine's step that the file's header gives, or else the interval of its samples [s]."""
+    given = (trajectory.header or {}).get("timestep", "")
+    try:
+        return float(given)
+    except ValueError:
+        return float(np.median(np.diff(trajectory.times)))
+
+
+def _check_end(scene: Scene, trajectory: Trajectory) -> None:
+    end = float(trajectory.times[-1])
+    if end > LONGEST * scene.duration:
+        raise InputError(
+            f"{trajectory.name}: t goes to {end:g} s, and {scene.name} lasts {scene.duration:g} s; "
+            "if t is in another unit, call the column t [ms], t [us] or t [ns]"
+        )
+
+
+def _judged(
+    scene: Scene, trajectory: Trajectory, timestep: float, tolerance: float
+) -> FileJudgement:
+    plain = _beside(scene, trajectory)
+    found = explain(trajectory, plain.theory, plain.motion.rolling_radius)
+    corrected = _beside(found.scene, found.trajectory) if found.mistakes else None
+    at = some_of(len(trajectory.times))
+    best = (corrected or plain).theory
+    return FileJudgement(
+        trajectory=trajectory,
+        plain=plain,
+        explanation=found,
+        corrected=corrected,
+        lag=lag_of(trajectory.times[at], numbers_of(found.trajectory, at), best),
+        timestep=timestep,
+        tolerance=tolerance,
+    )
+
+
+def _beside(scene: Scene, trajectory: Trajectory) -> Beside:
+    motion = recorded(scene, trajectory)
+    return Beside(motion, reference_of(scene, trajectory.times))
+
+
+def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
+    """Of path and attitude, where the files have at least two different steps."""
+    steps = [each.timestep for each in judged]
+    if len(set(steps)) < 2:
+        return
+    measures = {
+        "path error": [each.best.path_error for each in judged],
+        "attitude error": [each.best.attitude_error for each in judged],
+    }
+    for name, errors in measures.items():
+        if len(set(steps)) < LEAST:
+            fall = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
+            yield Order(name, float(fall))
+            continue
+        found = fit_order(steps, errors)
+        yield Order(name, *((found.order, found.stderr) if found else (None, None)))

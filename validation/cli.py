@@ -10,8 +10,9 @@ import logging
 import re
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Sequence
-from typing import Annotated, Any, Union, get_args
+from typing import Annotated, Any, Union, get_args, get_type_hints
 
 import tyro
 from tyro.conf import subcommand
@@ -19,7 +20,7 @@ from tyro.conf import subcommand
 from robotball.errors import InputError, SceneWarning, unknown
 from robotball.threads import at_most
 from validation.commands.ablation import Ablation
-from validation.commands.arguments import BAD_INPUT
+from validation.commands.arguments import BAD_INPUT, Names
 from validation.commands.attractors import Attractors
 from validation.commands.basins import Basins
 from validation.commands.compare import Compare
@@ -40,12 +41,14 @@ from validation.commands.replay import Replay
 from validation.commands.report import Report
 from validation.commands.scenes import Scenes
 from validation.commands.section import Section
+from validation.commands.steer import Steer
 from validation.commands.tradeoff import Tradeoff
 from validation.commands.video import Video
 from validation.streams import make_lasting, standard_output_of
 
 Command = (
-    Scenes | Engines | Compare | Report | Judge | Video | Replay | Model | Export | Design | Demo
+    Scenes | Engines | Compare | Report | Judge | Video | Replay | Model | Export
+    | Design | Steer | Demo
     | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
     | Portraits | Paper
     | Ablation | Convergence | Tradeoff | Extremes
@@ -124,6 +127,8 @@ def parse(arguments: Sequence[str]) -> Command:
         command = COMMANDS.get(name)
         if command is None:
             raise unknown("command", name, COMMANDS)
+    if command:
+        _check_each_is_given_once(command, arguments)
     refusal = io.StringIO()
     try:
         with contextlib.redirect_stderr(refusal):
@@ -134,6 +139,16 @@ def parse(arguments: Sequence[str]) -> Command:
         if not leaving.code:
             raise
         raise InputError(_words_of(refusal.getvalue())) from None
+
+
+def _check_each_is_given_once(command: type[Command], arguments: Sequence[str]) -> None:
+    """Raises InputError for an option that stands twice: all but the last would be lost."""
+    fields = get_type_hints(command, include_extras=True)
+    lists = {f"--{name}" for name, kind in fields.items() if kind == Names}
+    options = [each.partition("=")[0] for each in arguments if each.startswith("--")]
+    for option, times in Counter(each.replace("_", "-") for each in options).items():
+        if times > 1 and option not in lists:
+            raise InputError(f"{option} is given {times} times: give it once")
 
 
 def _any_command() -> Any:

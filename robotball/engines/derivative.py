@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from robotball.motion import pieces
 from robotball.rotations import Array, conjugate, multiply
 
 POINTS = 7  # of the polynomial through a sample and its neighbours; 5 for the estimate
@@ -51,15 +52,25 @@ def _slopes(times: Array, values: Array, points: int) -> tuple[Array, Array]:
 
     The noise (n,) of the slopes, as well, if the highest differences are nothing but noise.
     """
-    n, points = len(times), min(points, len(times))
-    first = np.clip(np.arange(n) - points // 2, 0, n - points)
+    every = np.arange(len(times))
+    parts = [_slopes_at(every[piece], times, values, points) for piece in pieces(len(times))]
+    slopes, noise = zip(*parts, strict=True)
+    return np.concatenate(slopes), np.concatenate(noise)
+
+
+def _slopes_at(
+    samples: NDArray[np.intp], times: Array, values: Array, points: int
+) -> tuple[Array, Array]:
+    """The same at some of the samples, by their places (m,)."""
+    points = min(points, len(times))
+    first = np.clip(samples - points // 2, 0, len(times) - points)
     near: NDArray[np.intp] = first[:, None] + np.arange(points)
-    rows, own = np.arange(n), np.arange(n) - first
+    rows, own = np.arange(len(samples)), samples - first
     # The derivative of Lagrange's basis at one of its nodes; scaled, as products of short
     # intervals vanish.
     t = times[near]
     scale = (t[:, -1] - t[:, 0])[:, None]
-    u = (t - times[:, None]) / scale
+    u = (t - times[samples, None]) / scale
     gaps = u[:, :, None] - u[:, None, :]
     gaps[:, range(points), range(points)] = 1.0
     difference = 1 / gaps.prod(axis=2)  # divided, of the highest order, but for its unit
@@ -69,7 +80,7 @@ def _slopes(times: Array, values: Array, points: int) -> tuple[Array, Array]:
     weights[rows, own] = 0.0
     weights[rows, own] = -weights.sum(axis=1)
     weights /= scale
-    from_own = values[near] - values[:, None]
+    from_own = values[near] - values[samples, None]
     left = np.linalg.norm(np.einsum("np,npk->nk", difference, from_own), axis=1)
     noise = left * np.linalg.norm(weights, axis=1) / np.linalg.norm(difference, axis=1)
     return np.einsum("np,npk->nk", weights, from_own), noise

@@ -2,6 +2,7 @@
 
 import json
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,10 @@ from robotball.files.replacing import replacing
 from robotball.rotations import Array
 
 HEADER, UNITS = "header", "units"  # of an NPZ's own members, and of a Parquet's metadata
+# What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file.
+UNREADABLE = (
+    ValueError, TypeError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 PARQUET_EXTRA = (
     "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
 )
@@ -96,7 +101,7 @@ def _read_npz(path: Path) -> Table:
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-    except (ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+    except UNREADABLE as error:
         raise InputError(f"it is no NPZ file that can be read: {error}") from None
     header = _texts(arrays.pop(HEADER, None))
     units = _texts(arrays.pop(UNITS, None))
@@ -148,16 +153,17 @@ def _read_parquet(path: Path) -> Table:
     pyarrow, parquet = _pyarrow()
     try:
         whole = parquet.read_table(path)
-    except pyarrow.ArrowException as error:
+        types = pyarrow.types
+        arrays = {
+            name: column.to_numpy()
+            for name, column in zip(whole.column_names, whole.columns, strict=True)
+            if types.is_floating(column.type) or types.is_integer(column.type)
+        }
+    except (pyarrow.ArrowException, ValueError) as error:
         raise InputError(f"it is no Parquet file that can be read: {error}") from None
     metadata = {
         key.decode(errors="replace"): text.decode(errors="replace")
         for key, text in (whole.schema.metadata or {}).items()
-    }
-    arrays = {
-        name: whole.column(name).to_numpy()
-        for name, field in zip(whole.column_names, whole.schema, strict=True)
-        if pyarrow.types.is_floating(field.type) or pyarrow.types.is_integer(field.type)
     }
     columns = dict(_columns(arrays))
     return Table(columns, _texts(metadata.get(UNITS)), _texts(metadata.get(HEADER)))

@@ -1,203 +1,187 @@
-"""Two motions → frames → mp4: their balls side by side, each in its engine's colour."""
+"""Two motions → frames: their balls under the same camera, each in its engine's colour."""
 
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
+from typing import Literal
 
-import imageio_ffmpeg
-import matplotlib
-import mediapy
-import mujoco
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
 
-from robotball import palette
-from robotball.errors import InputError
-from robotball.files.replacing import replacing
+from robotball.errors import InputError, check_positive
 from robotball.film import gl
+from robotball.film.camera import LENS, Camera
 from robotball.film.canvas import Canvas, Pixels
-from robotball.film.picture import Strip, build_stage, pose, strip, track
-from robotball.motion import Label, Motion
+from robotball.film.pane import Drawn, Line, Loose, Pane
+from robotball.film.sheet import Name, Sheet
+from robotball.film.tracks import Moments, Track, heading_of, track_of
+from robotball.film.triangles import arrow, moved
+from robotball.looks import Shape, looks_of
+from robotball.motion import ContactMotion, Motion
 from robotball.processes import in_processes
-from robotball.rotations import Array
-from robotball.scene import Scene
+from robotball.rotations import Array, rotation_matrix
 
 Progress = Callable[[float], None]
 
-FPS = 30
-SIZE = (720, 1280)  # height and width
 MANY = 100  # frames, worth more than one process
-FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-# Lengths in radii of the ball.
-LANES = 2.9  # between the balls while they agree
-DISTANCE = 8.0  # of the camera; further where the balls part
-ELEVATION = 30.0  # degrees: the horizon stays out of sight
-SIGHT = 20.0  # the top of the picture, from the balls
-BEHIND = 0.7  # the balls, of what the camera looks at: room for their paths
-SMOOTH = 0.4  # s, over which the camera averages the balls' motion
-SHADOW = 0.6  # radius
-NAME_AHEAD = 1.1  # of the contact point
-
-
-def frames(
-    motion: Motion,
-    theory: Motion,
-    *,
-    fps: int = FPS,
-    size: tuple[int, int] = SIZE,
-) -> Iterator[Pixels]:
-    """Pictures (height, width, 3), one by one, at 0, 1/fps, … s while both motions last.
-
-    motion: an engine's, on the left; theory: that of the equations of the same scene, sampled at
-    the same times. size: (height, width) in pixels. Raises InputError where the times differ, or
-    where there is no off-screen GL.
-    """
-    story = _tell(motion, theory, fps)
-    if gl.find_backend() is None:
-        raise InputError(gl.advice())
-    return _draw(theory.scene, story, size)
-
-
-def write_video(
-    path: Path | str,
-    motion: Motion,
-    theory: Motion,
-    *,
-    fps: int = FPS,
-    size: tuple[int, int] = SIZE,
-    progress: Progress | None = None,
-) -> None:
-    """Writes `frames` to an mp4; a file that is there already is replaced once it is complete.
-
-    Even height and width play everywhere. progress is called with the fraction that is done.
-    Raises InputError as `frames` does, and where `path` can be no mp4 file.
-    """
-    path = Path(path)
-    if path.suffix != ".mp4" or not path.parent.is_dir():
-        raise InputError(f"a video must be an .mp4 file in a folder that exists, not {path}")
-    pictures = frames(motion, theory, fps=fps, size=size)
-    number = len(_frame_times(motion, theory, fps))
-    mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
-    with (
-        replacing(path) as unfinished,
-        _refused_by_the_encoder(path),
-        mediapy.VideoWriter(
-            unfinished, size, fps=fps, crf=20, ffmpeg_args="-preset veryfast"
-        ) as video,
-    ):
-        for i, picture in enumerate(pictures, start=1):
-            video.add_image(picture)
-            if progress is not None:
-                progress(i / number)
-
-
-@contextmanager
-def _refused_by_the_encoder(path: Path) -> Iterator[None]:
-    """Makes an InputError of what mediapy raises where the encoder ends before the film does."""
-    try:
-        yield
-    except RuntimeError as error:
-        if not str(error).startswith("Error writing"):
-            raise
-        why = (str(error).splitlines() or [""])[-1]
-        raise InputError(f"{path} cannot be written: the encoder says {why!r}") from None
+SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
+BLUR_FROM, BLUR_TO = 0.25, 0.75  # rad a frame: beyond it a rotor's marks would mislead
+CAMERAS = {"follow": (7.2, 24.0), "above": (9.0, 80.0), "whole": (9.0, 40.0)}  # radii, degrees
+TRAIL = 0.035  # half of a path's width, at the distance of the first camera
+OTHER, GHOST = 0.4, 0.35  # opacity of the other ball's path, and of a ghost
+# Arrows: colour, length in radii of the largest, and thickness.
+ARROWS = {"M": ("#CC79A7", 1.5), "ω": ("#009E73", 1.2), "contact force": ("#22262B", 0.9)}
+THICK = 0.045
+LEAST = 1e-3  # of the largest: a shorter arrow is not seen
+ROOM = 1.3  # that arrows take
+CLEAR = 1.06  # from the centre: outside the shell
 
 
 @dataclass(frozen=True)
-class _Story:
-    """What each of m frames shows; lengths in radii; [0] is the engine's, [1] the equations'."""
+class Film:
+    """How a film is to be made.
 
-    labels: tuple[Label, Label]
-    times: Array  # (m,) s
-    centres: Array  # (2, m, 3)
-    attitudes: Array  # (2, m, b, 4)
-    paths: tuple[Strip, Strip]
-    apart: Array  # (m,) m, between the contact points
-    look_at: Array  # (m, 3)
-    zoom: Array  # (m,): times DISTANCE
-    heading: float  # rad: the balls come towards the camera
+    fps: frames a second; size: (height, width) in pixels, even; slow: so many times slower than
+    life; camera: it follows the ball, looks from above, or stands still and sees the whole path;
+    ghost: one picture with the second ball as a ghost, in place of two pictures; arrows: M, ω and
+    the contact force. Raises InputError for what cannot be.
+    """
+
+    fps: int = 30
+    size: tuple[int, int] = (720, 1280)
+    slow: float = 1.0
+    camera: Literal["follow", "above", "whole"] = "follow"
+    ghost: bool = False
+    arrows: bool = False
+
+    def __post_init__(self) -> None:
+        check_positive("slow", self.slow, "")
+        if not (isinstance(self.fps, int) and 1 <= self.fps <= 240):
+            raise InputError(f"fps must be a whole number from 1 to 240, not {self.fps}")
+        if any(side % 2 or not 120 <= side <= 4320 for side in self.size):
+            height, width = self.size
+            raise InputError(
+                f"a film's width and height must be even, and 120 to 4320 pixels, not "
+                f"{width}x{height}"
+            )
+        if self.camera not in CAMERAS:
+            raise InputError(f"camera must be one of {', '.join(CAMERAS)}, not {self.camera!r}")
+
+    def times(self, motion: Motion, theory: Motion) -> Array:
+        """The times of its frames (m,) [s], while both motions last.
+
+        Raises InputError where these are not sampled at the same times.
+        """
+        shared = min(len(motion.times), len(theory.times))
+        if shared < 2 or not np.array_equal(motion.times[:shared], theory.times[:shared]):
+            raise InputError("a video needs two motions sampled at the same times, two at least")
+        rate = self.fps * self.slow
+        return np.arange(np.floor(motion.times[shared - 1] * rate * (1 + 1e-12)) + 1) / rate
 
 
-def _frame_times(motion: Motion, theory: Motion, fps: int) -> Array:
-    shared = min(len(motion.times), len(theory.times))
-    if shared < 2 or not np.array_equal(motion.times[:shared], theory.times[:shared]):
-        raise InputError("a video needs two motions sampled at the same times, two at least")
-    return np.arange(np.floor(motion.times[shared - 1] * fps * (1 + 1e-12)) + 1) / fps
+def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator[Pixels]:
+    """The pictures (height, width, 3) of a film, one by one.
 
-
-def _tell(motion: Motion, theory: Motion, fps: int) -> _Story:
-    times = _frame_times(motion, theory, fps)
-    tracks = [track(theory.scene.ball, each, times) for each in (motion, theory)]
-    shared = min(len(motion.times), len(theory.times))
-    gap = motion.contact_point[:shared] - theory.contact_point[:shared]
-    travel = tracks[1].point[-1] - tracks[1].point[0]
-    heading = float(np.arctan2(travel[1], travel[0]))
-    ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
-    lane = LANES / 2 * np.array([-ahead[1], ahead[0]])
-    points = np.array([tracks[0].point - lane, tracks[1].point + lane])
-    centres = np.concatenate([points, np.ones((2, len(times), 1))], axis=2)
-    middle = gaussian_filter1d(centres.mean(axis=0), SMOOTH * fps, axis=0, mode="nearest")
-    between = np.linalg.norm(points[1] - points[0], axis=1)
-    return _Story(
-        labels=(motion.engine, theory.engine),
-        times=times,
-        centres=centres,
-        attitudes=np.array([each.attitudes for each in tracks]),
-        paths=(strip(points[0]), strip(points[1])),
-        apart=np.interp(times, motion.times[:shared], np.linalg.norm(gap, axis=1)),
-        look_at=middle - BEHIND * ahead,
-        zoom=np.maximum(1.0, between / (1.2 * LANES)),
-        heading=heading,
+    motion: an engine's, on the left; theory: that of the equations of the same scene. Raises
+    InputError where the times differ, or where there is no off-screen GL.
+    """
+    film = film or Film()
+    times, backend = film.times(motion, theory), gl.find_backend()
+    if backend is None:
+        raise InputError(gl.advice())
+    motions, tracks = (motion, theory), (track_of(motion), track_of(theory))
+    points = [track.points(times) for track in tracks]
+    apart = np.linalg.norm(points[0] - points[1], axis=1) * theory.scene.ball.radius
+    return _painted(
+        _Painter(
+            film,
+            times,
+            tracks,
+            looks_of(theory.scene.ball),
+            (motion.engine.colour, theory.engine.colour),
+            _sheet(motions, film, times, apart),
+            _lengths(tracks[1].sampled, theory.scene.momentum_scale) if film.arrows else {},
+            backend,
+        )
     )
+
+
+def _painted(painter: "_Painter") -> Iterator[Pixels]:
+    with closing(painter):
+        yield from in_processes(painter, range(len(painter.times)), MANY)
 
 
 @dataclass(frozen=True)
 class _Painter:
-    """Draws frames of a story, by a GL of its own in each process."""
+    """Draws the frames of a film by their numbers, with an OpenGL of its own in each process."""
 
-    scene: Scene
-    story: _Story
-    size: tuple[int, int]
-    backend: str | None
+    film: Film
+    times: Array
+    tracks: tuple[Track, Track]
+    looks: dict[str, tuple[Shape, ...]]
+    colours: tuple[str, str]
+    sheet: Sheet
+    lengths: dict[str, float]
+    backend: str
 
-    def __call__(self, i: int) -> Pixels:
+    def __call__(self, k: int) -> Pixels:
         if "_canvas" not in vars(self):
             self._drawn(0)  # the first picture of a GL may be off by a last bit
-        return self._drawn(i)
+        return self._drawn(k)
 
-    def _drawn(self, i: int) -> Pixels:
-        story, canvas, colours = self.story, self._canvas, self._colours
-        pose(self._model, self._data, story.centres[:, i], story.attitudes[:, i])
-        camera = mujoco.MjvCamera()
-        camera.azimuth, camera.elevation = np.degrees(story.heading) + 180, -ELEVATION
-        camera.lookat[:] = story.look_at[i]
-        camera.distance = DISTANCE * story.zoom[i]
-        canvas.begin(self._data, camera)
-        for colour, centres, path in zip(colours, story.centres, story.paths, strict=True):
-            _add_shadow(canvas, centres[i])
-            _add_path(canvas, path, i, story, colour)
-        return _write(canvas, self.scene.title, story, i)
+    def _drawn(self, k: int) -> Pixels:
+        then = [track.at(self.times[k : k + 1]) for track in self.tracks]
+        balls = [
+            self._ball(i, moment, GHOST if self.film.ghost and i else 1.0)
+            for i, moment in enumerate(then)
+        ]
+        panes = []
+        for pane, camera in zip(self._panes, self._cameras, strict=True):
+            lines = [
+                Line(f"path {i}", 2 * (k + 1), self.colours[i], 1.0 if i in pane else OTHER)
+                for i in dict.fromkeys([*pane, 0, 1])
+            ]
+            first = pane[0]
+            arrows = _arrows(then[first], self.lengths, self.tracks[first].radius)
+            panes.append(Pane(camera(k), [balls[i] for i in pane], lines, arrows))
+        off = np.linalg.norm(then[0].contact_point - then[1].contact_point)
+        return self.sheet.frame(self._canvas.draw(panes), float(self.times[k]), float(off))
+
+    def _ball(self, i: int, then: Moments, opacity: float) -> Drawn:
+        turned = np.abs(then.hinge_rates[0]) / (self.film.fps * self.film.slow)
+        blurred = np.clip((turned - BLUR_FROM) / (BLUR_TO - BLUR_FROM), 0, 1).tolist()
+        matrices = {}
+        for name, (turn, shift) in self.tracks[i].stands(then).items():
+            matrices[name] = np.eye(4)
+            matrices[name][:3, :3], matrices[name][:3, 3] = turn[0], shift[0]
+        names = [name for name, _, _ in self.tracks[i].hinges]
+        return Drawn(self.colours[i], matrices, dict(zip(names, blurred, strict=True)), opacity)
+
+    @property
+    def _panes(self) -> list[list[int]]:
+        return [[0, 1]] if self.film.ghost else [[0], [1]]
 
     @cached_property
-    def _colours(self) -> list[str]:
-        return [label.colour for label in self.story.labels]
+    def _points(self) -> list[Array]:
+        return [track.points(self.times) for track in self.tracks]
 
     @cached_property
-    def _model(self) -> mujoco.MjModel:
-        return build_stage(len(self.scene.ball.rotors), self._colours)
-
-    @cached_property
-    def _data(self) -> mujoco.MjData:
-        return mujoco.MjData(self._model)
+    def _cameras(self) -> list[Callable[[int], Camera]]:
+        height, width = self.sheet.pane
+        return [
+            _camera(self.film, [self._points[i] for i in pane], width / height)
+            for pane in self._panes
+        ]
 
     @cached_property
     def _canvas(self) -> Canvas:
-        return Canvas(self._model, self.size, 2 * len(self.story.times), self.backend)
+        height, width = self.sheet.pane
+        canvas = Canvas((height, width * len(self._panes)), self.looks, self.backend)
+        for i, points in enumerate(self._points):
+            strip = _strip(points, self._cameras[0](0).distance)
+            canvas.keep(f"path {i}", strip, strip=True)
+        return canvas
 
     def close(self) -> None:
         """Frees what this process has drawn with."""
@@ -205,51 +189,99 @@ class _Painter:
             self._canvas.close()
 
 
-def _draw(scene: Scene, story: _Story, size: tuple[int, int]) -> Iterator[Pixels]:
-    painter = _Painter(scene, story, size, gl.find_backend())
-    with closing(painter):
-        yield from in_processes(painter, range(len(story.times)), MANY)
-
-
-def _add_shadow(canvas: Canvas, centre: Array) -> None:
-    # A real one would draw everything once more.
-    disc, size = mujoco.mjtGeom.mjGEOM_CYLINDER, np.array([SHADOW, 1e-3, 0.0])
-    canvas.add(disc, size, centre * [1, 1, 0] + [0, 0, 3e-3], np.eye(3), "#000000", 0.2)
-
-
-def _add_path(canvas: Canvas, path: Strip, i: int, story: _Story, colour: str) -> None:
-    """The path up to frame i, as far as it is in sight."""
-    away = np.linalg.norm(path.pos[:i, :2] - story.look_at[i, :2], axis=1)
-    for j in np.flatnonzero(away < SIGHT * story.zoom[i]):
-        box, size = mujoco.mjtGeom.mjGEOM_BOX, path.size[j] * [1, story.zoom[i], 1]
-        canvas.add(box, size, path.pos[j], path.turn[j], colour)
-
-
-def _write(canvas: Canvas, title: str, story: _Story, i: int) -> Pixels:
-    """Finishes frame i: the picture with its words."""
-    image = Image.fromarray(canvas.finish())
-    pen = ImageDraw.Draw(image, "RGBA")
-    line = canvas.height / 18
-    plain, bold = (
-        ImageFont.truetype(str(FONTS / name), 0.68 * line)
-        for name in ("DejaVuSans.ttf", "DejaVuSans-Bold.ttf")
+def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) -> Sheet:
+    names = []
+    for motion, at in zip(motions, (0.25, 0.75), strict=True):
+        text = f"{motion.engine.name} {motion.engine.version}"
+        if isinstance(motion, ContactMotion):
+            text += f", {motion.report.settings.name}"
+        elif motion is motions[1]:
+            text = motion.engine.name
+        names.append(Name(text + (" (ghost)" if film.ghost and at > 0.5 else ""),
+                          motion.engine.colour, at))  # fmt: skip
+    arrows = [Name(name, colour) for name, (colour, _) in ARROWS.items() if film.arrows]
+    notes = []
+    if film.slow != 1:
+        notes.append(f"{film.slow:g} times slower than life" if film.slow > 1 else
+                     f"{1 / film.slow:g} times faster than life")  # fmt: skip
+    rates = np.abs(motions[1].hinge_rates[:, 1:])
+    if rates.size and rates.max() / (film.fps * film.slow) > BLUR_FROM:
+        notes.append("a rotor too fast for the film has no marks")
+    return Sheet(
+        film.size,
+        1 if film.ghost else 2,
+        motions[1].scene.title,
+        names,
+        arrows,
+        "; ".join(notes),
+        times,
+        apart,
     )
-    pen.rectangle((0, 0, canvas.width, 2.7 * line), fill=(255, 255, 255, 215))
-    left, right = 0.7 * line, canvas.width - 0.7 * line
-    state = f"contact points {_metres(story.apart[i])} apart"
-    pen.text((left, line), " ".join(title.split()), palette.INK, bold, "lm")
-    pen.text((left, 2 * line), state, palette.INK, plain, "lm")
-    pen.text((right, 2 * line), f"t = {story.times[i]:.2f} s", palette.INK, plain, "rm")
-    ahead = NAME_AHEAD * np.array([np.cos(story.heading), np.sin(story.heading), 0.0])
-    for label, centres in zip(story.labels, story.centres, strict=True):
-        x, y = canvas.pixel(centres[i] * [1, 1, 0] + ahead)
-        pen.text((x, min(y, canvas.height - line)), label.name, label.colour, bold, "mt")
-    return np.asarray(image)
 
 
-def _metres(length: float) -> str:
-    """A length [m] for reading: 0.123 m, 4.2 × 10⁻¹² m."""
-    if length == 0 or length >= 1e-3:
-        return f"{length:.3f} m"
-    digits, exponent = f"{length:.1e}".split("e")
-    return f"{digits} × 10{str(int(exponent)).translate(SUPERSCRIPTS)} m"
+def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int], Camera]:
+    """The camera of a frame, by its number; points (m, 2) of each ball in the picture."""
+    distance, elevation = CAMERAS[film.camera]
+    room = ROOM if film.arrows else 1.0
+    between = np.linalg.norm(points[0] - points[-1], axis=1)
+    azimuth = heading_of(points[-1]) + (0.6 if film.camera == "follow" else 0.0)
+    up = np.radians(elevation)
+    if film.camera == "whole":
+        every = np.concatenate(points)
+        low, high = every.min(axis=0), every.max(axis=0)
+        half = float(np.linalg.norm(high - low)) / 2 + 1.5 * room
+        fixed = Camera(
+            np.array([*(low + high) / 2, 0.5]), LENS * half / min(1.0, aspect), azimuth, up
+        )
+        return lambda k: fixed
+    middle = np.mean(points, axis=0)
+    smooth = gaussian_filter1d(middle, SMOOTH * film.fps, axis=0, mode="nearest")
+    far = room * distance * np.maximum(1.0, (between + 2.5) / 4.0) / min(1.0, 1.25 * aspect)
+    far = gaussian_filter1d(far, SMOOTH * film.fps, mode="nearest")
+    return lambda k: Camera(np.array([*smooth[k], 0.85]), float(far[k]), azimuth, up)
+
+
+def _strip(points: Array, distance: float) -> Array:
+    """A path's strip (2 m, 6) on the floor through points (m, 2); its normals say which side."""
+    steps = np.gradient(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+    along = np.divide(steps, lengths, out=np.tile([1.0, 0.0], (len(points), 1)), where=lengths > 0)
+    side = TRAIL * distance / CAMERAS["follow"][0] * np.column_stack([-along[:, 1], along[:, 0]])
+    strip = np.zeros((2 * len(points), 6))
+    strip[0::2, :2], strip[1::2, :2] = points + side, points - side
+    strip[0::2, 3], strip[1::2, 3] = 1.0, -1.0
+    return strip
+
+
+def _vectors(then: Moments) -> dict[str, Array]:
+    """What arrows show (n, 3), world axes."""
+    omega = np.einsum("nij,nj->ni", rotation_matrix(then.attitude), then.angular_velocity)
+    return dict(zip(ARROWS, (then.momentum, omega, then.contact_force), strict=True))
+
+
+def _lengths(reference: Moments, momentum_scale: float) -> dict[str, float]:
+    """What an arrow of one radius stands for, by the reference's largest."""
+    least = {"M": LEAST * momentum_scale}  # of a ball at M = 0 it is rounding
+    return {
+        name: max(float(np.linalg.norm(vectors, axis=1).max()), least.get(name, 0.0))
+        / ARROWS[name][1]
+        for name, vectors in _vectors(reference).items()
+    }
+
+
+def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Loose]:
+    """The arrows at one time; the contact force's begins where its line leaves the ball."""
+    found = []
+    place = np.append(then.contact_point[0] / radius, 0.0)
+    vectors = _vectors(then)
+    for name, length in lengths.items():
+        vector = vectors[name][0]
+        size = float(np.linalg.norm(vector))
+        if size > LEAST * length:
+            along = vector / size
+            start = CLEAR * along + np.array([0.0, 0.0, 1.0])
+            if name == "contact force":
+                start = (2 * along[2] + CLEAR - 1) * along
+            corners = moved(arrow(vector / length, THICK), np.eye(3), place + start)
+            found.append(Loose(corners, ARROWS[name][0]))
+    return found

@@ -89,49 +89,23 @@ for (const ball of balls) {
     const [x, y] = ball.rows.subarray(i * WIDTH), j = Math.min(i + 1, ball.count - 1) * WIDTH;
     const step = [ball.rows[j] - x, ball.rows[j + 1] - y], length = Math.hypot(...step);
     if (length > 1e-6) side = [-step[1] / length * TRAIL, step[0] / length * TRAIL];
-    strip.push(x + side[0], y + side[1], 0, 0, 0, 1, x - side[0], y - side[1], 0, 0, 0, 1);
+    strip.push(x + side[0], y + side[1], 0, 1, 0, 0, x - side[0], y - side[1], 0, -1, 0, 0);
   }
   ball.trail = buffer(strip);
 }
 
 const program = gl.createProgram();
-for (const [type, text] of [[gl.VERTEX_SHADER, `#version 300 es
-  layout(location=0) in vec3 corner; layout(location=1) in vec3 normal;
-  uniform mat4 view, place; uniform vec3 sun; uniform int kind; out vec3 at, n;
-  void main() {
-    vec4 world = place * vec4(corner, 1.); n = mat3(place) * normal;
-    if (kind == 3) world.xyz -= sun * ((world.z - .004) / sun.z);
-    at = world.xyz; gl_Position = view * world;
-  }`], [gl.FRAGMENT_SHADER, `#version 300 es
-  precision highp float; precision highp int; in vec3 at, n; out vec4 seen;
-  uniform vec4 colour; uniform vec3 eye, sun, look, sky, tile; uniform int kind;
-  float tiles(vec2 p) { // a chequered floor, averaged over a pixel
-    vec2 w = max(fwidth(p), 1e-4), i = 2. * (abs(fract((p - .5*w) * .5) - .5) - abs(fract((p + .5*w) * .5) - .5)) / w;
-    return .5 - .5 * i.x * i.y;
-  }
-  void main() {
-    vec3 to = normalize(eye - at), normal = normalize(n), light = -normalize(sun);
-    if (kind == 1) {
-      float far = smoothstep(8., 38., distance(at, look));
-      seen = vec4(mix(mix(tile, tile * .92, tiles(at.xy * .5)), sky, far), 1.);
-    } else if (kind > 2) seen = colour;
-    else {
-      if (dot(normal, to) < 0.) normal = -normal;
-      float lit = .55 + .25 * normal.z + .35 * max(dot(normal, light), 0.);
-      float shine = pow(max(dot(normal, normalize(light + to)), 0.), 40.);
-      float edge = kind == 2 ? pow(1. - max(dot(normal, to), 0.), 3.) : 0.;
-      seen = vec4(colour.rgb * min(lit, 1.15) + .25 * shine, min(1., colour.a + .45 * edge + (kind == 2 ? .5 * shine : 0.)));
-    }
-  }`]]) {
-  const shader = gl.createShader(type); gl.shaderSource(shader, text); gl.compileShader(shader);
+[gl.VERTEX_SHADER, gl.FRAGMENT_SHADER].forEach((type, i) => {
+  const shader = gl.createShader(type); gl.shaderSource(shader, SHADERS[i]); gl.compileShader(shader);
   gl.attachShader(program, shader);
-}
+});
+["corner", "normal"].forEach((name, i) => gl.bindAttribLocation(program, i, name));
 gl.linkProgram(program);
 if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
 gl.useProgram(program);
 const uniform = Object.fromEntries(["view", "place", "sun", "kind", "colour", "eye", "look", "sky", "tile"]
   .map(name => [name, gl.getUniformLocation(program, name)]));
-const LIT = 0, FLOOR = 1, GLASS = 2, SHADOW = 3, FLAT = 4, STAY = placed([1, 0, 0, 0], [0, 0, 0]);
+const [LIT, FLOOR, GLASS, SHADOW, PATH] = [0, 1, 2, 3, 4];
 function draw(mesh, kind, place, colour, mode = gl.TRIANGLES, count = mesh.count) {
   gl.uniform1i(uniform.kind, kind); gl.uniformMatrix4fv(uniform.place, false, place);
   gl.uniform4fv(uniform.colour, colour); gl.bindVertexArray(mesh.array); gl.drawArrays(mode, 0, count);
@@ -198,7 +172,7 @@ function frame() {
     });
   }
   gl.disable(gl.STENCIL_TEST);
-  drawn.forEach(({ball, now}, i) => draw(ball.trail, FLAT, placed([1, 0, 0, 0], add(now.lane, [0, 0, .006])), [...ball.colour, 1], gl.TRIANGLE_STRIP, 2 * (now.row + 1)));
+  drawn.forEach(({ball, now}, i) => draw(ball.trail, PATH, placed([1, 0, 0, 0], add(now.lane, [0, 0, .006])), [...ball.colour, 1], gl.TRIANGLE_STRIP, 2 * (now.row + 1)));
   gl.enable(gl.DEPTH_TEST);
   const turns = now => bodies.map(body => body.marked < 0 ? 0 : Math.min(1, Math.max(0, (Math.abs(now.rates[body.marked]) * state.speed * (state.playing ? 1 : 0) / 60 - .25) / .5)));
   const glassy = [];

@@ -11,7 +11,8 @@ import numpy as np
 
 from robotball import palette
 from robotball.errors import InputError
-from robotball.film.tracks import heading_of, resampled
+from robotball.film.shaders import shaders
+from robotball.film.tracks import heading_of, track_of
 from robotball.looks import colours, looks_of
 from robotball.motion import Motion
 from robotball.rotations import Array
@@ -37,7 +38,10 @@ CONTROLS = """
 def view_head() -> str:
     """The style and the script that every view of a page needs; once a page."""
     style, script = ((HERE / f"web.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
-    return f"<style>{style}</style>\n<script>{script}</script>"
+    return (
+        f"<style>{style}</style>\n<script>const SHADERS = {json.dumps(shaders(page=True))};\n"
+        f"{script}</script>"
+    )
 
 
 def view_fragment(motions: Sequence[Motion]) -> str:
@@ -94,7 +98,7 @@ def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
     step = min(STEP, last / 2)
     end = min(last, step * (MOST - 1))
     grid = step * np.arange(int(np.floor(end / step * (1 + 1e-9))) + 1)
-    parts = [resampled(motion, grid[grid <= motion.times[-1] * (1 + 1e-9)]) for motion in motions]
+    parts = [track_of(each).at(grid[grid <= each.times[-1] * (1 + 1e-9)]) for each in motions]
     ball, hinges = scene.ball, {hinge.name: i for i, hinge in enumerate(scene.hinges)}
     bodies = []
     for name, shapes in looks_of(ball).items():
@@ -121,7 +125,7 @@ def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
                 ],
             }
         )
-    shared = min(len(part.times) for part in parts)
+    shared = min(len(part.attitude) for part in parts)
     gap = parts[0].contact_point[:shared] - parts[-1].contact_point[:shared]
     return {
         "step": step,
@@ -134,16 +138,16 @@ def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
         "apart": _packed(np.linalg.norm(gap, axis=1)),
         "balls": [
             {
-                "name": part.engine.name,
-                "colour": palette.rgb(part.engine.colour),
-                "count": len(part.times),
+                "name": motion.engine.name,
+                "colour": palette.rgb(motion.engine.colour),
+                "count": len(part.attitude),
                 "rows": _packed(
                     np.column_stack(
                         [part.contact_point / ball.radius, part.attitude, part.hinge_angles]
                     )
                 ),
             }
-            for part in parts
+            for motion, part in zip(motions, parts, strict=True)
         ],
     }
 

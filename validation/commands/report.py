@@ -96,7 +96,8 @@ class Report:
 
     def _filmed(self, agreement: "Agreement", folder: Path) -> Path:
         """A small film of an agreement, so that the page stays below six megabytes."""
-        from robotball.film.render import write_video
+        from robotball.film.render import Film
+        from robotball.film.write import write_video
         from validation.progress import progress_bar
 
         path = folder / "film.mp4"
@@ -105,7 +106,7 @@ class Report:
                 path,
                 agreement.motion,
                 agreement.theory,
-                size=FILM,
+                Film(size=FILM),
                 progress=lambda part: show(part, f"{agreement.scene.name}: film"),
             )
         return path

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robotball import InputError, Request, Scene, integrate
 from robotball.files.replacing import refused
@@ -14,6 +15,9 @@ from validation.comparison.agreement import Agreement, compare_with
 from validation.comparison.names import fault_window_path
 from validation.comparison.results import Record, record
 from validation.progress import Show, progress_bar
+
+if TYPE_CHECKING:
+    from robotball.film.render import Film
 
 MANY = 4  # scenes, worth more than one process
 
@@ -108,9 +112,9 @@ def compare_all(scenes: Sequence[Scene], comparing: Comparing) -> list[Compared]
     return found
 
 
-def film(path: Path, agreement: Agreement) -> None:
-    """Both motions of an agreement, side by side, as an mp4 at `path`."""
-    from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
+def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
+    """Both motions of an agreement as a film at `path`, by default as `Film()` says."""
+    from robotball.film.write import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -119,6 +123,7 @@ def film(path: Path, agreement: Agreement) -> None:
             path,
             agreement.motion,
             agreement.theory,
+            how,
             progress=lambda part: show(part, f"{agreement.scene.name}: video"),
         )
 

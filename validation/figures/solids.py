@@ -1,42 +1,38 @@
-"""A posed MuJoCo model as shaded triangles, for drawings that need no OpenGL."""
+"""The looks of a ball as shaded triangles, for drawings that need no OpenGL."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
+from robotball.film.triangles import triangles_of
+from robotball.looks import BLUR, Shape, colours
 from robotball.rotations import Array
 from validation.figures.view import View
 
-SIDES = 24  # of a round bar
 LIGHT = np.array([-0.4, -0.35, 0.85])  # where it comes from
 SHADE = 0.55  # of the colour, on a face that is turned away from it
 
 
 @dataclass(frozen=True)
 class Solid:
-    """The triangles (n, 3, 3) of some geoms in world axes [m], and their colours (n, 3)."""
+    """The triangles (n, 3, 3) of a body in world axes, in radii, and their colours (n, 3)."""
 
     corners: Array
     colours: Array
 
 
-def solid_of(model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Solid:
-    """The geoms of all bodies whose names begin so, but for spheres and planes."""
-    corners, colours = [], []
-    for i in range(model.ngeom):
-        if not model.body(model.geom_bodyid[i]).name.startswith(prefix):
-            continue
-        own = _triangles(model, i)
-        if own is None:
-            continue
-        placed = own @ data.geom_xmat[i].reshape(3, 3).T + data.geom_xpos[i]
-        corners.append(placed)
-        colours.append(np.tile(model.mat_rgba[model.geom_matid[i], :3], (len(placed), 1)))
-    return Solid(np.concatenate(corners), np.concatenate(colours).astype(float))
+def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> Solid:
+    """A body's shapes turned (3, 3) and then shifted (3,), but for its glass and what blurs."""
+    solid = [shape for shape in shapes if shape.material not in ("shell", BLUR)]
+    corners = [triangles_of(shape)[:, :3].reshape(-1, 3, 3) for shape in solid]
+    colour = [
+        np.tile(colours()[shape.material][:3], (len(own), 1))
+        for shape, own in zip(solid, corners, strict=True)
+    ]
+    return Solid(np.concatenate(corners) @ turn.T + shift, np.concatenate(colour))
 
 
 def draw_solid(axes: Axes, view: View, solids: Sequence[Solid]) -> None:
@@ -59,35 +55,3 @@ def draw_solid(axes: Axes, view: View, solids: Sequence[Solid]) -> None:
             zorder=2,
         )
     )
-
-
-def _triangles(model: mujoco.MjModel, geom: int) -> Array | None:
-    """A geom's surface (n, 3, 3) in its own axes; None for a sphere or a plane."""
-    kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = model.geom_dataid[geom]
-        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        vertices = model.mesh_vert[first : first + count].astype(float)
-        first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-        return vertices[model.mesh_face[first : first + count]]
-    if kind in (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE):
-        turn = 2 * np.pi * np.arange(SIDES) / SIDES
-        return _prism(size[0] * np.stack([np.cos(turn), np.sin(turn)], axis=1), size[1])
-    if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        return _prism(size[:2] * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]), size[2])
-    return None
-
-
-def _prism(base: Array, half: float) -> Array:
-    """The surface (n, 3, 3) over a polygon (m, 2), from -half to half along z."""
-    low, high = (np.column_stack([base, np.full(len(base), z)]) for z in (-half, half))
-    following = np.roll(np.arange(len(base)), -1)
-    sides = [
-        np.stack([low, low[following], high], axis=1),
-        np.stack([low[following], high[following], high], axis=1),
-    ]
-    ends = [
-        np.stack([np.broadcast_to(end.mean(axis=0), end.shape), end, end[following]], axis=1)
-        for end in (low, high)
-    ]
-    return np.concatenate([*sides, *ends])

@@ -5,14 +5,14 @@ The unit of length is the ball's radius, as in the parts of mjcf/.
 
 from collections.abc import Mapping
 
-import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from robotball import Motion, Scene, integrate, sample_times
-from robotball.film import picture
+from robotball.film.tracks import track_of
+from robotball.looks import looks_of
 from robotball.palette import INK
 from robotball.rotations import Array, rotation_matrix
 from validation.figures.parts import (
@@ -31,8 +31,7 @@ from validation.figures.view import View
 SCENE = "fig12"  # one rotor, and mass inside the shell only
 VIEW = View(azimuth=114.0, elevation=20.0)
 ROLLED = 0.8  # s, before Fig. 4
-SHELL, FRAME, ROTOR = "ball0part0/", "ball0part1/", "ball0part2/"  # the film's bodies
-SHELL_COLOUR = "#59738C"
+SHELL, FRAME, ROTOR = "shell", "frame", "rotor1"
 FRAME_AXES, OMEGA, ROTOR_AXIS = "#117733", "#CC3311", "#8A5A00"
 NAMES_AT, APART = 1.42, 0.3  # radii from the centre; rad, at least, between two names
 
@@ -130,11 +129,12 @@ def figure4() -> Figure:
 
 def posed(scene: Scene, motion: Motion, time: float) -> dict[str, Solid]:
     """The bodies of a scene's ball as its motion has them at a time [s], in radii."""
-    model = picture.build_stage(len(scene.ball.rotors), [SHELL_COLOUR])
-    data, track = mujoco.MjData(model), picture.track(scene.ball, motion, np.array([time]))
-    centre = np.array([*track.point[0], 1.0])
-    picture.pose(model, data, centre[None], track.attitudes[:1])
-    return {body: solid_of(model, data, body) for body in (SHELL, FRAME, ROTOR)}
+    track, looks = track_of(motion), looks_of(scene.ball)
+    stands = track.stands(track.at(np.array([time])))
+    return {
+        body: solid_of(looks[body], stands[body][0][0], stands[body][1][0])
+        for body in (SHELL, FRAME, ROTOR)
+    }
 
 
 def draw_ball(axes: Axes, bodies: Mapping[str, Solid], centre: Array) -> None:

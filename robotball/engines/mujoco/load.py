@@ -12,8 +12,7 @@ from typing import Any
 from robotball.engines.mujoco.settings import PRESETS, Prescribed, Radii, Settings
 from robotball.scene import Scene
 
-# What is measured with the preset's own values in place of these, one by one, on the worked robots:
-# docs/settings.md has it.
+# docs/tradeoff.md has what each of them is worth.
 VARYING: dict[str, Any] = {
     # Three iterations are enough, and ten cost a fifth more.
     "solver": "Newton",
@@ -28,7 +27,7 @@ VARYING: dict[str, Any] = {
 }
 # The depth goes as the square of the contact's time constant [s], which has to be two timesteps at
 # least. Steps that are chosen by their error have none; rounding of the height bounds it.
-SHORTEST = (0.01, 1.0)
+SHORTEST = (0.007, 1.0)
 
 
 def fitted(settings: Settings, scene: Scene) -> Settings:

@@ -13,6 +13,7 @@ from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKi
 from robotball.rotations import Array, Mask
 
 SATURATED = 1 - 1e-6  # of the friction cone: contact solutions on its surface end this near
+LIFTING = 1e-2  # of the weight: a ball that presses less on the plane is about to lift off
 
 # Those that tell of a diverged state say no more than the state itself.
 WARNINGS = {
@@ -44,9 +45,12 @@ class Monitor:
     momentum: Array | None = None
     last_centre: Array | None = None
     tolerance: float = field(init=False)
+    weight: float = field(init=False)  # N, where the load varies; else 0
 
     def __post_init__(self) -> None:
         self.tolerance = self.model.settings.error_tolerance
+        scene = self.model.scene
+        self.weight = scene.ball.mass * scene.gravity if scene.load_varies else 0.0
 
     def look(self, readings: Readings, failure: Fault | None = None) -> list[Found]:
         """The first of each kind of fault in the readings of the next portion, the earliest first.
@@ -84,12 +88,15 @@ class Monitor:
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
         exact = [hinge for hinge in readings.model.hinges if not hinge.own_motor]
         off_rate = readings.hinge_rate_error(exact) > RATE_ERROR
+        saturated = readings.friction_used > SATURATED
+        # A ball that is about to lift off has no cone left.
+        lifting = saturated & (readings.contact_force[:, 0] < LIFTING * self.weight)
         kind = FaultKind
         return [
             (diverged, Fault(kind.DIVERGED, np.nan, fatal=True)),
             (~diverged & (elapsed <= 0), Fault(kind.RESET, np.nan, fatal=True)),
-            (~diverged & ~readings.in_contact, Fault(kind.CONTACT_LOST, np.nan)),
-            (readings.friction_used > SATURATED, Fault(kind.CONE_SATURATED, np.nan)),
+            (~diverged & (~readings.in_contact | lifting), Fault(kind.CONTACT_LOST, np.nan)),
+            (saturated & ~lifting, Fault(kind.CONE_SATURATED, np.nan)),
             (off_rate, Fault(kind.RATE_OFF, np.nan, limit=RATE_ERROR)),
             *(
                 (

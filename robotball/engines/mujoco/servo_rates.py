@@ -44,12 +44,14 @@ def fastest_rate(scene: Scene, hinges: tuple[Hinge, ...]) -> float:
 
 
 def _angles(scene: Scene, hinge: robotball.hinges.Hinge) -> Array:
-    """(SEEN,) rad: where a position servo sends a pendulum, and any other all around."""
+    """(SEEN,) rad: where a servo sends a pendulum, and any other all around."""
     if hinge.name not in dict(scene.ball.named_pendulums):
         return np.full(SEEN, hinge.angle)
+    times = np.linspace(0.0, scene.duration, SEEN - 1)
     if isinstance(hinge.motor, PositionServo):
-        sent = hinge.command.rate(np.linspace(0.0, scene.duration, SEEN - 1))
-        return np.array([hinge.angle, *sent])
+        return np.array([hinge.angle, *hinge.command.rate(times)])
+    if isinstance(hinge.motor, Servo):
+        return hinge.angle + np.array([0.0, *hinge.command.angle(times)])
     return hinge.angle + np.linspace(0.0, 2 * np.pi, SEEN, endpoint=False)
 
 

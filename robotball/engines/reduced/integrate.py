@@ -122,12 +122,15 @@ def compiled_states(
     tolerance: of one step, its own if None. Raises InputError where the motion is given up.
     """
     # numba takes a while to come.
-    from robotball.engines.reduced.compiled.kernels import STEP_TOLERANCE, kernel_start, orbit
+    from robotball.engines.reduced.compiled.kernels import (
+        STEP_TOLERANCE,
+        kernel_start,
+        orbit_states,
+    )
 
     parameters, attitudes, momenta = kernel_start(scene)
     allowed = STEP_TOLERANCE if tolerance is None else tolerance
-    states = orbit(parameters, attitudes[0], momenta[0], times, allowed, max_steps)
-    return np.concatenate(states, axis=1)
+    return orbit_states(parameters, attitudes[0], momenta[0], times, allowed, max_steps)
 
 
 @dataclass

@@ -3,28 +3,37 @@
 import dataclasses
 import subprocess
 import sys
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import imageio_ffmpeg
 import mujoco
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball import palette
 from robotball.engines.mujoco import LABEL, model
 from robotball.film import gl
 from robotball.film.canvas import Pixels
-from robotball.film.picture import track
-from robotball.film.render import frames, write_video
+from robotball.film.render import Film, frames
+from robotball.film.tracks import track_of
+from robotball.film.write import write_video
 from robotball.looks import PARTS
-from robotball.rotations import Array, conjugate, multiply, z_along
+from robotball.mechanics.poses import poses
+from robotball.motion import Loads
+from robotball.rotations import multiply, rotation_matrix
 from robotball.threads import at_most
+from tests.robots import worked
 from tests.scenes import FOUR
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s
-SMALL = (180, 320)  # pixels
+COLUMNS = ("times", "contact_point", "attitude", "momentum", "angular_velocity", "hinge_angles",
+           "hinge_rates")  # fmt: skip
+SMALL = Film(size=(180, 320))
 
 
 @pytest.fixture(scope="module")
@@ -54,36 +63,34 @@ def test_a_run_carries_nothing_of_a_picture(name: str) -> None:
     assert run.nbody == 3 + len(scene.ball.rotors)
 
 
-def test_the_picture_s_bodies_stand_as_the_run_s(scene: rb.Scene) -> None:
-    """Shell, frame and rotor, at t = 0.3 s; measured 7e-16 rad."""
-    run = model.build(scene, rb.preset("balanced"))
-    data = run.start_data()
-    while data.time < TIMES[-1] - 1e-9:
-        mujoco.mj_step(run.compiled, data)
-    mujoco.mj_kinematics(run.compiled, data)
-    shell, frame, rotor = data.xquat[1:]
-    motion = rb.simulate(scene, TIMES, settings="balanced")
-    drawn = track(scene.ball, motion, TIMES[-1:])
-    # A part's z is its body's axis; the run's rotor has it so already.
-    upright = z_along(scene.ball.shell.axis)
-    expected = np.array([multiply(shell, upright), multiply(frame, upright), rotor])
-    assert _angles(drawn.attitudes[0], expected).max() < 1e-12
-    assert np.abs(drawn.point[0] * scene.ball.radius - data.qpos[:2]).max() < 1e-12
+@pytest.mark.parametrize("make", [lambda: rb.load_scene("three_rotors"), lambda: worked("W4")])
+def test_the_picture_s_bodies_stand_as_the_library_s(make: Callable[[], rb.Scene]) -> None:
+    """At the samples, rotors and pendulums too, by `poses`; measured 7e-16 rad, 5e-16 radii."""
+    scene = make()
+    motion = rb.integrate(scene, TIMES)
+    track = track_of(motion)
+    stands = track.stands(track.at(TIMES))
+    for (name, body), wanted in zip(scene.ball.named_bodies, poses(motion).values(), strict=True):
+        turn, shift = stands[name]
+        assert np.abs(turn - rotation_matrix(wanted.attitude)).max() < 1e-14
+        centre = turn @ body.centre + shift * scene.ball.radius
+        assert np.abs(centre - wanted.position).max() < 1e-14
 
 
 def test_poses_between_samples_follow_the_motion(scene: rb.Scene, theory: rb.Motion) -> None:
-    """Half way between samples 20 ms apart; measured 6e-4 rad and 2e-6 radii."""
+    """Half way between samples 20 ms apart; measured 5e-4 and 2e-6 radii."""
     between = (TIMES[:-1] + TIMES[1:]) / 2
-    exact = rb.integrate(scene, np.concatenate([[0.0], between]))
-    drawn, expected = track(scene.ball, theory, between), track(scene.ball, exact, between)
-    assert _angles(drawn.attitudes, expected.attitudes).max() < 2e-3
-    assert np.abs(drawn.point - expected.point).max() < 1e-5
+    exact = track_of(rb.integrate(scene, np.concatenate([[0.0], between])))
+    drawn, wanted = (track.stands(track.at(between)) for track in (track_of(theory), exact))
+    for name, (turn, shift) in drawn.items():
+        assert np.abs(turn - wanted[name][0]).max() < 2e-3
+        assert np.abs(shift - wanted[name][1]).max() < 1e-5
 
 
 @pytest.mark.usefixtures("screen")
 def test_a_frame_shows_each_engine_s_ball_on_its_side(theory: rb.Motion) -> None:
-    picture = next(frames(dataclasses.replace(theory, engine=LABEL), theory, size=SMALL))
-    assert picture.shape == (*SMALL, 3)
+    picture = next(frames(dataclasses.replace(theory, engine=LABEL), theory, SMALL))
+    assert picture.shape == (180, 320, 3)
     left, right = picture[:, :160], picture[:, 160:]
     assert _share(left, LABEL.colour) > 0.01
     assert _share(right, LABEL.colour) == 0
@@ -95,12 +102,14 @@ def test_a_frame_shows_each_engine_s_ball_on_its_side(theory: rb.Motion) -> None
 @pytest.mark.usefixtures("screen")
 @pytest.mark.slow
 def test_frames_are_the_same_from_any_number_of_processes(theory: rb.Motion) -> None:
-    """121 of them, enough to be drawn by two: to the last pixel, and in order."""
+    """109 of them, enough to be drawn by two: to the last pixel, and in order."""
     drawn = []
     for count in (1, 2):
         with at_most(count):
-            drawn.append(list(frames(theory, theory, fps=400, size=SMALL)))
-    assert len(drawn[0]) == 121
+            drawn.append(
+                list(frames(theory, theory, dataclasses.replace(SMALL, fps=240, slow=1.5)))
+            )
+    assert len(drawn[0]) == 109
     assert np.array_equal(drawn[0], drawn[1])
     assert not np.array_equal(drawn[0][0], drawn[0][-1])
 
@@ -108,7 +117,7 @@ def test_frames_are_the_same_from_any_number_of_processes(theory: rb.Motion) -> 
 def test_a_frame_shows_where_the_engines_differ(theory: rb.Motion) -> None:
     quarter = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
     engine = dataclasses.replace(theory, attitude=multiply(quarter, theory.attitude))
-    same, other = (next(frames(each, theory, size=SMALL)) for each in (theory, engine))
+    same, other = (next(frames(each, theory, SMALL)) for each in (theory, engine))
     changed = np.any(same != other, axis=2)
     assert changed[:, :160].mean() > 0.02
     assert not changed[:, 160:].any()
@@ -119,10 +128,10 @@ def test_a_frame_shows_where_the_engines_differ(theory: rb.Motion) -> None:
 def test_a_video_has_every_frame_in_its_size(theory: rb.Motion, tmp_path: Path) -> None:
     done: list[float] = []
     target = tmp_path / "ball.mp4"
-    write_video(target, theory, theory, size=SMALL, progress=done.append)
+    write_video(target, theory, theory, SMALL, progress=done.append)
     reader = imageio_ffmpeg.read_frames(str(target))
     about = next(reader)
-    assert about["size"] == SMALL[::-1]
+    assert about["size"] == (320, 180)
     assert about["fps"] == 30
     assert sum(1 for _ in reader) == 10  # 0 … 0.3 s
     assert len(done) == 10
@@ -130,11 +139,72 @@ def test_a_video_has_every_frame_in_its_size(theory: rb.Motion, tmp_path: Path) 
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("screen")
+@pytest.mark.parametrize("suffix", ["webm", "gif"])
+def test_other_formats_have_every_frame_too(theory: rb.Motion, tmp_path: Path, suffix: str) -> None:
+    """At 10 frames a second, four times slower than life."""
+    target = tmp_path / f"ball.{suffix}"
+    write_video(target, theory, theory, dataclasses.replace(SMALL, fps=10, slow=4.0))
+    reader = imageio_ffmpeg.read_frames(str(target))
+    assert next(reader)["size"] == (320, 180)
+    assert sum(1 for _ in reader) == 13  # 0 … 0.3 s
+
+
 @pytest.mark.usefixtures("screen")
 def test_a_video_ends_where_a_run_broke_off(theory: rb.Motion) -> None:
-    columns = ("times", "contact_point", "attitude", "momentum", "angular_velocity", "hinge_angles")
-    short = dataclasses.replace(theory, **{name: getattr(theory, name)[:6] for name in columns})
-    assert sum(1 for _ in frames(short, theory, size=SMALL)) == 4  # 0 … 0.1 s
+    short = dataclasses.replace(
+        theory,
+        **{name: getattr(theory, name)[:6] for name in COLUMNS},
+        loads=Loads(*(getattr(theory.loads, each.name)[:6] for each in fields(Loads))),
+    )
+    assert sum(1 for _ in frames(short, theory, SMALL)) == 4  # 0 … 0.1 s
+
+
+@pytest.mark.usefixtures("screen")
+def test_every_choice_changes_the_picture(theory: rb.Motion) -> None:
+    """Two panes, a ghost, arrows, and the three cameras: no two alike."""
+    changes: list[dict[str, Any]] = [
+        {}, {"ghost": True}, {"arrows": True}, {"camera": "above"}, {"camera": "whole"}
+    ]  # fmt: skip
+    drawn = [
+        next(frames(theory, theory, dataclasses.replace(SMALL, **change))).tobytes()
+        for change in changes
+    ]
+    assert len(set(drawn)) == len(changes)
+
+
+@pytest.mark.usefixtures("screen")
+def test_a_rotor_too_fast_for_the_film_shows_no_marks(theory: rb.Motion) -> None:
+    """At 148 rad/s and 30 frames/s its angle changes nothing but rounding; slowed 60 times it does.
+
+    By a twelfth of a turn, which brings the facets of its rim onto each other. Measured 0 and 0.008
+    of the pixels.
+    """
+    turned = dataclasses.replace(
+        theory, hinge_angles=theory.hinge_angles + np.array([0.0, np.pi / 6])
+    )
+    still = dataclasses.replace(theory)  # another motion than the reference, to the film
+    for slow, least, most in ((1.0, 0.0, 5e-4), (60.0, 2e-3, 1.0)):
+        film = dataclasses.replace(SMALL, slow=slow)
+        first, second = (next(frames(each, theory, film)) for each in (still, turned))
+        off = np.any(first != second, axis=2)
+        assert least <= off.mean() <= most
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("screen")
+def test_memory_does_not_grow_with_the_film(theory: rb.Motion) -> None:
+    """Four times the frames: all that is more would be 9 MB; measured 0.03 MB."""
+    peaks = []
+    for slow in (2.0, 8.0):
+        with at_most(1):
+            tracemalloc.start()
+            for _ in frames(theory, theory, dataclasses.replace(SMALL, slow=slow)):
+                pass
+            peaks.append(tracemalloc.get_traced_memory()[1])
+            tracemalloc.stop()
+    assert peaks[1] - peaks[0] < 1e6
 
 
 @pytest.mark.usefixtures("screen")
@@ -147,7 +217,7 @@ def test_a_failed_write_leaves_the_old_file(theory: rb.Motion, tmp_path: Path) -
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_video(target, theory, theory, size=SMALL, progress=give_up)
+        write_video(target, theory, theory, SMALL, progress=give_up)
     assert target.read_bytes() == b"the old one"
     assert list(tmp_path.iterdir()) == [target]
 
@@ -158,10 +228,25 @@ def test_motions_at_different_times_are_refused(theory: rb.Motion) -> None:
         frames(late, theory)
 
 
-@pytest.mark.parametrize("path", ["ball.gif", "no/such/folder/ball.mp4"])
+@pytest.mark.parametrize("path", ["ball.avi", "no/such/folder/ball.mp4"])
 def test_a_path_that_can_be_no_video_is_refused(path: str, theory: rb.Motion) -> None:
     with pytest.raises(rb.InputError, match=r"\.mp4"):
         write_video(path, theory, theory)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"fps": 0}, "fps must be a whole number from 1 to 240, not 0"),
+        ({"size": (721, 1280)}, "must be even, and 120 to 4320 pixels, not 1280x721"),
+        ({"slow": 0.0}, "slow must be"),
+        ({"camera": "behind"}, "camera must be one of follow, above, whole, not 'behind'"),
+    ],
+)
+def test_a_film_that_cannot_be_is_refused(given: dict[str, Any], words: str) -> None:
+    """Each with the limit."""
+    with pytest.raises(rb.InputError, match=words):
+        Film(**given)
 
 
 def test_without_a_gl_the_message_says_what_to_install(
@@ -190,17 +275,11 @@ def test_mujoco_gl_is_the_only_candidate_where_set(monkeypatch: pytest.MonkeyPat
 
 
 def test_the_library_imports_without_its_video() -> None:
-    code = "import sys, robotball; print([m for m in sys.modules if m in ('mediapy', 'PIL')])"
+    code = "import sys, robotball; print([m for m in sys.modules if m in ('OpenGL', 'PIL')])"
     child = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
     )
     assert child.stdout.strip() == "[]"
-
-
-def _angles(p: Array, q: Array) -> Array:
-    """The angles [rad] between attitudes (..., 4)."""
-    between = multiply(p.reshape(-1, 4), conjugate(q.reshape(-1, 4)))
-    return np.asarray(Rotation.from_quat(between, scalar_first=True).magnitude())
 
 
 def _share(picture: Pixels, colour: str) -> float:

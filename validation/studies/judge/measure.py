@@ -19,6 +19,7 @@ from robotball import (
     scene_toml,
 )
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
+from robotball.rotations import Array
 from validation.studies.judge.lag import Lag, lag_of
 from validation.studies.judge.numbers import Errors, numbers_of, some_of
 from validation.studies.judge.search import Explanation, Mistake, explain, reference_of
@@ -51,9 +52,10 @@ class Beside:
         return gamma_error(self.motion, self.theory)
 
     @cached_property
-    def momentum_error(self) -> float:
-        """Of M from the file's attitude and ω, or of its own M, relative."""
-        return momentum_error(self.motion, self.theory)
+    def momentum_error(self) -> float | None:
+        """Of M from the file's attitude and ω, or of its own M, relative; None if not known."""
+        error = momentum_error(self.motion, self.theory)
+        return error if np.isfinite(error) else None
 
     @property
     def momentum_known_to(self) -> float:
@@ -61,16 +63,26 @@ class Beside:
         return float(self.motion.momentum_error.max() / self.theory.scene.momentum_scale)
 
     @property
-    def slip(self) -> tuple[float, float]:
-        """The largest [m/s], and what numerical rates may have made of it."""
-        i = int(self.motion.slip.argmax())
-        return float(self.motion.slip[i]), float(self.motion.slip_error[i])
+    def slip(self) -> tuple[float, float] | None:
+        """The largest [m/s], and what numerical rates may have made of it; None if not known."""
+        return _largest(self.motion.slip, self.motion.slip_error)
 
     @property
-    def spin(self) -> tuple[float, float]:
+    def spin(self) -> tuple[float, float] | None:
         """The same of the spin, either way round [rad/s]."""
-        i = int(np.abs(self.motion.spin).argmax())
-        return float(np.abs(self.motion.spin[i])), float(self.motion.spin_error[i])
+        return _largest(np.abs(self.motion.spin), self.motion.spin_error)
+
+    @property
+    def unknown_hinges(self) -> tuple[str, ...]:
+        """The hinges with a motor of which the file says nothing."""
+        known = np.asarray(np.isfinite(self.motion.hinge_rates).all(axis=0))
+        names = [hinge.name for hinge in self.motion.scene.hinges]
+        return tuple(name for name, sure in zip(names, known, strict=True) if not sure)
+
+
+def _largest(values: Array, errors: Array) -> tuple[float, float] | None:
+    i = int(values.argmax())
+    return (float(values[i]), float(errors[i])) if np.isfinite(values).all() else None
 
 
 @dataclass(frozen=True)
@@ -120,7 +132,7 @@ class FileJudgement:
     @property
     def agrees(self) -> bool:
         """No mistake, and path and momentum within the tolerance, as far as they are known."""
-        of_momentum = self.plain.momentum_error - self.plain.momentum_known_to
+        of_momentum = (self.plain.momentum_error or 0.0) - self.plain.momentum_known_to
         return not self.mistakes and max(self.plain.path_error, of_momentum) <= self.tolerance
 
 

@@ -48,8 +48,14 @@ def lines(judged: FileJudgement) -> list[str]:
         *judged.trajectory.notes,
         f"path error {plain.path_error:.1e}, attitude error {plain.attitude_error:.1e} rad, "
         f"momentum error {_momentum(plain)}",
-        _contact(plain),
+        *_contact(plain),
     ]
+    for name in plain.unknown_hinges:
+        more = " and slip and spin" if name == "frame" else ""
+        found.append(
+            f"the {name} has a motor, and the file says nothing of it: the momentum{more} need "
+            f"the column {name}_rate or {name}_angle"
+        )
     if judged.other_scene:
         found.append(f"the file's header has another scene than this one: {judged.other_scene}")
     found += _height(judged)
@@ -61,7 +67,7 @@ def lines(judged: FileJudgement) -> list[str]:
             f"without that: path error {best.path_error:.1e}, attitude error "
             f"{best.attitude_error:.1e} rad, momentum error {_momentum(best)}"
         )
-        found.append(f"without that: {_contact(best)}")
+        found += [f"without that: {line}" for line in _contact(best)]
     if judged.lag.explains:
         way = "late" if judged.lag.shift > 0 else "early"
         found.append(
@@ -74,10 +80,14 @@ def lines(judged: FileJudgement) -> list[str]:
 
 def _momentum(beside: Beside) -> str:
     known = beside.momentum_known_to
+    if beside.momentum_error is None:
+        return "not known"
     return f"{beside.momentum_error:.1e}" + (f" (known to {known:.0e})" if known else "")
 
 
-def _contact(beside: Beside) -> str:
+def _contact(beside: Beside) -> list[str]:
+    if beside.slip is None or beside.spin is None:
+        return []
     (slip, slip_error), (spin, spin_error) = beside.slip, beside.spin
     radius = beside.motion.rolling_radius
     scene = beside.theory.scene
@@ -87,7 +97,7 @@ def _contact(beside: Beside) -> str:
     parts.append(f"spin up to {spin:.1e} rad/s{known}{allowed}")
     if np.isfinite(radius):
         parts.append(f"rolls as at a radius of {radius:.6g} m (the scene's: {scene.ball.radius:g})")
-    return "; ".join(parts)
+    return ["; ".join(parts)]
 
 
 def _height(judged: FileJudgement) -> list[str]:
@@ -174,8 +184,10 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
 
 
 def _measures(beside: Beside) -> dict[str, Any]:
-    (slip, slip_error), (spin, spin_error) = beside.slip, beside.spin
-    numbers = {
+    unknown = (None, None)
+    slip, slip_error = beside.slip or unknown
+    spin, spin_error = beside.spin or unknown
+    numbers: dict[str, float | None] = {
         "path_error": beside.path_error,
         "attitude_error": beside.attitude_error,
         "gamma_error": beside.gamma_error,
@@ -187,4 +199,7 @@ def _measures(beside: Beside) -> dict[str, Any]:
         "spin_known_to": spin_error,
         "rolling_radius": beside.motion.rolling_radius,
     }
-    return {name: value if np.isfinite(value) else None for name, value in numbers.items()}
+    return {
+        name: None if value is None or not np.isfinite(value) else value
+        for name, value in numbers.items()
+    }

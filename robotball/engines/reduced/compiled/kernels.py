@@ -15,6 +15,7 @@ from robotball.engines.reduced.compiled.flatten import LANES
 from robotball.engines.reduced.compiled.steppers import row_of, stepper
 from robotball.engines.reduced.compiled.systems import PATH, System
 from robotball.errors import InputError, too_many_steps
+from robotball.motion import pieces
 from robotball.parameters import Parameters, as_vector, check_speed, speed_bound
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene
@@ -89,6 +90,19 @@ def orbit(
     As `orbits`, for a single start (4,) and (3,); raises InputError where it would be given up,
     or needs more than max_steps.
     """
+    states = orbit_states(parameters, attitude, momentum, times, tolerance, max_steps)
+    return states[:, :4], states[:, 4:]
+
+
+def orbit_states(
+    parameters: Parameters,
+    attitude: Array,
+    momentum: Array,
+    times: Array,
+    tolerance: float = STEP_TOLERANCE,
+    max_steps: int | None = None,
+) -> Array:
+    """The same side by side (m, 6)."""
     times = check_times(times)
     starts = Starts(parameters, attitude[None], momentum[None])
     row = np.concatenate([starts.rows[0], starts.attitudes[0], np.zeros(2)])
@@ -107,7 +121,10 @@ def orbit(
         raise too_many_steps(limit, reached, times[-1], speed)
     if status != marching.DONE:
         raise InputError(f"the orbit was {STATUS[status]} at t = {reached:g} s")
-    return starts.to_world(states[None, :, :4])[0], starts.turned_back(states[None, :, 4:])[0]
+    for piece in pieces(len(times)):
+        states[piece, :4] = starts.to_world(states[None, piece, :4])[0]
+        states[piece, 4:] = starts.turned_back(states[None, piece, 4:])[0]
+    return states
 
 
 def kernel_start(scene: Scene) -> tuple[Parameters, Array, Array]:

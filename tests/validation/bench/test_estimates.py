@@ -1,0 +1,53 @@
+"""The study of what `--accuracy` says of its error: what counts as a miss, and a quick form."""
+
+from dataclasses import replace
+
+import pytest
+
+from validation.bench.estimates import ACCURACIES, cells, lines, measure, missed
+from validation.sweeps import Result
+
+HONEST = Result(
+    {"ball": 3, "accuracy": 1e-7},
+    {"estimated": 6e-8, "actual": 3e-8, "reference": 1e-15, "warned": False, "faults": []},
+    None,
+)
+
+
+def changed(**values: object) -> Result:
+    return replace(HONEST, record={**(HONEST.record or {}), **values})
+
+
+def test_a_miss_is_an_error_that_nobody_told_of() -> None:
+    """Not one that was warned of, nor a run with a fault or without an end; and it is listed."""
+    miss = changed(actual=1.3e-7)
+    assert missed(miss)
+    others = [
+        HONEST,
+        changed(actual=1.3e-7, warned=True),
+        changed(actual=1.3e-7, faults=["contact lost"]),
+        changed(actual=None, estimated=None),
+        replace(HONEST, record=None, failure="took longer than 300 s"),
+    ]
+    assert not any(map(missed, others))
+    said = lines([miss, *others])
+    assert said[0] == "5 balls: 1 warned, 1 with a fault, 1 missed"
+    assert said[1] == "actual over estimated error: median 2.2, 99 of 100 2.2, largest 2.2"
+    assert said[2].startswith("missed: ball 3, 1e-07 requested, 6.0e-08 estimated, 1.3e-07 actual")
+    assert len(said) == 3
+
+
+def test_every_accuracy_meets_every_number_of_rotors() -> None:
+    """Twelve balls are a round."""
+    met = {(cell["ball"] % 4, cell["accuracy"]) for cell in cells(12)}
+    assert met == {(rotors, accuracy) for rotors in range(4) for accuracy in ACCURACIES}
+
+
+@pytest.mark.slow
+def test_some_balls_are_as_good_as_they_say() -> None:
+    """Four balls at 1e-5: actual over estimated 0.85 to 0.88, for what RK4's next order adds."""
+    results = [Result(dict(cell), measure(cell), None) for cell in cells(4)]
+    assert not any(map(missed, results))
+    for result in results:
+        assert result.record is not None
+        assert 0.75 < result.record["actual"] / result.record["estimated"] < 1.0

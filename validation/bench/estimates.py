@@ -1,0 +1,99 @@
+"""How honest `--accuracy` is about its error, over random balls; `python -m` runs it, for hours.
+
+A miss is a run whose path error is above what was requested, though it neither warned nor broke
+off. What is known of each ball is kept in out/estimates.jsonl, so it goes on after a break.
+"""
+
+import sys
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotball import SceneWarning, integrate, simulate
+from robotball.motion import path_error
+from validation.output import scientific
+from validation.progress import progress_bar
+from validation.studies.random_scenes import random_scene
+from validation.sweeps import Cell, Result, sweep
+
+BALLS = 1000
+ACCURACIES = (1e-5, 1e-7, 1e-9)  # in turn, each for four balls, one of each number of rotors
+TIMES = np.linspace(0.0, 10.0, 501)
+LIMIT = 300.0  # s of a ball
+FILE = Path("out", "estimates.jsonl")
+
+
+def cells(count: int) -> list[Cell]:
+    """The first so many balls, each with the accuracy that is requested of it."""
+    return [
+        {"ball": number, "accuracy": ACCURACIES[number // 4 % len(ACCURACIES)]}
+        for number in range(count)
+    ]
+
+
+def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """The path error as it was estimated and as it is, and whether it was warned of.
+
+    Both are None of a run that broke off; reference: the equations' own error.
+    """
+    scene = random_scene(cell["ball"])
+    theory = integrate(scene, TIMES)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", SceneWarning)
+        motion = simulate(scene, TIMES, accuracy=cell["accuracy"])
+    whole = len(motion.times) == len(TIMES)
+    return {
+        "estimated": motion.report.estimated_error if whole else None,
+        "actual": path_error(motion, theory) if whole else None,
+        "reference": theory.reference_error,
+        "warned": any("is not reached" in str(each.message) for each in caught),
+        "faults": [str(fault) for fault in motion.report.faults],
+    }
+
+
+def missed(result: Result) -> bool:
+    """Whether a run is worse than requested and says nothing of it."""
+    record = result.record
+    if record is None or record["warned"] or record["faults"] or record["actual"] is None:
+        return False
+    return bool(record["actual"] > result.cell["accuracy"])
+
+
+def lines(results: Sequence[Result]) -> list[str]:
+    """What the balls say together, and each miss."""
+    records = [result.record for result in results if result.record is not None]
+    ratios = [each["actual"] / each["estimated"] for each in records if each["actual"] is not None]
+    misses = [result for result in results if missed(result)]
+    said = [
+        f"{len(records)} balls: {sum(each['warned'] for each in records)} warned, "
+        f"{sum(bool(each['faults']) for each in records)} with a fault, {len(misses)} missed",
+        "actual over estimated error: "
+        + ", ".join(
+            f"{name} {np.quantile(ratios, part):.2g}"
+            for name, part in (("median", 0.5), ("99 of 100", 0.99), ("largest", 1.0))
+        ),
+    ]
+    for result in misses:
+        assert result.record is not None
+        numbers = (result.record[name] for name in ("estimated", "actual", "reference"))
+        estimated, actual, reference = map(scientific, numbers)
+        said.append(
+            f"missed: ball {result.cell['ball']}, {result.cell['accuracy']:g} requested, "
+            f"{estimated} estimated, {actual} actual, the reference's own {reference}"
+        )
+    return said
+
+
+def main(count: int = BALLS) -> None:
+    """Measure so many balls and print what they say."""
+    FILE.parent.mkdir(exist_ok=True)
+    with progress_bar(count) as show:
+        results = sweep(measure, cells(count), FILE, limit=LIMIT, show=show)
+    print(*lines(results), sep="\n")
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))

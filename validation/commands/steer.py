@@ -1,0 +1,101 @@
+"""The command `robotball steer`."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from tyro.conf import arg
+
+from validation.commands.arguments import AGREES, DISAGREES, OUT, Preset, SceneName
+
+if TYPE_CHECKING:
+    from robotball.designing.paths import WantedPath
+
+NEAR = 1e-3  # of the path's length: how near to it a robot that is steered must come
+
+
+@dataclass(frozen=True)
+class Steer:
+    """Find the drives that roll a robot along a path, and check them in both engines.
+
+    The path begins along X, at the origin. The scene with the drives is written into the folder.
+
+    Example: robotball steer three_rotors --path circle --size 0.5
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file: a robot with two or more driven hinges."""
+    path: Literal["line", "circle", "eight"] = "line"
+    """The path's shape."""
+    size: Annotated[float, arg(metavar="M")] = 1.0
+    """The line's length, the circle's radius or the eight's half length."""
+    turns: float = 1.0
+    """Of the circle; to the right below 0."""
+    through: str = ""
+    """Instead of a shape, points in m: "1,0 1,1 0,1"."""
+    duration: Annotated[float, arg(metavar="S")] = 10.0
+    """From rest to rest."""
+    rate_limit: Annotated[float, arg(metavar="RAD/S")] = math.inf
+    """The fastest that a hinge may turn."""
+    preset: Preset = None
+    """The engine's settings to check it with, its default if not given."""
+    out: Path = OUT
+    """Folder for the scene and the pictures."""
+
+    def run(self) -> int:
+        import numpy as np
+
+        from robotball import load_scene, scene_toml
+        from robotball.designing.steering import steer
+        from robotball.designing.steering_needs import shortfalls
+        from validation.comparison.agreement import compare
+        from validation.comparison.plots import draw
+        from validation.output import writable_folder, write_text
+
+        robot, path = load_scene(self.scene), self._path()
+        steered = steer(robot, path, self.duration)
+        out = writable_folder(self.out)
+        file = out / f"{steered.scene.name}.toml"
+        write_text(file, scene_toml(steered.scene))
+        agreement = compare(steered.scene, self.preset, steered.times)
+        theory = agreement.theory
+        off = float(np.linalg.norm(theory.contact_point - steered.wanted, axis=1).max())
+        print(f"{path.name} of {path.length:.4g} m in {self.duration:g} s")
+        print(f"{theory.engine.name}: at most {off:.2g} m off the path")
+        print(f"{agreement.motion.engine.name}: {agreement.verdict}")
+        for i, hinge in enumerate(robot.hinges):
+            rate = float(np.abs(theory.hinge_rates[:, i]).max())
+            torque = float(np.abs(theory.loads.motor_torques[:, i]).max())
+            print(f"{hinge.name}: up to {rate:.3g} rad/s and {torque:.3g} N m")
+        friction, torsion = theory.loads.sliding_friction, theory.loads.torsional_friction
+        print(f"friction: up to {friction.max():.3g}, torsional {torsion.max():.3g} m")
+        missing = shortfalls(robot, theory, self.rate_limit)
+        if off > NEAR * path.length:
+            missing.append(f"it leaves the path by {off:.2g} m")
+        for line in missing:
+            print(f"cannot: {line}")
+        print(file, *draw([agreement], out), sep="\n")
+        return AGREES if agreement.agrees and not missing else DISAGREES
+
+    def _path(self) -> "WantedPath":
+        from robotball.designing import paths
+
+        if self.through:
+            return paths.through(points_of(self.through))
+        if self.path == "circle":
+            return paths.circle(self.size, self.turns)
+        return paths.eight(self.size) if self.path == "eight" else paths.straight(self.size)
+
+
+def points_of(text: str) -> list[tuple[float, float]]:
+    """Pairs X,Y of a text; raises InputError where it is none."""
+    from robotball import InputError
+
+    try:
+        pairs = [tuple(float(part) for part in pair.split(",")) for pair in text.split()]
+    except ValueError:
+        pairs = [()]
+    if not pairs or any(len(pair) != 2 for pair in pairs):
+        raise InputError(f'points are pairs like "1,0 1,1", not {text!r}')
+    return [(pair[0], pair[1]) for pair in pairs]

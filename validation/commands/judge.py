@@ -15,7 +15,7 @@ class Judge:
 
     docs/trajectories.md has the columns; `robotball export` writes what an engine needs.
 
-    Example: robotball export fig12 --to fig12-export; robotball judge fig12 fig12-export/reference.csv
+    Example: robotball export fig12 --to a; robotball judge fig12 a/reference.csv
     """
 
     scene: SceneName

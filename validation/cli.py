@@ -44,10 +44,11 @@ from validation.commands.section import Section
 from validation.commands.steer import Steer
 from validation.commands.tradeoff import Tradeoff
 from validation.commands.video import Video
+from validation.commands.view import View
 from validation.streams import make_lasting, standard_output_of
 
 Command = (
-    Scenes | Engines | Compare | Report | Judge | Video | Replay | Model | Export
+    Scenes | Engines | Compare | Report | Judge | Video | View | Replay | Model | Export
     | Design | Steer | Demo
     | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
     | Portraits | Paper

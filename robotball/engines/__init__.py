@@ -14,6 +14,7 @@ GROUP = "robotball.engines"
 DEFAULT = "mujoco"
 OURS = {
     "mujoco": "robotball.engines.mujoco.engine:MUJOCO",
+    "multibody": "robotball.engines.multibody.engine:MULTIBODY",
     "bullet": "robotball.engines.bullet:BULLET",
     "dart": "robotball.engines.dart:DART",
     "drake": "robotball.engines.drake:DRAKE",

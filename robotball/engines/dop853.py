@@ -33,6 +33,7 @@ class Compensated:
     ) -> None:
         self._base = np.array(state, dtype=float)
         self._rtol, self._scale = rtol, scale
+        self._inside: Any = None
         solver: Any = DOP853  # its types want complex functions and a float atol
         self._solver = solver(
             lambda t, displacement: rate(t, self._base + displacement),
@@ -73,11 +74,13 @@ class Compensated:
         displacement, before = self._solver.y, self._base
         self._base = before + displacement
         displacement += before - self._base
-        self._solver.atol = self._tolerance
+        self._solver.atol, self._inside = self._tolerance, None
         message: str | None = self._solver.step()
         return message
 
     def within(self, times: Array) -> Array:
         """States (m, n) at times (m,) in the last step."""
-        displacements: Array = self._solver.dense_output()(times).T
+        if self._inside is None:
+            self._inside = self._solver.dense_output()  # takes three more evaluations
+        displacements: Array = self._inside(times).T
         return self._base + displacements

@@ -12,15 +12,20 @@ RESOLUTION = 48  # of a torus: points around it, and around its tube
 BLUR_GROUP = "3"  # hidden until a picture asks for it
 
 
-def add_materials(assets: Element, own: Mapping[str, str] | None = None, prefix: str = "") -> None:
+def add_materials(
+    assets: Element,
+    own: Mapping[str, str] | None = None,
+    prefix: str = "",
+    opacity: float = 1.0,
+) -> None:
     """Adds the parts' materials; own: "r g b" of those that have another colour here."""
-    for name, (red, green, blue, opacity) in colours().items():
+    for name, (red, green, blue, solid) in colours().items():
         rgb = (own or {}).get(name, f"{red:g} {green:g} {blue:g}")
         SubElement(
             assets,
             "material",
             name=f"{prefix}{name}",
-            rgba=f"{rgb} {opacity:g}",
+            rgba=f"{rgb} {solid * opacity:g}",
             specular="0.4",
             shininess="0.6",
         )

@@ -28,7 +28,7 @@ from robotball.files.body_table import (
 from robotball.files.mjcf import solid_of_mjcf
 from robotball.files.tables import one_of
 from robotball.files.urdf import solid_of_urdf
-from robotball.parts import Solid, Z, composed, direction, mass_of, volume_of_wall
+from robotball.parts import Part, Solid, Z, composed, direction, mass_of, volume_of_wall
 from robotball.rotations import Array, rotation_matrix
 from robotball.start import unit
 
@@ -45,7 +45,7 @@ def read_shell(table: ShellTable, folder: Path) -> Shell:
         one_of("shell", {"mass and thickness": wall, **ways})
         solids = [_of_file(file, folder)]
     else:
-        solids = [each.solid(axis) for each in table.part or []]
+        solids = _solids("shell", table.part or [], axis)
         if wall or not solids:
             mass, axial, transverse = _wall(table)
             if not solids:
@@ -131,7 +131,7 @@ def _solid(
     elif table.part is not None:
         if not table.part:
             raise InputError(f"{name}.part is empty")
-        solid = composed(each.solid(axis) for each in table.part)
+        solid = composed(_solids(name, table.part, axis))
         if not np.linalg.eigvalsh(solid.inertia)[0] > SYMMETRIC * np.abs(solid.inertia).max():
             raise InputError(
                 f"{name}'s parts lie on one line, about which nothing resists turning; give a rod "
@@ -149,6 +149,17 @@ def _solid(
         solid = Solid(table.mass, np.array(table.centre or (0.0, 0.0, 0.0)), tensor)
     _check_inside(name, solid, radius)
     return solid
+
+
+def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
+    """A body's parts; InputError, with the part's number, for one that cannot be."""
+    solids = []
+    for number, part in enumerate(parts, start=1):
+        try:
+            solids.append(part.solid(axis))
+        except InputError as error:
+            raise InputError(f"{name}.part{number}: {error}") from None
+    return solids
 
 
 def _tensor(name: str, rows: Rows) -> Array:

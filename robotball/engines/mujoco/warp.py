@@ -92,10 +92,7 @@ class Warp(Adapter):
     package = "mujoco_warp"
     extra = "mujoco-warp"
     requirements = ("mujoco-warp>=4.0", "warp-lang>=1.19")
-    ladders: Mapping[str, Ladder] = {
-        "as-it-comes": ("timestep", (2e-3,)),
-        "best": ("timestep", (20e-3, 10e-3)),
-    }
+    ladders: Mapping[str, Ladder] = {"best": ("timestep", (20e-3, 10e-3))}
     settings_type = WarpSettings
     presets: Mapping[str, StepSettings] = {each.name: each for each in (AS_IT_COMES, BEST)}
 

@@ -114,6 +114,12 @@ def _words(model: Model, needs: str | None) -> list[str]:
             "the ball has no momentum of it.",
             "Motors: their gear is the armature, so a control is an acceleration [rad/s²].",
         ]
+    if scene.friction.rolling:
+        lines.append(
+            "Not in it: the resistance to rolling, which a run of robotball adds as a torque of "
+            f"{scene.friction.rolling:g} m times the normal force on the shell, against its "
+            "horizontal angular velocity."
+        )
     if settings.start_in_equilibrium:
         lines.append("Margin: the depth at which the contact carries the ball at its own radius.")
     lines.append(

@@ -14,7 +14,7 @@ from robotball.engines.multibody.system import System
 from robotball.errors import InputError, too_many_steps
 from robotball.rotations import Array
 
-LOOKS = 6  # within a step, for an event that comes and goes
+LOOKS = 4  # within a step, for an event that comes and goes
 PRESSED = 0.5  # of the weight: a ball that is pressed so hard at both ends of a step stays down
 ROOT = 1e-15  # s, and relative: how near to its time an event is found
 

@@ -205,6 +205,11 @@ BODIES: dict[str, tuple[dict[str, str], str]] = {
         "frame reaches 0.217945 m from the sphere's centre, beyond the shell's radius 0.2 m; make "
         "it smaller, move it, or make the shell larger",
     ),
+    "a part without a mass": (
+        {"frame": '[frame]\npart = [{ kind = "sphere", mass = 1, radius = 0.1 }, '
+         '{ kind = "box", size = [0.1, 0.1, 0.1] }]\n'},
+        "frame.part2: a box needs a mass [kg] or a density [kg/m³]",
+    ),
     "a point alone": (
         {"rest": PENDULUM + 'part = [{ kind = "point", mass = 1, centre = [0, 0, -0.1] }]\n'},
         "pendulum1's parts lie on one line, about which nothing resists turning; give a rod its "

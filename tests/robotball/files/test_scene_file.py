@@ -417,20 +417,33 @@ def test_number_that_is_not_finite_is_refused_by_its_key(write: Write, bad: str)
 
 # Anything at all ---------------------------------------------------------------------------
 
-LINES = [line for line in re.sub(r'source = """[^"]*"""', "", FIG12).splitlines() if line]
+BASES = [
+    [line for line in re.sub(r'source = """[^"]*"""', "", text).splitlines() if line]
+    for text in (
+        FIG12,
+        *(
+            (CATALOG / f"{name}.toml").read_text()
+            for name in ("steered_pendulum_robot", "inclined_plane", "swinging_frame")
+        ),
+        rb.scene_toml(rb.load_scene("steered_pendulum_robot")),
+    )
+]
 
 
 VALUES = (
     *("1.0", "0.25", "9", "0", "-1.0", "nan", "-inf", "1e308", "1e-308", "true", "1979-05-27"),
     *("'x'", '"thin"', "[]", "[1.0, 2, 3]", "[nan, 0.0, 1.0]", "[[1.0]]"),
-    *("{}", "{ axial = 1.0, transverse = 1.0 }"),
+    *("{}", "{ axial = 1.0, transverse = 1.0 }", "1e50", "-1e-50", '"box"', '"free"', '"torque"'),
+    *("[1.0, 1.0, 1.0]", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", '{ kind = "sine" }'),
+    *('{ kind = "ramp", final = 1e50, end = 1e-50 }', "[1, 2]", '[{ kind = "point", mass = 1 }]'),
+    *('{ kind = "samples", times = [0, 1e9], values = [1e50, -1e50] }',),
 )
 
 
 @st.composite
 def mutated_scenes(draw: st.DrawFn) -> bytes:
     """A catalog scene with one to three lines dropped, doubled, renamed, retyped or scrambled."""
-    lines = list(LINES)
+    lines = list(draw(st.sampled_from(BASES)))
     for _ in range(draw(st.integers(1, 3))):
         i = draw(st.integers(0, len(lines) - 1))
         key, equals, _ = lines[i].partition(" = ")

@@ -1,8 +1,8 @@
 """All engines on a scene: their runs as cells, and what comes of them: orders, the Pareto front."""
 
-import contextlib
 import json
 import math
+import os
 import signal
 import statistics
 import subprocess
@@ -51,18 +51,22 @@ def cells_of(
 
 def measure(cell: Cell) -> dict[str, Any]:
     """The record of a run in a process of its own; raises where that ends without one."""
-    command = [cell["interpreter"], "-m", process.__name__]
+    ours, theirs = os.pipe()
+    command = [cell["interpreter"], "-m", process.__name__, str(ours)]
+    text = json.dumps(dict(cell)).encode() + b"\n"
     with tempfile.TemporaryFile() as said:
-        with subprocess.Popen(command, 0, stdin=PIPE, stdout=PIPE, stderr=said) as running:
-            assert running.stdin is not None
-            assert running.stdout is not None
-            with contextlib.suppress(BrokenPipeError):
-                running.stdin.write(json.dumps(dict(cell)).encode() + b"\n")
-            # Its input stays open meanwhile: the run ends where we do.
-            answer = running.stdout.read()
+        try:
+            # The pipe's other end is ours alone: the run ends where we do.
+            running = subprocess.Popen(
+                command, stdin=PIPE, stdout=PIPE, stderr=said, pass_fds=(ours,)
+            )
+            answer, _ = running.communicate(text)
+        finally:
+            os.close(ours)
+            os.close(theirs)
         said.seek(0)
-        text = said.read().decode(errors="replace")
-        words = [line for line in text.split("\n") if line.strip()]
+        spoken = said.read().decode(errors="replace")
+        words = [line for line in spoken.split("\n") if line.strip()]
     if running.returncode < 0:
         raise RuntimeError(f"its process was ended by {signal.Signals(-running.returncode).name}")
     if not answer:

@@ -1,7 +1,7 @@
 """One run of one engine, as a process of its own: a cell as JSON in, its record as JSON out.
 
-It is started by the interpreter of the engine's environment. What the engine prints goes to
-standard error.
+It is started by the interpreter of the engine's environment, with a pipe whose closing ends it.
+What the engine prints goes to standard error.
 """
 
 import hashlib
@@ -88,8 +88,8 @@ def main() -> None:
     """Reads a cell, ends with its reader, and writes the record."""
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what engines print
+    end_when_closed(int(sys.argv[1]))
     cell = json.loads(sys.stdin.readline())
-    end_when_closed(0)
     try:
         record = run(cell)
     except InputError as error:

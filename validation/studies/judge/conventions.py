@@ -14,6 +14,7 @@ from validation.studies.judge.numbers import Numbers, Truth
 Change = Callable[[Numbers], Numbers]
 Part = tuple[str, Change]  # "" changes nothing
 XYZ = "x, y, z"
+SPELT = {"in": "inches", "ft": "feet", "um": "µm"}
 NEAR = 1.3  # a factor of length so near 1 may be an engine's error, and is no unit
 
 
@@ -122,7 +123,7 @@ def _origins() -> list[Part]:
 
 def _lengths(truth: Truth) -> list[Part]:
     units = {unit: size for unit, size in LENGTHS.items() if unit != "m"}
-    names = {f"the positions are in {unit}": size for unit, size in units.items()}
+    names = {f"the positions are in {SPELT.get(u, u)}": size for u, size in units.items()}
     a = truth.motion.scene.ball.radius
     names |= {"the positions are in radii of the ball": a, "the positions are in diameters": 2 * a}
     return [

@@ -17,6 +17,7 @@ ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
 OFF_HEIGHT = 0.01  # of the radius, by which a centre may be off without a line
 SHOWN = 2  # trials of each family
 ROUNDING = 1e-16
+EXACT = 1e-9  # of the radius
 
 
 def show(judgement: Judgement, console: Console, every: bool = False) -> None:
@@ -109,7 +110,9 @@ def _height(judged: FileJudgement) -> list[str]:
     depth = radius - height
     if np.abs(depth).max() < OFF_HEIGHT * radius:
         least, most = -depth.max() / radius, -depth.min() / radius
-        return [f"z is the radius and {least:.0e} to {most:.0e} of it"] if np.any(depth) else []
+        if np.abs(depth).max() < EXACT * radius:
+            return []
+        return [f"z is off the radius by {least:.0e} to {most:.0e} of it"]
     return [
         f"z is {height.min():.4g} to {height.max():.4g} m, and the sphere's centre at {radius:g} m"
     ]

@@ -20,6 +20,7 @@ from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.engines.mujoco.precheck import exceeded
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.step_limits import servo_gain
+from robotball.engines.mujoco.written import write_model
 from robotball.motion import ContactMotion
 from robotball.motors import Servo
 from tests.random_robots import random_scene
@@ -243,3 +244,10 @@ def test_resistance_that_goes_with_a_varying_load_is_refused() -> None:
     scene = replace(worked("W1"), friction=Friction(rolling=0.01))
     with pytest.raises(rb.InputError, match="resists rolling, by a load that varies"):
         rb.simulate(scene)
+
+
+def test_a_written_model_says_that_it_does_not_resist_rolling() -> None:
+    """For that torque is no part of MJCF."""
+    for name, told in (("resisting", True), ("tilted", False)):
+        xml = write_model(scene_of(name), rb.preset("fast"), dressed=False, stem="x").xml
+        assert ("resistance to rolling, which a run of robotball adds" in xml) == told

@@ -85,7 +85,7 @@ IN_FILES: dict[str, InFile] = {
     ),
     "the positions are in mm": position(lambda p: 1e3 * p),
     "the positions are in cm": position(lambda p: 1e2 * p),
-    "the positions are in in": position(lambda p: p / 0.0254),
+    "the positions are in inches": position(lambda p: p / 0.0254),
     "x and y are exchanged": position(lambda p: p[:, [1, 0, 2]]),
     "y has the other sign": position(lambda p: p * [1, -1, 1]),
     "the path does not start at (0, 0)": position(lambda p: p + np.array([3.0, -1.0, 0.0])),

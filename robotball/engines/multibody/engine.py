@@ -1,0 +1,73 @@
+"""Our own ideal rolling of any robot, as an engine that is held against the reduced equations."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from robotball.engines.dop853 import LEAST_RTOL
+from robotball.engines.multibody import LABEL
+from robotball.engines.multibody.integrate import integrate
+from robotball.engines.protocol import Engine, Ladder, Progress, Request
+from robotball.errors import InputError
+from robotball.motion import ContactMotion, ContactReport, Label, Loads, Motion
+from robotball.rotations import Array
+from robotball.scene import Scene
+from robotball.settings import EngineSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultibodySettings(EngineSettings):
+    """rtol: the error allowed in one step, relative."""
+
+    rtol: float = LEAST_RTOL
+
+
+class Multibody(Engine):
+    """The engine, as `robotball.engines.protocol` describes one: it neither slips nor spins."""
+
+    label: Label = LABEL
+    presets: Mapping[str, EngineSettings] = {
+        "best": MultibodySettings(name="best", error_tolerance=1e-11)
+    }
+    default = "best"
+    least_accuracy: float | None = None
+    ladders: Mapping[str, Ladder] = {"best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15))}
+
+    def cannot_express(self, scene: Scene) -> str | None:
+        """Nothing: it describes every scene."""
+        return None
+
+    def run(
+        self,
+        scene: Scene,
+        times: Array,
+        request: Request,
+        *,
+        loads: Loads | None = None,
+        strict: bool = False,
+        fault_window: Path | None = None,
+        progress: Progress | None = None,
+    ) -> ContactMotion:
+        """The motion; what compiles on the way is set-up."""
+        settings = request.settings
+        if not isinstance(settings, MultibodySettings):
+            raise InputError(f"{LABEL.name} run by their own settings, not by {settings!r}")
+        integrate(scene, times[:2], settings.rtol)
+        began = time.process_time()
+        motion = integrate(scene, times, settings.rtol)
+        seconds, none = time.process_time() - began, np.zeros(len(times))
+        given = {each.name: getattr(motion, each.name) for each in fields(Motion)}
+        return ContactMotion(
+            **given,
+            report=ContactReport(
+                settings=settings, slip=none, spin=none, depth=none, friction_used=none * np.nan,
+                hinge_rate_error=none, faults=(), timestep=float(times[-1]), steps=0,
+                seconds=seconds, total_seconds=seconds,
+            ),
+        )  # fmt: skip
+
+
+MULTIBODY = Multibody()

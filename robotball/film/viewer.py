@@ -1,0 +1,108 @@
+"""Both balls in MuJoCo's interactive viewer, rolling in step, the second as a ghost."""
+
+import os
+import sys
+import time
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robotball.errors import InputError
+from robotball.film.stage import build_stage, pose
+from robotball.film.tracks import track_of
+from robotball.looks import looks_of
+from robotball.motion import Motion
+
+KEYS = "space: pause; left, right: half a second; up, down: twice or half the speed; home: start"
+SPACE, HOME, RIGHT, LEFT, DOWN, UP = 32, 268, 262, 263, 264, 265  # GLFW's codes
+JUMP, FRAME = 0.5, 1 / 60  # s
+
+
+@dataclass
+class Clock:
+    """The time of a motion [s] that is being played, and what a key does to it."""
+
+    end: float
+    t: float = 0.0
+    speed: float = 1.0
+    playing: bool = True
+
+    def key(self, code: int) -> None:
+        """A key of the viewer, by GLFW's code."""
+        if code == SPACE:
+            self.playing = not self.playing
+        elif code in (LEFT, RIGHT):
+            jump = JUMP if code == RIGHT else -JUMP
+            self.t = float(np.clip(self.t + jump, 0.0, self.end))
+        elif code in (UP, DOWN):
+            self.speed *= 2.0 if code == UP else 0.5
+        elif code == HOME:
+            self.t = 0.0
+
+    def pass_on(self, seconds: float) -> None:
+        """Lets so much of real time pass; at the end it begins anew."""
+        if self.playing:
+            self.t += seconds * self.speed
+            if self.t > self.end:
+                self.t = 0.0
+
+
+def check_display() -> None:
+    """Raises InputError where no window can be opened."""
+    no_display = "there is no display for a viewer here; --web writes a page for any browser"
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise InputError(no_display)
+    if sys.platform == "darwin" and "mjpython" not in os.environ.get("MJPYTHON_BIN", ""):
+        raise InputError("on macOS a viewer needs mjpython in place of python; or take --web")
+    import warnings
+
+    import glfw
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if not glfw.init():
+            raise InputError(no_display)
+
+
+def view(motion: Motion, theory: Motion, seconds: float | None = None) -> None:
+    """Shows both motions until the window is closed, or for so many seconds.
+
+    Raises InputError where there is no display.
+    """
+    check_display()
+    from mujoco import viewer
+
+    tracks = [track_of(motion), track_of(theory)]
+    model = build_stage(looks_of(theory.scene.ball), [motion.engine.colour, theory.engine.colour])
+    data = mujoco.MjData(model)
+    clock = Clock(max(float(motion.times[-1]), float(theory.times[-1])))
+    names = list(looks_of(theory.scene.ball))
+    begin = before = time.monotonic()
+    with viewer.launch_passive(
+        model, data, key_callback=clock.key, show_left_ui=False, show_right_ui=False
+    ) as window:
+        window.cam.elevation, window.cam.distance = -22.0, 9.0
+        while window.is_running() and (seconds is None or time.monotonic() - begin < seconds):
+            now = time.monotonic()
+            clock.pass_on(now - before)
+            before = now
+            at = np.array([clock.t])
+            stands = [track.stands(track.at(at)) for track in tracks]
+            with window.lock():
+                pose(data, [{name: each[name] for name in names} for each in stands])
+                mujoco.mj_kinematics(model, data)
+                mujoco.mj_camlight(model, data)
+                window.cam.lookat[:] = np.mean([each["shell"][1][0] for each in stands], axis=0)
+            window.set_texts(
+                (
+                    mujoco.mjtFontScale.mjFONTSCALE_150,
+                    mujoco.mjtGridPos.mjGRID_TOPLEFT,
+                    f"t = {clock.t:.2f} s   {clock.speed:g} x",
+                    "",
+                )
+            )
+            window.sync()
+            time.sleep(max(0.0, FRAME - (time.monotonic() - now)))

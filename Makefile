@@ -8,7 +8,7 @@ export UV_COMPILE_BYTECODE := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test test-fast check docs bench cost-model setup gl lock clean
+.PHONY: demo test test-fast check docs gallery wheel bench cost-model setup gl lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -26,8 +26,18 @@ check: setup
 	$(BIN)/mypy
 
 # docs/scene.md, from the tables that the reader uses; a test holds it.
+# Then the site, in out/site; it ends at a dead link and at a name that is not there.
 docs: setup
 	$(BIN)/python -m robotball.files.scene_page > docs/scene.md
+	$(BIN)/python -m mkdocs build --strict
+
+# Every picture and table of README and docs, made again by the program; hours on two cores.
+gallery: setup gl
+	$(BIN)/python -m validation.bench.gallery
+
+# The wheel, in an environment of its own and an empty folder.
+wheel: setup
+	$(BIN)/python -m validation.bench.wheel
 
 bench: setup
 	$(BIN)/python -m validation.bench.steps
@@ -63,7 +73,7 @@ gl: setup
 
 lock: | $(UV)
 	$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-	  --extra reference --extra cluster --extra parquet --extra bench --extra dev \
+	  --extra reference --extra cluster --extra parquet --extra bench --extra docs --extra dev \
 	  --no-header --no-annotate --upgrade --output-file requirements.lock pyproject.toml
 
 clean:

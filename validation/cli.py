@@ -72,6 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # A run's monitor reports what the engine would only log.
     logging.getLogger("absl").setLevel(logging.ERROR)
     warnings.simplefilter("once", SceneWarning)
+    warnings.filterwarnings("ignore", module="matplotlib")  # a picture is right, or a test fails
     warnings.showwarning = _show_warning
     make_lasting()
     arguments = _renamed(sys.argv[1:] if arguments is None else arguments)

@@ -1,36 +1,117 @@
-"""What the README shows is what the program gives."""
+"""What README and docs show is what the program gives: numbers, commands, names, links."""
 
 import re
+import subprocess
+import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import robotball as rb
 from validation import compare
+from validation.cli import COMMANDS, parse
 
-README = (Path(__file__).parents[2] / "README.md").read_text()
-ROWS = re.findall(r"^\| (\w+) \| (\w+) \| [\d.]+ ms \| (\S+) \|", README, flags=re.MULTILINE)
+PROJECT = Path(__file__).parents[2]
+README = (PROJECT / "README.md").read_text(encoding="utf-8")
+DOCS = {path.name: path.read_text(encoding="utf-8") for path in (PROJECT / "docs").glob("*.md")}
+ROWS = re.findall(
+    r"^\| (\w+) \| (\w+) \| [\d.]+ ms \| (\S+) \|", DOCS["settings.md"], flags=re.MULTILINE
+)
 
 
-def test_the_readme_has_the_demos_table() -> None:
+def test_the_readme_is_one_screen() -> None:
+    """It names the paper, and tells two commands and where to go on."""
+    assert len(README.splitlines()) <= 60
+    assert "Different Models of Rolling for a Robot Ball on a Plane" in README
+    assert "10.1134/S1560354719050071" in README
+    assert {"make demo", "make test"} <= set(re.findall("make demo|make test", README))
+
+
+def test_the_docs_have_the_demos_table() -> None:
     """Two scenes at all presets."""
     expected = [(s, p) for s in ("fig12", "classical_regular") for p in rb.PRESETS]
     assert [(scene, preset) for scene, preset, _ in ROWS] == expected
 
 
 @pytest.mark.parametrize(("scene", "preset", "shown"), ROWS)
-def test_the_readmes_numbers_are_the_programs(scene: str, preset: str, shown: str) -> None:
+def test_the_numbers_shown_are_the_programs(scene: str, preset: str, shown: str) -> None:
     """To the digits shown; a third off at 1 ms and for the chattering naive model; or rounding."""
     error = compare(rb.load_scene(scene), preset).path_error
     tolerance = {"naive": 0.35, "accurate": 0.35, "adaptive": 2.0}.get(preset, 0.05)
     assert error == pytest.approx(float(shown), rel=tolerance)
 
 
-def test_every_command_is_in_the_readme() -> None:
+def test_every_command_is_told() -> None:
     """Nothing that a newcomer could run is hidden."""
-    from typing import get_args
+    for name in COMMANDS:
+        assert re.search(rf"\b{name}\b", DOCS["commands.md"]), name
 
-    from validation.cli import Command
 
-    for command in get_args(Command):
-        assert re.search(rf"\b{command.__name__.lower()}\b", README), command
+# What is printed as a command, with its arguments; where some stand for others it is only named.
+COMMAND = r"(?:^ {4}|`)(?:\.venv/bin/)?robotball ([^`\n#>|]+)"
+ALONE = {"demo", "scenes", "engines", "paper", "attractors", "extremes", "portraits", "figures"}
+PRINTED = sorted(
+    {
+        found.strip()
+        for text in (README, *DOCS.values())
+        for found in re.findall(COMMAND, text, re.MULTILINE)
+        if not re.search("[A-Z…\\[]{2}|  |FILE|N…", found)
+        and (" " in found.strip() or found.strip() in ALONE)
+    }
+)
+
+
+@pytest.mark.parametrize("arguments", PRINTED)
+def test_a_printed_command_is_one(arguments: str) -> None:
+    """Its name, its options and their values are known; `robotball X --help` has one that runs."""
+    if "--tyro-print-completion" not in arguments:
+        assert parse(arguments.split())
+
+
+def test_there_are_commands_to_try() -> None:
+    """The pattern finds those of README and docs."""
+    assert {"demo", "convergence fig12", "report fig12"} <= set(PRINTED)
+
+
+def public_names() -> list[tuple[str, str]]:
+    """(package.home, name) of all that the two packages hand on."""
+    return [
+        (f"{package}.{home}", name)
+        for package in ("robotball", "validation")
+        for home, name in re.findall(
+            r"^from \.(\S+) import \w+ as (\w+)$",
+            (PROJECT / package / "__init__.pyi").read_text(),
+            re.MULTILINE,
+        )
+    ]
+
+
+@pytest.mark.parametrize(("home", "name"), public_names())
+def test_a_public_name_is_documented(home: str, name: str) -> None:
+    """By a docstring of its own, and in the reference."""
+    value = getattr(import_module(home), name)
+    assert f"::: {home}.{name}\n" in DOCS["reference.md"]
+    if callable(value):
+        assert (value.__doc__ or "").strip()
+        assert not (value.__doc__ or "").startswith(f"{name}(")  # made by dataclass
+
+
+@pytest.mark.parametrize("link", sorted(set(re.findall(r"\]\((?!https?:)([^)#]+)", README))))
+def test_a_link_of_the_readme_leads_somewhere(link: str) -> None:
+    """To a file of the project."""
+    assert (PROJECT / link).exists()
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_dead_link(tmp_path: Path) -> None:
+    """By mkdocs, which ends at a link to nowhere and at a name that is not there."""
+    pytest.importorskip("mkdocstrings")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)],
+        cwd=PROJECT,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "reference.html").exists()

@@ -14,6 +14,8 @@ class Export:
     """Write what another simulator needs of a scene: JSON, MJCF, URDF, SDF, conventions.
 
     Its trajectory is then held against the equations by `robotball judge`.
+
+    Example: robotball export fig12 --to fig12-export
     """
 
     scene: SceneName

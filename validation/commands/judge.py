@@ -14,6 +14,8 @@ class Judge:
     """Say how far anybody's trajectory of a scene is off, and which mistake explains that.
 
     docs/trajectories.md has the columns; `robotball export` writes what an engine needs.
+
+    Example: robotball export fig12 --to a; robotball judge fig12 a/reference.csv
     """
 
     scene: SceneName

@@ -56,7 +56,8 @@ def path_picture(agreements: Sequence[Agreement]) -> Figure:
             label=_label(agreement),
         )
         _log_line(errors, agreement, agreement.path_errors, style)
-    paths.set(xlabel="X [m]", ylabel="Y [m]", title="contact point on the plane")
+    paths.set(xlabel="X [m]", ylabel="Y [m]", title="contact point on the plane, to one scale")
+    paths.set_aspect("equal", "datalim")
     errors.set(xlabel="time [s]", ylabel="distance of the\ncontact points [m]")
     paths.legend(loc="best")
     return figure
@@ -85,8 +86,12 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
         )
         lines[0].set_label(_label(agreement))
         _log_line(errors, agreement, agreement.momentum_errors, style)
+    scale = theory.scene.momentum_scale
+    low, high = components.get_ylim()
+    if high - low < 1e-3 * scale:  # M = 0: rounding alone would fill the picture
+        components.set_ylim(low - 0.05 * scale, high + 0.05 * scale)
     components.set(ylabel="M, world axes [kg m²/s]", title="momentum M")
-    errors.set(xlabel="time [s]", ylabel="momentum error, relative")
+    errors.set(xlabel="time [s]", ylabel=f"error of M, over {scale:.3g} kg m²/s")
     components.legend(loc="best")
     return figure
 

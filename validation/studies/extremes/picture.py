@@ -42,7 +42,9 @@ GREYS = {
     Outcome.FAILED: 0.1,
 }
 PANEL, MARGIN, LINE = 2.45, 0.15, 0.19  # inches; LINE is one of the legend's
+GAP = 0.7  # inches between panels, for a title and an axis
 TICKS = 4  # at most, on an axis
+ACROSS = 3  # panels side by side: their letters are read at a page's width
 LINES = [
     (colour, dashes)
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
@@ -52,29 +54,34 @@ SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
 def picture(chosen: Map, results: Sequence[Result]) -> Figure:
-    """The panels of a map, rolling models below each other, integrators side by side."""
+    """The panels of a map, rolling models below each other, integrators three in a row."""
     rollings = list(dict.fromkeys(each.cell["rolling"] for each in results))
     integrators = list(dict.fromkeys(each.cell["integrator"] for each in results))
     exceeded = _exceeded(results)
     styles = dict(zip(exceeded, LINES * (1 + len(exceeded) // len(LINES)), strict=False))
-    figure, panels = _panels(len(rollings), len(integrators), lines=len(exceeded))
+    across = min(ACROSS, len(integrators))
+    rows = -(-len(integrators) // across)
+    figure, panels = _panels(len(rollings) * rows, across, lines=len(exceeded))
     width, height = figure.get_size_inches()
     figure.text(MARGIN / width, 1 - 0.3 / height, chosen.title, size=14, weight="bold")
     figure.text(MARGIN / width, 1 - 0.52 / height, f"held: {chosen.held}", size=9)
-    for row, rolling in enumerate(rollings):
-        for column, integrator in enumerate(integrators):
-            axes = panels[row, column]
+    for block, rolling in enumerate(rollings):
+        for place in range(rows * across):
+            axes = panels[block * rows + place // across, place % across]
+            if place >= len(integrators):
+                axes.set_axis_off()
+                continue
+            integrator = integrators[place]
             cells = [
                 each
                 for each in results
                 if (each.cell["rolling"], each.cell["integrator"]) == (rolling, integrator)
             ]
             _panel(axes, cells, styles)
-            _label(axes, chosen, cells, integrator, last=rolling == rollings[-1])
-            if row == 0:
-                axes.set_title(integrator, size=10)
-            if column == 0:
-                axes.set_ylabel(f"{rolling}\n{chosen.y.label}", size=9)
+            _label(axes, chosen, cells, integrator)
+            axes.set_title(f"{integrator}, {rolling}", size=10)
+            if place % across == 0:
+                axes.set_ylabel(chosen.y.label, size=9)
             else:
                 axes.set_yticklabels([])
     _legend(figure, styles, {each.name: each for each in measured_limits(results)})
@@ -83,8 +90,8 @@ def picture(chosen: Map, results: Sequence[Result]) -> Figure:
 
 def _panels(rows: int, columns: int, lines: int) -> tuple[Figure, Any]:
     """A figure of panels (rows, columns) with room below for a legend with so many lines."""
-    below = 1.75 + LINE * (lines + bool(lines))
-    width, height = max(9.0, PANEL * columns + 1.2), PANEL * rows + 0.9 + below
+    below = 2.05 + LINE * (lines + bool(lines))
+    width, height = max(9.0, PANEL * columns + 1.2), (PANEL + GAP) * rows + 0.75 + below
     figure = Figure(figsize=(width, height))
     panels = figure.subplots(rows, columns, squeeze=False)
     figure.subplots_adjust(
@@ -93,7 +100,7 @@ def _panels(rows: int, columns: int, lines: int) -> tuple[Figure, Any]:
         top=1 - 0.85 / height,
         bottom=below / height,
         wspace=0.12,
-        hspace=0.12,
+        hspace=GAP / PANEL,
     )
     return figure, panels
 
@@ -173,17 +180,28 @@ def _to_the_borders(grid: Array) -> Array:
     return grid
 
 
-def _label(
-    axes: Axes, chosen: Map, results: Sequence[Result], integrator: str, *, last: bool
-) -> None:
+def _label(axes: Axes, chosen: Map, results: Sequence[Result], integrator: str) -> None:
     for axis, key in ((axes.xaxis, "x"), (axes.yaxis, "y")):
-        values = _values(results, key)
-        places = range(0, len(values), max(1, -(-(len(values) - 1) // (TICKS - 1))))
-        axis.set_ticks(places, [f"{values[place]:.2g}" for place in places], size=7.5)
-    if last:
-        axes.set_xlabel(chosen.x_of(integrator).label, size=9)
-    else:
-        axes.set_xticklabels([])
+        places, labels = round_ticks(_values(results, key))
+        axis.set_ticks(places, labels, size=8.5)
+    axes.set_xlabel(chosen.x_of(integrator).label, size=9)
+
+
+def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
+    """Places among the cells of these values, and labels, at powers of ten: TICKS at most.
+
+    A power need be no cell's own value. Where fewer than two lie in the range, some cells' values.
+    """
+    least = values[0]
+    if least > 0:
+        logs = np.log10(values)
+        decades = np.arange(np.ceil(logs[0] - 1e-9), np.floor(logs[-1] + 1e-9) + 1)
+        decades = decades[:: max(1, -(-len(decades) // TICKS))]
+        if len(decades) > 1:
+            places = np.interp(decades, logs, np.arange(len(values))).tolist()
+            return places, [f"$10^{{{decade:.0f}}}$" for decade in decades]
+    cells = range(0, len(values), max(1, -(-(len(values) - 1) // (TICKS - 1))))
+    return [float(cell) for cell in cells], [f"{values[cell]:.2g}" for cell in cells]
 
 
 def _sentence(limit: Measured) -> str:
@@ -244,7 +262,7 @@ def _legend(
         above = 0.35 + LINE * len(limits)
     figure.legend(
         handles=[*outcomes, *marks],
-        ncols=3,
+        ncols=2,
         bbox_to_anchor=(x, above / height),
         columnspacing=1.5,
         **common,

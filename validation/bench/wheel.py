@@ -1,0 +1,61 @@
+"""`make wheel`: the wheel is built, installed into an empty environment, and run elsewhere.
+
+What it depends on is taken from this environment, so that nothing is fetched: what is tried is
+whether the wheel has every file that the program needs.
+"""
+
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import venv
+from pathlib import Path
+
+PROJECT = Path(__file__).parents[2]
+COMMANDS = (
+    "--version",
+    "scenes",
+    "compare fig12 --preset fast --duration 0.5",
+    "report fig12 --preset fast --duration 0.5",
+    "model fig12 --out fig12.xml",
+)
+
+
+def main() -> None:
+    """End with an error where the wheel cannot be built, installed or run."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        run_wheel(folder)
+    print("the wheel runs by itself")
+
+
+def run_wheel(folder: Path) -> None:
+    """Build the wheel into a folder, install it into an environment there, and run COMMANDS."""
+    _call(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder), at=PROJECT)
+    (wheel,) = folder.glob("*.whl")
+    venv.create(folder / "env", with_pip=True)
+    python = folder / "env" / "bin" / "python"
+    _call(str(python), "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", str(wheel))
+    # Dependencies from here, but not this checkout, which is known by a .pth file alone.
+    site = Path(sysconfig.get_paths()["purelib"])
+    empty = folder / "empty"
+    empty.mkdir()
+    environment = {"PATH": "/usr/bin:/bin", "PYTHONPATH": str(site), "HOME": str(empty)}
+    for command in COMMANDS:
+        _call(
+            str(folder / "env" / "bin" / "robotball"), *command.split(), at=empty, env=environment
+        )
+    code = "import robotball, validation; print(robotball.__file__, validation.__file__)"
+    found = _call(str(python), "-c", code, at=empty, env=environment)
+    assert found.count(str(folder / "env")) == 2, found
+
+
+def _call(*words: str, at: Path | None = None, env: dict[str, str] | None = None) -> str:
+    done = subprocess.run(words, cwd=at, env=env, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"{' '.join(words)} failed:\n{done.stdout}{done.stderr}")
+    return done.stdout
+
+
+if __name__ == "__main__":
+    main()

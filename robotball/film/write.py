@@ -5,32 +5,23 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import imageio_ffmpeg
+import mediapy
 
 from robotball.errors import InputError
 from robotball.files.replacing import replacing
 from robotball.film.render import Film, Progress, frames
 from robotball.motion import Motion
 
-# By the file's suffix: the codec, how pixels are kept, and ffmpeg's own options.
-FORMATS = {
-    ".mp4": ("libx264", "yuv420p", ["-crf", "20", "-preset", "veryfast"]),
-    ".webm": (
-        "libvpx-vp9",
-        "yuv420p",
-        ["-crf", "32", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "7", "-row-mt", "1"],
-    ),
+# By the file's suffix: the codec, its rate factor, and ffmpeg's own options.
+FORMATS: dict[str, tuple[str, int | None, str]] = {
+    ".mp4": ("h264", 20, "-preset veryfast"),
+    ".webm": ("vp9", 32, "-deadline realtime -cpu-used 7 -row-mt 1"),
     # A palette a frame, so that ffmpeg need not wait for the last one.
     ".gif": (
         "gif",
-        "rgb8",
-        [
-            "-filter_complex",
-            "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:dither=bayer",
-            "-pix_fmt",
-            "pal8",
-            "-loop",
-            "0",
-        ],
+        None,
+        "-vf split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:dither=bayer"
+        " -loop 0",
     ),
 }
 
@@ -53,36 +44,29 @@ def write_video(
     if path.suffix not in FORMATS or not path.parent.is_dir():
         kinds = ", ".join(FORMATS)
         raise InputError(f"a video must be a file ({kinds}) in a folder that exists, not {path}")
-    codec, pixels, options = FORMATS[path.suffix]
+    codec, rate, options = FORMATS[path.suffix]
     pictures, number = frames(motion, theory, film), len(film.times(motion, theory))
-    height, width = film.size
-    with replacing(path) as unfinished, _refused_by_the_encoder(path):
-        encoder = imageio_ffmpeg.write_frames(
-            str(unfinished),
-            (width, height),
-            fps=film.fps,
-            codec=codec,
-            pix_fmt_out=pixels,
-            output_params=options,
-            quality=None,
-            macro_block_size=2,
-            ffmpeg_log_level="error",
-        )
-        encoder.send(None)
-        try:
-            for i, picture in enumerate(pictures, start=1):
-                encoder.send(picture.tobytes())
-                if progress is not None:
-                    progress(i / number)
-        finally:
-            encoder.close()
+    mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
+    with (
+        replacing(path) as unfinished,
+        _refused_by_the_encoder(path),
+        mediapy.VideoWriter(
+            unfinished, film.size, codec=codec, fps=film.fps, crf=rate, ffmpeg_args=options
+        ) as video,
+    ):
+        for i, picture in enumerate(pictures, start=1):
+            video.add_image(picture)
+            if progress is not None:
+                progress(i / number)
 
 
 @contextmanager
 def _refused_by_the_encoder(path: Path) -> Iterator[None]:
-    """Makes an InputError of what is raised where the encoder ends before the film does."""
+    """Makes an InputError of what mediapy raises where the encoder ends before the film does."""
     try:
         yield
-    except OSError as error:
-        why = (str(error).strip().splitlines() or [""])[-1]
+    except RuntimeError as error:
+        if not str(error).startswith("Error writing"):
+            raise
+        why = (str(error).splitlines() or [""])[-1]
         raise InputError(f"{path} cannot be written: the encoder says {why!r}") from None

@@ -21,10 +21,10 @@ def agreement() -> Agreement:
 
 
 def test_the_engine_rolls_my_robot_as_the_equations_do(agreement: Agreement) -> None:
-    """No fault, and the path right to 5e-6; measured 1e-6."""
+    """No fault, and the path right to 5e-9; measured 1.5e-9."""
     assert agreement.faults == ()
     assert agreement.path_error is not None
-    assert agreement.path_error < 5e-6
+    assert agreement.path_error < 5e-9
 
 
 def test_my_robot_needs_no_more_friction_than_its_floor_gives(agreement: Agreement) -> None:

@@ -10,6 +10,7 @@ from dm_control import mjcf
 import robotball as rb
 from robotball.bodies import Ball, Frame, Rotor
 from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.settings import Prescribed
 from tests.scenes import FOUR
 
 BALANCED = rb.preset("balanced")
@@ -81,16 +82,20 @@ def test_a_run_has_nothing_to_look_at() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("preset", rb.PRESETS)
 def test_every_hinge_that_turns_has_its_actuator(preset: str) -> None:
-    """A servo, or an ideal motor whose control is the acceleration: 0 at a constant rate."""
+    """A motor told its command, or an ideal one whose control is the acceleration: 0 at a constant
+    rate.
+    """
     for name in rb.catalog():
         scene = rb.load_scene(name)
         model = build(scene, rb.preset(preset))
-        assert model.compiled.nu == len(model.hinges) == model.compiled.njnt - 1
+        driven = [each for each in model.hinges if not isinstance(each.actuation, rb.Free)]
+        assert len(model.hinges) == model.compiled.njnt - 1
+        assert model.compiled.nu == len(driven)
         controls = model.compiled.key_ctrl[0]
-        for hinge, control in zip(model.hinges, controls, strict=True):
-            servo = isinstance(hinge.actuation, rb.Servo)
+        for hinge, control in zip(driven, controls, strict=True):
+            ideal = isinstance(hinge.actuation, Prescribed)
             constant = 0.0 if scene.steady else float(hinge.drive.acceleration(0.0))
-            assert control == (hinge.drive.rate(0.0) if servo else constant)
+            assert control == (constant if ideal else hinge.drive.rate(0.0))
 
 
 def test_a_model_has_as_many_rotors_as_its_scene() -> None:

@@ -19,11 +19,6 @@ VARYING: dict[str, Any] = {
     "iterations": 10,
     # At 1e-6 the rounding of the accelerations begins to show.
     "softness": 1e-5,
-    # MuJoCo's Newton adds up each row's change from where it begins. From free fall that leaves the
-    # rounding of g, 2e-15 m/s², which so hard a contact makes 1e-7 of the force; the noslip solver
-    # takes the acceleration from the forces, and a ball at rest can creep out of its contact, 3e-11
-    # m deep. The last acceleration (zero at first) is nearly the solution.
-    "warmstart": "enable",
     # So that MuJoCo's noslip solver takes no contact of 1e6 kg for singular.
     "sliding_friction": 2000.0,
     "torsional_friction": Radii(2000.0),

@@ -11,7 +11,6 @@ import pytest
 from scipy.optimize import brentq
 
 import robotball as rb
-from robotball.bodies import Ball, Frame, thin_shell_inertia
 from robotball.contact import Friction
 from robotball.engines.mujoco import stepping
 from robotball.engines.mujoco.fault_window import load, replay
@@ -25,7 +24,7 @@ from robotball.engines.mujoco.written import write_model
 from robotball.motion import ContactMotion
 from robotball.motors import Servo
 from tests.random_robots import random_scene
-from tests.robots import ENDINGS, box_inertia, pendulum_ball, robot, swing, worked
+from tests.robots import ENDINGS, pendulum_ball, robot, swing, worked
 from validation import compare
 
 # Bounds are about three times what was measured, beside them: of the path error at t = 10 s.
@@ -103,30 +102,6 @@ def test_random_robots_roll_as_their_equations_say(number: int) -> None:
     error = compare(random_scene(np.random.default_rng(number)), "accurate").path_error
     assert error is not None
     assert error < 5e-10
-
-
-@pytest.mark.parametrize(
-    ("radius", "mass", "settings"),
-    [
-        (0.1, 3.3, "balanced"),
-        (0.37, 3.3, "balanced"),
-        (0.12, 0.5, "accurate"),
-        (0.2, 3.3, "accurate"),
-    ],
-)
-def test_a_robot_at_rest_keeps_its_contact(radius: float, mass: float, settings: str) -> None:
-    """Its weight straight below the centre, so that rounding alone can lift it; it did, in 28 ms.
-
-    The depth of the contact is 2e-11 to 3e-11 m, of which it creeps 6e-12 at most.
-    """
-    ball = worked("W2").ball
-    inertia = thin_shell_inertia(radius, 1.0)
-    shell = replace(ball.shell, radius=radius, axial_inertia=inertia, transverse_inertia=inertia)
-    frame = Frame(mass, box_inertia(mass, 0.1, 0.1, 0.05), np.array([0.0, 0.0, -radius / 3]))
-    scene = robot("rest", Ball(shell, frame, ()), "rubber", [0.0], (1.0, 0.0, 0.0, 0.0))
-    motion = run(build(scene, rb.preset(settings)), np.linspace(0.0, 0.1, 21))
-    assert motion.report.faults == ()
-    assert np.abs(motion.report.depth).max() < 1e-11
 
 
 def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:

@@ -13,7 +13,7 @@ from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World
 from robotball.engines.links import State, links_of
 from robotball.engines.protocol import Ladder
 from robotball.motion import Label
-from robotball.rotations import Array, multiply
+from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Scene
 
 LABEL = Label("PyBullet", version_of("pybullet"), "#E69F00")
@@ -114,7 +114,7 @@ class BulletWorld(SteppedWorld):
         place, turn = self.p.getBasePositionAndOrientation(self.ball)
         velocity, turning = self.p.getBaseVelocity(self.ball)
         hinges = self.p.getJointStates(self.ball, range(len(self.scene.drives)))
-        attitude = multiply(np.roll(turn, 1), self.own * [1.0, -1.0, -1.0, -1.0])
+        attitude = multiply(np.roll(turn, 1), conjugate(self.own))
         angles, rates = (np.array([hinge[i] for hinge in hinges]) for i in (0, 1))
         return State(
             np.array(place), np.array(velocity), attitude, np.array(turning), angles, rates

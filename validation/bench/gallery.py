@@ -33,7 +33,6 @@ or a sampling error may leave something.
 | place | corrected | measured |
 |---|---|---|
 """
-COLUMNS = ("place", "statement", "evidence")
 TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
 
 

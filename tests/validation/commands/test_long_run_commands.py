@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.validation.commands.test_cli import Robotball, robotball  # noqa: F401
+from tests.validation.conftest import Robotball
 
 COMMANDS = {
     "section fig12 --count 40 --preset fast --json a.json": (
@@ -39,7 +39,7 @@ COMMANDS = {
 @pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "words"), COMMANDS.items())
 def test_the_commands_say_it_and_write_it(
-    robotball: Robotball,  # noqa: F811
+    robotball: Robotball,
     tmp_path: Path,
     arguments: str,
     words: str,
@@ -85,7 +85,7 @@ BAD_INPUT = {
 
 @pytest.mark.parametrize(("arguments", "words"), BAD_INPUT.items())
 def test_what_they_cannot_use_is_one_line(
-    robotball: Robotball,  # noqa: F811
+    robotball: Robotball,
     arguments: str,
     words: str,
 ) -> None:

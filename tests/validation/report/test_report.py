@@ -9,7 +9,7 @@ import pytest
 
 import robotball as rb
 from tests.browser import needs_browser, opened
-from tests.validation.commands.test_cli import Robotball, robotball  # noqa: F401
+from tests.validation.conftest import Robotball
 from validation import Agreement, compare
 from validation.report.scenes import friction_words, report, sentence
 from validation.report.study import study_report
@@ -142,7 +142,7 @@ def test_a_studys_record_is_tables_and_pictures(tmp_path: Path) -> None:
     ],
 )
 def test_what_a_report_cannot_use_is_one_line(
-    robotball: Robotball,  # noqa: F811
+    robotball: Robotball,
     tmp_path: Path,
     arguments: str,
     words: str,
@@ -158,7 +158,7 @@ def test_what_a_report_cannot_use_is_one_line(
 
 @pytest.mark.slow
 def test_the_command_writes_a_page_of_several_scenes(
-    robotball: Robotball,  # noqa: F811
+    robotball: Robotball,
     tmp_path: Path,
 ) -> None:
     """Named after them, and the printed command repeats it."""

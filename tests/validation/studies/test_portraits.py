@@ -14,7 +14,7 @@ from robotball.qualitative.fixed_point_formulas import proposition_2
 from robotball.qualitative.limit_cycles import limit_cycles
 from robotball.qualitative.phase_portrait import basin_shares, phase_portrait
 from tests.figures import ball, from_rest
-from tests.validation.commands.test_cli import Robotball, robotball  # noqa: F401
+from tests.validation.conftest import Robotball
 from validation.studies.portraits.measure import PLANES, cells_of, chosen, measure
 from validation.studies.portraits.report import as_predicted
 
@@ -108,7 +108,7 @@ def test_a_cell_agrees_with_the_formulas_and_a_wrong_one_would_not() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_draws_and_resumes(robotball: Robotball, tmp_path: Path) -> None:  # noqa: F811
+def test_the_command_draws_and_resumes(robotball: Robotball, tmp_path: Path) -> None:
     """A quick map: a picture, a table, a record; the second time nothing is measured again."""
     arguments = ("portraits", "axial", "--quick", "--workers", 2, "--json", "a.json")
     status, out, _ = robotball(*arguments)

@@ -18,7 +18,6 @@ from robotball import InputError, engine_named, engine_names
 from robotball.engines import DEFAULT
 from robotball.engines.adapter import Adapter
 
-FOLDER = Path("out/engines")
 OLDER = "mujoco-3.17"  # before RK4 was of order 4 on free joints
 LINK = "zz_robotball.pth"
 

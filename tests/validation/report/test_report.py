@@ -165,7 +165,7 @@ def test_the_command_writes_a_page_of_several_scenes(
     arguments = ("report", "fig12", "fig13", "--preset", "fast", "--duration", "0.5")
     status, out, _ = robotball(*arguments)
     assert status == 0
-    assert out.splitlines()[-1] == "out/fig12-fast-fig13-report.html"
-    page = (tmp_path / "out" / "fig12-fast-fig13-report.html").read_text()
+    assert out.splitlines()[-1] == "out/fig12-mujoco-fast-fig13-report.html"
+    page = (tmp_path / "out" / "fig12-mujoco-fast-fig13-report.html").read_text()
     assert "robotball report fig12 fig13 --preset fast --duration 0.5" in page
     assert page.count('class="rb-view"') == 2

@@ -162,6 +162,6 @@ def test_every_step_is_read_with_the_warnings_so_far() -> None:
     rows.append(read_row(data))
     np.testing.assert_array_equal(portion.rows, rows)
     warned = Readings(model, portion.rows).warnings.any(axis=1)
-    assert list(warned) == [False] * 9 + [True] * 7
+    assert warned.tolist() == [False] * 9 + [True] * 7
     assert portion.steps == 15
     assert list(portion.sampled) == list(range(16))

@@ -10,7 +10,7 @@ import pytest
 
 import robotball as rb
 from validation import compare
-from validation.cli import COMMANDS, parse
+from validation.cli import COMMANDS
 
 PROJECT = Path(__file__).parents[2]
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
@@ -46,32 +46,6 @@ def test_every_command_is_told() -> None:
     """Nothing that a newcomer could run is hidden."""
     for name in COMMANDS:
         assert re.search(rf"\b{name}\b", DOCS["commands.md"]), name
-
-
-# What is printed as a command, with its arguments; where some stand for others it is only named.
-COMMAND = r"(?:^ {4}|`)(?:\.venv/bin/)?robotball ([^`\n#>|]+)"
-ALONE = {"demo", "scenes", "engines", "paper", "attractors", "extremes", "portraits", "figures"}
-PRINTED = sorted(
-    {
-        found.strip()
-        for text in (README, *DOCS.values())
-        for found in re.findall(COMMAND, text, re.MULTILINE)
-        if not re.search("[A-Z…\\[]{2}|  |FILE|N…", found)
-        and (" " in found.strip() or found.strip() in ALONE)
-    }
-)
-
-
-@pytest.mark.parametrize("arguments", PRINTED)
-def test_a_printed_command_is_one(arguments: str) -> None:
-    """Its name, its options and their values are known; `robotball X --help` has one that runs."""
-    if "--tyro-print-completion" not in arguments:
-        assert parse(arguments.split())
-
-
-def test_there_are_commands_to_try() -> None:
-    """The pattern finds those of README and docs."""
-    assert {"demo", "convergence fig12", "report fig12"} <= set(PRINTED)
 
 
 def public_names() -> list[tuple[str, str]]:

@@ -37,9 +37,16 @@ def test_the_docs_have_the_demos_table() -> None:
 @pytest.mark.parametrize(("scene", "preset", "shown"), ROWS)
 def test_the_numbers_shown_are_the_programs(scene: str, preset: str, shown: str) -> None:
     """To the digits shown; a third off at 1 ms and for the chattering naive model; or rounding."""
-    error = compare(rb.load_scene(scene), preset).path_error
+    found = compare(rb.load_scene(scene), preset)
     tolerance = {"naive": 0.35, "accurate": 0.35, "adaptive": 2.0}.get(preset, 0.05)
-    assert error == pytest.approx(float(shown), rel=tolerance)
+    (row,) = re.findall(rf"^\| {scene} \| {preset} \| (.*) \|$", DOCS["settings.md"], re.MULTILINE)
+    step, path, gamma, momentum, _, verdict = row.split(" | ")
+    assert path == shown
+    measured = (found.report.timestep * 1e3, found.path_error, found.gamma_error)
+    printed = [float(each.removesuffix(" ms")) for each in (step, path, gamma, momentum)]
+    assert [*measured, found.momentum_error] == pytest.approx(printed, rel=tolerance)
+    without_times = [re.sub(r"[\d.]+ s", "", words) for words in (found.verdict, verdict)]
+    assert without_times[0] == without_times[1]
 
 
 def test_every_command_is_told() -> None:

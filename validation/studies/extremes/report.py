@@ -132,14 +132,10 @@ def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
 def totals(results: Sequence[Result]) -> dict[str, int]:
     """How many runs were wrong, and who said so; how many were accurate, and called faulty.
 
-    wrong: off by more than a tenth, or broken off by a fault; reported_by_engine: those of them
+    wrong: off by more than a tenth, or broken off, if by a limit of steps; reported_by_engine: those of them
     that ended in a state which is no number; alarms: accurate, but warned of or noticed.
     """
-    ran = [
-        each
-        for each in results
-        if outcome_of(each) not in (Outcome.REFUSED, Outcome.UNFINISHED, Outcome.FAILED)
-    ]
+    ran = [each for each in results if outcome_of(each) is not Outcome.REFUSED]
     wrong = [each for each in ran if (error := error_of(each)) is None or error > WRONG]
     accurate = [each for each in ran if (error := error_of(each)) is not None and error <= ACCURATE]
     return {

@@ -132,8 +132,9 @@ def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
 def totals(results: Sequence[Result]) -> dict[str, int]:
     """How many runs were wrong, and who said so; how many were accurate, and called faulty.
 
-    wrong: off by more than a tenth, or broken off, if by a limit of steps; reported_by_engine: those of them
-    that ended in a state which is no number; alarms: accurate, but warned of or noticed.
+    wrong: off by more than a tenth, or broken off, if by a limit of steps; reported_by_engine:
+    those of them that ended in a state which is no number; alarms: accurate, but warned of or
+    noticed.
     """
     ran = [each for each in results if outcome_of(each) is not Outcome.REFUSED]
     wrong = [each for each in ran if (error := error_of(each)) is None or error > WRONG]

@@ -114,8 +114,8 @@ def numbers_of_tradeoff(record: Mapping[str, Any]) -> dict[str, Any]:
         "no_result": sum(not run["sound"] for run in runs),
         "servos": len(servos),
         "servos_off_their_rates": len(rates),
-        "best_servo": min(run["error"] for run in servos if run["sound"]),
-        "best_of_first_order": min(run["error"] for run in first),
+        "best_servo": min((run["error"] for run in servos if run["sound"]), default=None),
+        "best_of_first_order": min((run["error"] for run in first), default=None),
         "times_at_target": float(f"{record['ratio']:.2g}"),
     }
 

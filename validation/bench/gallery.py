@@ -145,7 +145,7 @@ def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
 def write_numbers(study: str, numbers: Mapping[str, Any]) -> None:
     """A study's numbers in the file of all."""
     known = _read(NUMBERS) if NUMBERS.exists() else {}
-    write_text(NUMBERS, json.dumps({**known, study: numbers}, indent=1, sort_keys=True) + "\n")
+    write_text(NUMBERS, json.dumps({**known, study: numbers}, indent=1) + "\n")
 
 
 def write_proofs(findings: Path) -> None:

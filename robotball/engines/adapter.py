@@ -127,8 +127,8 @@ class Adapter(Engine, ABC):
 
     @property
     def installed(self) -> bool:
-        """Whether its package is there; nothing is imported."""
-        return find_spec(self.package.partition(".")[0]) is not None
+        """Whether its package is there; nothing is imported, but what a part's package is in."""
+        return find_spec(self.package) is not None
 
     def cannot_express(self, scene: Scene) -> str | None:
         """What no adapter can, and then what this one cannot."""

@@ -29,6 +29,9 @@ MEASURED = [
     ("dart", "ideal", "rtol", 1e-12, "fig12", 9.8e-13),
     ("dart", "best", "timestep", 1e-3, "classical_regular", 8.8e-3),
     ("physx", "best", "timestep", 1e-3, "classical_regular", 5.6e-3),
+    ("newton", "best", "timestep", 20e-3, "fig12", 0.0),
+    ("newton", "kept", "timestep", 20e-3, "fig12", 0.0),
+    ("mjx", "best", "timestep", 20e-3, "fig12", 0.0),
 ]
 
 

@@ -7,8 +7,10 @@ from typing import Any
 import pytest
 
 import robotball as rb
+from robotball.engines.dop853 import LEAST_RTOL
 from validation.studies.engines.environments import OLDER, contestants, python_of
 from validation.studies.engines.measure import Run, cells_of, measure, study_of
+from validation.studies.engines.process import LOOSEST, settings_of
 from validation.sweeps import Result
 
 FIG12 = rb.load_scene("fig12")
@@ -40,6 +42,21 @@ def test_a_run_in_a_process_says_what_a_run_here_says() -> None:
     assert record["settings"]["timestep"] == 5e-3
     assert record["version"] == rb.engine_named("mujoco").label.version
     assert record["seconds"] > 0
+
+
+@pytest.mark.parametrize(("rtol", "tolerance"), [(LEAST_RTOL, 1e-11), (1e-6, LOOSEST)])
+def test_a_presets_tolerance_is_of_its_own_value(rtol: float, tolerance: float) -> None:
+    """A step or an rtol that is looser is not held to what the preset's own reaches."""
+    preset = rb.engine_named("mujoco").presets["adaptive"]
+    assert settings_of(preset, "rtol", rtol).error_tolerance == tolerance
+
+
+@pytest.mark.slow
+def test_a_loose_run_that_rolls_has_no_fault() -> None:
+    """At rtol 1e-6 it slips by 1e-5 m/s, as its error allows; the preset's bound is 1e-11."""
+    record = measure({**CELL, "preset": "adaptive", "field": "rtol", "value": 1e-6})
+    assert record["slip"] > 1e-11
+    assert record["faults"] == []
 
 
 @pytest.mark.parametrize(

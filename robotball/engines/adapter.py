@@ -55,7 +55,12 @@ class World(ABC):
 
 
 class SteppedWorld(World):
-    """An engine that Python steps, one call a step."""
+    """An engine that Python steps, one call a step.
+
+    any_step: whether steps may differ in length, and not only the worlds that are made for them.
+    """
+
+    any_step = False
 
     @abstractmethod
     def control(self, t: float, step: float) -> None:
@@ -72,6 +77,11 @@ class SteppedWorld(World):
     def march(self, times: Array, timestep: float) -> Iterator[State]:
         sampled = set(times.tolist())
         cut = spans(times, self.scene.breakpoints, timestep)
+        if not self.any_step and not np.allclose(cut[1], cut[1][0], rtol=1e-9, atol=0.0):
+            raise InputError(
+                f"{self.scene.name}: this engine's steps are all equal, and they have to end on "
+                "every sample and wherever a rate breaks: sample it at equal intervals that do"
+            )
         for (begin, end), length, count in zip(*(each.tolist() for each in cut), strict=True):
             self._loop(self.step, begin, length, int(count))
             self.steps, self.longest = self.steps + int(count), max(self.longest, length)
@@ -266,7 +276,7 @@ def _faults(
         (rate_error > RATE_ERROR, Fault(FaultKind.RATE_OFF, np.nan, limit=RATE_ERROR)),
         (np.cumsum(slip * elapsed) > allowed, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance)),
         (
-            off > tolerance * scene.momentum_scale,
+            scene.keeps_momentum & (off > tolerance * scene.momentum_scale),
             Fault(FaultKind.MOMENTUM_OFF, np.nan, limit=tolerance),
         ),
     ]

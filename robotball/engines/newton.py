@@ -47,6 +47,8 @@ class NewtonSettings(StepSettings):
 class NewtonWorld(SteppedWorld):
     """The ball and its plane, on Warp's processor device."""
 
+    any_step = True
+
     def __init__(self, scene: Scene, settings: NewtonSettings, step: float) -> None:
         super().__init__(scene)
         import newton

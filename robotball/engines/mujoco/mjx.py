@@ -123,7 +123,7 @@ AS_IT_COMES = MjxSettings(
 )
 BEST = MjxSettings(
     name="best",
-    error_tolerance=5e-4,
+    error_tolerance=1e-4,
     stop_at_fault=False,
     timestep=5e-3,
     model=HARD,

@@ -8,13 +8,13 @@ export UV_COMPILE_BYTECODE := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test test-fast check docs gallery wheel bench cost-model setup gl lock clean
+.PHONY: demo test test-fast check docs gallery wheel bench cost-model setup gl browser lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
 
 # Files go to the cores whole, as a file's tests share what they compute.
-test: setup gl check
+test: setup gl browser check
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 
 test-fast: setup gl
@@ -70,6 +70,12 @@ setup: .venv/.stamp
 gl: setup
 	@$(BIN)/python -m robotball.film.gl --quiet || .ci/apt libosmesa6 || true
 	@$(BIN)/python -m robotball.film.gl || true
+
+# Pages are tested in a browser without a window; where there is none these tests are skipped.
+browser:
+	@for each in chromium chromium-browser google-chrome chromium-headless-shell; do \
+	  command -v $$each >/dev/null && exit 0; done; \
+	.ci/apt chromium-headless-shell || echo "no Chromium: the tests of pages are skipped"
 
 lock: | $(UV)
 	$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes \

@@ -2,7 +2,8 @@
 
 Shell, frame and rotors are the hand-written parts of mjcf/; a pendulum is drawn from its numbers.
 Sizes are chosen so that nothing runs into anything else: the frame's hoop is near the shell, what
-turns inside it stays inside, and rotors with one centre are rings within rings.
+turns inside it stays inside, and rotors with one centre are rings within rings. A frame off balance
+has a weight on the side of its centre of mass.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,6 +30,8 @@ RING = 0.7  # of a rotor, the next one inside it
 LEAST = 0.06  # of a rotor, or of a pendulum's bob
 CORE = 0.28  # of rotors at the centre, where a pendulum swings around them
 BOB, ARM = 0.17, 0.035  # radii of a pendulum's
+HOOP, OUTSIDE = 0.82, 0.96  # the frame's hoop, and how far out a weight on it reaches
+BALANCED = 0.01  # a frame's centre of mass that is nearer has no weight
 TOGETHER = 0.05  # rotors whose centres are nearer than that have one centre
 
 ORIGIN, AS_IT_IS = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
@@ -58,7 +61,7 @@ class Shape:
 def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
     """The shapes of each body, by the bodies' names."""
     axis = ball.shell.axis
-    looks = {name: _placed(_part(name), axis) for name in ("shell", "frame")}
+    looks = {"shell": _placed(_part("shell"), axis), "frame": _frame(ball)}
     for (name, rotor), (size, inmost) in zip(ball.named_rotors, _rings(ball), strict=True):
         shapes = [each for each in _part("rotor") if inmost or each.kind not in HUB]
         looks[name] = _placed(shapes, rotor.axis, size, rotor.centre / ball.radius)
@@ -91,6 +94,30 @@ def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
         yield max(LEAST, min(room)) / RIM * RING**before, after == 0
 
 
+def _frame(ball: Ball) -> tuple[Shape, ...]:
+    """The frame's part; off balance, its hoop is turned to carry a weight there."""
+    part, axis, centre = _part("frame"), ball.shell.axis, ball.frame.centre / ball.radius
+    off = float(np.linalg.norm(centre))
+    if off < BALANCED:
+        return _placed(part, axis)
+    across = Rotation.from_quat(z_along(axis), scalar_first=True).inv().apply(centre)
+    hoop = _placed(part, axis, spin=float(np.arctan2(across[1], across[0])))
+    return (*hoop, *_weight(ball, centre / off, off))
+
+
+def _weight(ball: Ball, side: Array, off: float) -> Iterator[Shape]:
+    """On an arm at the frame's centre of mass, or on the hoop where something turns inside."""
+    reach = INSIDE if ball.pendulums else 0.0
+    for rotor, (size, _) in zip(ball.rotors, _rings(ball), strict=True):
+        reach = max(reach, float(np.linalg.norm(rotor.centre)) / ball.radius + RIM * size)
+    radius = min(BOB, (OUTSIDE - reach) / 2)
+    place = OUTSIDE - radius if reach else min(off, INSIDE - radius)
+    yield Shape("sphere", np.array([radius, 0, 0]), place * side, AS_IT_IS, "rotor")
+    if not reach:
+        arm = np.array([ARM, (HOOP - place) / 2, 0.0])
+        yield Shape("capsule", arm, side * (place + HOOP) / 2, z_along(side), "frame")
+
+
 def _pendulum(ball: Ball, pendulum: Pendulum) -> Iterator[Shape]:
     """An arm from the hinge to a bob at the centre of mass, and the hinge's own axle."""
     pivot, arm = pendulum.pivot / ball.radius, (pendulum.centre - pendulum.pivot) / ball.radius
@@ -110,10 +137,17 @@ def _pendulum(ball: Ball, pendulum: Pendulum) -> Iterator[Shape]:
 
 
 def _placed(
-    shapes: Sequence[Shape], axis: Array, size: float = 1.0, centre: Array = ORIGIN
+    shapes: Sequence[Shape],
+    axis: Array,
+    size: float = 1.0,
+    centre: Array = ORIGIN,
+    spin: float = 0.0,
 ) -> tuple[Shape, ...]:
-    """Shapes of a part, about z and in the part's own size, as they stand about an axis (3,)."""
-    turn = Rotation.from_quat(z_along(axis), scalar_first=True)
+    """Shapes of a part, about z and in the part's own size, as they stand about an axis (3,).
+
+    spin: by which they are turned about it [rad].
+    """
+    turn = Rotation.from_quat(z_along(axis), scalar_first=True) * Rotation.from_rotvec([0, 0, spin])
     return tuple(
         replace(
             shape,

@@ -29,10 +29,10 @@ def from_matrix(R: Array) -> Array:
 
 
 def perpendicular(axis: Array) -> Array:
-    """Some unit vector (3,) orthogonal to `axis` (3,)."""
-    helper = np.eye(3)[np.argmin(np.abs(axis))]
+    """Some unit vectors (..., 3) orthogonal to `axis` (..., 3)."""
+    helper = np.eye(3)[np.argmin(np.abs(axis), axis=-1)]
     side = np.cross(axis, helper)
-    return side / np.linalg.norm(side)
+    return side / np.linalg.norm(side, axis=-1, keepdims=True)
 
 
 def z_along(axis: Array) -> Array:

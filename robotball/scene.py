@@ -15,7 +15,7 @@ from robotball.mechanics.robot import Robot, robot_of
 from robotball.motors import Motor
 from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.rotations import Array, from_matrix, rotation_matrix
-from robotball.shown import scene_line
+from robotball.shown import scene_cell, scene_line
 from robotball.start import Start, horizontal, unit
 from robotball.times import sample_times
 from robotball.value import Value
@@ -89,6 +89,9 @@ class Scene(Value):
 
     def __repr__(self) -> str:
         return scene_line(self)
+
+    def _repr_html_(self) -> str:
+        return scene_cell(self)
 
     @cached_property
     def times(self) -> Array:

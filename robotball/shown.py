@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robotball.chart import Line, chart, legend
+from robotball.drives import Constant
+from robotball.errors import InputError
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
@@ -15,6 +17,8 @@ if TYPE_CHECKING:
 
 DASHES = ("", "7 4", "2 3", "10 3 2 3")  # tell lines apart without colour
 SIDE = 480  # px, of a path in a notebook
+SHOWN, STEPS = 10.0, 4000  # s of a scene's path at most, and steps: a cell must not take long
+MOVED = {"Servo": "velocity servo", "PositionServo": "position servo"}  # else the class's name
 
 
 def counted(count: int, what: str) -> str:
@@ -29,6 +33,36 @@ def scene_line(scene: Any) -> str:
     inside += [counted(len(ball.pendulums), "pendulum")] if ball.pendulums else []
     parts = [scene.rolling, *inside, f"{ball.mass:.4g} kg", f"radius {ball.radius:.4g} m"]
     return f"<Scene {scene.name}: {', '.join(parts)}; {scene.duration:g} s>"
+
+
+def scene_cell(scene: Any) -> str:
+    """A scene in a notebook: its line, its bodies as a table, and its path by the equations."""
+    # The equations know scenes, so a scene finds them only when it is looked at.
+    from robotball import integrate, sample_times
+
+    hinges = {hinge.name: _moved(hinge) for hinge in scene.hinges}
+    table = "<tr><th>body</th><th>mass [kg]</th><th>turns</th></tr>"
+    for name, body in scene.ball.named_bodies:
+        turns = escape(hinges.get(name, ""))
+        table += f"<tr><td>{name}</td><td>{body.mass:.4g}</td><td>{turns}</td></tr>"
+    above = f"<div>{escape(scene.title)}</div><table>{table}</table>"
+    try:
+        times = sample_times(min(scene.duration, SHOWN))
+        motion = integrate(scene, times, max_steps=STEPS)
+    except InputError as error:
+        return (
+            f"<div><code>{escape(repr(scene))}</code>{above}<div>{escape(str(error))}</div></div>"
+        )
+    return cell(repr(scene), path_lines([motion]), f"{above}<div>Its path, by the equations:</div>")
+
+
+def _moved(hinge: Any) -> str:
+    """What turns a hinge, in a few words."""
+    if hinge.motor is not None:
+        name = type(hinge.motor).__name__
+        return MOVED.get(name, name.lower())
+    rate = f"{hinge.rate:.4g} rad/s"
+    return rate if isinstance(hinge.command, Constant) else f"{rate} at first"
 
 
 def motion_line(motion: Any) -> str:
@@ -75,11 +109,11 @@ def path_lines(motions: Iterable[Any], names: Iterable[str] | None = None) -> li
     ]
 
 
-def cell(line: str, lines: Sequence[Line]) -> str:
-    """A notebook's cell: a line of words, and the paths below it."""
+def cell(line: str, lines: Sequence[Line], above: str = "") -> str:
+    """A notebook's cell: a line of words, HTML above the picture if there is any, the paths."""
     drawn = chart(lines, "X [m]", "Y [m]", equal=True, size=(SIDE, SIDE * 3 // 4))
     names = f"<div>{legend(lines)}</div>" if len(lines) > 1 else ""
-    return f"<div><code>{escape(line)}</code>{names}{drawn}</div>"
+    return f"<div><code>{escape(line)}</code>{above}{names}{drawn}</div>"
 
 
 def by_value(momentum: Array) -> dict[float, str]:

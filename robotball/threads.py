@@ -6,10 +6,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 from robotball.errors import check_count
 
-CHUNKS = 4  # a thread, so that one which is held up leaves its share to the others
+if TYPE_CHECKING:  # NumPy is not imported before it is needed
+    import numpy as np
+    from numpy.typing import NDArray
+
+Queue: TypeAlias = "NDArray[np.int64]"
+
+NO_MORE = 2**62  # past the end of any queue
 GROUPS = Path("/sys/fs/cgroup")
 
 _most: ContextVar[int | None] = ContextVar("most", default=None)
@@ -33,25 +40,29 @@ def allowed() -> int:
     return _most.get() or cores()
 
 
-def in_chunks(work: Callable[[slice], None], count: int, unit: int) -> None:
-    """Call `work` for consecutive slices over `count` motions, all but the last of whole units.
+def in_threads(work: Callable[[Queue], None], most: int) -> None:
+    """Call `work` in at most so many threads at once, and in no more than are allowed.
 
-    work: writes its results into their places; to be of use it must release the interpreter's lock.
+    work: takes numbers from the queue (1,), which holds the next, until all is done, and writes its
+    results into their places; to be of use it must release the interpreter's lock.
     """
-    threads = 1 if count <= unit else allowed()
-    if threads == 1:
-        work(slice(0, count))
-        return
-    from concurrent.futures import ThreadPoolExecutor
+    import numpy as np
 
-    size = unit * math.ceil(count / (CHUNKS * threads * unit))
-    pieces = [slice(i, i + size) for i in range(0, count, size)]
+    queue = np.zeros(1, np.int64)
+    threads = min(most, allowed())
+    if threads < 2:
+        work(queue)
+        return
+    from concurrent.futures import ThreadPoolExecutor, as_completed
+
     # What is called in a thread is for that thread alone.
-    with ThreadPoolExecutor(
-        min(threads, len(pieces)), initializer=_most.set, initargs=(1,)
-    ) as executor:
-        for _ in executor.map(work, pieces):
-            pass
+    with ThreadPoolExecutor(threads, initializer=_most.set, initargs=(1,)) as executor:
+        try:
+            for each in as_completed([executor.submit(work, queue) for _ in range(threads)]):
+                each.result()
+        except BaseException:
+            queue[0] = NO_MORE
+            raise
 
 
 def cores() -> int:

@@ -14,9 +14,8 @@ from typing import Any, Self
 
 import pytest
 
-BROWSER = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
+BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
 OPTIONS = (
     "--headless",
@@ -96,6 +95,11 @@ class Browser:
     def screenshot(self, path: Path) -> None:
         """The page as it is seen, as PNG."""
         path.write_bytes(b64decode(self.call("Page.captureScreenshot")["data"]))
+
+    def pdf(self) -> bytes:
+        """The page as it is printed on A4."""
+        inches = {"paperWidth": 8.27, "paperHeight": 11.69}
+        return b64decode(self.call("Page.printToPDF", **inches)["data"])
 
     def _read(self) -> Any:
         message = b""

@@ -27,8 +27,10 @@ Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
 class DrakeSettings(StepSettings):
     """None leaves a choice at Drake's own default.
 
-    approximation: of the contact in discrete steps; integrator, accuracy: continuous time instead,
-    where the timestep is the longest step; stiction m/s: the slip below which friction is not full;
+    approximation: of the contact in discrete steps; integrator: continuous time instead, where the
+    timestep is the longest step, and the step itself without error_control; accuracy_per_step: of
+    that control, and of Newton's iteration in implicit steps; stiction m/s: the slip below which
+    friction is not full;
     gain N m s/rad: of velocity servos on the hinges; armature kg m²: reflected inertia instead of
     servos; spin_damping N m s: of our torque, of a rubber ball alone; ideal: our constraints and
     our steps on Drake's mass matrix and bias, with rtol for DOP853.
@@ -37,6 +39,7 @@ class DrakeSettings(StepSettings):
     approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None
     integrator: Integrator | None = None
     accuracy_per_step: float | None = None
+    error_control: bool = True
     stiction: float | None = None
     friction: float = 1.0
     gain: float | None = None
@@ -79,9 +82,10 @@ def _add_plant(
         else:
             motor.set_controller_gains(tree.PdControllerGains(p=0.0, d=settings.gain))
     friction = plants.CoulombFriction(settings.friction, settings.friction)
-    ground = HalfSpace.MakePose(np.array([0, 0, 1.0]), np.zeros(3))
+    # Equally stiff, they meet in the middle of their overlap: there at the height of zero.
+    ground = HalfSpace.MakePose(np.array([0, 0, 1.0]), np.array([0, 0, depth / 2]))
     plant.RegisterCollisionGeometry(plant.world_body(), ground, HalfSpace(), "plane", friction)
-    sphere = Sphere(scene.ball.radius + depth)
+    sphere = Sphere(scene.ball.radius + depth / 2)
     plant.RegisterCollisionGeometry(bodies[0], RigidTransform(), sphere, "sphere", friction)
     plant.mutable_gravity_field().set_gravity_vector([0, 0, -scene.gravity])
     plant.Finalize()
@@ -197,6 +201,8 @@ class DrakeWorld(World):
             if settings.accuracy_per_step is not None:
                 config.accuracy = settings.accuracy_per_step
             ApplySimulatorConfig(config, self.simulator)
+            # Not by the config, which then leaves the accuracy at Drake's own.
+            self.simulator.get_mutable_integrator().set_fixed_step_mode(not settings.error_control)
         self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
         q, v = _positions(self.now)
         plant.SetPositions(self.context, q)
@@ -248,8 +254,9 @@ TAMSI = DrakeSettings(
     approximation="tamsi", friction=20.0, armature=1e12, spin_damping=100.0,
 )  # fmt: skip
 BEST = replace(
-    TAMSI, name="best", timestep=5e-3, approximation=None, integrator="radau3",
-    accuracy_per_step=1e-5, stiction=1e-3, spin_damping=1e4,
+    TAMSI, name="best", error_tolerance=1e-3, timestep=1e-3, approximation=None,
+    integrator="radau3", accuracy_per_step=1e-8, error_control=False, stiction=1e-4,
+    spin_damping=1e6,
 )  # fmt: skip
 IDEAL = DrakeSettings(
     name="ideal", error_tolerance=1e-10, timestep=1.0, armature=0.0, ideal="DOP853"
@@ -266,7 +273,7 @@ class Drake(Adapter):
     ladders: Mapping[str, Ladder] = {
         "as-it-comes": ("timestep", (1e-3,)),
         "tamsi": ("timestep", (4e-3, 1e-3, 1e-4)),
-        "best": ("timestep", (5e-3,)),
+        "best": ("timestep", (1e-3,)),
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     }
     settings_type = DrakeSettings

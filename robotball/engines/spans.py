@@ -13,10 +13,11 @@ def spans(
     Between two of them go the fewest equal steps not longer than `timestep`.
     """
     inside = [t for t in breakpoints if t < times[-1]]
-    stops = np.union1d(times, inside)
+    stops = np.union1d(times, inside) if inside else times
     ends = np.stack([stops[:-1], stops[1:]], axis=1)
-    counts = np.ceil(np.diff(stops) / timestep * (1 - 1e-9))
-    return ends, np.minimum(np.diff(stops) / counts, timestep), counts
+    lengths = np.diff(stops)
+    counts = np.ceil(lengths / timestep * (1 - 1e-9))
+    return ends, np.minimum(lengths / counts, timestep), counts
 
 
 def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:

@@ -31,6 +31,7 @@ CONTROLS = """
 <label><input type="checkbox" data-is="ghost"> one over the other</label>
 </div>
 <div data-is="line"></div>
+<div class="rb-help">Drag to turn the view; a click and the wheel, or two fingers, to zoom.</div>
 <div>{note}</div>
 """
 
@@ -53,9 +54,8 @@ def view_fragment(motions: Sequence[Motion]) -> str:
     data = view_data(motions)
     scene, names = motions[0].scene, " and ".join(motion.engine.name for motion in motions)
     shown, whole = data["end"], max(float(motion.times[-1]) for motion in motions)
-    note = "Drag to turn the view; a click and the wheel, or two fingers, to zoom."
-    if shown < whole * (1 - 1e-9):
-        note += f" The first {shown:g} s of {whole:g} s are shown."
+    cut = shown < whole * (1 - 1e-9)
+    note = f"The first {shown:g} s of {whole:g} s are shown." if cut else ""
     return (
         '<div class="rb-view">'
         + CONTROLS.format(

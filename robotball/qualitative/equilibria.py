@@ -261,6 +261,6 @@ def rate_scale(parameters: Parameters) -> float:
 
 
 def attitude_at(gamma: Array) -> Array:
-    """Some attitude (4,) with the vertical γ (3,)."""
-    first, second = tangents(gamma)
-    return from_matrix(np.stack([first, second, gamma]))
+    """Some attitudes (..., 4) with the verticals γ (..., 3)."""
+    first = perpendicular(gamma)
+    return from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=-2))

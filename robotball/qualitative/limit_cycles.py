@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines.reduced.compiled.flatten import LANES
-from robotball.engines.reduced.compiled.kernels import orbit, orbits
+from robotball.engines.reduced.compiled.kernels import Starts, components, orbit
+from robotball.engines.reduced.compiled.systems import ARC
 from robotball.errors import InputError
 from robotball.parameters import Parameters, as_vector
 from robotball.qualitative.cycles import Cycle, close
@@ -27,17 +27,13 @@ from robotball.qualitative.equilibria import (
     rate_scale,
     tangents,
 )
+from robotball.qualitative.sections import crossings
 from robotball.rotations import Array, from_matrix, rotation_matrix
-from robotball.threads import in_chunks
 
 NO_MOMENTUM = np.zeros(3)
 SAMPLES = 4000  # of a closed curve
-STRIDE = 0.1  # rad, at most, between two samples of an orbit that is to come back
-TOLERANCE = 1e-9  # of a step of it
-NOISE = 1e-6  # rad: what the returns may be off by, between samples STRIDE apart
-FIRST_LOOK = 6  # part of the time after which those near a sink are left out
-KEPT = 0.03  # of a sink: what is that near stays
-HALVINGS = 24  # of a stride
+TOLERANCE = 1e-9  # of a step of an orbit that is to come back
+NOISE = 1e-6  # rad: what the returns may be off by, after many such steps
 CLOSER = 16  # starts between two neighbours
 AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
 # Of a multiplier from 1: an orbit round a centre closes, too.
@@ -59,10 +55,9 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     centres = of_index_one(points)
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
     for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
-        sinks = sinks_of(points, sense)
         # Two arcs each: where one has a cycle close to the end of what comes back, another has not.
         for arc in (Arc(gamma, side) for gamma in centres for side in tangents(gamma)):
-            for gamma, period in returning(ball, arc, longest, starts, sinks):
+            for gamma, period in returning(ball, arc, longest, starts):
                 if any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1)):
                     continue
                 cycle = closed(ball, gamma, period)
@@ -104,23 +99,11 @@ class Arc:
         return from_matrix(np.stack([normal, np.cross(gamma, normal), gamma], axis=1))
 
 
-def sinks_of(points: list[FixedPoint], sense: int) -> Array:
-    """γ (m, 3) of the nodes and foci that attract, for the flow back in time if sense is -1."""
-    found = [
-        point.gamma
-        for point in points
-        if point.kind in ("stable node", "stable focus", "unstable node", "unstable focus")
-        and sense * point.eigenvalues.real.sum() < 0
-    ]
-    return np.array(found).reshape(-1, 3)
-
-
 def returning(
     parameters: Parameters,
     arc: Arc,
     longest: float,
     starts: int,
-    sinks: Array,
     part: tuple[float, float] = (0.0, np.pi),
 ) -> Iterator[tuple[Array, float]]:
     """Where attracting cycles cross a part of an arc: γ (3,) near each, and about its period [s].
@@ -131,7 +114,7 @@ def returning(
     """
     apart = (part[1] - part[0]) / starts
     angles = np.linspace(*part, 2 * starts + 1)[1::2]
-    ahead, times = first_returns(parameters, arc, angles, longest, sinks)
+    ahead, times = first_returns(parameters, arc, angles, longest)
     gap = ahead - angles
     gap[np.abs(gap) < NOISE] = 0.0
     fall = gap[:-1] - gap[1:]
@@ -142,76 +125,22 @@ def returning(
                 yield arc.at(at)[0], float(times[i])
         elif part == (0.0, np.pi) and min(abs(gap[i]), abs(gap[i + 1])) < 2 * apart:
             between = float(angles[i]), float(angles[i + 1])
-            yield from returning(parameters, arc, longest, CLOSER, sinks, between)
+            yield from returning(parameters, arc, longest, CLOSER, between)
 
 
 def first_returns(
-    parameters: Parameters, arc: Arc, angles: Array, longest: float, sinks: Array
+    parameters: Parameters, arc: Arc, angles: Array, longest: float
 ) -> tuple[Array, Array]:
     """At which angles (n,) orbits from angles (n,) on an arc come back to it, crossing it the same
     way, and when [s]; NaN where they do not within `longest`.
-
-    sinks (m, 3): fixed points that keep what comes near; most of those that never return end there.
     """
-    back, when, ends = returns_within(parameters, arc, angles, longest / FIRST_LOOK)
-    kept = (ends @ sinks.T > 1 - KEPT**2 / 2).any(axis=1)
-    late = np.flatnonzero(np.isnan(back) & ~kept)
-    if len(late):
-        back[late], when[late], _ = returns_within(parameters, arc, angles[late], longest)
-    return back, when
-
-
-def returns_within(
-    parameters: Parameters, arc: Arc, angles: Array, longest: float
-) -> tuple[Array, Array, Array]:
-    """The same, whatever becomes of those that do not return; and the last γ (n, 3)."""
-    back, when, ends = (np.empty((len(angles), *each)) for each in ((), (), (3,)))
-
-    def find(some: slice) -> None:
-        back[some], when[some], ends[some] = _returns_of(parameters, arc, angles[some], longest)
-
-    in_chunks(find, len(angles), LANES)
-    return back, when, ends
-
-
-def _returns_of(
-    parameters: Parameters, arc: Arc, angles: Array, longest: float
-) -> tuple[Array, Array, Array]:
-    """The same for some of them, between samples by cubics through values and rates."""
-    n, places, normal = len(angles), arc.at(angles), np.cross(arc.centre, arc.across)
-    times = np.linspace(0.0, longest, 2 + int(longest * rate_scale(parameters) / STRIDE))
-    found = orbits(parameters, arc.attitudes(angles), np.zeros((n, 3)), times, TOLERANCE)
-    w, x, y, z = np.moveaxis(found.attitudes, -1, 0)
-    gamma = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
-    height, side = gamma @ normal, gamma @ arc.across
-    height[:, 0] = 0.0  # but for rounding, which is no crossing
-    way = np.sign(np.stack(flow(parameters, tuple(places.T)), axis=1) @ normal)
-    passed = (height[:, :-1] * way[:, None] < 0) & (height[:, 1:] * way[:, None] >= 0)
-    passed &= side[:, 1:] > 0
-    at = passed.argmax(axis=1)
-    lane = np.arange(n)
-    first, last, step = gamma[lane, at], gamma[lane, at + 1], times[1] - times[0]
-    rates = [step * np.stack(flow(parameters, tuple(end.T)), axis=1) for end in (first, last)]
-
-    def between(part: Array) -> Array:
-        u = part[:, None]
-        return np.asarray(
-            first * (1 + 2 * u) * (1 - u) ** 2
-            + rates[0] * u * (1 - u) ** 2
-            + last * (3 - 2 * u) * u * u
-            - rates[1] * (1 - u) * u * u
-        )
-
-    low, high = np.zeros(n), np.ones(n)
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        before = between(middle) @ normal * way < 0
-        low, high = np.where(before, middle, low), np.where(before, high, middle)
-    point = between((low + high) / 2)
-    back = passed.any(axis=1) & (found.status == 0)
-    angle = np.arctan2(point @ arc.across, point @ arc.centre)
-    when = times[at] + low * step
-    return np.where(back, angle, np.nan), np.where(back, when, np.nan), gamma[:, -1]
+    normal = np.cross(arc.centre, arc.across)
+    way = np.sign(normal @ np.stack(flow(parameters, tuple(arc.at(angles).T))))
+    starts = Starts(parameters, arc.attitudes(angles), np.zeros((len(angles), 3)))
+    numbers = np.concatenate([np.outer(way, normal), np.tile(arc.across, (len(way), 1))], axis=1)
+    times, states, *_ = crossings(starts, ARC, numbers, 1, 1, TOLERANCE, longest)
+    gamma = np.stack(eq.space_axes(components(states[:, 0]))[2], axis=-1)
+    return np.arctan2(gamma @ arc.across, gamma @ arc.centre), times[:, 0]
 
 
 def closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:

@@ -79,7 +79,7 @@ def basin_shares(
             attractors[f"cycle {number}"] = [curve, -curve]
     if not attractors:
         return {}
-    attitudes = np.array([attitude_at(gamma) for gamma in spread_points(starts)])
+    attitudes = attitude_at(spread_points(starts))
     times = np.array([0.0, SETTLING / rate_scale(parameters)])
     ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, TOLERANCE).attitudes[:, 1]
     gamma = rotation_matrix(ends)[:, 2]

@@ -4,6 +4,7 @@ The section is an annulus: the points at L = ±√f differ with l. Orbits cross 
 directions, towards larger g (+1) and smaller (-1).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +15,14 @@ from robotball.engines.reduced.compiled import marching
 from robotball.engines.reduced.compiled.crossing import cross
 from robotball.engines.reduced.compiled.flatten import LANES
 from robotball.engines.reduced.compiled.kernels import STEP_TOLERANCE, Integers, Starts, components
-from robotball.engines.reduced.compiled.steppers import BALL, SECTION, stepper
-from robotball.engines.reduced.compiled.systems import RETURN
+from robotball.engines.reduced.compiled.steppers import BALL, LEVEL, SECTION, stepper
+from robotball.engines.reduced.compiled.systems import RETURN, System
 from robotball.errors import InputError
 from robotball.parameters import Parameters
 from robotball.qualitative.cycles import Cycle, close
 from robotball.rotations import Array
 from robotball.start import along_momentum, section_state
-from robotball.threads import in_chunks
+from robotball.threads import Queue, in_threads
 
 # Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
 STEPS_PER_CROSSING = 100_000
@@ -65,34 +66,57 @@ def section(
         raise InputError(
             "a section needs M other than zero, a count of 1 or more, a direction ±1, 0"
         )
-    starts.rows[:, SECTION - BALL : SECTION - BALL + 2] = np.cos(g), np.sin(g)
-    n = len(starts.rows)
-    times, states = np.full((n, count), np.nan), np.full((n, count, 4), np.nan)
-    directions = np.zeros((n, count), np.int64)
-    found, status = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    step = stepper(RETURN, parameters.rolling)
-    rows = np.concatenate([starts.rows, starts.attitudes], axis=1)
-    lengths = starts.first_lengths(np.inf, tolerance)
-
-    def find(some: slice) -> None:
-        cross(
-            step,
-            rows[some],
-            lengths[some],
-            tolerance,
-            STEPS_PER_CROSSING,
-            direction,
-            times[some],
-            states[some],
-            directions[some],
-            found[some],
-            status[some],
-        )
-
-    in_chunks(find, n, LANES)
+    m, c = (starts.rows[:, LEVEL - BALL :][:, :2] / starts.size[:, None]).T
+    numbers = np.stack(np.broadcast_arrays(np.cos(g), np.sin(g), m, c), axis=1)
+    found = crossings(starts, RETURN, numbers, count, direction, tolerance)
+    times, states, directions, number, status = found
     world = starts.to_world(states)
     l, L = section_coordinates(world, np.asarray(momenta, dtype=float))
-    return Section(times, l, L, directions, world, found, status)
+    return Section(times, l, L, directions, world, number, status)
+
+
+def crossings(
+    starts: Starts,
+    system: System,
+    numbers: Array,
+    count: int,
+    direction: int,
+    tolerance: float,
+    longest: float = np.inf,
+) -> tuple[Array, Array, Integers, Integers, Integers]:
+    """The first `count` crossings of what a system sees, within `longest` [s].
+
+    numbers (n, k): of the section, for each start. Returns times, states (n, m, size) in turned
+    axes, directions, found and status, as a Section has them.
+    """
+    n = len(starts.rows)
+    starts.rows[:, SECTION - BALL :][:, : numbers.shape[1]] = numbers
+    times, states = np.full((n, count), np.nan), np.full((n, count, system.size), np.nan)
+    directions = np.zeros((n, count), np.int64)
+    found, status = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    step = stepper(system, starts.parameters.rolling)
+    rows = np.concatenate([starts.rows, starts.attitudes], axis=1)
+    lengths = starts.first_lengths(longest, tolerance)
+
+    def find(queue: Queue) -> None:
+        cross(
+            step,
+            queue,
+            rows,
+            lengths,
+            tolerance,
+            STEPS_PER_CROSSING,
+            longest,
+            direction,
+            times,
+            states,
+            directions,
+            found,
+            status,
+        )
+
+    in_threads(find, math.ceil(n / LANES))
+    return times, states, directions, found, status
 
 
 def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:

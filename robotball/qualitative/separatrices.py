@@ -44,7 +44,7 @@ def separatrices(
             near(ball, point.gamma, sign)
             for point, sign in zip(saddles, (1, -1) * (len(saddles) // 2), strict=True)
         ]
-        attitudes = np.array([attitude_at(gamma) for gamma in starts])
+        attitudes = attitude_at(np.array(starts))
         runs = orbits(ball, attitudes, np.zeros((len(starts), 3)), times)
         for saddle, each in zip(saddles, runs.attitudes, strict=True):
             path = rotation_matrix(each)[:, 2]

@@ -9,9 +9,18 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[2] / "docs/findings"
-PACKAGES = {"mujoco": "mujoco", "pybullet": "pybullet", "drake": "pydrake", "exudyn": "exudyn"}
+PACKAGES = {
+    "mujoco": "mujoco",
+    "warp": "mujoco_warp",
+    "pybullet": "pybullet",
+    "drake": "pydrake",
+    "exudyn": "exudyn",
+    "pinocchio": "pinocchio",
+    "dart": "dartpy",
+    "physx": "sapien",
+}
 # Of every line that a script prints: its label, and bounds close to what was measured.
-FIRST_ORDER = (0.04499, 0.04501)  # 0.0450016 in three engines
+FIRST_ORDER = (0.04499, 0.04501)  # 0.0450016 in four engines
 EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
     "mujoco_frame_root": {"shell root": (8e-4, 1e-3), "frame root": (1.39, 1.42)},
     "mujoco_implicitfast": {
@@ -80,6 +89,27 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
         "vs 0.001 m/s, slip over vs": (0.22, 0.25),
     },
     "exudyn_fast_rotor": {"2 ms": (6.4e-3, 6.9e-3), "0.5 ms": (2.4e-6, 2.7e-6)},
+    "pinocchio_rolling": {"along": (0, 1e-12), "across": (1.714, 1.715), "up": (-4.001, -3.999)},
+    "pinocchio_drift": {
+        "corrector 0 /s": (0.1, 0.103),
+        "corrector 10 /s": (2.4e-3, 2.5e-3),
+        "corrector 100 /s": (2.5e-4, 2.7e-4),
+    },
+    "dart_first_order": {"with a rotor": FIRST_ORDER},
+    "dart_spin": {"spinning": (1.0, 1.0), "rolling": (1 - 1e-8, 1 + 1e-8)},
+    "physx_rate_limit": {"default": (99.9, 100.1), "raised": (149.9, 150.1)},
+    "physx_momentum": {"10 ms": (-3e-6, 3e-6), "1 ms": (-3e-6, 3e-6), "0.1 ms": (2e-4, 5e-4)},
+    "physx_slip": {
+        "1 ms": (1.2e-3, 2e-3),
+        "0.1 ms": (2.8e-3, 4.2e-3),
+        "0.01 ms": (5.5e-3, 9e-3),
+    },
+    "warp_single_precision": {
+        "MuJoCo, 20 ms": (-3.1e-7, -3e-7),
+        "Warp, 20 ms": (-4e-7, -2e-7),
+        "MuJoCo, 5 ms": (-6e-10, -5e-10),
+        "Warp, 5 ms": (-1e-7, -1e-8),
+    },
 }
 
 
@@ -92,7 +122,8 @@ def test_a_finding_is_what_its_script_prints(name: str, tmp_path: Path) -> None:
         pytest.skip(f"needs {package}")
     command = [sys.executable, str(FOLDER / f"{name}.py")]
     printed = subprocess.check_output(command, text=True, cwd=tmp_path, stderr=subprocess.DEVNULL)
-    found = {label: float(value) for label, value in re.findall(r"^(.+): (\S+)$", printed, re.M)}
+    lines = re.findall(r"^(.+): ([-+.\w]+)$", printed, re.M)
+    found = {label: float(value) for label, value in lines}
     assert set(found) >= set(EXPECTED[name])
     off = {
         label: found[label]

@@ -7,7 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball.bodies import Ball, Pendulum
-from robotball.looks import INSIDE, Shape, colours, looks_of
+from robotball.looks import BOB, HOOP, INSIDE, RIM, Shape, colours, looks_of
 from robotball.rotations import Array, rotation_matrix
 
 BALL = rb.load_scene("three_rotors").ball
@@ -72,3 +72,55 @@ def test_a_pendulum_stays_inside_the_hoop(length: float) -> None:
     ball = with_pendulums(pendulum(length * BALL.radius, axis, np.zeros(3)))
     for shape in looks_of(ball)["pendulum1"]:
         assert np.linalg.norm(shape.pos) + shape.size[0] <= INSIDE + 1e-12
+
+
+SIDES = [[0.0, 0.0, -0.4], [0.3, 0.0, 0.0], [0.1, -0.2, 0.05], [0.0, 0.9, 0.0]]
+AXES = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [0.6, 0.0, -0.8]]
+X = np.eye(3)[0]
+
+
+@pytest.mark.parametrize("centre", SIDES)
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("inside", ["rotors", "a pendulum"])
+def test_a_frame_off_balance_has_a_weight_on_its_hoop(
+    centre: list[float], axis: list[float], inside: str
+) -> None:
+    """Towards its centre of mass, in the hoop's plane, outside of what turns, inside the shell."""
+    swinging = (pendulum(0.5, X, 0 * X),) if inside == "a pendulum" else ()
+    ball = replace(off_balance(centre, axis), pendulums=swinging)
+    *hoop, weight = looks_of(ball)["frame"]
+    assert len(hoop) == len(looks_of(BALL)["frame"])
+    assert weight.kind == "sphere"
+    out = float(np.linalg.norm(weight.pos))
+    assert weight.pos == pytest.approx(out * np.array(centre) / np.linalg.norm(centre))
+    reach = INSIDE if swinging else RIM
+    assert out - weight.size[0] >= reach - 1e-12
+    assert out + weight.size[0] < 0.97
+    (ring,) = (shape for shape in hoop if shape.kind == "torus")
+    normal = rotation_matrix(ring.turn)[:, 2]
+    assert [normal @ weight.pos, normal @ axis] == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("centre", SIDES)
+def test_where_nothing_turns_inside_the_weight_is_at_the_frames_centre_of_mass(
+    centre: list[float],
+) -> None:
+    """On an arm from the hoop; one far out is drawn inside the hoop."""
+    ball = replace(off_balance(centre, AXES[0]), rotors=())
+    *_, weight, arm = looks_of(ball)["frame"]
+    far = float(np.linalg.norm(centre))
+    assert weight.pos == pytest.approx(min(1.0, (INSIDE - BOB) / far) * np.array(centre))
+    inner, outer = (np.linalg.norm(arm.pos) + sign * arm.size[1] for sign in (-1, 1))
+    assert [inner, outer] == pytest.approx([np.linalg.norm(weight.pos), HOOP])
+
+
+def off_balance(centre: list[float], axis: list[float]) -> Ball:
+    frame = replace(BALL.frame, centre=BALL.radius * np.array(centre))
+    return replace(BALL, frame=frame, shell=replace(BALL.shell, axis=np.array(axis)))
+
+
+def test_a_balanced_frame_has_no_weight() -> None:
+    """Nor one that is off by less than can be seen."""
+    for off in (0.0, 1e-3):
+        looks = looks_of(off_balance([off, 0.0, 0.0], AXES[0]))
+        assert all(shape.kind != "sphere" for shape in looks["frame"])

@@ -38,11 +38,41 @@ def test_an_agreement_says_its_verdict_in_a_line() -> None:
 def test_a_notebook_shows_the_path() -> None:
     """As well-formed SVG, a line a motion, beside the words."""
     agreement = compare(SCENE, "fast", TIMES, theory=THEORY)
-    for shown, lines in ((MOTION._repr_html_(), 1), (agreement._repr_html_(), 2)):
+    for shown, lines in (
+        (SCENE._repr_html_(), 1), (MOTION._repr_html_(), 1), (agreement._repr_html_(), 2),
+    ):  # fmt: skip
         root = ElementTree.fromstring(shown)
         charts = [each for each in root.iter("svg") if each.get("class") == "chart"]
         assert [len(list(each.iter("polyline"))) for each in charts] == [lines]
     assert "&lt;ContactMotion of fig12" in MOTION._repr_html_()
+
+
+def cells_of(shown: str) -> list[list[str]]:
+    rows = ElementTree.fromstring(shown).iter("tr")
+    return [[cell.text or "" for cell in row] for row in rows]
+
+
+def test_a_notebook_shows_what_is_in_a_scene() -> None:
+    """A row a body: its mass, and what turns it."""
+    assert cells_of(SCENE._repr_html_())[1:] == [
+        ["shell", "0.07", ""],
+        ["frame", "0.8016", "2 rad/s"],
+        ["rotor1", "0.0284", "148 rad/s"],
+    ]
+    robot = rb.load_scene("steered_pendulum_robot")._repr_html_()
+    assert [row[2] for row in cells_of(robot)] == ["turns", "", "velocity servo", "position servo"]
+    wobbling = cells_of(rb.load_scene("wobbling_drive")._repr_html_())
+    assert any(row[2].endswith(" at first") for row in wobbling)
+
+
+def test_a_scene_that_has_no_path_is_shown_all_the_same() -> None:
+    """With the reason: it must not raise in a cell, nor take minutes."""
+    shown = rb.load_scene("servo_motors")._repr_html_()
+    assert "4000 steps reach t = " in shown
+    assert "<svg" not in shown
+    odd = replace(SCENE, title="<b> & $x$", duration=0.5)._repr_html_()
+    ElementTree.fromstring(odd)
+    assert "&lt;b&gt; &amp; $x$" in odd
 
 
 @pytest.mark.slow

@@ -2,22 +2,23 @@
 
 import math
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from robotball import InputError, load_scene
 from robotball.engines.reduced.compiled.kernels import orbits
+from robotball.engines.reduced.compiled.marching import take
 from robotball.qualitative.basins import basins
 from robotball.qualitative.limit_cycles import limit_cycles
 from robotball.qualitative.lyapunov import exponents
 from robotball.qualitative.sections import section, section_starts
-from robotball.threads import allowed, at_most, cores, in_chunks, quota
+from robotball.threads import Queue, allowed, at_most, cores, in_threads, quota
 
 BALL = load_scene("fig14").parameters
 GENERATOR = np.random.default_rng(5)
@@ -33,34 +34,39 @@ WORK: dict[str, Callable[[], list[Any]]] = {
 }
 
 
-@given(count=st.integers(1, 300), unit=st.integers(1, 9), threads=st.integers(1, 7))
-def test_every_motion_is_done_once(count: int, unit: int, threads: int) -> None:
-    """Whatever their number, and in whole units but for the last."""
-    done = np.zeros(count, int)
-    sizes = []
+def mark(queue: Any, done: Any) -> None:
+    """Count what is taken from a queue."""
+    i = take(queue)
+    while i < len(done):
+        done[i] += 1
+        i = take(queue)
 
-    def work(some: slice) -> None:
-        done[some] += 1
-        sizes.append((some.start, some.stop - some.start))
 
+compiled_mark = numba.njit(nogil=True)(mark)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 7])
+def test_every_motion_is_done_once(threads: int) -> None:
+    """Of a million, taken as fast as can be; a plain counter gives some of them twice."""
+    done = np.zeros(1_000_000, np.int64)
     with at_most(threads):
-        in_chunks(work, count, unit)
+        in_threads(lambda queue: compiled_mark(queue, done), 100)
     assert (done == 1).all()
-    assert all(size % unit == 0 for start, size in sizes if start + size < count)
 
 
-def test_as_many_threads_work_at_once_as_are_allowed() -> None:
-    """Three wait for each other, which two of them could not; and within one there is no other."""
-    meeting = threading.Barrier(3, timeout=20.0)
+@pytest.mark.parametrize(("most", "at_once"), [(12, 3), (2, 2), (1, 1)])
+def test_as_many_threads_work_at_once_as_are_allowed_and_of_use(most: int, at_once: int) -> None:
+    """They wait for each other, which fewer could not; and within one there is no other."""
+    meeting = threading.Barrier(at_once, timeout=20.0)
     inside = []
 
-    def work(_: slice) -> None:
+    def work(_: Queue) -> None:
         meeting.wait()
         inside.append(allowed())
 
     with at_most(3):
-        in_chunks(work, 12, 1)
-    assert inside == [1] * 12
+        in_threads(work, most)
+    assert inside == [1 if at_once > 1 else 3] * at_once
 
 
 @pytest.mark.parametrize(
@@ -68,7 +74,7 @@ def test_as_many_threads_work_at_once_as_are_allowed() -> None:
     [pytest.param(n, marks=[pytest.mark.slow] if n == "limit cycles" else []) for n in WORK],
 )
 def test_the_digits_are_the_same_at_any_number_of_threads(name: str) -> None:
-    """45 starts, of which the last chunk is not full: to the last bit, and not all the same."""
+    """45 starts, of which the last few leave lanes empty: to the last bit, and not all the same."""
     found = {}
     for count in (1, 2, 3, 16):
         with at_most(count):
@@ -80,15 +86,20 @@ def test_the_digits_are_the_same_at_any_number_of_threads(name: str) -> None:
         )
 
 
-def test_an_error_in_a_thread_is_the_callers() -> None:
-    """With its own words."""
+def test_an_error_in_a_thread_is_the_callers_and_ends_the_others() -> None:
+    """With its own words; the other takes numbers as long as there are some."""
+    begun = threading.Event()
 
-    def work(some: slice) -> None:
-        if some.start:
+    def work(queue: Queue) -> None:
+        if begun.is_set():
             raise InputError("a start that cannot be used")
+        begun.set()
+        deadline = time.monotonic() + 20.0
+        while queue[0] < 1000:
+            assert time.monotonic() < deadline
 
     with at_most(2), pytest.raises(InputError, match="a start that cannot be used"):
-        in_chunks(work, 20, 1)
+        in_threads(work, 20)
 
 
 @pytest.mark.parametrize("count", [0, -1])

@@ -87,10 +87,19 @@ def public_names() -> list[tuple[str, str]]:
     ]
 
 
+def test_what_a_user_builds_and_compares_is_a_public_name() -> None:
+    """So that `import robotball as rb` is all that a script needs, and `from validation import`."""
+    built = {"Ball", "Shell", "Frame", "Rotor", "Pendulum", "Start", "Drive", "Scene"}
+    assert built | {"load_scene", "integrate", "simulate", "load_motion"} <= set(dir(rb))
+    assert {"robotball", "validation"} == {home.partition(".")[0] for home, _ in public_names()}
+    assert set(dir(rb)) >= {name for home, name in public_names() if home.startswith("robotball")}
+
+
 @pytest.mark.parametrize(("home", "name"), public_names())
 def test_a_public_name_is_documented(home: str, name: str) -> None:
-    """By a docstring of its own, and in the reference."""
+    """It is a name of its package, with a docstring of its own, and in the reference."""
     value = getattr(import_module(home), name)
+    assert getattr(import_module(home.partition(".")[0]), name) is value
     assert f"::: {home}.{name}\n" in DOCS["reference.md"]
     if callable(value):
         assert (value.__doc__ or "").strip()

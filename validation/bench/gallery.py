@@ -15,10 +15,10 @@ from validation.output import write_text
 DOCS = Path(__file__).parents[2] / "docs"
 OUT = Path("out/gallery")
 PICTURES = {
-    "ablation fig12": {"fig12-ablation.png": "ablation.png"},
-    "convergence fig12": {"fig12-convergence.png": "convergence.png"},
-    "tradeoff fig12": {"fig12-tradeoff.png": "tradeoff.png"},
-    "tradeoff fig12 --friction": {"fig12-friction.png": "tradeoff-friction.png"},
+    "ablation fig12": {"fig12-mujoco-ablation.png": "ablation.png"},
+    "convergence fig12": {"fig12-mujoco-accurate-convergence.png": "convergence.png"},
+    "tradeoff fig12": {"fig12-mujoco-tradeoff.png": "tradeoff.png"},
+    "tradeoff fig12 --friction": {"fig12-mujoco-friction.png": "tradeoff-friction.png"},
     "extremes momentum contact duration": {
         f"extremes-{name}.png": f"extremes-{name}.png"
         for name in ("momentum", "contact", "duration")

@@ -18,6 +18,7 @@ from robotball.engines.reduced.compiled.systems import DEVIATION, PATH, RETURN
 from robotball.parameters import Parameters
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
+from robotball.threads import at_most
 from validation.bench.heyoka_forms import Equations, batch, equations_of, level_equations, pars_of
 from validation.bench.matched_error import Contender, Run, compare
 
@@ -261,10 +262,11 @@ def main() -> None:
     print(", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "scipy", "heyoka")))
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, MANY), rng.uniform(0, 6, MANY), 25.0)
-    one_orbit(starts[0][0], starts[1][0])
-    ensembles(*starts)
-    section_points(*starts)
-    exponents(*starts)
+    with at_most(1):
+        one_orbit(starts[0][0], starts[1][0])
+        ensembles(*starts)
+        section_points(*starts)
+        exponents(*starts)
 
 
 if __name__ == "__main__":

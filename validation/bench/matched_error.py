@@ -1,7 +1,8 @@
 """Tools compared at the same error: every one at several tolerances, all in turn.
 
-The least time of several rounds is set against the error, and times are compared at one error,
-read off between tolerances; set-up and compilation are outside the clock.
+The least processor time of several rounds, of all threads together, is set against the error, and
+times are compared at one error, read off between tolerances; set-up and compilation are outside the
+clock.
 """
 
 import time
@@ -48,9 +49,9 @@ def compare(title: str, error: float, *contenders: Contender) -> None:
     for i in range(max(c.rounds for c in contenders)):
         for contender, tolerance, run in runs:
             if i < contender.rounds:
-                begin = time.perf_counter()
+                begin = time.process_time()
                 run()
-                seconds = (time.perf_counter() - begin) / contender.work
+                seconds = (time.process_time() - begin) / contender.work
                 best = contender.seconds.get(tolerance, np.inf)
                 contender.seconds[tolerance] = min(best, seconds)
     print(f"\n{title}\n{'':24}tolerance   error        µs")

@@ -26,8 +26,8 @@ def main() -> None:
     console = Console()
     console.print(
         f"Medians (ranges) over {ROUNDS} interleaved rounds of a scene's 10 s, as ratios to a bare "
-        "loop of mj_step\non the same model; processor time, set-up outside the clock. steps: a "
-        "run's stepping, all of it read\nand monitored; run: that and the Motion."
+        "loop of mj_step\non the same model; processor time, from a model on: each makes its own "
+        "MjData. steps: a run's\nstepping, all of it read; run: that, the monitor and the Motion."
     )
     for name in SCENES:
         console.print(_table(load_scene(name)))
@@ -69,8 +69,8 @@ def _measure(scene: Scene, models: dict[str, Model]) -> dict[str, list[float]]:
 
 def _bare_loop(model: Model) -> float:
     """Seconds of processor time that the same steps take with nothing read, monitored or kept."""
-    data = model.start_data()
     began = time.thread_time()
+    data = model.start_data()
     for _ in range(_step_count(model)):
         mujoco.mj_step(model.compiled, data)
     return time.thread_time() - began

@@ -1,11 +1,19 @@
-"""`make bench`: many motions on one core and on all, in turn; the digits must be the same."""
+"""`make bench`: many motions on one core and on all, in turn; the digits must be the same.
 
+Beside each ratio stands what plain processes reach, one a core, each of which does the one core's
+work for itself: cores that share caches, memory and clock are not as fast together as alone.
+"""
+
+import multiprocessing
+import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -14,70 +22,115 @@ from robotball.engines.reduced.compiled.kernels import orbits
 from robotball.parameters import Parameters
 from robotball.qualitative.basins import basins
 from robotball.qualitative.lyapunov import exponents
-from robotball.qualitative.phase_portrait import phase_portrait
 from robotball.qualitative.sections import section, section_starts
-from robotball.threads import at_most, cores
-from validation.studies.portraits.measure import PLANES
+from robotball.threads import allowed, at_most, cores
+from validation.studies.portraits.measure import PLANES, cells_of, measure
+from validation.sweeps import sweep
 
-ROUNDS = 9
+ROUNDS = {"portraits": 3}
+OTHER_ROUNDS = 9
 D = 0.9
 I = (1 / 0.8 - D, 1 / 0.6 - D, 1 / 0.7 - D)
 FIG_11B = Parameters("rubber", I, D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))
-FIG_7 = PLANES["axial"].ball(1.0, 1.0)
-MANY = 1024
+MANY, SOME = 4096, 512
 TIMES = np.array([0.0, 100.0])
+CELLS = cells_of(PLANES["axial"], 10)
 
-Digits = Sequence[NDArray[Any]]
+Digits = Sequence[Any]
+Work = Callable[[], Digits]
 
 
-def work() -> dict[str, Callable[[], Digits]]:
+def work() -> dict[str, Work]:
     """What is timed, by name, with its digits."""
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, MANY), rng.uniform(0, 6, MANY), 25.0)
-    some = starts[0][:256], starts[1][:256]
+    some = starts[0][:SOME], starts[1][:SOME]
 
-    def portrait() -> Digits:
-        found = phase_portrait(FIG_7)
-        return np.array([cycle.period for cycle in found.cycles]), np.array(
-            list(found.basins.values())
-        )
+    def portraits() -> Digits:
+        with tempfile.TemporaryDirectory() as folder:
+            found = sweep(measure, CELLS, Path(folder, "cells.jsonl"), workers=allowed())
+        return [each.record for each in found]
 
     return {
-        "ensemble": lambda: (orbits(FIG_11B, *starts, TIMES, 1e-9).contact_points,),
-        "section": lambda: (section(FIG_11B, *starts, 25, tolerance=1e-9).times,),
-        "exponents": lambda: (exponents(FIG_11B, *some, 1000.0, 100.0).largest,),
-        "basins": lambda: (basins(FIG_11B, *some, 500.0).labels,),
-        "portrait": portrait,
+        "ensemble": lambda: orbits(FIG_11B, *starts, TIMES, 1e-9).contact_points.tolist(),
+        "section": lambda: section(FIG_11B, *starts, 25, tolerance=1e-9).times.tolist(),
+        "exponents": lambda: exponents(FIG_11B, *some, 1000.0, 100.0).largest.tolist(),
+        "basins": lambda: basins(FIG_11B, *some, 500.0).labels.tolist(),
+        "portraits": portraits,
     }
+
+
+def plain_work() -> dict[str, Work]:
+    """What a plain process does of each; of the portraits a few, by itself."""
+    return work() | {"portraits": lambda: [measure(cell) for cell in CELLS[::10]]}
 
 
 def main() -> None:
     """The table."""
-    console = Console()
+    console, everyone = Console(), cores()
     console.print(
-        f"The best of {ROUNDS} rounds on one core and on {cores()}, in turn: another's work on the "
-        "machine slows\nsome rounds, and the best least."
+        f"The best of {OTHER_ROUNDS} rounds, of the portraits {ROUNDS['portraits']}, on one core "
+        f"and on {everyone} in\nturn: another's work on the machine slows some rounds, and the "
+        f"best least.\nbound: how many times as much {everyone} plain processes do as one alone."
     )
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("", "1 core [ms]", f"{cores()} cores [ms]", "ratio"):
+    for heading in ("", "1 core [ms]", f"{everyone} cores [ms]", "ratio", "bound"):
         table.add_column(heading, justify="right")
-    for name, run in work().items():
-        best = {1: np.inf, cores(): np.inf}
-        digits: list[Digits] = []
-        for _ in range(1 + ROUNDS):
-            for count in best:
-                with at_most(count):
-                    began = time.perf_counter()
-                    digits.append(run())
-                    if len(digits) > len(best):  # the first round warms up
-                        best[count] = min(best[count], time.perf_counter() - began)
-        for each in digits:
-            assert all(map(np.array_equal, each, digits[0])), name
-        one, all_of_them = best[1], best[cores()]
-        table.add_row(
-            name, f"{one * 1e3:.0f}", f"{all_of_them * 1e3:.0f}", f"{one / all_of_them:.2f}"
-        )
+    with plain_processes(everyone) as together:
+        for name, run in work().items():
+            counts = (1, everyone)
+            best = {(kind, count): np.inf for kind in ("ours", "plain") for count in counts}
+            digits: list[Digits] = []
+            for done in range(1 + ROUNDS.get(name, OTHER_ROUNDS)):
+                for count in counts:
+                    with at_most(count):
+                        began = time.perf_counter()
+                        digits.append(run())
+                        ours = time.perf_counter() - began
+                    plain = together(name, count)
+                    if done:  # the first round warms up
+                        best["ours", count] = min(best["ours", count], ours)
+                        best["plain", count] = min(best["plain", count], plain)
+            assert all(each == digits[0] for each in digits), name
+            one, all_of_them = (best["ours", count] for count in counts)
+            bound = everyone * best["plain", 1] / best["plain", everyone]
+            numbers = (f"{one * 1e3:.0f}", f"{all_of_them * 1e3:.0f}", f"{one / all_of_them:.2f}")
+            table.add_row(name, *numbers, f"{bound:.2f}")
     console.print(table)
+
+
+@contextmanager
+def plain_processes(most: int) -> Iterator[Callable[[str, int], float]]:
+    """What gives the seconds that so many processes take for a named work, each for itself."""
+    context = multiprocessing.get_context("spawn")
+    pipes, processes = [], []
+    for _ in range(most):
+        ours, theirs = context.Pipe()
+        process = context.Process(target=serve, args=(theirs,), daemon=True)
+        process.start()
+        pipes.append(ours)
+        processes.append(process)
+
+    def together(name: str, count: int) -> float:
+        began = time.perf_counter()
+        for pipe in pipes[:count]:
+            pipe.send(name)
+        for pipe in pipes[:count]:
+            pipe.recv()
+        return time.perf_counter() - began
+
+    yield together
+    for process in processes:
+        process.terminate()
+
+
+def serve(pipe: Connection) -> None:
+    """Does what it is told, on one core."""
+    works = plain_work()
+    with at_most(1):
+        while True:
+            works[pipe.recv()]()
+            pipe.send(None)
 
 
 if __name__ == "__main__":

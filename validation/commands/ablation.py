@@ -20,6 +20,8 @@ class Ablation:
         from rich.console import Console
 
         from robotball import load_scene
+        from robotball.engines.mujoco import LABEL
+        from validation.comparison.names import changed, file_name
         from validation.output import writable_folder, write_picture, write_record, write_rows
         from validation.progress import progress_bar
         from validation.studies.ablation import ROUNDS, measure_ablation
@@ -29,7 +31,8 @@ class Ablation:
         times, out = options.times(scene), writable_folder(options.out)
         with progress_bar(1) as show:
             study = measure_ablation(scene, times, 2 if options.quick else ROUNDS, show)
-        path = write_picture(out / f"{scene.name}-ablation.png", ablation_picture(study))
+        name = file_name(scene.name, LABEL, ["ablation", *changed(options, "duration", "quick")])
+        path = write_picture(out / f"{name}.png", ablation_picture(study))
         write_record(options.json, study.record())
         if options.csv:
             write_rows(options.csv, study.rows())

@@ -80,6 +80,9 @@ class Compare:
             write_csv(self.csv, records)
         show(records, Console())
         tell_fault_windows(window for each in found for window in each.windows)
+        pictures = [picture for each in found for picture in each.pictures]
+        if pictures:
+            print("plots:", pictures[0], f"and {len(pictures) - 1} more beside it")
         for line in refused:
             print(f"robotball: {line}", file=sys.stderr)
         if refused:

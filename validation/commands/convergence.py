@@ -39,7 +39,7 @@ class Convergence:
 
         from robotball import load_scene, preset
         from robotball.engines.mujoco import LABEL
-        from validation.comparison.names import file_name
+        from validation.comparison.names import changed, file_name
         from validation.output import writable_folder, write_picture, write_record, write_rows
         from validation.progress import progress_bar
         from validation.studies import convergence_report as report
@@ -52,10 +52,9 @@ class Convergence:
         with progress_bar(1) as show:
             halvings = HALVINGS - 2 * options.quick
             study = measure_convergence(scene, settings, times, halvings, show)
-        changed = [] if settings.name == MODEL else settings.name.split(" - ")
-        name = file_name(scene.name, LABEL, changed)
+        words = [settings.name, "convergence", *changed(options, "duration", "quick")]
         picture = report.convergence_picture(study)
-        path = write_picture(out / f"{name}-convergence.png", picture)
+        path = write_picture(out / f"{file_name(scene.name, LABEL, words)}.png", picture)
         write_record(options.json, report.record(study))
         if options.csv:
             write_rows(options.csv, report.rows(study))

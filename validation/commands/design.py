@@ -33,8 +33,11 @@ class Design:
     """Folder for the scene."""
 
     def run(self) -> int:
+        from dataclasses import replace
+
         from robotball import Limits, load_scene, scene_toml
         from robotball.designing.design import describe, redesign
+        from validation.comparison.names import changed, file_name
         from validation.output import writable_folder, write_text
 
         scene = load_scene(self.scene)
@@ -44,7 +47,9 @@ class Design:
             shell_thickness=self.shell_thickness,
         )
         found, designed = redesign(scene, self.mass, limits)
-        path = writable_folder(self.out) / f"{designed.name}.toml"
-        write_text(path, scene_toml(designed))
+        words = changed(self, "mass", "rotor_speed", "frame_radius", "shell_thickness")
+        name = file_name(designed.name, None, words)
+        path = writable_folder(self.out) / f"{name}.toml"
+        write_text(path, scene_toml(replace(designed, name=name)))
         print(describe(found), path, sep="\n")
         return AGREES

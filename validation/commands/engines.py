@@ -68,6 +68,7 @@ class Engines:
         from rich.console import Console
 
         from robotball import load_scene
+        from validation.comparison.names import changed, file_name
         from validation.output import write_picture, write_record
         from validation.progress import progress_bar
         from validation.studies.engines.measure import cells_of, measure, study_of
@@ -78,8 +79,10 @@ class Engines:
         seconds = seconds_of(self.duration, self.sweep.quick, scene)
         rounds = 1 if self.sweep.quick else ROUNDS
         cells = cells_of(name, chosen, self.environments, seconds, rounds)
-        paths = [out / f"{scene.name}-engines.{end}" for end in ("png", "json", "csv", "jsonl")]
-        picture, data, table, journal = paths
+        journal = out / f"{scene.name}-engines.jsonl"
+        words = [*listed(self.only), *changed(self, "duration"), *changed(self.sweep, "quick")]
+        stem = file_name(scene.name, None, ["engines", *words])
+        picture, data, table = (out / f"{stem}.{end}" for end in ("png", "json", "csv"))
         with progress_bar(len(cells)) as show:
             results = sweep(
                 measure, cells, journal, workers=self.sweep.workers, cluster=self.sweep.cluster,

@@ -79,6 +79,7 @@ class Equilibria:
         from robotball.qualitative.fixed_point_formulas import name_of
         from robotball.qualitative.limit_cycles import limit_cycles
         from robotball.qualitative.straight_motions import stability_limit, straight_motions
+        from validation.comparison.names import changed, file_name
         from validation.figures.portrait import portrait
         from validation.output import print_whole, writable_folder, write_picture, write_record
         from validation.progress import progress_bar
@@ -91,7 +92,8 @@ class Equilibria:
         )
 
         ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
-        picture = writable_folder(self.out) / f"{scene.name}-equilibria.png"
+        name = file_name(scene.name, None, ["equilibria", *changed(self, "longest")])
+        picture = writable_folder(self.out) / f"{name}.png"
         with progress_bar(3) as show:
             show(0, f"{scene.name}: fixed points")
             points, circle = fixed_points(ball), fixed_circle(ball)

@@ -27,11 +27,13 @@ class Export:
 
     def run(self) -> int:
         from robotball import export_scene, load_scene
+        from validation.comparison.names import changed, file_name
         from validation.output import writable_folder
 
         scene = load_scene(self.scene)
         times = times_of(self.duration)
-        folder = writable_folder(self.to or OUT / f"{scene.name}-export")
+        name = file_name(scene.name, None, ["export", *changed(self, "duration")])
+        folder = writable_folder(self.to or OUT / name)
         for path in export_scene(scene, folder, times):
             print(path)
         return AGREES

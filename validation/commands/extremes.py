@@ -39,6 +39,7 @@ class Extremes:
     def _maps(self) -> int:
         from rich.console import Console
 
+        from validation.comparison.names import changed
         from validation.output import writable_folder, write_picture, write_record
         from validation.progress import progress_bar
         from validation.studies.extremes.cells import QUICK, WHOLE, cells_of
@@ -61,13 +62,11 @@ class Extremes:
             )
         records = summary(found)
         show(records, Console())
-        pictures = [
-            write_picture(out / f"extremes-{each.name}.png", picture(each, found[each.name]))
-            for each in maps
-        ]
-        table = out / "extremes.csv"
-        write_table(table, [result for results in found.values() for result in results])
-        print(*pictures, table, sep="\n")
+        for each in maps:
+            stem = "-".join(["extremes", each.name, *changed(self.sweep, "quick")])
+            print(write_picture(out / f"{stem}.png", picture(each, found[each.name])))
+            write_table(out / f"{stem}.csv", found[each.name])
+            print(out / f"{stem}.csv")
         write_record(self.json, {"quick": self.sweep.quick, "summary": records})
         return DISAGREES if any(each["missed"] for each in records) else AGREES
 

@@ -24,6 +24,7 @@ class Portraits:
     def run(self) -> int:
         from rich.console import Console
 
+        from validation.comparison.names import changed
         from validation.output import writable_folder, write_picture, write_record
         from validation.progress import progress_bar
         from validation.studies.portraits.measure import COUNT, QUICK_COUNT, chosen, survey
@@ -43,12 +44,10 @@ class Portraits:
             )
         records = summary(planes, found)
         show(records, Console())
-        pictures = [
-            write_picture(out / f"portraits-{plane.name}.png", picture(plane, found[plane.name]))
-            for plane in planes
-        ]
-        table = out / "portraits.csv"
-        write_table(table, [result for results in found.values() for result in results])
-        print(*pictures, table, sep="\n")
+        for plane in planes:
+            stem = "-".join(["portraits", plane.name, *changed(self.sweep, "quick")])
+            print(write_picture(out / f"{stem}.png", picture(plane, found[plane.name])))
+            write_table(out / f"{stem}.csv", found[plane.name])
+            print(out / f"{stem}.csv")
         write_record(self.json, {"quick": self.sweep.quick, "summary": records})
         return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

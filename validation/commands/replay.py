@@ -13,11 +13,11 @@ from validation.commands.arguments import AGREES, DISAGREES
 class Replay:
     """Step through the fault window that a faulty run left, and take its steps again.
 
-    Example: robotball compare fig12 --preset naive; robotball replay out/fig12-naive-fault.json
-    """
+    Example: robotball compare fig12 --preset naive; robotball replay out/fig12-mujoco-naive-fault.json
+    """  # noqa: E501
 
     file: Positional[Annotated[Path, arg(metavar="FILE")]]
-    """A SCENE-PRESET-fault.json, which compare or video leaves of a faulty run."""
+    """A SCENE-ENGINE-PRESET-fault.json, which compare or video leaves of a faulty run."""
     step: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
     """Show all of this row alone: its readings, positions and velocities."""
     interactive: bool = False

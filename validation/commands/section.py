@@ -41,7 +41,7 @@ class Section:
         from robotball.engines.reduced import LABEL as EQUATIONS
         from robotball.errors import check_count
         from validation.commands.suited import may_come_to_rest, moving_scene
-        from validation.comparison.names import file_name
+        from validation.comparison.names import changed, file_name
         from validation.output import writable_folder, write_picture, write_record
         from validation.progress import progress_bar
         from validation.studies.attractors.level import level_starts
@@ -53,8 +53,12 @@ class Section:
 
         scene = moving_scene(self.scene, "a section")
         settings = None if self.preset is None else preset(self.preset)
-        name = scene.name if settings is None else file_name(scene.name, LABEL, [settings.name])
-        path = writable_folder(self.out) / f"{name}-section.png"
+        words = ["section", *changed(self, "starts", "count", "skip", "g", "seed")]
+        if settings is None:
+            name = file_name(scene.name, None, words)
+        else:
+            name = file_name(scene.name, LABEL, [settings.name, *words])
+        path = writable_folder(self.out) / f"{name}.png"
         attitudes, momenta = level_starts(scene, self.starts, self.seed, self.g)
         total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
         with progress_bar(1 if settings is None else 2) as show:

@@ -44,21 +44,26 @@ class Steer:
     """Folder for the scene and the pictures."""
 
     def run(self) -> int:
+        from dataclasses import replace
+
         import numpy as np
 
         from robotball import load_scene, scene_toml
         from robotball.designing.steering import steer
         from robotball.designing.steering_needs import shortfalls
         from validation.comparison.agreement import compare
+        from validation.comparison.names import changed, file_name
         from validation.comparison.plots import draw
         from validation.output import writable_folder, write_text
 
         robot, path = load_scene(self.scene), self._path()
         steered = steer(robot, path, self.duration)
         out = writable_folder(self.out)
-        file = out / f"{steered.scene.name}.toml"
-        write_text(file, scene_toml(steered.scene))
-        agreement = compare(steered.scene, self.preset, steered.times)
+        words = changed(self, "size", "turns", "through", "duration")
+        scene = replace(steered.scene, name=file_name(steered.scene.name, None, words))
+        file = out / f"{scene.name}.toml"
+        write_text(file, scene_toml(scene))
+        agreement = compare(scene, self.preset, steered.times)
         theory = agreement.theory
         off = float(np.linalg.norm(theory.contact_point - steered.wanted, axis=1).max())
         print(f"{path.name} of {path.length:.4g} m in {self.duration:g} s")

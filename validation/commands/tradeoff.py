@@ -61,32 +61,36 @@ class Tradeoff:
         from validation.studies.configurations import configurations
         from validation.studies.tradeoff import cells_of, measure, tradeoff_of
         from validation.studies.tradeoff_report import record, show_tradeoff, tradeoff_picture
+        from validation.sweeps import write_table
 
         rounds = 2 if self.sweep.quick else ROUNDS
         settings = configurations(self.sweep.quick)
         cells = cells_of(self.scene, settings, seconds, rounds)
         results = self._sweep(measure, cells, "tradeoff", scene)
         study = tradeoff_of(scene, results)
-        picture, data = self._path(scene, "tradeoff.png"), self._path(scene, "tradeoff.json")
+        picture, data, table = self._paths(scene, "tradeoff")
         write_picture(picture, tradeoff_picture(study))
         write_record(data, record(study))
         show_tradeoff(study, Console())
-        return picture, data, self._table(scene, "tradeoff", results)
+        write_table(table, results)
+        return picture, data, table
 
     def _friction(self, scene: Scene, seconds: float) -> Sequence[Path]:
         from robotball import integrate
         from validation.output import write_picture, write_record
         from validation.studies.friction import friction_cells, friction_run
         from validation.studies.friction_report import friction_picture
+        from validation.sweeps import write_table
 
         cells = friction_cells(self.scene, seconds, self.sweep.quick)
         results = self._sweep(friction_run, cells, "friction", scene)
         needed = float(integrate(scene).loads.torsional_friction.max())
-        picture, data = self._path(scene, "friction.png"), self._path(scene, "friction.json")
+        picture, data, table = self._paths(scene, "friction")
         write_picture(picture, friction_picture(scene, results, needed))
         runs = [asdict(result) for result in results]
         write_record(data, {"scene": scene.name, "torsional_friction_needed": needed, "runs": runs})
-        return picture, data, self._table(scene, "friction", results)
+        write_table(table, results)
+        return picture, data, table
 
     def _parts(self, scene: Scene, _seconds: float) -> Sequence[Path]:
         from rich.console import Console
@@ -100,13 +104,19 @@ class Tradeoff:
         with progress_bar((rounds + 1) * len(parts)) as show:
             costs = measure_parts(parts, rounds, lambda done: show(done, f"{scene.name}: parts"))
         show_parts(parts, costs, Console())
-        data, listed = self._path(scene, "parts.json"), self._path(scene, "parts.csv")
+        _, data, listed = self._paths(scene, "parts")
         write_record(data, {"scene": scene.name, "rounds": rounds, "parts": rows(parts, costs)})
         write_rows(listed, rows(parts, costs))
         return data, listed
 
-    def _path(self, scene: Scene, name: str) -> Path:
-        return self.sweep.out / f"{scene.name}-{name}"
+    def _paths(self, scene: Scene, study: str) -> Sequence[Path]:
+        """Of a study's picture, its data and its table."""
+        from robotball.engines.mujoco import LABEL
+        from validation.comparison.names import changed, file_name
+
+        words = [study, *changed(self, "duration"), *changed(self.sweep, "quick")]
+        stem = file_name(scene.name, LABEL, words)
+        return [self.sweep.out / f"{stem}.{end}" for end in ("png", "json", "csv")]
 
     def _sweep(self, work: Work, cells: Sequence[Cell], name: str, scene: Scene) -> list[Result]:
         from validation.progress import progress_bar
@@ -116,16 +126,9 @@ class Tradeoff:
             return sweep(
                 work,
                 cells,
-                self._path(scene, f"{name}.jsonl"),
+                self.sweep.out / f"{scene.name}-{name}.jsonl",
                 workers=self.sweep.workers,
                 cluster=self.sweep.cluster,
                 limit=LIMIT,
                 show=show,
             )
-
-    def _table(self, scene: Scene, name: str, results: Sequence[Result]) -> Path:
-        from validation.sweeps import write_table
-
-        path = self._path(scene, f"{name}.csv")
-        write_table(path, results)
-        return path

@@ -49,7 +49,7 @@ class Video:
     def run(self) -> int:
         from robotball import load_scene
         from robotball.film.render import Film
-        from validation.comparison.names import file_stem
+        from validation.comparison.names import changed, file_name, file_stem
         from validation.comparison.runs import agreements_of, film, tell_fault_windows, windows
         from validation.output import writable_folder
         from validation.progress import progress_bar
@@ -64,7 +64,8 @@ class Video:
             )
         (agreement,) = agreements
         tell_fault_windows(windows(agreements, out))
-        path = out / f"{file_stem(agreements)}.{self.format}"
+        words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows")
+        path = out / f"{file_name(file_stem(agreements), None, words)}.{self.format}"
         film(path, agreement, how)
         print(path)
         return AGREES if agreement.agrees else DISAGREES

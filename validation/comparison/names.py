@@ -1,13 +1,17 @@
-"""What the files of a comparison are called: no two of different runs share a name."""
+"""What files are called: no two of different runs share a name.
 
+A name has the scene, the engine, the preset, and every option that is not at its default.
+"""
+
+import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import chain, count
 from pathlib import Path
+from typing import Any
 
-from robotball import Scene, catalog, engine_named, load_scene
-from robotball.engines import DEFAULT
+from robotball import Scene, catalog, load_scene
 from robotball.motion import Label
 from validation.comparison.agreement import Agreement
 
@@ -38,15 +42,14 @@ def scenes_of(names: Sequence[str]) -> dict[str, Scene]:
 def file_stem(agreements: Sequence[Agreement]) -> str:
     """The scene, the engine and the settings of one scene's agreements by one engine.
 
-    The default engine is left out, and so is an engine's default preset; all of its presets are
-    `all`.
+    All of the engine's presets are `all`. Simulated time is named where it is not the scene's own.
     """
     first, names = agreements[0], [each.settings.name for each in agreements]
-    if first.engine is not None and names == [first.engine.default]:
-        names = []
-    elif first.engine is not None and names == list(first.engine.presets):
+    if first.engine is not None and len(names) > 1 and names == list(first.engine.presets):
         names = [ALL]
-    return file_name(first.scene.name, first.motion.engine, names)
+    end = float(first.theory.times[-1])
+    time = [] if end == first.scene.duration else [f"{end:g}s"]
+    return file_name(first.scene.name, first.motion.engine, [*names, *time])
 
 
 def fault_window_path(folder: Path, scene: Scene, engine: Label, settings: str) -> Path:
@@ -54,7 +57,26 @@ def fault_window_path(folder: Path, scene: Scene, engine: Label, settings: str) 
     return folder / f"{file_name(scene.name, engine, [settings])}-fault.json"
 
 
-def file_name(scene: str, engine: Label, names: Sequence[str]) -> str:
-    """The scene, the engine unless it is the default one, and what else tells a file apart."""
-    by = [] if engine == engine_named(DEFAULT).label else [engine.name.lower()]
-    return "-".join([scene, *by, *names]).replace(" ", "-").replace("/", "-")
+def file_name(scene: str, engine: Label | None, words: Sequence[str]) -> str:
+    """The scene, the engine if there is one, and what else tells a file apart."""
+    by = [] if engine is None else [engine.name.lower()]
+    plain = [re.sub(r" - |[^\w.+-]+", "-", word).strip("-") for word in (*by, *words)]
+    return "-".join([scene.replace(" ", "-").replace("/", "-"), *plain])
+
+
+def changed(options: Any, *names: str) -> list[str]:
+    """A word for each of these fields of a dataclass that is not at its default."""
+    words = []
+    for each in fields(options):
+        value = getattr(options, each.name)
+        if each.name in names and value != each.default:
+            words += _words(each.name.replace("_", "-"), value)
+    return words
+
+
+def _words(name: str, value: Any) -> list[str]:
+    if value is True:
+        return [name]
+    if isinstance(value, int | float):
+        return [f"{value:g}s" if name == "duration" else f"{name}-{value:g}"]
+    return [*value] if isinstance(value, tuple) else [str(value)]

@@ -56,11 +56,12 @@ class Compared:
     """What is kept of a scene's agreements.
 
     records: as results.record has them; windows: the files of the faulty runs' fault windows;
-    refused: why there is nothing, if the scene cannot be run.
+    pictures: their files; refused: why there is nothing, if the scene cannot be run.
     """
 
     records: list[Record]
     windows: list[Path]
+    pictures: Sequence[Path] = ()
     refused: str | None = None
 
 
@@ -89,12 +90,14 @@ class Comparing:
                 show=show,
             )
         except InputError as error:
-            return Compared([], [], str(error))
+            return Compared([], [], refused=str(error))
+        pictures: Sequence[Path] = ()
         if self.plots:
             from validation.comparison.plots import draw
 
-            draw(agreements, self.out)
-        return Compared([record(each) for each in agreements], windows(agreements, self.out))
+            pictures = draw(agreements, self.out)
+        records = [record(each) for each in agreements]
+        return Compared(records, windows(agreements, self.out), pictures)
 
 
 def compare_all(scenes: Sequence[Scene], comparing: Comparing) -> list[Compared]:

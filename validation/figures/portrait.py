@@ -42,7 +42,7 @@ VIEW = View(azimuth=62.0, elevation=30.0)
 def draw_field(chart: Chart, parameters: Parameters, duration: float) -> None:
     """Pale orbits with arrows from points all over the sphere, each for a duration [s]."""
     starts = spread_points(STARTS_DRAWN)
-    attitudes = np.array([attitude_at(gamma) for gamma in starts])
+    attitudes = attitude_at(starts)
     times = np.linspace(0.0, duration, 800)
     found = orbits(parameters, attitudes, np.zeros((len(starts), 3)), times, 1e-10)
     for each in found.attitudes:

@@ -11,6 +11,7 @@ from robotball.chart import Line, chart, legend
 HERE = Path(__file__).parent
 ROWS = 21  # of the table beside a plot
 HINT = "Point at the plot, or use the arrow keys, for values."
+NUMBER = set("0123456789.e+- ")
 
 
 def page(title: str, body: Iterable[str], head: str = "") -> str:
@@ -39,13 +40,17 @@ def paragraph(words: str, kind: str = "") -> str:
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str = "") -> str:
     """A table that scrolls by itself where it is wider than the page."""
     head = "".join(f'<th scope="col">{text(each)}</th>' for each in headings)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{text(each)}</td>" for each in row) + "</tr>" for row in rows
-    )
+    body = "".join(f"<tr>{''.join(map(_data, row))}</tr>" for row in rows)
     return (
         f'<div class="wide"><table class="{kind}"><thead><tr>{head}</tr></thead>'
         f"<tbody>{body}</tbody></table></div>"
     )
+
+
+def _data(cell: object) -> str:
+    """A cell; on paper the lines of words are broken, and a number stays whole."""
+    words = text(cell)
+    return f'<td class="number">{words}</td>' if set(words) <= NUMBER else f"<td>{words}</td>"
 
 
 def folded(summary: str, inside: str, short: bool = False) -> str:

@@ -13,7 +13,7 @@ WIDEST = 60  # characters of a cell
 
 
 def study_report(source: Path) -> str:
-    """The page of a JSON file that a study wrote, and of the PNGs whose names begin as its own.
+    """The page of a JSON file that a study wrote, and of its picture: `x.png`, or all `x….png`.
 
     Raises InputError for a file that cannot be read, or that no study wrote.
     """
@@ -27,7 +27,8 @@ def study_report(source: Path) -> str:
     if not parts or not all(isinstance(part, dict) and "versions" in part for part in parts):
         raise InputError(f"{source} is no record of a study: it says no versions")
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
-    for picture in sorted(source.parent.glob(f"{source.stem}*.png")):
+    own = source.with_suffix(".png")
+    for picture in [own] if own.exists() else sorted(source.parent.glob(f"{source.stem}*.png")):
         body.append(
             f'<figure><img alt="{text(picture.stem)}" src="{embedded(picture, "image/png")}">'
             f"<figcaption>{text(picture.stem)}</figcaption></figure>"

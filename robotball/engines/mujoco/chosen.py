@@ -67,8 +67,9 @@ class Chosen:
 
     @property
     def impedance(self) -> float:
-        """d of a contact pressed in beyond the width of its impedance."""
-        return float((self.settings.solimp or _mujocos_own()[1].solimp)[1])
+        """d of a contact pressed in beyond the width of its impedance, as far as MuJoCo goes."""
+        most = (self.settings.solimp or _mujocos_own()[1].solimp)[1]
+        return float(np.clip(most, mujoco.mjMINIMP, mujoco.mjMAXIMP))
 
     @property
     def condim(self) -> int:

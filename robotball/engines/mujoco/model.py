@@ -59,6 +59,12 @@ class Model:
         """
         return compiled_model(self.xml, self.settings.softness)
 
+    @cached_property
+    def sensor_columns(self) -> dict[str, slice]:
+        """Where the readings of each sensor are in sensordata."""
+        sensors = [self.compiled.sensor(i) for i in range(self.compiled.nsensor)]
+        return {each.name: slice(each.adr[0], each.adr[0] + each.dim[0]) for each in sensors}
+
     def start_data(self, start: Start | None = None) -> mujoco.MjData:
         """MjData at the scene's start, or at another one of the same ball."""
         data = mujoco.MjData(self.compiled)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from robotball.engines.mujoco.model import Model
-from robotball.engines.mujoco.readings import Readings
+from robotball.engines.mujoco.readings import Readings, lengths
 from robotball.engines.mujoco.step_limits import allowed
 from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
 from robotball.rotations import Array, Mask
@@ -109,6 +109,7 @@ class Monitor:
             *(
                 (~diverged & (readings.warnings[:, i] > 0), Fault(kind.ENGINE_WARNED, np.nan, name))
                 for i, name in WARNINGS.items()
+                if readings.warnings[-1:, i].any()  # they only grow
             ),
         ]
 
@@ -122,7 +123,7 @@ class Monitor:
             slip = slip + scene.ball.radius * np.abs(readings.spin)
         before = readings.centre[:1] if self.last_centre is None else self.last_centre
         last_time = self.last_time if np.isfinite(self.last_time) else readings.time[0]
-        moved = np.linalg.norm(np.diff(readings.centre, axis=0, prepend=before)[:, :2], axis=1)
+        moved = lengths(np.diff(readings.centre[:, :2], axis=0, prepend=before[:, :2]))
         slipped = self.slipped + np.cumsum(slip * np.diff(readings.time, prepend=last_time))
         rolled = self.rolled + np.cumsum(moved)
         self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
@@ -138,7 +139,7 @@ class Monitor:
         momentum = readings.momentum
         if self.momentum is None:
             self.momentum = momentum[0]
-        error = np.linalg.norm(momentum - self.momentum, axis=1) / self.model.scene.momentum_scale
+        error = lengths(momentum - self.momentum) / self.model.scene.momentum_scale
         return error > allowed(self.tolerance, readings.time)
 
 

@@ -40,8 +40,8 @@ def run(
     """
     check_length(model.scene, model.settings, times)
     record = _Record(keeps_window=fault_window is not None)
-    rows = _in_pieces(_run(model, times, progress, start, record))
-    motion = joined(_parts(model, times, rows), len(times))
+    readings = _in_pieces(_run(model, times, progress, start, record))
+    motion = joined(_parts(times, readings), len(times))
     if fault_window is not None:
         if record.window is None:
             discard(fault_window)  # that of a former run
@@ -59,15 +59,15 @@ def run(
     return replace(motion, times=times[: len(motion.times)], report=report)
 
 
-def _parts(model: Model, times: Array, rows: Iterator[Array]) -> Iterator[ContactMotion]:
-    """The motion of consecutive rows at the times; of its report only what the rows tell."""
+def _parts(times: Array, some: Iterator[Readings]) -> Iterator[ContactMotion]:
+    """The motion of consecutive readings at the times; of its report only what these tell."""
     done = 0
-    for some in rows:
-        readings = Readings(model, some)
+    for readings in some:
+        model, count = readings.model, len(readings.rows)
         yield ContactMotion(
             scene=model.scene,
             engine=LABEL,
-            times=times[done : done + len(some)],
+            times=times[done : done + count],
             contact_point=readings.centre[:, :2],
             attitude=readings.attitude,
             momentum=readings.momentum,
@@ -89,19 +89,26 @@ def _parts(model: Model, times: Array, rows: Iterator[Array]) -> Iterator[Contac
                 total_seconds=0.0,
             ),
         )
-        done += len(some)
+        done += count
 
 
-def _in_pieces(rows: Iterator[Array]) -> Iterator[Array]:
-    """The same rows, so many at once that their number costs nothing."""
-    waiting: list[Array] = []
-    for some in rows:
+def _in_pieces(readings: Iterator[Readings]) -> Iterator[Readings]:
+    """The same, so many at once that their number costs nothing."""
+    waiting: list[Readings] = []
+    for some in readings:
         waiting.append(some)
-        if sum(map(len, waiting)) >= PIECE:
-            yield np.concatenate(waiting)
+        if sum(len(each.rows) for each in waiting) >= PIECE:
+            yield _together(waiting)
             waiting = []
     if waiting:
-        yield np.concatenate(waiting)
+        yield _together(waiting)
+
+
+def _together(readings: list[Readings]) -> Readings:
+    """All in one; a single one as it is, with what the monitor has computed of it."""
+    if len(readings) == 1:
+        return readings[0]
+    return Readings(readings[0].model, np.concatenate([each.rows for each in readings]))
 
 
 @dataclass
@@ -131,8 +138,8 @@ class _Record:
 
 def _run(
     model: Model, times: Array, progress: Progress | None, start: Start | None, record: _Record
-) -> Iterator[Array]:
-    """Sensor rows at the times, fewer if the run breaks off; fills its record meanwhile."""
+) -> Iterator[Readings]:
+    """What is read at the times, fewer if the run breaks off; fills its record meanwhile."""
     monitor = Monitor(model)
     data = model.start_data(start)
     march = by_forward if model.settings.adaptive else by_steps
@@ -145,13 +152,15 @@ def _run(
             record.seconds += time.thread_time() - began
             if portion is None:
                 break
-            found = monitor.look(Readings(model, portion.rows), portion.failure)
+            readings = Readings(model, portion.rows)
+            found = monitor.look(readings, portion.failure)
             ends = record.add(portion, found)
             wrong = [each for each in found if not each.fault.note]
             if record.keeps_window and wrong and record.window is None:
                 record.window = window_around(wrong, portion, before)
             kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
-            yield portion.rows[kept]
+            whole = len(kept) == len(portion.rows)
+            yield readings if whole else Readings(model, portion.rows[kept])
             if ends is not None:
                 break
             before = portion

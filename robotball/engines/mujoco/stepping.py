@@ -3,9 +3,11 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain, pairwise
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from robotball.engines.mujoco.control import Control
 from robotball.engines.mujoco.states import STATE, read_row, state_of
@@ -60,7 +62,9 @@ def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) ->
     sizes = np.minimum(np.repeat(counts, parts) - LOOK * part, LOOK).astype(int)
     begins = begins + LOOK * part * lengths
     ends = np.stack([begins, begins + sizes * lengths], axis=1)
-    sampled = np.isin(begins, times)
+    sampled = part == 0
+    if breakpoints:
+        sampled &= np.isin(begins, times)
     look = (np.cumsum(sizes) - 1) // LOOK
     for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(look)) + 1):
         starts = np.cumsum(sizes[which]) - sizes[which]
@@ -106,85 +110,136 @@ class Portion:
 def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
     """The run over sample `times` (n,) [s] by mj_step, in steps not longer than the timestep."""
     compiled, scene = control.model.compiled, control.model.scene
+    parts = stretches(times, scene.breakpoints, compiled.opt.timestep)
     with switched(control) as switches:
-        for stretch in stretches(times, scene.breakpoints, compiled.opt.timestep):
+        for stretch, following in pairwise(chain(parts, (None,))):
+            assert stretch is not None
+            end = float(times[-1]) if following is None else None
             sides = switches.sides if switches else []
-            again = partial(_again, control, switches, state_of(data), sides, stretch)
+            again = partial(_again, control, switches, state_of(data), sides, stretch, end)
             if switches:
-                yield _step_to_switches(control, switches, data, stretch, again)
-                continue
-            rows = _step(control, data, stretch)
-            yield Portion(rows, stretch.samples, len(rows), float(stretch.lengths.max()), again)
-        control.span = (times[-1], times[-1])
-        mujoco.mj_forward(compiled, data)
-        sides = switches.sides if switches else []
-        end = Steps(state_of(data)[None], np.zeros(1), np.array([control.span]), [sides])
-        yield Portion(read_row(data)[None], np.array([0]), 0, 0.0, lambda: end)
+                rows, firsts, longest = _step_to_switches(control, switches, data, stretch)
+            else:
+                rows, firsts, longest = _step(control, data, stretch)
+            samples = firsts[stretch.samples]
+            steps = len(rows) - 1
+            if end is None:
+                rows = rows[:steps]
+            else:
+                control.span = (end, end)
+                mujoco.mj_forward(compiled, data)
+                rows[steps] = read_row(data)
+                samples = np.append(samples, steps)
+            yield Portion(rows, samples, steps, longest, again)
 
 
-def _step(control: Control, data: mujoco.MjData, stretch: Stretch) -> Array:
-    """Rows, one a step of the stretch, each of the state before its step."""
+def _step(
+    control: Control, data: mujoco.MjData, stretch: Stretch
+) -> tuple[Array, NDArray[np.int64], float]:
+    """Rows, one a step of the stretch, each of the state before its step, and room for one more.
+
+    Also which of them begins each planned step, and the longest step.
+    """
     compiled, sensors, warned = control.model.compiled, data.sensordata, data.warning.number
-    rows = np.empty((int(stretch.counts.sum()), len(sensors) + len(warned)))
-    sensor_columns, warning_columns = rows[:, : len(sensors)], rows[:, len(sensors) :]
-    for row, _ in enumerate(_set_for_each(control, stretch)):
-        mujoco.mj_step(compiled, data)
-        sensor_columns[row] = sensors
-        warning_columns[row] = warned
-    return rows
+    start, warned_before = state_of(data), warned.copy()
+    count = int(stretch.counts.sum())
+    rows = np.empty((count + 1, len(sensors) + len(warned)))
+    rows[:, len(sensors) :] = warned_before
+    # Few of the ways to copy 50 numbers are as quick as this.
+    step, read, to = mujoco.mj_step, sensors.data, rows.reshape(-1).data
+    place, size, width = 0, len(sensors), rows.shape[1]
+    for _, _, taken in _set_for_each(control, stretch):
+        for _ in range(taken):
+            step(compiled, data)
+            to[place : place + size] = read
+            place += width
+    if (warned != warned_before).any():
+        rows[:count, size:] = _warnings(control, start, stretch, warned_before)
+    return rows, np.arange(count, dtype=np.int64), float(stretch.lengths.max())
+
+
+def _warnings(control: Control, start: Array, stretch: Stretch, before: Array) -> Array:
+    """MuJoCo's counters (m, 7) after each step of a stretch, which is taken once more."""
+    data = _data_at(control, start)
+    data.warning.number[:] = before
+    rows = []
+    for _, _, count in _set_for_each(control, stretch):
+        for _ in range(count):
+            mujoco.mj_step(control.model.compiled, data)
+            rows.append(data.warning.number.copy())
+    return np.array(rows)
 
 
 def _step_to_switches(
-    control: Control,
-    switches: Switches,
-    data: mujoco.MjData,
-    stretch: Stretch,
-    again: Callable[[], Steps],
-) -> Portion:
-    """A stretch with a step more at every switch of a servo's torque limit."""
+    control: Control, switches: Switches, data: mujoco.MjData, stretch: Stretch
+) -> tuple[Array, NDArray[np.int64], float]:
+    """The same with a step more at every switch of a servo's torque limit."""
     rows: list[Array] = []
     firsts: list[int] = []
     longest = 0.0
-    for length, _ in _set_for_each(control, stretch):
-        firsts.append(len(rows))
-        for taken, _ in switches.steps(data, length):
-            rows.append(read_row(data))
-            longest = max(longest, taken)
-    return Portion(np.array(rows), np.array(firsts)[stretch.samples], len(rows), longest, again)
+    for length, _, count in _set_for_each(control, stretch):
+        for _ in range(count):
+            firsts.append(len(rows))
+            for taken, _ in switches.steps(data, length):
+                rows.append(read_row(data))
+                longest = max(longest, taken)
+    return np.array([*rows, np.empty_like(rows[0])]), np.array(firsts, np.int64), longest
 
 
 def _again(
-    control: Control, switches: Switches | None, start: Array, sides: list[int], stretch: Stretch
+    control: Control,
+    switches: Switches | None,
+    start: Array,
+    sides: list[int],
+    stretch: Stretch,
+    end: float | None,
 ) -> Steps:
-    """The steps of a stretch, taken once more from the state that it began from."""
+    """The steps of a stretch, taken once more from the state that it began from.
+
+    end: of the run [s], where the stretch is its last; then the last row is of the state there.
+    """
     compiled = control.model.compiled
-    data = mujoco.MjData(compiled)
-    mujoco.mj_setState(compiled, data, start, STATE)
+    data = _data_at(control, start)
     states, lengths, spans, all_sides = [], [], [], []
     if switches:
         switches.set(sides)
-    for length, span in _set_for_each(control, stretch):
-        if switches:
-            for taken, (before, side) in switches.steps(data, length):
-                states.append(before)
-                lengths.append(taken)
-                spans.append(span)
-                all_sides.append(side)
-            continue
+    for length, span, count in _set_for_each(control, stretch):
+        for _ in range(count):
+            if switches:
+                for taken, (before, side) in switches.steps(data, length):
+                    states.append(before)
+                    lengths.append(taken)
+                    spans.append(span)
+                    all_sides.append(side)
+                continue
+            states.append(state_of(data))
+            lengths.append(length)
+            spans.append(span)
+            all_sides.append(sides)
+            mujoco.mj_step(compiled, data)
+    if end is not None:
         states.append(state_of(data))
-        lengths.append(length)
-        spans.append(span)
-        all_sides.append(sides)
-        mujoco.mj_step(compiled, data)
+        lengths.append(0.0)
+        spans.append((end, end))
+        all_sides.append(switches.sides if switches else [])
     return Steps(np.array(states), np.array(lengths), np.array(spans), all_sides)
 
 
-def _set_for_each(control: Control, stretch: Stretch) -> Iterator[tuple[float, Sequence[float]]]:
-    """Sets model and control for every step of a stretch, and gives its length and span."""
+def _data_at(control: Control, state: Array) -> mujoco.MjData:
+    data = mujoco.MjData(control.model.compiled)
+    mujoco.mj_setState(control.model.compiled, data, state, STATE)
+    return data
+
+
+def _set_for_each(
+    control: Control, stretch: Stretch
+) -> Iterator[tuple[float, Sequence[float], int]]:
+    """Sets model and control for every span of a stretch, and gives its step, itself and how many
+    steps it has.
+    """
     option = control.model.compiled.opt
     timestep = option.timestep
     for span, length, count in stretch:
         option.timestep, control.span = length, span
-        for _ in range(count):
-            yield length, span
+        yield length, span, count
     option.timestep = timestep

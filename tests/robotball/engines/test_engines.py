@@ -74,7 +74,8 @@ def test_a_package_brings_an_engine_to_every_command(
         main(["video", "fig12", *options, "--duration", "0.2"])
     assert leaving.value.code == 0
     assert {path.name for path in out.iterdir()} == {
-        "fig12-off-path.png", "fig12-off-momentum.png", "fig12-off.mp4",
+        "fig12-off-as-it-comes-path.png", "fig12-off-as-it-comes-momentum.png",
+        "fig12-off-as-it-comes-0.2s.mp4",
     }  # fmt: skip
 
 

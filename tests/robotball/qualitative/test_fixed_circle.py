@@ -84,7 +84,7 @@ def test_the_rate_across_the_circle_is_the_flows_own() -> None:
 
 def where_they_rest(some: Parameters, circle: FixedCircle) -> Array:
     """sin 2ψ on the circle, of those of 200 motions that come to rest there."""
-    attitudes = np.array([attitude_at(gamma) for gamma in spread_points(200)])
+    attitudes = attitude_at(spread_points(200))
     ends = orbits(some, attitudes, np.zeros((200, 3)), np.array([0.0, 400.0]))
     gamma = rotation_matrix(ends.attitudes[:, 1])[:, 2]
     x, y = circle.axes @ gamma[np.abs(gamma @ np.cross(*circle.axes)) < 1e-9].T

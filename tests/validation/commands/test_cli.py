@@ -28,7 +28,7 @@ def test_compare_exits_0_where_the_engines_agree(robotball: Robotball, tmp_path:
     assert status == 0
     assert re.search(r"fig12\s+rubber\s+balanced\s+5 .* agrees", out)
     written = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert written == ["fig12-momentum.png", "fig12-path.png"]
+    assert written == [f"fig12-mujoco-balanced-1s-{kind}.png" for kind in ("momentum", "path")]
     assert all(path.read_bytes()[:4] == b"\x89PNG" for path in (tmp_path / "out").iterdir())
 
 
@@ -179,7 +179,7 @@ def test_a_scene_that_is_refused_does_not_end_the_batch(
     assert [line.split()[0] for line in out.splitlines() if "agrees" in line] == ["fig12", "fig13"]
     records = json.loads((tmp_path / "a.json").read_text())
     assert [each["scene"] for each in records] == ["fig12", "fig13"]
-    assert (tmp_path / "out" / "fig13-fast-path.png").exists()
+    assert (tmp_path / "out" / "fig13-mujoco-fast-0.2s-path.png").exists()
 
 
 def test_rotors_are_counted_from_one_in_every_message(robotball: Robotball, tmp_path: Path) -> None:

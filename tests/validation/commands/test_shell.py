@@ -95,14 +95,14 @@ def test_every_preset_counts_and_takes_no_scene(
 def test_pictures_of_different_settings_have_different_names(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The default preset alone is left out of the name."""
+    """By scene, engine, preset or accuracy, and a duration that is not the scene's own."""
     monkeypatch.chdir(tmp_path)
     for options in ("", "--preset fast", "--preset fast,balanced", "--accuracy 1e-5"):
         assert here("compare", "fig12", "--duration", "0.2", *options.split()) == 0
     assert sorted(path.name for path in Path("out").glob("*-path.png")) == [
-        "fig12-fast-balanced-path.png", "fig12-fast-path.png", "fig12-path.png",
-        "fig12-to-1e-05-path.png",
-    ]  # fmt: skip
+        f"fig12-mujoco-{settings}-0.2s-path.png"
+        for settings in ("balanced", "fast", "fast-balanced", "to-1e-05")
+    ]
 
 
 @pytest.mark.slow
@@ -121,7 +121,7 @@ def test_scenes_of_one_name_are_told_apart(
     rows = Path("a.csv").read_text().splitlines()[1:]
     assert [row.partition(",")[0] for row in rows] == names
     pictures = sorted(path.name for path in Path("out").glob("*-path.png"))
-    assert pictures == sorted(f"{name}-path.png" for name in names)
+    assert pictures == sorted(f"{name}-mujoco-balanced-0.1s-path.png" for name in names)
 
 
 @pytest.mark.slow
@@ -160,7 +160,7 @@ def test_a_users_text_is_shown_as_it_is(
     assert here("compare", f"{name}.toml", "--preset", "naive", "--duration", "0.1") == 1
     assert name in capsys.readouterr().out
     window = next(Path("out").glob("*-fault.json"))
-    assert window.name == f"{name}-naive-fault.json"
+    assert window.name == f"{name}-mujoco-naive-fault.json"
     window.write_text(window.read_text().replace("hinge rate", "hinge [/rate]"))
     assert here("replay", str(window)) == 0
     assert f"{name}, naive: hinge [/rate]" in capsys.readouterr().out

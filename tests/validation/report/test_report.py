@@ -115,6 +115,25 @@ def test_a_report_works_in_a_browser(page: str, tmp_path: Path, width: int, dark
     assert after == "Point at the plot, or use the arrow keys, for values."
 
 
+@pytest.mark.slow
+@needs_browser
+def test_a_report_is_printed_dark_on_white(page: str, tmp_path: Path) -> None:
+    """Of a dark screen too; no closed fold, no control, no number in two parts; a few pages."""
+    with opened(page, tmp_path, dark=True) as browser:
+        scheme = {"name": "prefers-color-scheme", "value": "dark"}
+        browser.call("Emulation.setEmulatedMedia", media="print", features=[scheme])
+        assert browser.run("getComputedStyle(document.body).color") == "rgb(34, 38, 43)"
+        shown = "each => each.getClientRects().length"
+        for kind in ("details:not([open])", ".rb-controls", ".told"):
+            assert browser.run(f"[...document.querySelectorAll('{kind}')].some({shown})") is False
+        assert browser.run(
+            "[...document.querySelectorAll('table:not(.words) td.number')].every("
+            "each => getComputedStyle(each).whiteSpace == 'nowrap')"
+        )
+        pages = len(re.findall(rb"/Type\s*/Page\b", browser.pdf()))
+    assert 3 <= pages <= 8  # measured 5
+
+
 def test_a_studys_record_is_tables_and_pictures(tmp_path: Path) -> None:
     """Its plain values, its lists, and the PNGs beside it."""
     record = {
@@ -165,7 +184,7 @@ def test_the_command_writes_a_page_of_several_scenes(
     arguments = ("report", "fig12", "fig13", "--preset", "fast", "--duration", "0.5")
     status, out, _ = robotball(*arguments)
     assert status == 0
-    assert out.splitlines()[-1] == "out/fig12-fast-fig13-report.html"
-    page = (tmp_path / "out" / "fig12-fast-fig13-report.html").read_text()
+    assert out.splitlines()[-1] == "out/fig12-mujoco-fast-0.5s-fig13-report.html"
+    page = (tmp_path / "out" / "fig12-mujoco-fast-0.5s-fig13-report.html").read_text()
     assert "robotball report fig12 fig13 --preset fast --duration 0.5" in page
     assert page.count('class="rb-view"') == 2

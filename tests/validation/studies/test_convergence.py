@@ -170,5 +170,5 @@ def test_the_command_writes_table_picture_and_records(
     assert len(rows) == len(record["runs"])
     errors = np.array([float(row["own_error"]) for row in rows if row["integrator"] == "Euler"])
     assert np.all(np.diff(errors) < 0)
-    picture = tmp_path / "fig12-accurate-noslip-convergence.png"
+    picture = tmp_path / "fig12-mujoco-accurate-noslip-convergence-0.5s-quick.png"
     assert picture.read_bytes()[:4] == b"\x89PNG"

@@ -217,8 +217,8 @@ def test_the_command_draws_a_map_and_goes_on_where_it_was(
         assert leaving.value.code == 0
     printed = capsys.readouterr().out
     assert "sliding_friction" in printed
-    assert (tmp_path / "extremes-friction.png").stat().st_size > 10_000
-    rows = list(csv.DictReader((tmp_path / "extremes.csv").open()))
+    assert (tmp_path / "extremes-friction-quick.png").stat().st_size > 10_000
+    rows = list(csv.DictReader((tmp_path / "extremes-friction-quick.csv").open()))
     assert len(rows) == 16
     assert {row["failure"] for row in rows} == {""}
     assert len((tmp_path / "extremes.jsonl").read_text().splitlines()) == 17

@@ -99,8 +99,9 @@ def test_the_quick_study_writes_its_files(tmp_path: Path) -> None:
     """A picture of two panels, a table and the data of every run."""
     arguments = ("fig12", "--friction", "--quick", "--duration", "0.2", "--out", str(tmp_path))
     assert tradeoff(*arguments) == 0
-    names = {f"fig12-friction{kind}" for kind in (".png", ".json", ".csv", ".jsonl")}
-    assert {path.name for path in tmp_path.iterdir()} == names
-    record = json.loads((tmp_path / "fig12-friction.json").read_text())
+    stem = "fig12-mujoco-friction-0.2s-quick"
+    names = {f"{stem}{kind}" for kind in (".png", ".json", ".csv")}
+    assert {path.name for path in tmp_path.iterdir()} == names | {"fig12-friction.jsonl"}
+    record = json.loads((tmp_path / f"{stem}.json").read_text())
     assert record["torsional_friction_needed"] == pytest.approx(1.873, abs=1e-3)
     assert len(record["runs"]) == len(friction_cells("fig12", 0.2, quick=True))

@@ -117,8 +117,8 @@ def test_the_command_draws_and_resumes(robotball: Robotball, tmp_path: Path) -> 
     record = json.loads((tmp_path / "a.json").read_text())
     assert record["summary"][0]["cells"] == 16
     assert record["summary"][0]["failed"] == 0
-    assert imread(tmp_path / "out" / "portraits-axial.png").shape[0] > 1000
-    with (tmp_path / "out" / "portraits.csv").open() as file:
+    assert imread(tmp_path / "out" / "portraits-axial-quick.png").shape[0] > 1000
+    with (tmp_path / "out" / "portraits-axial-quick.csv").open() as file:
         assert len(list(csv.DictReader(file))) == 16
     kept = (tmp_path / "out" / "portraits.jsonl").read_bytes()
     assert robotball(*arguments)[1] == out

@@ -213,8 +213,9 @@ def test_the_quick_study_writes_its_files(
     shown = capsys.readouterr().out
     assert "The Pareto front: nothing is both cheaper and better." in shown
     assert "times as much" in shown
-    kinds = (".png", ".json", ".csv", ".jsonl")
-    files = [tmp_path / "out" / f"fig12-tradeoff{kind}" for kind in kinds]
+    stem = "fig12-mujoco-tradeoff-0.5s-quick"
+    names = [*(f"{stem}{kind}" for kind in (".png", ".json", ".csv")), "fig12-tradeoff.jsonl"]
+    files = [tmp_path / "out" / name for name in names]
     assert sorted((tmp_path / "out").iterdir()) == sorted(files)
     assert files[0].read_bytes()[:4] == b"\x89PNG"
     written = json.loads(files[1].read_text())
@@ -231,7 +232,7 @@ def test_the_parts_are_listed_with_what_they_cost(
     """A row each, relative to the minimal model, which is 1."""
     assert tradeoff("fig12", "--parts", "--quick", "--out", str(tmp_path)) == 0
     assert "all of it" in capsys.readouterr().out
-    rows = json.loads((tmp_path / "fig12-parts.json").read_text())["parts"]
+    rows = json.loads((tmp_path / "fig12-mujoco-parts-quick.json").read_text())["parts"]
     assert rows[0]["ratio"] == rows[0]["least"] == rows[0]["most"] == 1.0
     assert all(row["least"] <= row["ratio"] <= row["most"] for row in rows)
 

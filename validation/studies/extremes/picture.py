@@ -151,6 +151,8 @@ def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
 
 
 def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
+    if nearness.shape[1] == 1:  # one column, of which a second one is beyond the border
+        nearness = np.repeat(nearness, 2, axis=1)
     inside = nearness[np.isfinite(nearness)]
     if min(nearness.shape) < 2 or not len(inside) or not inside.min() < 0 < inside.max():
         return

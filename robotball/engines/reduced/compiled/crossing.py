@@ -20,6 +20,7 @@ from robotball.engines.reduced.compiled.marching import (
     collapsed,
     compiled,
     load,
+    take,
 )
 from robotball.engines.reduced.compiled.steppers import ALLOWED, REJECTED, STATE, TARGET, TIME
 
@@ -136,15 +137,17 @@ def aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
 
 
 @compiled(
-    f"void({STEP}, f8[:, ::1], f8[::1], f8, i8, i8, f8[:, ::1], f8[:, :, ::1], i8[:, ::1], "
-    "i8[::1], i8[::1])"
+    f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8, i8, f8, i8, f8[:, ::1], f8[:, :, ::1], "
+    "i8[:, ::1], i8[::1], i8[::1])"
 )
 def cross(
     step: Any,
+    queue: Any,
     rows: Any,
     lengths: Any,
     tolerance: float,
     step_limit: int,
+    longest: float,
     direction: int,
     times: Any,
     states: Any,
@@ -154,9 +157,9 @@ def cross(
 ) -> None:
     """The first m crossings of each of n orbits, after time 0.
 
-    rows, lengths: as in `march`; step_limit: of steps without a crossing; direction: +1 or -1
-    for crossings of that direction only, 0 for both. Writes times (n, m), states (n, m, size),
-    directions (n, m), found (n,) and status (n,).
+    queue, rows, lengths: as in `march`; step_limit: of steps without a crossing; longest: how far
+    to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both. Writes times
+    (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
     """
     size = states.shape[2]
     w = np.zeros((STATE + 2 * size + 4) * LANES)
@@ -164,13 +167,15 @@ def cross(
     orbit, mode, tries = np.full(LANES, -1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     steps, hidden = np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_)
     tracks, clock, faced = np.zeros((LANES, TRACK)), np.zeros(LANES), np.zeros(LANES)
+    running = 0
     for lane in range(LANES):
-        # Lanes without an orbit compute too, to no end.
-        first = min(lane, len(rows) - 1)
-        load(w, lane, rows[first], lengths[first], tolerance)
+        load(w, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
+        waiting = take(queue)
+        if waiting < len(rows):
+            load(w, lane, rows[waiting], lengths[waiting], tolerance)
+            orbit[lane] = waiting
+            running += 1
         aim(w, lane, STARTING, tracks, tolerance)
-        orbit[lane] = lane if lane < len(rows) else -1
-    waiting = running = min(LANES, len(rows))
     while running > 0:
         step(w)
         for lane in range(LANES):
@@ -223,18 +228,18 @@ def cross(
 
             if found[i] == times.shape[1]:
                 status[i] = DONE
-            elif steps[lane] >= step_limit:
+            elif steps[lane] >= step_limit or (mode[lane] == MARCHING and clock[lane] > longest):
                 status[i] = TOO_MANY_STEPS
             elif rejected and collapsed(w, lane):
                 status[i] = COLLAPSED
             else:
                 continue
+            waiting = take(queue)
             if waiting < len(rows):
                 load(w, lane, rows[waiting], lengths[waiting], tolerance)
                 orbit[lane], mode[lane], steps[lane] = waiting, STARTING, 0
                 clock[lane], hidden[lane] = 0.0, False
                 aim(w, lane, STARTING, tracks, tolerance)
-                waiting += 1
             else:
                 orbit[lane] = -1
                 running -= 1

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from robotball import equations as eq
 from robotball.engines.reduced.compiled import marching
 from robotball.engines.reduced.compiled.flatten import LANES
-from robotball.engines.reduced.compiled.steppers import row_of, stepper
+from robotball.engines.reduced.compiled.steppers import SECTION, STATE, row_of, stepper
 from robotball.engines.reduced.compiled.systems import PATH, System
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import pieces
 from robotball.parameters import Parameters, as_vector, check_speed, speed_bound
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene
-from robotball.threads import in_chunks
+from robotball.threads import Queue, in_threads
 from robotball.times import check_times
 
 # Of one step, in the unit quaternion: near the least that double precision can judge.
@@ -154,9 +154,8 @@ class Starts:
         self.attitudes = multiply(about_vertical(-self.turns), attitudes)
         ball = np.array(row_of(parameters))
         level = np.stack([across, momenta[:, 2]], axis=1)
-        f_root = np.where(self.size > 0, self.size, 1.0)
-        section = np.concatenate([np.tile([1.0, 0.0], (len(level), 1)), level / f_root[:, None]], 1)
-        self.rows = np.concatenate([np.tile(ball, (len(level), 1)), level, section], axis=1)
+        no_section = np.zeros((len(level), STATE - SECTION))
+        self.rows = np.concatenate([np.tile(ball, (len(level), 1)), level, no_section], axis=1)
 
     def march(
         self, system: System, rest: Array, times: Array, tolerance: float
@@ -172,12 +171,10 @@ class Starts:
         lengths = self.first_lengths(times[-1], tolerance)
         stops, limit = np.ascontiguousarray(times), self.step_limit(times[-1]) + len(times)
 
-        def march(some: slice) -> None:
-            marching.march(
-                step, rows[some], lengths[some], stops, tolerance, limit, states[some], status[some]
-            )
+        def march(queue: Queue) -> None:
+            marching.march(step, queue, rows, lengths, stops, tolerance, limit, states, status)
 
-        in_chunks(march, n, LANES)
+        in_threads(march, math.ceil(n / LANES))
         return states, status
 
     def first_lengths(self, duration: float, tolerance: float) -> Array:

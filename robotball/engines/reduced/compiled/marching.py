@@ -1,9 +1,9 @@
 """The compiled loops that drive a step: many orbits in lanes, or one orbit closely sampled.
 
 Each lane has an orbit of its own, with its own step length and acceptance, and takes the next
-orbit of the queue when it is done. A step has no memory: a state asked for within a step is
-found by a shorter step from the same start, so no interpolant is needed and every output has
-the full order.
+orbit of the queue when it is done; threads share a queue. A step has no memory: a state asked for
+within a step is found by a shorter step from the same start, so no interpolant is needed and every
+output has the full order.
 """
 
 from collections.abc import Callable
@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numba import types
+from numba.extending import intrinsic
 
 from robotball.engines.kept import Function, compiled_from
 from robotball.engines.reduced.compiled.flatten import LANES
@@ -44,6 +46,20 @@ def compiled(signature: str) -> Callable[[Function], Function]:
     return compiled_from(sources(), signature, nogil=True, error_model="numpy")
 
 
+def _take(_: Any, queue: Any) -> Any:
+    """The number that a queue (1,) holds, which then holds the next; no other thread gets it."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        one = context.get_constant(types.int64, 1)
+        return builder.atomic_rmw("add", array.data, one, "monotonic")
+
+    return types.int64(queue), generate
+
+
+take: Any = intrinsic(_take)
+
+
 @compiled("void(f8[::1], i8, f8[::1], f8, f8)")
 def load(w: Any, lane: int, row: Any, length: float, tolerance: float) -> None:
     """Put an orbit into a lane; row: the rows from BALL on, up to the end of its state."""
@@ -62,9 +78,10 @@ def collapsed(w: Any, lane: int) -> bool:
     return time + w[LENGTH * LANES + lane] == time
 
 
-@compiled(f"void({STEP}, f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
+@compiled(f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
 def march(
     step: Any,
+    queue: Any,
     rows: Any,
     lengths: Any,
     times: Any,
@@ -75,22 +92,23 @@ def march(
 ) -> None:
     """States (n, m, size) of n orbits at m times, all after 0 and increasing.
 
-    rows: (n, k) as `load` takes them; lengths: (n,) s, of each orbit's first step. Writes states
-    and status (n,); the states of an orbit that is given up stay as they were.
+    queue: for `take`, of the orbits that are still to be done; rows: (n, k) as `load` takes them;
+    lengths: (n,) s, of each orbit's first step. Writes states and status (n,) of those that it
+    takes; the states of an orbit that is given up stay as they were.
     """
     size = states.shape[2]
     w = np.zeros((STATE + 2 * size + 4) * LANES)
     new, flag = STATE + size, STATE + 2 * size
     orbit = np.full(LANES, -1)
     sample, steps = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
-    waiting, running = 0, 0
+    running = 0
     for lane in range(LANES):
         load(w, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
+        waiting = take(queue)
         if waiting < len(rows):
             load(w, lane, rows[waiting], lengths[waiting], tolerance)
             w[TARGET * LANES + lane] = times[0]
             orbit[lane] = waiting
-            waiting += 1
             running += 1
     while running > 0:
         step(w)
@@ -113,11 +131,11 @@ def march(
                 status[i] = COLLAPSED
             else:
                 continue
+            waiting = take(queue)
             if waiting < len(rows):
                 load(w, lane, rows[waiting], lengths[waiting], tolerance)
                 w[TARGET * LANES + lane] = times[0]
                 orbit[lane], sample[lane], steps[lane] = waiting, 0, 0
-                waiting += 1
             else:
                 orbit[lane] = -1
                 running -= 1

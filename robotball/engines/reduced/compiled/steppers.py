@@ -18,7 +18,7 @@ from scipy.integrate import DOP853
 
 from robotball.engines.kept import compiled_from
 from robotball.engines.reduced.compiled.flatten import Tape, at, lane_function, least
-from robotball.engines.reduced.compiled.systems import Level, State, System, section_function
+from robotball.engines.reduced.compiled.systems import Level, State, System
 from robotball.equations import Scalar
 from robotball.parameters import Parameters, Rolling
 
@@ -30,7 +30,7 @@ if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
 
 # Rows of a workspace: how long a step to try, the error allowed, the time, where to stop; the
 # ball, the level set, the section; and from STATE on the state, the new state, FLAG and more.
-LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 21
+LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 23
 REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
 # Control of the length: the usual safety and limits of change.
 SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.9, 0.2, 6.0
@@ -67,8 +67,8 @@ def flat_step(system: System, rolling: Rolling) -> str:
 
     A lane whose target is nearer than its length only looks: it leaves the state there in the
     rows of the new state, and stands still. Otherwise it marches: time and state move, if the
-    error is within the tolerance. After the new state come the flag, and where the system sees
-    the section, `section_function` of the new state.
+    error is within the tolerance. After the new state come the flag, and what the system sees of
+    the section in the new state.
     """
     tape = Tape()
     row = [tape.input(at(i)) for i in range(STATE + system.size)]
@@ -103,9 +103,8 @@ def flat_step(system: System, rolling: Rolling) -> str:
         **{end + i: x for i, x in enumerate(new)},
         end + system.size: flag,
     }
-    if system.sees_section:
-        turned = row[SECTION + 3] if rolling == "classical" else 0.0
-        seen = section_function(new, parameters, level, [*row[SECTION : SECTION + 3], turned])
+    if system.section is not None:
+        seen = system.section(new, parameters, level, row[SECTION:STATE])
         results |= {end + system.size + 1 + i: x for i, x in enumerate(seen)}
     return lane_function("step", tape, results)
 

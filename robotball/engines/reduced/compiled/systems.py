@@ -27,20 +27,25 @@ class Level:
         return eq.subtract(eq.scale(self.c, gamma), eq.scale(self.m, alpha))
 
 
+Seen = tuple[Scalar, Scalar, Scalar]
+"""A section function's value, its rate [1/s], and what is above 0 on the section's own side."""
+
+
 @dataclass(frozen=True)
 class System:
     """Equations to step: their right-hand side and what of the state is of length one.
 
     rate: (state, parameters, level) -> d(state)/dt. units: the dimensions of the unit vectors
     that the state starts with; they are what the error is judged on, and they are brought back
-    to length one at every step. The rest are quadratures of them.
+    to length one at every step. The rest are quadratures of them. section: (state, parameters,
+    level, numbers of the section) -> what is seen of the section, if any is.
     """
 
     name: str
     size: int
     units: tuple[int, ...]
     rate: Callable[[State, Parameters, Level], State]
-    sees_section: bool = False
+    section: Callable[[State, Parameters, Level, State], Seen] | None = None
 
 
 def path_rate(state: State, parameters: Parameters, level: Level) -> State:
@@ -82,15 +87,14 @@ def turning(
     return (w, x, y, z), alpha, beta, gamma, omega
 
 
-def section_function(
-    state: State, parameters: Parameters, level: Level, section: State
-) -> tuple[Scalar, Scalar, Scalar]:
-    """sin(g - g₀), its rate [1/s] and cos(g - g₀), all times √(1 - L²/f); of a state with q first.
+def section_function(state: State, parameters: Parameters, level: Level, section: State) -> Seen:
+    """sin(g - g₀), its rate and cos(g - g₀), all times √(1 - L²/f); of a state with q first.
 
     section: (cos g₀, sin g₀, m/√f, c/√f). With γ₀ = (m/√f)γ + (c/√f)α of (5.5) the definition of
     g reads √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃); no angle is needed.
     """
-    cos_g, sin_g, across, along_M = section
+    cos_g, sin_g, across = section[:3]
+    along_M = section[3] if parameters.rolling == "classical" else 0.0
     _, alpha, beta, gamma, omega = turning(state, parameters, level)
     node = eq.add(eq.scale(across, gamma), eq.scale(along_M, alpha))
     ahead = eq.subtract(eq.scale(sin_g, node), eq.scale(cos_g, beta))
@@ -98,6 +102,18 @@ def section_function(
     return ahead[2], eq.cross(ahead, omega)[2], facing
 
 
+def arc_function(state: State, parameters: Parameters, level: Level, arc: State) -> Seen:
+    """(γ, n), its rate and (γ, e); of a state with q first.
+
+    arc: n and e, unit vectors: half of the great circle across n, the half around e.
+    """
+    normal: Vector = (arc[0], arc[1], arc[2])
+    middle: Vector = (arc[3], arc[4], arc[5])
+    _, _, _, gamma, omega = turning(state, parameters, level)
+    return eq.dot(normal, gamma), eq.dot(normal, eq.cross(gamma, omega)), eq.dot(middle, gamma)
+
+
 PATH = System("path", 6, (4,), path_rate)
-RETURN = System("return", 4, (4,), attitude_rate, sees_section=True)
+RETURN = System("return", 4, (4,), attitude_rate, section_function)
+ARC = System("arc", 4, (4,), attitude_rate, arc_function)
 DEVIATION = System("deviation", 9, (4, 3), deviation_rate)

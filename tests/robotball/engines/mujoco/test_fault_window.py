@@ -133,8 +133,8 @@ def test_compare_says_where_the_dump_is(
     """A faulty run's file is in the output folder, and the command to read it is printed."""
     monkeypatch.chdir(tmp_path)
     assert command("compare", "fig12", "--preset", "naive", "--duration", 0.2, "--no-plots") == 1
-    assert "robotball replay out/fig12-naive-fault.json" in capsys.readouterr().out
-    assert load(tmp_path / "out" / "fig12-naive-fault.json").name == "fig12"
+    assert "robotball replay out/fig12-mujoco-naive-fault.json" in capsys.readouterr().out
+    assert load(tmp_path / "out" / "fig12-mujoco-naive-fault.json").name == "fig12"
 
 
 def test_a_sound_run_takes_the_file_of_a_former_one_away(written: Callable[..., Path]) -> None:

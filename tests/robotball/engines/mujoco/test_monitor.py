@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines.mujoco.control import controlled
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.monitor import Monitor
 from robotball.engines.mujoco.readings import Readings
+from robotball.engines.mujoco.states import read_row
+from robotball.engines.mujoco.stepping import by_steps
 from robotball.motors import Servo
 from validation import compare
 
@@ -139,3 +142,26 @@ def test_the_cone_used_is_one_on_its_surface() -> None:
         assert diagnostics is not None
         # Measured 1 + 2.2e-16: rounding.
         assert diagnostics.friction_used.max() == pytest.approx(1.0, abs=2e-15)
+
+
+def test_every_step_is_read_with_the_warnings_so_far() -> None:
+    """The rows of a run that diverges are those of a plain loop that copies all after each step.
+
+    MuJoCo warns first in the tenth step; the last row is of the end, from which no step was taken.
+    """
+    model = build(FIG12, replace(rb.PRESETS["naive"], timestep=0.02))
+    times = np.linspace(0.0, 0.3, 16)
+    with controlled(model) as control:
+        (portion,) = by_steps(control, model.start_data(), times)
+    data, rows = model.start_data(), []
+    for length in np.minimum(np.diff(times), 0.02):
+        model.compiled.opt.timestep = length
+        mujoco.mj_step(model.compiled, data)
+        rows.append(read_row(data))
+    mujoco.mj_forward(model.compiled, data)
+    rows.append(read_row(data))
+    np.testing.assert_array_equal(portion.rows, rows)
+    warned = Readings(model, portion.rows).warnings.any(axis=1)
+    assert warned.tolist() == [False] * 9 + [True] * 7
+    assert portion.steps == 15
+    assert list(portion.sampled) == list(range(16))

@@ -55,12 +55,9 @@ class World(ABC):
 
 
 class SteppedWorld(World):
-    """An engine that Python steps, one call a step.
+    """An engine that Python steps, one call a step."""
 
-    any_step: whether steps may differ in length, and not only the worlds that are made for them.
-    """
-
-    any_step = False
+    any_step = False  # whether the steps of one world may differ in length
 
     @abstractmethod
     def control(self, t: float, step: float) -> None:

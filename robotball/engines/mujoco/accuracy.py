@@ -14,7 +14,7 @@ import numpy as np
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco.cost_model import COST_MODEL, scene_rate
 from robotball.engines.mujoco.integrators import ADAPTIVE
-from robotball.engines.mujoco.load import SHORTEST
+from robotball.engines.mujoco.load import BY_ERROR
 from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.engines.mujoco.servo_rates import fastest_rate
 from robotball.engines.mujoco.settings import PRESETS, Settings, recipe
@@ -150,7 +150,7 @@ class _Search:
         """
         finest = self.settings(integrator=ADAPTIVE, rtol=FINEST_RTOL)
         softer = self.pilot(integrator=ADAPTIVE, rtol=SOFTER_RTOL)
-        softer = replace(softer, solref=(2 * SHORTEST[0], SHORTEST[1]))
+        softer = replace(softer, solref=(2 * BY_ERROR[1], 1.0))
         before, motion = self.made(softer, apart=SPARSE), self.made(finest)
         return self.result(motion, self.error(before, motion, 2.0, 2.0))
 

@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 import robotball as rb
+from robotball.bodies import Ball, Frame, thin_shell_inertia
 from robotball.contact import Friction
 from robotball.engines.mujoco import stepping
 from robotball.engines.mujoco.fault_window import load, replay
@@ -24,23 +25,23 @@ from robotball.engines.mujoco.written import write_model
 from robotball.motion import ContactMotion
 from robotball.motors import Servo
 from tests.random_robots import random_scene
-from tests.robots import ENDINGS, pendulum_ball, robot, swing, worked
+from tests.robots import ENDINGS, box_inertia, pendulum_ball, robot, swing, worked
 from validation import compare
 
 # Bounds are about three times what was measured, beside them: of the path error at t = 10 s.
 PATH_BOUNDS = {
     ("W1", "fast"): 7e-6,  # 2.4e-6
     ("W1", "balanced"): 3e-8,  # 9.3e-9
-    ("W1", "accurate"): 4e-11,  # 1.3e-11
+    ("W1", "accurate"): 4e-11,  # 1.2e-11
     ("W2", "fast"): 3e-7,  # 8.6e-8
     ("W2", "balanced"): 6e-10,  # 2.1e-10
-    ("W2", "accurate"): 6e-12,  # 2.1e-12
+    ("W2", "accurate"): 6e-12,  # 2.5e-12
     ("W4", "fast"): 3e-5,  # 8.4e-6
     ("W4", "balanced"): 9e-8,  # 2.8e-8
-    ("W4", "accurate"): 1.4e-10,  # 4.6e-11
+    ("W4", "accurate"): 1.4e-10,  # 4.0e-11
     ("W5", "fast"): 5e-5,  # 1.5e-5
     ("W5", "balanced"): 6e-7,  # 1.8e-7
-    ("W5", "accurate"): 8e-10,  # 2.7e-10
+    ("W5", "accurate"): 8e-10,  # 3.1e-10
 }
 
 
@@ -60,10 +61,10 @@ def test_a_robot_ends_where_ideal_rolling_does(name: str, settings: str) -> None
 
 # Bounds are about three times what was measured, beside them: of the path error over 10 s.
 LIKE_THE_EQUATIONS = {
-    ("W1", "adaptive"): 1e-13,  # 3e-14
-    ("W2", "adaptive"): 6e-14,  # 1.9e-14
-    ("W4", "adaptive"): 4e-12,  # 1.2e-12: DOP853 finds no switch, it steps across in small steps
-    ("W5", "adaptive"): 9e-12,  # 3e-12: the depth of the contact
+    ("W1", "adaptive"): 3e-13,  # 1.0e-13: the depth of the contact, in W2 and W5 too
+    ("W2", "adaptive"): 1.4e-13,  # 4.7e-14
+    ("W4", "adaptive"): 1.7e-12,  # 5.6e-13: DOP853 finds no switch, it steps across in small steps
+    ("W5", "adaptive"): 1e-11,  # 6.0e-12
     ("servo_motors", "accurate"): 4e-10,  # 1.2e-10
     ("tilted", "accurate"): 7e-12,  # 2.3e-12
     ("resisting", "accurate"): 9e-12,  # 3.0e-12
@@ -97,11 +98,49 @@ def test_any_robot_rolls_as_its_equations_say(name: str, settings: str) -> None:
 def test_random_robots_roll_as_their_equations_say(number: int) -> None:
     """Rotors, pendulums, every motor, inclined planes; these four are not chaotic.
 
-    Measured 1.4e-10, 2.8e-11, 7.0e-12 and 9.4e-11.
+    Measured 1.4e-10, 3.1e-11, 8.4e-12 and 9.5e-11.
     """
     error = compare(random_scene(np.random.default_rng(number)), "accurate").path_error
     assert error is not None
     assert error < 5e-10
+
+
+@pytest.mark.parametrize(
+    ("settings", "bound"),
+    [("fast", 0.12), ("balanced", 0.15), ("accurate", 0.18), ("adaptive", 0.9)],
+)
+def test_a_robot_at_rest_keeps_its_contact(settings: str, bound: float) -> None:
+    """Its weight straight below the centre, so that the rounding of Newton's accelerations is all.
+
+    Of 35 radii and masses these creep most: by 0.039, 0.051, 0.061 and 0.47 of the contact's depth.
+    """
+    for radius, mass in ((0.1, 0.1), (0.1, 3.3), (0.12, 0.5), (0.37, 0.1)):
+        model = build(at_rest(radius, mass), rb.preset(settings))
+        report = run(model, np.linspace(0.0, 0.1, 21)).report
+        assert report.faults == ()
+        assert np.abs(report.depth).max() < bound * model.compiled.pair_margin[0]
+
+
+def test_a_robot_at_rest_leaves_a_contact_that_is_too_hard() -> None:
+    """So the test before this one would tell: at a softness of 1e-5 it falls back 0.5 mm deep."""
+    scene = at_rest(0.1, 1.0)
+    hard = replace(fitted(rb.preset("balanced"), scene), softness=1e-5, solref=(0.04, 1.0))
+    model = build(scene, hard)
+    depth = run(model, np.linspace(0.0, 0.1, 21)).report.depth
+    assert np.abs(depth).max() > 1e5 * model.compiled.pair_margin[0]
+
+
+def at_rest(radius: float, mass: float) -> rb.Scene:
+    """W2's shell, of another radius, with a box in it that hangs a third of the radius low."""
+    inertia = thin_shell_inertia(radius, 1.0)
+    shell = replace(
+        worked("W2").ball.shell,
+        radius=radius,
+        axial_inertia=inertia,
+        transverse_inertia=inertia,
+    )
+    frame = Frame(mass, box_inertia(mass, 0.1, 0.1, 0.05), np.array([0.0, 0.0, -radius / 3]))
+    return robot("rest", Ball(shell, frame, ()), "rubber", [0.0], (1.0, 0.0, 0.0, 0.0))
 
 
 def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:
@@ -150,12 +189,12 @@ def test_a_step_across_a_torque_limit_costs_two_orders(monkeypatch: pytest.Monke
 
 
 def test_a_soft_contact_and_a_quick_solver_are_wrong_where_the_load_varies() -> None:
-    """Each choice of `fitted` undone alone, on W5 at 1 ms; measured 1.4e-5 and 6e-3."""
-    hard = fitted(rb.preset("accurate"), worked("W5"))
+    """Each choice of `fitted` undone alone, on W5 at 1 ms; measured 4.3e-7 and 1.6e-2."""
+    hard = replace(fitted(rb.preset("accurate"), worked("W5")), stop_at_fault=False)
     for wrong in ({"softness": 1.0}, {"solver": "PGS", "iterations": 3}):
         motion = run(build(worked("W5"), replace(hard, **wrong)), worked("W5").times)
         off = np.linalg.norm(motion.contact_point[-1] - ENDINGS["W5"].contact_point)
-        assert off > 1e-6 * motion.path_scale
+        assert off > 1e-7 * motion.path_scale
 
 
 def test_only_a_load_that_varies_changes_the_settings() -> None:
@@ -166,7 +205,7 @@ def test_only_a_load_that_varies_changes_the_settings() -> None:
     own = replace(balanced, solver="CG", sliding_friction=0.3)
     assert fitted(own, worked("W5")).solver == "CG"
     assert fitted(own, worked("W5")).sliding_friction == 0.3
-    assert fitted(own, worked("W5")).softness == 1e-5
+    assert fitted(own, worked("W5")).softness < 1e-3
 
 
 def test_a_ball_that_lifts_off_loses_its_contact_then() -> None:

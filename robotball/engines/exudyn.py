@@ -65,7 +65,7 @@ class ExudynWorld(World):
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = ball.inertia
         body = system.AddObject(
             items.ObjectRigidBody(
-                physicsMass=ball.mass, physicsInertia=[xx, yy, zz, yz, xz, xy], nodeNumber=node
+                mass=ball.mass, inertia=[xx, yy, zz, yz, xz, xy], nodeNumber=node
             )
         )
         marker = system.AddMarker(items.MarkerBodyRigid(bodyNumber=body))

@@ -64,9 +64,7 @@ class ExudynWorld(World):
         )
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = ball.inertia
         body = system.AddObject(
-            items.ObjectRigidBody(
-                mass=ball.mass, inertia=[xx, yy, zz, yz, xz, xy], nodeNumber=node
-            )
+            items.ObjectRigidBody(mass=ball.mass, inertia=[xx, yy, zz, yz, xz, xy], nodeNumber=node)
         )
         marker = system.AddMarker(items.MarkerBodyRigid(bodyNumber=body))
         system.AddLoad(

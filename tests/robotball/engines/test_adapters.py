@@ -31,6 +31,8 @@ MEASURED = [
     ("drake", "best", "timestep", 1e-3, "classical_regular", 5.6e-6),
     ("mujoco-warp", "best", "timestep", 20e-3, "fig12", 2.1e-6),
     ("exudyn", "best", "timestep", 5e-3, "fig12", 2.85e-5),
+    ("exudyn", "contact", "timestep", 1e-3, "fig12", 1.5e-6),
+    ("exudyn", "contact", "timestep", 1e-3, "classical_regular", 1.4e-6),
     ("dart", "ideal", "rtol", 1e-12, "fig12", 9.8e-13),
     ("dart", "best", "timestep", 1e-3, "classical_regular", 8.8e-3),
     ("physx", "best", "timestep", 1e-3, "classical_regular", 5.6e-3),

@@ -161,6 +161,9 @@ class Samples(
                     f"the times of samples must increase: time {i + 2} is {after:g} s, after "
                     f"{before:g} s"
                 )
+        # Arrays are taken too; as tuples of numbers two rates can be compared.
+        for name in ("times", "values"):
+            msgspec.structs.force_setattr(self, name, tuple(map(float, getattr(self, name))))
 
     @property
     def breakpoints(self) -> tuple[float, ...]:

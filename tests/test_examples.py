@@ -61,5 +61,5 @@ def test_the_notebook_runs_from_top_to_bottom(
         exec("\n".join(lines), names)
         value = eval(ending, names)
         shown += any(hasattr(value, f"_repr_{kind}_") for kind in ("html", "png"))
-    assert shown == 5  # two motions, a picture, two agreements
+    assert shown == 6  # a scene, two motions, a picture, two agreements
     assert all(each["outputs"] == [] for each in book["cells"] if each["cell_type"] == "code")

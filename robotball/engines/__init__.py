@@ -19,7 +19,10 @@ OURS = {
     "dart": "robotball.engines.dart:DART",
     "drake": "robotball.engines.drake:DRAKE",
     "exudyn": "robotball.engines.exudyn:EXUDYN",
+    "genesis": "robotball.engines.genesis:GENESIS",
+    "mjx": "robotball.engines.mujoco.mjx:MJX",
     "mujoco-warp": "robotball.engines.mujoco.warp:WARP",
+    "newton": "robotball.engines.newton:NEWTON",
     "physx": "robotball.engines.physx:PHYSX",
     "pinocchio": "robotball.engines.pinocchio:PINOCCHIO",
 }

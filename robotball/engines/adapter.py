@@ -57,6 +57,8 @@ class World(ABC):
 class SteppedWorld(World):
     """An engine that Python steps, one call a step."""
 
+    any_step = False  # whether the steps of one world may differ in length
+
     @abstractmethod
     def control(self, t: float, step: float) -> None:
         """Sets the hinges' motors for a step that begins at t [s]; called where rates change."""
@@ -72,6 +74,11 @@ class SteppedWorld(World):
     def march(self, times: Array, timestep: float) -> Iterator[State]:
         sampled = set(times.tolist())
         cut = spans(times, self.scene.breakpoints, timestep)
+        if not self.any_step and not np.allclose(cut[1], cut[1][0], rtol=1e-9, atol=0.0):
+            raise InputError(
+                f"{self.scene.name}: this engine's steps are all equal, and they have to end on "
+                "every sample and wherever a rate breaks: sample it at equal intervals that do"
+            )
         for (begin, end), length, count in zip(*(each.tolist() for each in cut), strict=True):
             self._loop(self.step, begin, length, int(count))
             self.steps, self.longest = self.steps + int(count), max(self.longest, length)
@@ -127,8 +134,8 @@ class Adapter(Engine, ABC):
 
     @property
     def installed(self) -> bool:
-        """Whether its package is there; nothing is imported."""
-        return find_spec(self.package.partition(".")[0]) is not None
+        """Whether its package is there; nothing is imported, but what a part's package is in."""
+        return find_spec(self.package) is not None
 
     def cannot_express(self, scene: Scene) -> str | None:
         """What no adapter can, and then what this one cannot."""
@@ -266,7 +273,7 @@ def _faults(
         (rate_error > RATE_ERROR, Fault(FaultKind.RATE_OFF, np.nan, limit=RATE_ERROR)),
         (np.cumsum(slip * elapsed) > allowed, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance)),
         (
-            off > tolerance * scene.momentum_scale,
+            scene.keeps_momentum & (off > tolerance * scene.momentum_scale),
             Fault(FaultKind.MOMENTUM_OFF, np.nan, limit=tolerance),
         ),
     ]

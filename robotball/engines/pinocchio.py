@@ -47,7 +47,7 @@ class PinocchioWorld(IdealWorld):
             joints.append(self.model.addJoint(parent, joint, place, link.name))
             body = pinocchio.Inertia(link.mass, link.centre, link.inertia)
             self.model.appendBodyToJoint(joints[-1], body, pinocchio.SE3.Identity())
-        self.model.gravity.linear = np.array([0.0, 0.0, -scene.gravity])
+        self.model.gravity.linear = scene.gravity_world
         self.data = self.model.createData()
         self.T = np.eye(self.model.nv)
 
@@ -87,6 +87,16 @@ class Pinocchio(Adapter):
     }
     settings_type = PinocchioSettings
     presets: Mapping[str, StepSettings] = PRESETS
+
+    def cannot_express(self, scene: Scene) -> str | None:
+        """Motors: its balance the ball may lack, and the plane its level."""
+        if any(scene.motors):
+            return "its adapter turns hinges at given rates, and a hinge has a motor"
+        if any(hinge.angle for hinge in scene.hinges):
+            return "its adapter begins with all hinges at angle 0"
+        if scene.friction.rolling:
+            return "its adapter knows no resistance to rolling"
+        return None
 
     def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
         assert isinstance(settings, PinocchioSettings)

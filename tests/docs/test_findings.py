@@ -88,6 +88,10 @@ EXPECTED: dict[str, dict[str, tuple[float, float]]] = {
         "vs 0.01 m/s, slip over vs": (0.23, 0.25),
         "vs 0.001 m/s, slip over vs": (0.22, 0.25),
     },
+    "drake_fixed_accuracy": {
+        "by the config": (6e-4, 7.3e-4),
+        "by the integrator": (0.95e-5, 1.2e-5),  # of the overlap's lever arm
+    },
     "exudyn_fast_rotor": {"2 ms": (6.4e-3, 6.9e-3), "0.5 ms": (2.4e-6, 2.7e-6)},
     "pinocchio_rolling": {"along": (0, 1e-12), "across": (1.714, 1.715), "up": (-4.001, -3.999)},
     "pinocchio_drift": {

@@ -1,6 +1,6 @@
 """Scenes and motions in a notebook: a line of words, the path, a picture, and equality."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -8,6 +8,7 @@ import pytest
 
 import robotball as rb
 from robotball.chart import LEAST_LOG, Line, chart, legend, ticks
+from robotball.rotations import Array
 from robotball.value import Value
 from validation import compare
 
@@ -106,6 +107,37 @@ def test_equality_is_of_values_and_never_raises() -> None:
 def test_what_a_scene_is_made_of_is_a_name_of_robotball(kind: type) -> None:
     """And is compared by its values."""
     assert issubclass(kind, Value)
+
+
+def test_scenes_whose_rates_are_arrays_are_compared() -> None:
+    """Samples given as arrays are those given as numbers, alone and in a sum."""
+    times = np.linspace(0.0, 10.0, 50)
+
+    def driven(values: Array) -> rb.Scene:
+        samples = rb.Samples(times=times, values=values)  # type: ignore[arg-type]
+        return replace(SCENE, frame_rate=samples, rotor_rates=(rb.Sum((samples, 1.0)),))
+
+    assert driven(np.sin(times)) == driven(np.sin(times))
+    assert driven(np.sin(times)) != driven(np.cos(times))
+    plain = rb.Samples(times=tuple(times.tolist()), values=tuple(np.sin(times).tolist()))
+    assert driven(np.sin(times)).frame_rate == plain
+
+
+def test_a_rate_of_ones_own_that_cannot_be_compared_equals_itself() -> None:
+    """A plain record with an array raises where it is compared; a scene that has it does not."""
+
+    @dataclass(frozen=True)
+    class Table:
+        values: Array
+
+        def __call__(self, t: float) -> float:
+            return float(np.interp(t, (0.0, 10.0), self.values))
+
+    first, second = Table(np.array([1.0, 2.0])), Table(np.array([1.0, 2.0]))
+    with pytest.raises(ValueError, match="ambiguous"):
+        assert first == second
+    assert replace(SCENE, frame_rate=first) == replace(SCENE, frame_rate=first)
+    assert replace(SCENE, frame_rate=first) != replace(SCENE, frame_rate=second)
 
 
 def test_nan_equals_nan_within_an_array() -> None:

@@ -49,8 +49,12 @@ SHORT = {
 }
 NOT_RUN = {  # and why
     "--tyro-print-completion bash": "test_help.py tries what it prints",
-    "engines --install drake,bullet,exudyn,pinocchio,dart,physx,mujoco-warp,mujoco-3.17": (
-        "it needs a network, and a while"
+    **dict.fromkeys(
+        (
+            "engines --install drake,bullet,exudyn,pinocchio,dart,physx,newton,genesis",
+            "engines --install mujoco-warp,mjx,mujoco-3.17",
+        ),
+        "it needs a network, and a while",
     ),
 }
 

@@ -57,9 +57,9 @@ def _rolling(axes: Axes, scene: Scene, results: Sequence[Result]) -> None:
             label=label,
         )
     axes.set(
-        xlabel="rolling friction μ_r [m], condim 6",
-        ylabel="loss of |M| [kg m²/s²]",
-        title="rolling friction eats the momentum\nthat the rubber model keeps",
+        xlabel=r"rolling friction $\mu_r$ [m], condim 6",
+        ylabel="loss of |M| in a second [kg m²/s²]",
+        title="rolling friction takes the momentum\nthat the rubber model keeps",
     )
     axes.legend(loc="upper left", frameon=False, fontsize=9)
 
@@ -88,7 +88,7 @@ def _torsional(axes: Axes, results: Sequence[Result], needed: float | None) -> N
                 word, (x, 1.03), xycoords=("data", "axes fraction"), ha="center", color=INK
             )
         axes.annotate(
-            f"the motion needs {needed:.2g} m",
+            f"the motion needs {needed:.3g} m",
             (needed, 0.35),
             xycoords=("data", "axes fraction"),
             xytext=(-5, 0),
@@ -99,8 +99,8 @@ def _torsional(axes: Axes, results: Sequence[Result], needed: float | None) -> N
             color=INK,
         )
     axes.set(
-        xlabel="torsional friction μ_t [m], condim 4",
-        ylabel="relative",
+        xlabel=r"torsional friction $\mu_t$ [m], condim 4",
+        ylabel="path error and spin, relative",
     )
     axes.set_title("torsional friction: too little is a drag,\nenough is the rubber model", pad=24)
     axes.legend(loc="center right", frameon=False, fontsize=9)

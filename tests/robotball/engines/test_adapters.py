@@ -8,11 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import robotball as rb
 from robotball.engines import OURS
-from robotball.engines.adapter import Adapter
+from robotball.engines.adapter import Adapter, SteppedWorld
+from robotball.engines.links import State
 from robotball.motion import momentum_error, path_error
 
 EXTRAS = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"][
@@ -29,9 +31,17 @@ MEASURED = [
     ("drake", "best", "timestep", 1e-3, "classical_regular", 5.6e-6),
     ("mujoco-warp", "best", "timestep", 20e-3, "fig12", 2.1e-6),
     ("exudyn", "best", "timestep", 5e-3, "fig12", 2.85e-5),
+    ("exudyn", "contact", "timestep", 1e-3, "fig12", 1.5e-6),
+    ("exudyn", "contact", "timestep", 1e-3, "classical_regular", 1.4e-6),
     ("dart", "ideal", "rtol", 1e-12, "fig12", 9.8e-13),
     ("dart", "best", "timestep", 1e-3, "classical_regular", 8.8e-3),
     ("physx", "best", "timestep", 1e-3, "classical_regular", 5.6e-3),
+    ("newton", "best", "timestep", 20e-3, "fig12", 1.94e-6),
+    ("newton", "kept", "timestep", 20e-3, "fig12", 8.4e-7),
+    ("mjx", "best", "timestep", 20e-3, "fig12", 1.61e-4),
+    ("pinocchio", "best", "rtol", 1e-12, "beaver_ball", 4.6e-13),
+    ("pinocchio", "RK4", "timestep", 20e-3, "offset_routh_sphere", 3.6e-8),
+    ("pinocchio", "RK4", "timestep", 20e-3, "inclined_plane", 7.9e-7),
 ]
 
 
@@ -60,7 +70,9 @@ def test_an_engine_errs_as_it_was_measured(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "preset"), [("bullet", "best"), ("drake", "tamsi")])
+@pytest.mark.parametrize(
+    ("name", "preset"), [("bullet", "best"), ("drake", "tamsi"), ("genesis", "best")]
+)
 @pytest.mark.parametrize(
     ("scene", "path", "momentum"),
     [("fig12", 3.68e-3, 1.107e-2), ("classical_regular", 3.75e-2, 2.10e-2)],
@@ -103,6 +115,36 @@ def test_a_motor_of_the_scenes_own_is_refused_before_the_run() -> None:
     """With the reason."""
     with pytest.raises(rb.InputError, match="turns hinges at given rates"):
         rb.simulate(rb.load_scene("servo_motors"), engine="bullet")
+
+
+@pytest.mark.parametrize(
+    ("scene", "why"), [("servo_motors", "a hinge has a motor"), ("beaver_ball", None)]
+)
+def test_dynamics_under_our_constraints_roll_what_is_not_balanced(
+    scene: str, why: str | None
+) -> None:
+    """Of Pinocchio: its rows above say how well; a motor is beyond it."""
+    told = ADAPTERS["pinocchio"].cannot_express(rb.load_scene(scene))
+    assert told is None if why is None else why in (told or "")
+
+
+class Equal(SteppedWorld):
+    """An engine of equal steps that only counts them."""
+
+    def control(self, t: float, step: float) -> None: ...
+
+    def step(self, step: float) -> None: ...
+
+    def state(self) -> State:
+        return self.now
+
+
+def test_equal_steps_end_on_every_sample() -> None:
+    """Two steps and a half are refused, in one line, and three are not."""
+    world = Equal(rb.load_scene("fig12"))
+    assert len(list(world.march(np.array([0.0, 0.1, 0.2, 0.3]), 0.1))) == 3
+    with pytest.raises(rb.InputError, match="steps are all equal"):
+        list(world.march(np.array([0.0, 0.1, 0.2, 0.25]), 0.1))
 
 
 def test_torsional_friction_that_is_not_there_is_told_before_the_run() -> None:

@@ -1,14 +1,24 @@
 """The study of all engines: a crash is a row, the front a front, an environment looks into ours."""
 
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import pytest
 
 import robotball as rb
-from validation.studies.engines.environments import OLDER, contestants, python_of
+from robotball.engines.dop853 import LEAST_RTOL
+from validation.studies.engines.environments import (
+    OLDER,
+    Contestant,
+    contestants,
+    install,
+    python_of,
+)
 from validation.studies.engines.measure import Run, cells_of, measure, study_of
+from validation.studies.engines.process import LOOSEST, settings_of
 from validation.sweeps import Result
 
 FIG12 = rb.load_scene("fig12")
@@ -40,6 +50,21 @@ def test_a_run_in_a_process_says_what_a_run_here_says() -> None:
     assert record["settings"]["timestep"] == 5e-3
     assert record["version"] == rb.engine_named("mujoco").label.version
     assert record["seconds"] > 0
+
+
+@pytest.mark.parametrize(("rtol", "tolerance"), [(LEAST_RTOL, 1e-11), (1e-6, LOOSEST)])
+def test_a_presets_tolerance_is_of_its_own_value(rtol: float, tolerance: float) -> None:
+    """A step or an rtol that is looser is not held to what the preset's own reaches."""
+    preset = rb.engine_named("mujoco").presets["adaptive"]
+    assert settings_of(preset, "rtol", rtol).error_tolerance == tolerance
+
+
+@pytest.mark.slow
+def test_a_loose_run_that_rolls_has_no_fault() -> None:
+    """At rtol 1e-6 it slips by 1e-5 m/s, as its error allows; the preset's bound is 1e-11."""
+    record = measure({**CELL, "preset": "adaptive", "field": "rtol", "value": 1e-6})
+    assert record["slip"] > 1e-11
+    assert record["faults"] == []
 
 
 @pytest.mark.parametrize(
@@ -96,14 +121,50 @@ def test_a_run_without_an_answer_keeps_its_row() -> None:
 
 @pytest.mark.slow
 def test_an_engine_that_is_nowhere_has_no_cells(tmp_path: Path) -> None:
-    """An environment in the folder gives it some; ours is taken where the engine is there."""
+    """Ours is taken where the engine is there."""
     known = contestants()
-    older = known[OLDER]
-    assert python_of(older, tmp_path) is None
-    assert cells_of("fig12", [older], tmp_path, 1.0, 1) == []
-    place = tmp_path / OLDER / "bin" / "python"
-    place.parent.mkdir(parents=True)
-    place.touch()
-    assert python_of(older, tmp_path) == place
-    assert {cell["engine"] for cell in cells_of("fig12", [older], tmp_path, 1.0, 1)} == {"mujoco"}
+    assert python_of(known[OLDER], tmp_path) is None
+    assert cells_of("fig12", [known[OLDER]], tmp_path, 1.0, 1) == []
     assert python_of(known["mujoco"], tmp_path / "none") == Path(sys.executable)
+
+
+def wheel(folder: Path, name: str) -> Path:
+    """A package of one empty module, as pip installs it without any network."""
+    path = folder / f"{name}-1.0-py3-none-any.whl"
+    facts = f"{name}-1.0.dist-info"
+    with ZipFile(path, "w") as file:
+        file.writestr(f"{name}.py", "")
+        file.writestr(f"{facts}/METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        file.writestr(f"{facts}/WHEEL", "Wheel-Version: 1.0\nTag: py3-none-any\n")
+        file.writestr(f"{facts}/RECORD", "")
+    return path
+
+
+@pytest.mark.slow
+def test_an_environment_has_its_engine_and_all_of_ours(tmp_path: Path) -> None:
+    """What is asked for is imported from there, robotball and numpy from ours; it makes cells."""
+    asked = Contestant("other", "mujoco", (str(wheel(tmp_path, "otherengine")),))
+    home = install(asked, tmp_path)
+    python = python_of(asked, tmp_path)
+    assert python == home / "bin" / "python"
+    code = "import otherengine, robotball, numpy; print(otherengine.__file__, robotball.__file__)"
+    found = subprocess.check_output([python, "-c", code], text=True, cwd=home).split()
+    assert Path(found[0]).is_relative_to(home)
+    assert Path(found[1]).samefile(rb.__file__)
+    assert {cell["engine"] for cell in cells_of("fig12", [asked], tmp_path, 1.0, 1)} == {"mujoco"}
+
+
+@pytest.mark.slow
+def test_an_environment_that_was_not_finished_is_none(tmp_path: Path) -> None:
+    """pip fails in one line, and what it left is not taken for the engine."""
+    asked = Contestant("other", "mujoco", (str(tmp_path / "nowhere.whl"),))
+    with pytest.raises(rb.InputError, match=r"other cannot be installed: .*nowhere\.whl"):
+        install(asked, tmp_path)
+    assert (tmp_path / "other" / "bin" / "python").exists()
+    assert python_of(asked, tmp_path) is None
+
+
+def test_what_is_here_already_is_not_installed(tmp_path: Path) -> None:
+    """Our own engine needs no environment."""
+    with pytest.raises(rb.InputError, match="mujoco is here already"):
+        install(Contestant("mujoco", "mujoco", ()), tmp_path)

@@ -19,6 +19,7 @@ from validation.studies.extremes.balls import gyrostat, momentum_of, redistribut
 from validation.studies.extremes.cells import QUICK, Cut, cells_of
 from validation.studies.extremes.maps import MAPS, TIMESTEPS, base, cell_run
 from validation.studies.extremes.measure import Outcome, classify, measure, reference
+from validation.studies.extremes.random_runs import extreme, ordinary
 from validation.studies.extremes.report import measured_limits, missed, totals
 from validation.sweeps import Result
 
@@ -248,6 +249,15 @@ def test_the_command_draws_a_map_and_goes_on_where_it_was(
     records = json.loads((tmp_path / "summary.json").read_text())["summary"]
     assert sum(sum(each["outcomes"].values()) for each in records) == 16
     assert all(each["missed"] == 0 for each in records)
+
+
+@pytest.mark.slow
+def test_every_random_run_can_be_made() -> None:
+    """All that `extremes --random 500` takes: a ball whose parts are scaled is a ball still."""
+    for number in range(500):
+        for run in (extreme(0, number), ordinary(0, number)):
+            assert run.scene.not_reduced is None
+            assert len(run.times) == 101
 
 
 def test_an_unknown_map_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""More friction than the recipe has: rolling friction eats |M|, torsional friction makes rubber."""
+"""More friction than the recipe has: rolling friction takes |M|, torsional friction is rubber."""
 
 import json
 from pathlib import Path
@@ -38,7 +38,7 @@ def measured(
         ("classical_regular", 1e-1, 0.015),  # measured 0.0096
     ],
 )
-def test_rolling_friction_eats_momentum_at_its_length_times_the_weight(
+def test_rolling_friction_takes_momentum_at_its_length_times_the_weight(
     scene: str, length: float, off: float
 ) -> None:
     """d|M|/dt = -μ_roll m g, as far as the rolling torque is along M."""

@@ -4,7 +4,6 @@ An environment has the engine and what it asks for; everything else, robotball a
 from ours, after its own. So MuJoCo of another version is only another environment.
 """
 
-import os
 import subprocess
 import sys
 import sysconfig
@@ -50,17 +49,25 @@ def contestants() -> dict[str, Contestant]:
 
 
 def python_of(contestant: Contestant, folder: Path) -> Path | None:
-    """The interpreter that runs it: its environment's, or ours where it needs none; else None."""
-    own = folder / contestant.name / "bin" / "python"
-    if own.exists():
-        return own.absolute()
+    """The interpreter that runs it: its environment's, or ours where it needs none; else None.
+
+    An environment without its link, which comes last, was not made to its end, and is none.
+    """
+    home = folder / contestant.name
+    if _link_of(home).exists():
+        return (home / "bin" / "python").absolute()
     engine = engine_named(contestant.engine)
     there = engine.installed if isinstance(engine, Adapter) else not contestant.requirements
     return Path(sys.executable) if there else None
 
 
 def install(contestant: Contestant, folder: Path) -> Path:
-    """Its environment, made anew by venv and pip; raises InputError where pip fails."""
+    """Its environment, made anew by venv and pip.
+
+    Raises InputError where pip fails, and for what our own environment has.
+    """
+    if not contestant.requirements:
+        raise InputError(f"{contestant.name} is here already: there is nothing to install")
     home = folder / contestant.name
     venv.create(home, clear=True, with_pip=True)
     python = home / "bin" / "python"
@@ -75,6 +82,10 @@ def install(contestant: Contestant, folder: Path) -> Path:
 
 def _link(home: Path) -> None:
     """Has the environment look into ours, after its own packages."""
-    own = sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)})
     ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
-    (Path(own) / LINK).write_text(os.linesep.join(ours) + os.linesep)
+    _link_of(home).write_text("\n".join(ours) + "\n")
+
+
+def _link_of(home: Path) -> Path:
+    own = sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)})
+    return Path(own) / LINK

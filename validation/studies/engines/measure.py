@@ -23,7 +23,6 @@ from validation.studies.tradeoff import scene_cell
 from validation.sweeps import Cell, Result
 
 CANCELLED = 100.0  # a path so much better than M is one whose errors cancelled
-USABLE = 0.3  # a larger path error is no result
 
 
 def cells_of(
@@ -113,7 +112,7 @@ class Run:
     def usable(self) -> bool:
         """Whether the error says how well it rolls."""
         honest = self.momentum_error < CANCELLED * max(self.error, 1e-15)
-        return self.error < USABLE and honest and "diverged" not in " ".join(self.faults)
+        return self.error < process.LOOSEST and honest and "diverged" not in " ".join(self.faults)
 
 
 @dataclass(frozen=True)

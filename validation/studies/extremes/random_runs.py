@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -68,12 +69,15 @@ def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) 
 
 
 def _any_scene(random: np.random.Generator) -> Scene:
+    return balanced()[int(random.integers(len(balanced())))]
+
+
+@cache
+def balanced() -> list[Scene]:
+    """The catalog's balls that the small equations describe: what is changed keeps them so."""
     with warnings.catch_warnings(action="ignore", category=SceneWarning):  # to be built by nobody
-        scene = load_scene(str(random.choice(STEADY)))
-    return scene if len(scene.motors) == 0 else replace(scene, motors=())
-
-
-STEADY = [name for name in catalog() if name not in ("servo_motors",)]
+        scenes = map(load_scene, catalog())
+        return [scene for scene in scenes if scene.not_reduced is None]
 
 
 def _varied(scene: Scene, random: np.random.Generator) -> Scene:

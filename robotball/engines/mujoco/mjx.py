@@ -1,0 +1,158 @@
+"""MJX: MuJoCo's models stepped by JAX, in double precision; here on the processor."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.util import find_spec
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, version_of
+from robotball.engines.links import State
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
+from robotball.engines.mujoco.warp import state_of
+from robotball.engines.protocol import Ladder
+from robotball.engines.spans import spans
+from robotball.motion import Label
+from robotball.rotations import Array
+from robotball.scene import Scene
+
+LABEL = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
+PASSES = 50  # of the loop at most, in one call
+
+
+@dataclass(frozen=True, kw_only=True)
+class MjxSettings(StepSettings):
+    """model: MuJoCo's settings, of which MJX takes the model and its options; line_search: its
+    iterations at most, None as MuJoCo has them.
+    """
+
+    model: Settings
+    line_search: int | None = None
+
+
+class MjxWorld(World):
+    """One world; its steps are the passes of a compiled loop."""
+
+    def __init__(self, scene: Scene, settings: MjxSettings, step: float) -> None:
+        super().__init__(scene)
+        self.advance = _advance()
+        from mujoco import mjx
+
+        self.built = build(scene, replace(settings.model, timestep=step))
+        start, model = self.built.start_data(), self.built.compiled
+        # Nothing reads the sensors, and every stage of RK4 would be compiled with them.
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+        if settings.line_search is not None:
+            model.opt.ls_iterations = settings.line_search
+        self.model, self.data, self.calls = mjx.put_model(model), mjx.put_data(model, start), 0
+        for _ in range(2):  # compiles; the data of the second have the types that a step gives
+            self._take(0.0, step, 0)
+
+    def march(self, times: Array, timestep: float) -> Iterator[State]:
+        sampled = set(times.tolist())
+        cut = spans(times, self.scene.breakpoints, timestep)
+        for (begin, end), length, count in zip(*(each.tolist() for each in cut), strict=True):
+            for done in range(0, int(count), PASSES):
+                self._take(begin + done * length, length, min(PASSES, int(count) - done))
+                self.calls += 1
+            self.steps, self.longest = self.steps + int(count), max(self.longest, length)
+            if end in sampled:
+                yield self._state()
+
+    def _take(self, begin: float, step: float, count: int) -> None:
+        """So many steps from `begin` [s]; the controls are those at the middle of each."""
+        middles = (begin + (np.arange(PASSES) + 0.5) * step).tolist()
+        actuated = [hinge for hinge in self.built.hinges if hinge.actuated]
+        controls = np.array([[hinge.control(t) for hinge in actuated] for t in middles])
+        self.data = self.advance(self.model, self.data, controls, step, count)
+
+    def _state(self) -> State:
+        qpos, qvel = np.asarray(self.data.qpos), np.asarray(self.data.qvel)
+        if not (np.isfinite(qpos).all() and np.isfinite(qvel).all()):
+            return replace(self.now, centre=np.full(3, np.nan))
+        return state_of(self.built, qpos, qvel)
+
+    def python_seconds(self) -> float:
+        """Of the calls that hold the steps."""
+        count = min(IDLE_STEPS, self.calls)
+        began = time.process_time()
+        for _ in range(count):
+            self._take(0.0, self.longest, 0)
+        return (time.process_time() - began) / count * self.calls
+
+
+@cache
+def _advance() -> Callable[..., Any]:
+    """Model, data, controls (PASSES, nu), step [s], count of steps → data."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    from mujoco import mjx
+
+    def advance(model: Any, data: Any, controls: Any, step: float, count: int) -> Any:
+        model = model.tree_replace({"opt.timestep": step})
+
+        def taken(i: int, now: Any) -> Any:
+            after = mjx.step(model, now.replace(ctrl=controls[i]))
+            return jax.tree.map(lambda new, old: new.astype(old.dtype), after, now)
+
+        return jax.lax.fori_loop(0, count, taken, data)
+
+    return jax.jit(advance)
+
+
+# MJX has no noslip. A harder contact needs none; where friction is so hard that a step of Newton
+# ends on the cone's axis, the line search of MJX takes the root of a negative number: softness
+# 1e-6 gives NaN, and 1e-2 does not.
+HARD = replace(
+    PRESETS["balanced"],
+    solver="Newton",
+    noslip_iterations=None,
+    noslip_tolerance=None,
+    ls_tolerance=None,
+    softness=1e-2,
+    fits_load=False,
+)
+AS_IT_COMES = MjxSettings(
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3, model=NAIVE
+)
+BEST = MjxSettings(
+    name="best",
+    error_tolerance=1e-4,
+    stop_at_fault=False,
+    timestep=5e-3,
+    model=HARD,
+    line_search=5,
+)
+
+
+class Mjx(Adapter):
+    """The engine, as `robotball.engines.protocol` describes one."""
+
+    label = LABEL
+    package = "mujoco.mjx"
+    extra = "mjx"
+    requirements = ("mujoco-mjx>=3.17", "jax>=0.10")
+    ladders: Mapping[str, Ladder] = {
+        "as-it-comes": ("timestep", (2e-3,)),
+        "best": ("timestep", (20e-3, 10e-3, 5e-3)),
+    }
+    settings_type = MjxSettings
+    presets: Mapping[str, StepSettings] = {each.name: each for each in (AS_IT_COMES, BEST)}
+
+    @property
+    def installed(self) -> bool:
+        """Whether it is there: a part of MuJoCo's package, which runs by JAX."""
+        return super().installed and find_spec("jax") is not None
+
+    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
+        assert isinstance(settings, MjxSettings)
+        return MjxWorld(scene, settings, step)
+
+
+MJX = Mjx()

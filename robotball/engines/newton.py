@@ -1,0 +1,213 @@
+"""Newton: its builder's model, stepped on the processor by its MuJoCo solver.
+
+Its model and its states are in single precision, MuJoCo's steps between them in double.
+"""
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
+from robotball.engines.links import State, links_of
+from robotball.engines.protocol import Ladder
+from robotball.motion import Label
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import Scene
+
+LABEL = Label("Newton", version_of("newton"), "#117733")
+TIME_CONSTANT = 0.04  # s, of the contact whose impedance is set
+SERVO = 10.0  # N m s/rad, of a newcomer's hinges
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewtonSettings(StepSettings):
+    """None leaves a choice at Newton's own default.
+
+    integrator, cone, iterations, tolerance: of its solver; friction: of ball and plane; armature
+    kg m²: the reflected inertia that keeps the hinges' rates, in place of velocity servos;
+    impedance: of the contact, with slip that dies out slowly; noslip: iterations, set in the
+    solver's own model; kept: whether the state stays with the solver from step to step, in double
+    precision, by an option that is deprecated.
+    """
+
+    integrator: str | None = None
+    cone: str | None = None
+    iterations: int | None = None
+    tolerance: float | None = None
+    friction: float | None = None
+    armature: float | None = None
+    impedance: float | None = None
+    noslip: int | None = None
+    kept: bool = False
+
+
+class NewtonWorld(SteppedWorld):
+    """The ball and its plane, on Warp's processor device."""
+
+    any_step = True
+
+    def __init__(self, scene: Scene, settings: NewtonSettings, step: float) -> None:
+        super().__init__(scene)
+        import newton
+        import warp
+
+        warp.config.quiet = True
+        self.warp, self.settings, d = warp, settings, settings.impedance
+        # So deep that the contact carries the ball from the start.
+        self.depth = scene.gravity * (1 - d) * TIME_CONSTANT**2 if d is not None else 0.0
+        chosen = {
+            name: value
+            for name in ("integrator", "cone", "iterations", "tolerance")
+            if (value := getattr(settings, name)) is not None
+        }
+        if settings.kept:
+            chosen["update_data_interval"] = 0
+        with warp.ScopedDevice("cpu"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of what is deprecated
+            model = self._model(newton)
+            self.solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=True, **chosen)
+            self.states, self.controls = (model.state(), model.state()), model.control()
+        if settings.noslip is not None:
+            options = self.solver.mj_model.opt
+            options.noslip_iterations, options.noslip_tolerance = settings.noslip, 0.0
+        now, data = self.now, self.solver.mj_data
+        turning = rotation_matrix(now.attitude).T @ now.turning
+        data.qpos[:] = [*self._centre, *now.attitude, *now.angles]
+        data.qvel[:] = [*now.velocity, *turning, *now.rates]
+        self._push(now.rates, np.zeros(len(scene.drives)))
+
+    @property
+    def _centre(self) -> Array:
+        return self.now.centre - [0.0, 0.0, self.depth]
+
+    def _model(self, newton: Any) -> Any:
+        """Newton's model of the ball at its start."""
+        wp, scene, settings, start = self.warp, self.scene, self.settings, self.now
+        gravity = wp.vec3(0.0, 0.0, -scene.gravity)
+        builder = newton.ModelBuilder(up_axis=newton.Axis.Z, gravity=gravity)
+        newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
+        material = builder.default_shape_cfg.copy()
+        material.density = 0.0
+        if settings.friction is not None:
+            material.mu = settings.friction
+        motor: dict[str, Any] = {"armature": settings.armature}
+        if settings.armature is None:
+            motor = {"target_kd": SERVO, "actuator_mode": newton.JointTargetMode.VELOCITY}
+        bodies: list[int] = []
+        joints: list[int] = []
+        for link in links_of(scene):
+            body = builder.add_link(
+                mass=link.mass, com=wp.vec3(*link.centre), lock_inertia=True,
+                inertia=wp.mat33(*link.inertia.ravel()), label=link.name,
+            )  # fmt: skip
+            if link.drive is None:
+                joint = builder.add_joint_free(child=body)
+                sphere = builder.add_shape_sphere(body, radius=scene.ball.radius, cfg=material)
+            else:
+                place = wp.transform(wp.vec3(*link.origin), wp.quat_identity())
+                joint = builder.add_joint_revolute(
+                    bodies[link.parent], body, axis=wp.vec3(*link.axis), parent_xform=place, **motor
+                )
+            bodies.append(body)
+            joints.append(joint)
+        builder.add_articulation(joints)
+        plane = builder.add_ground_plane(cfg=material)
+        if settings.impedance is not None and settings.friction is not None:
+            mu, d = settings.friction, settings.impedance
+            pair = {
+                "geom1": plane,
+                "geom2": sphere,
+                "world": -1,
+                "condim": 4 if scene.rolling == "rubber" else 3,
+                "friction": [mu, mu, mu * scene.ball.radius, 0.0, 0.0],
+                "solref": [TIME_CONSTANT, 1.0],
+                "solreffriction": [-1.0, -0.5],
+                "solimp": [d, d, 1e-3, 0.5, 1.0],
+            }
+            builder.add_custom_values(**{f"mujoco:pair_{name}": pair[name] for name in pair})
+        builder.joint_q = [*self._centre, *np.roll(start.attitude, -1), *start.angles]
+        builder.joint_qd = [*start.velocity, *start.turning, *start.rates]
+        return builder.finalize()
+
+    def _push(self, rates: Array, accelerations: Array) -> None:
+        """The servos' targets, or what turns the armatures."""
+        armature, free = self.settings.armature, np.zeros(6)
+        if armature is None:
+            target, values = self.controls.joint_target_qd, rates
+        else:
+            target, values = self.controls.joint_f, armature * accelerations
+        target.assign(np.concatenate([free, values]).astype(np.float32))
+
+    def control(self, t: float, step: float) -> None:
+        drives = self.scene.drives
+        rates = [float(drive.rate(t + step)) for drive in drives]
+        accelerations = [float(drive.acceleration(t + step / 2)) for drive in drives]
+        self._push(np.array(rates), np.array(accelerations))
+
+    def step(self, step: float) -> None:
+        before, after = self.states
+        with self.warp.ScopedDevice("cpu"):
+            self.solver.step(before, after, self.controls, None, step)
+        self.states = after, before
+
+    def state(self) -> State:
+        now, _ = self.states
+        q, v = (each.numpy().astype(float) for each in (now.joint_q, now.joint_qd))
+        attitude = np.roll(q[3:7], 1)
+        attitude /= np.linalg.norm(attitude)
+        return State(q[:3], v[:3], attitude, v[3:6], q[7:], v[6:])
+
+
+AS_IT_COMES = NewtonSettings(
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3
+)
+BEST = NewtonSettings(
+    name="best",
+    error_tolerance=1e-3,
+    stop_at_fault=False,
+    timestep=20e-3,
+    integrator="rk4",
+    cone="elliptic",
+    iterations=10,
+    tolerance=0.0,
+    friction=20.0,
+    armature=1e12,
+    impedance=0.9999,
+    noslip=1,
+)
+
+
+class Newton(Adapter):
+    """The engine, as `robotball.engines.protocol` describes one."""
+
+    label = LABEL
+    package = "newton"
+    extra = "newton"
+    requirements = ("newton>=1.8", "mujoco-warp>=4.0")
+    ladders: Mapping[str, Ladder] = {
+        "as-it-comes": ("timestep", (2e-3,)),
+        "best": ("timestep", (20e-3, 5e-3, 1e-3)),
+        "kept": ("timestep", (20e-3, 5e-3)),
+    }
+    settings_type = NewtonSettings
+    presets: Mapping[str, StepSettings] = {
+        each.name: each for each in (AS_IT_COMES, BEST, replace(BEST, name="kept", kept=True))
+    }
+
+    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
+        """Double precision; as it comes the contact's condim 4 as well."""
+        assert isinstance(settings, NewtonSettings)
+        said = "its model and its states are in single precision"
+        if scene.rolling == "rubber" and settings.impedance is None:
+            said += "; its contact has no torsional friction: the shell spins freely"
+        return said
+
+    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
+        assert isinstance(settings, NewtonSettings)
+        return NewtonWorld(scene, settings, step)
+
+
+NEWTON = Newton()

@@ -117,10 +117,10 @@ def cell(line: str, lines: Sequence[Line], above: str = "") -> str:
 
 
 def by_value(momentum: Array) -> dict[float, str]:
-    """The names of M's components (3,) by their value; those that a line's width hides are one."""
+    """The names of M's components (3,) by their value; those within a label's height are one."""
     groups: dict[float, str] = {}
     for value, name in zip(momentum.tolist(), ("$M_X$", "$M_Y$", "$M_Z$"), strict=True):
-        near = [other for other in groups if abs(other - value) <= 1e-3 * np.abs(momentum).max()]
+        near = [other for other in groups if abs(other - value) <= 0.05 * np.abs(momentum).max()]
         key = near[0] if near else value
         groups[key] = f"{groups[key]}, {name}" if near else name
     return groups

@@ -8,6 +8,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from robotball.errors import InputError
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 DPI = 120
+CHARACTERS = 10  # of 12 points, in an inch
 WIDEST = 10_000  # characters, more than a table has
 PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
 
@@ -50,6 +52,14 @@ def write_text(path: Path, text: str) -> None:
 def in_picture(text: str) -> str:
     """A user's text as a picture shows it: its dollars are no formula."""
     return text.replace("$", r"\$")
+
+
+def title(figure: "Figure", text: str) -> None:
+    """A user's title above a figure; one that is wider is small, and in two lines at most."""
+    wide, lines = figure.get_size_inches()[0], [text]
+    if small := len(text) > CHARACTERS * wide:
+        lines = wrap(text, int(4 / 3 * CHARACTERS * wide), max_lines=2, placeholder=" …")
+    figure.suptitle(in_picture("\n".join(lines)), fontsize=9 if small else 12)
 
 
 def write_picture(path: Path, figure: "Figure") -> Path:

@@ -52,6 +52,7 @@ def cells_of(shown: str) -> list[list[str]]:
     return [[cell.text or "" for cell in row] for row in rows]
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_what_is_in_a_scene() -> None:
     """A row a body: its mass, and what turns it."""
     assert cells_of(SCENE._repr_html_())[1:] == [

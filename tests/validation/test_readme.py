@@ -10,7 +10,7 @@ import pytest
 
 import robotball as rb
 from validation import compare
-from validation.cli import COMMANDS, parse
+from validation.cli import COMMANDS
 
 PROJECT = Path(__file__).parents[2]
 README = (PROJECT / "README.md").read_text(encoding="utf-8")
@@ -37,41 +37,22 @@ def test_the_docs_have_the_demos_table() -> None:
 @pytest.mark.parametrize(("scene", "preset", "shown"), ROWS)
 def test_the_numbers_shown_are_the_programs(scene: str, preset: str, shown: str) -> None:
     """To the digits shown; a third off at 1 ms and for the chattering naive model; or rounding."""
-    error = compare(rb.load_scene(scene), preset).path_error
+    found = compare(rb.load_scene(scene), preset)
     tolerance = {"naive": 0.35, "accurate": 0.35, "adaptive": 2.0}.get(preset, 0.05)
-    assert error == pytest.approx(float(shown), rel=tolerance)
+    (row,) = re.findall(rf"^\| {scene} \| {preset} \| (.*) \|$", DOCS["settings.md"], re.MULTILINE)
+    step, path, gamma, momentum, _, verdict = row.split(" | ")
+    assert path == shown
+    measured = (found.report.timestep * 1e3, found.path_error, found.gamma_error)
+    printed = [float(each.removesuffix(" ms")) for each in (step, path, gamma, momentum)]
+    assert [*measured, found.momentum_error] == pytest.approx(printed, rel=tolerance)
+    without_times = [re.sub(r"[\d.]+ s", "", words) for words in (found.verdict, verdict)]
+    assert without_times[0] == without_times[1]
 
 
 def test_every_command_is_told() -> None:
     """Nothing that a newcomer could run is hidden."""
     for name in COMMANDS:
         assert re.search(rf"\b{name}\b", DOCS["commands.md"]), name
-
-
-# What is printed as a command, with its arguments; where some stand for others it is only named.
-COMMAND = r"(?:^ {4}|`)(?:\.venv/bin/)?robotball ([^`\n#>|]+)"
-ALONE = {"demo", "scenes", "engines", "paper", "attractors", "extremes", "portraits", "figures"}
-PRINTED = sorted(
-    {
-        found.strip()
-        for text in (README, *DOCS.values())
-        for found in re.findall(COMMAND, text, re.MULTILINE)
-        if not re.search("[A-Z…\\[]{2}|  |FILE|N…", found)
-        and (" " in found.strip() or found.strip() in ALONE)
-    }
-)
-
-
-@pytest.mark.parametrize("arguments", PRINTED)
-def test_a_printed_command_is_one(arguments: str) -> None:
-    """Its name, its options and their values are known; `robotball X --help` has one that runs."""
-    if "--tyro-print-completion" not in arguments:
-        assert parse(arguments.split())
-
-
-def test_there_are_commands_to_try() -> None:
-    """The pattern finds those of README and docs."""
-    assert {"demo", "convergence fig12", "report fig12"} <= set(PRINTED)
 
 
 def public_names() -> list[tuple[str, str]]:

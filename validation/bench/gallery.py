@@ -1,6 +1,7 @@
 """`make gallery`: every picture and table of the docs, made again by the program.
 
-Each line is a command and the files of its output that the docs show. `--only NAME` makes one.
+Each line is a command and the files of its output that the docs show; an argument makes those that
+begin with it. The pictures of other engines need environments, so they are made only by that.
 """
 
 import json
@@ -8,9 +9,17 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
-from validation.output import write_text
+from robotball import sample_times
+from robotball.engines.mujoco.integrators import FIRST_ORDER
+from robotball.film.render import Film, frames
+from validation.comparison.agreement import compare
+from validation.output import replacing, write_text
 
 DOCS = Path(__file__).parents[2] / "docs"
 OUT = Path("out/gallery")
@@ -19,11 +28,20 @@ PICTURES = {
     "convergence fig12": {"fig12-mujoco-accurate-convergence.png": "convergence.png"},
     "tradeoff fig12": {"fig12-mujoco-tradeoff.png": "tradeoff.png"},
     "tradeoff fig12 --friction": {"fig12-mujoco-friction.png": "tradeoff-friction.png"},
-    "extremes momentum contact duration": {
+    "extremes": {
         f"extremes-{name}.png": f"extremes-{name}.png"
         for name in ("momentum", "contact", "duration")
     },
 }
+BY_NAME = {
+    "engines fig12 classical_regular": {
+        "fig12-engines.png": "engines.png",
+        "classical_regular-engines.png": "engines-classical.png",
+    },
+}
+FILMED, SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
+# What the studies counted: the numbers that README and docs print are held against it.
+NUMBERS = DOCS / "numbers.json"
 PROOFS = """
 ## Proofs
 
@@ -34,31 +52,107 @@ or a sampling error may leave something.
 |---|---|---|
 """
 TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
+OUTCOME_WORDS = {
+    "ACCURATE": "accurate, to 1e-4",
+    "DEGRADED": "degraded, to 0.1",
+    "WRONG": "silently wrong",
+    "SLIPPED": "slipped",
+    "LOST_CONTACT": "lost contact",
+    "OFF_RATE": "a drive lost its rate",
+    "DIVERGED": "diverged",
+    "REFUSED": "refused before the run",
+    "UNFINISHED": "stopped at a limit of steps",
+    "FAILED": "ended in an unforeseen error",
+}
+OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
 
 def main(only: str = "") -> None:
     """Run each command whose line begins with `only`, and put what it makes into docs/."""
-    for command, files in PICTURES.items():
+    for command, files in (PICTURES | (BY_NAME if only else {})).items():
         if command.startswith(only):
-            _run(command, "--out", str(OUT))
+            record = ("--json", str(OUT / "extremes.json")) if command == "extremes" else ()
+            _run(command, "--out", str(OUT), *record)
             for made, shown in files.items():
                 shutil.copyfile(OUT / made, DOCS / shown)
+    if "tradeoff fig12".startswith(only):
+        write_numbers("tradeoff", numbers_of_tradeoff(_read(OUT / "fig12-mujoco-tradeoff.json")))
+    if "extremes".startswith(only):
+        record = _read(OUT / "extremes.json")
+        outcomes = outcomes_of(record["summary"])
+        write_numbers("extremes", {**record["totals"], "outcomes": outcomes})
+        _replace(DOCS / "extremes.md", OUTCOMES, outcomes_table(outcomes))
+    if "film".startswith(only):
+        write_frame(DOCS / "fig12.png")
     if "paper".startswith(only):
         _run("paper", "--json", str(OUT / "paper.json"))
         write_proofs(OUT / "paper.json")
     if "demo".startswith(only):
         _run("demo", "--out", str(OUT))
         table = (OUT / "demo.md").read_text(encoding="utf-8").strip()
-        page = DOCS / "settings.md"
-        text = re.sub(TABLE, lambda _: table, page.read_text(encoding="utf-8"), flags=re.DOTALL)
-        write_text(page, text)
+        _replace(DOCS / "settings.md", TABLE, table)
+
+
+def write_frame(path: Path) -> None:
+    """The README's picture: one frame of a film of fig12."""
+    import mediapy
+
+    agreement, film = compare("fig12", None, sample_times(FILMED)), Film()
+    shown = islice(frames(agreement.motion, agreement.theory, film), round(SHOWN * film.fps), None)
+    with replacing(path) as temporary:
+        mediapy.write_image(temporary, next(shown), fmt="png")
+
+
+def numbers_of_tradeoff(record: Mapping[str, Any]) -> dict[str, Any]:
+    """How many configurations there are and are sound, and the best of each kind."""
+    runs = record["configurations"]
+    servos = [run for run in runs if "gain" in (run["options"]["drive"] or ())]
+    rates = [run for run in servos if "hinge rate" in run["trouble"]]
+    first = [run for run in runs if run["sound"] and run["options"]["integrator"] in FIRST_ORDER]
+    return {
+        "configurations": len(runs),
+        "no_result": sum(not run["sound"] for run in runs),
+        "servos": len(servos),
+        "servos_off_their_rates": len(rates),
+        "best_servo": min((run["error"] for run in servos if run["sound"]), default=None),
+        "best_of_first_order": min((run["error"] for run in first), default=None),
+        "times_at_target": float(f"{record['ratio']:.2g}"),
+    }
+
+
+def outcomes_of(summary: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
+    """How many runs of each integrator had each outcome, over all maps."""
+    found: dict[str, Counter[str]] = {}
+    for each in summary:
+        found.setdefault(each["integrator"], Counter()).update(each["outcomes"])
+    return {integrator: dict(counts) for integrator, counts in found.items()}
+
+
+def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
+    """The same as Markdown: an outcome a row, where some run had it."""
+    runs = max(sum(counts.values()) for counts in outcomes.values())
+    lines = [
+        f"| of {runs} runs each | {' | '.join(outcomes)} |",
+        "|---|" + "---:|" * len(outcomes),
+    ]
+    for name, words in OUTCOME_WORDS.items():
+        counts = [each.get(name, 0) for each in outcomes.values()]
+        if any(counts):
+            lines.append(f"| {words} | {' | '.join(map(str, counts))} |")
+    return "\n".join(lines)
+
+
+def write_numbers(study: str, numbers: Mapping[str, Any]) -> None:
+    """A study's numbers in the file of all."""
+    known = _read(NUMBERS) if NUMBERS.exists() else {}
+    write_text(NUMBERS, json.dumps({**known, study: numbers}, indent=1) + "\n")
 
 
 def write_proofs(findings: Path) -> None:
     """The table of proofs in the page of errata, from the JSON of `robotball paper`."""
     page = DOCS / "errata.md"
     above = page.read_text(encoding="utf-8").partition(PROOFS)[0].rstrip()
-    claims = json.loads(findings.read_text(encoding="utf-8"))["claims"]
+    claims = _read(findings)["claims"]
     rows = [
         " | ".join(
             str(claim[key]).replace("|", "\\|") for key in ("place", "statement", "evidence")
@@ -67,6 +161,16 @@ def write_proofs(findings: Path) -> None:
         if claim["verdict"] == "holds as corrected"
     ]
     write_text(page, "\n".join([above, PROOFS.rstrip(), *(f"| {row} |" for row in rows)]) + "\n")
+
+
+def _read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def _replace(page: Path, pattern: str, table: str) -> None:
+    """Put a table in the place of the one that a pattern finds."""
+    text = page.read_text(encoding="utf-8")
+    write_text(page, re.sub(pattern, lambda _: table, text, flags=re.DOTALL))
 
 
 def _run(command: str, *options: str) -> None:

@@ -118,13 +118,18 @@ class Equilibria:
         for line in lines:
             table.add_row(*straight_row(line))
         console = Console()
-        console.print("Fixed points and cycles of the motion from rest (M = 0), straight-line")
-        console.print(f"motions with the scene's M² = {f:g} (kg m²/s)²; γ in principal axes:")
+        console.print(
+            "Fixed points and cycles of the motion from rest (M = 0); γ in principal axes."
+        )
+        if lines:
+            console.print(
+                f"Straight-line motions are those with the scene's M² = {f:g} (kg m²/s)²."
+            )
         print_whole(table, console)
-        indices = f"{index_sum(points)} of the points"
+        indices = f"The indices of the points add up to {index_sum(points)}"
         if circle is not None:
-            indices += f" and {circle.index} of the circle (Ω, γ) = 0"
-        console.print(f"Indices on the sphere: {indices}; the sum is 2.")
+            indices += f", with the {circle.index} of the circle (Ω, γ) = 0 to 2"
+        console.print(f"{indices}, as they must on a sphere.")
         if limit := stability_limit(ball):
             console.print(
                 f"Two straight-line motions are stable where M² < {limit:.6g} (kg m²/s)²."

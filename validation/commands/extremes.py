@@ -46,7 +46,7 @@ class Extremes:
         from validation.studies.extremes.maps import chosen
         from validation.studies.extremes.measure import survey
         from validation.studies.extremes.picture import picture
-        from validation.studies.extremes.report import show, summary
+        from validation.studies.extremes.report import show, summary, totals
         from validation.sweeps import write_table
 
         maps, out = chosen(self.maps), writable_folder(self.sweep.out)
@@ -67,7 +67,8 @@ class Extremes:
             print(write_picture(out / f"{stem}.png", picture(each, found[each.name])))
             write_table(out / f"{stem}.csv", found[each.name])
             print(out / f"{stem}.csv")
-        write_record(self.json, {"quick": self.sweep.quick, "summary": records})
+        all_maps = totals([each for results in found.values() for each in results])
+        write_record(self.json, {"quick": self.sweep.quick, "totals": all_maps, "summary": records})
         return DISAGREES if any(each["missed"] for each in records) else AGREES
 
     def _random(self, count: int) -> int:

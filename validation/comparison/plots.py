@@ -14,7 +14,7 @@ from robotball.rotations import Array
 from robotball.shown import by_value
 from validation.comparison.agreement import Agreement
 from validation.comparison.names import file_stem
-from validation.output import in_picture, replacing
+from validation.output import in_picture, replacing, title
 
 Integers = NDArray[np.int64]
 
@@ -59,7 +59,7 @@ def path_picture(agreements: Sequence[Agreement]) -> Figure:
     paths.set(xlabel="X [m]", ylabel="Y [m]", title="contact point on the plane, to one scale")
     paths.set_aspect("equal", "datalim")
     errors.set(xlabel="time [s]", ylabel="distance of the\ncontact points [m]")
-    paths.legend(loc="best")
+    paths.legend(loc="best", ncols=1 + (len(agreements) > 2))
     return figure
 
 
@@ -99,7 +99,7 @@ def momentum_picture(agreements: Sequence[Agreement]) -> Figure:
 def _two_panels(agreements: Sequence[Agreement]) -> tuple[Figure, Axes, Axes]:
     figure = Figure(figsize=INCHES)
     scene = agreements[0].scene
-    figure.suptitle(in_picture(f"{scene.name}: {scene.title}"))
+    title(figure, f"{scene.name}: {scene.title}")
     # Room that is given: to have it found takes as long as all the rest of a picture.
     above, below = figure.subplots(2, 1, gridspec_kw=ROOM)
     below.set_yscale("log")

@@ -114,8 +114,7 @@ def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
         f"From {CHAOS.starts} random starts: grey the first",
         f"  {CHAOS_TRANSIENT} crossings, then {CHAOS.count - CHAOS_TRANSIENT} of each by the",
         f"  equations, {CHAOS_BY_CONTACT.count - CHAOS_TRANSIENT} by {ENGINE_NAME}. As clouds they",
-        "  cannot be told apart (python -m",
-        "  validation.studies.attractors.study).",
+        "  cannot be told apart (robotball attractors).",
         f"Dark: g grows; pale: g falls. {ENGINE_NAME}'s steps",
         "  are 50 ms.",
     )

@@ -132,7 +132,7 @@ def one_way(twist: float) -> Residual:
     count = 1000 if twist == 1 else 5
     found = section(chaotic(), *starts(64), count=count, tolerance=1e-9)
     both = (found.directions == 1).any(axis=1) & (found.directions == -1).any(axis=1)
-    return Residual(int(np.count_nonzero(~both)), bound=0, unit="of 64")
+    return Residual(int(np.count_nonzero(~both)), bound=0, unit="of 64 do not")
 
 
 def without_angles(twist: float) -> Residual:
@@ -181,12 +181,14 @@ CLAIMS = (
     Claim(
         "5.2", "(M×γ)₃ = -√(f - L²) sin g", without_angles, "(5.5) at random L, l, g", "the sign"
     ),
-    Claim("5.2", "each orbit crosses it in both directions", one_way, "the section", "5 crossings"),
+    Claim(
+        "5.2", "each orbit crosses g = 0 in both directions", one_way, "the section", "5 crossings"
+    ),
     Claim(
         "5.3",
-        "(γ, M) → (-γ, -M) turns only dY/dt round",
+        "(γ, M) → (-γ, -M) reverses dY/dt alone",
         mirror,
-        "(3.2), 3.3 at random states",
+        "(3.2) and (3.3) at random states",
         "the sign of Ẏ",
     ),
     Claim(

@@ -116,9 +116,11 @@ CLAIMS = (
         "1/5, to 2/5",
         control=0.5,
     ),
-    limited("fig14", "Figs 11-14", "0.3836; 0.869 ≤ m ≤ 1.012", 0.38356, 0.86905, 1.0119),
-    limited("fig06", "Figs 5-8", "0.4255; m ≤ 7/6, below Σb/5", 0.42553, 1.56667, 7 / 6),
-    limited("fig10", "Figs 9-10", "0.4762; m ≤ 1/3, below Σb/5", 0.47619, 1.4, 1 / 3),
+    limited(
+        "fig14", "Figs 11-14", "max b = 0.3836 Σb; 0.869 ≤ m ≤ 1.012", 0.38356, 0.86905, 1.0119
+    ),
+    limited("fig06", "Figs 5-8", "max b = 0.4255 Σb; m ≤ 7/6, below Σb/5", 0.42553, 1.56667, 7 / 6),
+    limited("fig10", "Figs 9-10", "max b = 0.4762 Σb; m ≤ 1/3, below Σb/5", 0.47619, 1.4, 1 / 3),
     Claim(
         "Figs 5-14",
         "only the balls of 11 to 14 can be built",

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from robotball.engines.mujoco import LABEL
 from robotball.palette import INK
-from validation.output import in_picture, print_whole, scientific
+from validation.output import print_whole, scientific, title
 from validation.studies.ablation import Ablation, Variant, fault_of
 
 BUILT = "Built up, every choice made so far: the worst to come hides what is done."
@@ -71,7 +71,7 @@ def _table(ablation: Ablation, variants: Sequence[Variant], sign: str) -> Table:
 def ablation_picture(ablation: Ablation) -> Figure:
     """Path error (bars) and momentum error (diamonds) of every variant, its cost beside."""
     figure = Figure(figsize=INCHES, layout="constrained")
-    figure.suptitle(in_picture(f"{ablation.scene.name}: {ablation.scene.title}"))
+    title(figure, f"{ablation.scene.name}: {ablation.scene.title}")
     left, right = figure.subplots(1, 2, sharex=True)
     _panel(left, ablation, ablation.built, "+ ")
     _panel(right, ablation, ablation.undone, "− ")

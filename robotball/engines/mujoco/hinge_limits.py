@@ -23,7 +23,7 @@ def servo_droop(plan: PlannedRun) -> LimitCheck | None:
         if not hinge.own_motor and hinge.of.rate:  # else its error belongs to the motion
             worst = max(worst, torque / servo.gain / abs(hinge.of.rate))
     return LimitCheck(
-        "what a servo's rate loses under its load, as a part of it,",
+        "the share of its rate that a servo loses under its load",
         worst,
         plan.settings.error_tolerance,
         "take a higher gain, or prescribe the rate",
@@ -48,7 +48,7 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
             lost = float(impulses[hinge.index]) / hinge.actuation.armature / hinge.largest_rate
             worst = max(worst, lost)
     return LimitCheck(
-        "what a prescribed rate loses under its load, as a part of it,",
+        "the share of its rate that a prescribed hinge loses under its load",
         worst,
         plan.settings.error_tolerance / MAGNIFIED,
         "the hinges' armature is too small for such heavy bodies; take a larger one",

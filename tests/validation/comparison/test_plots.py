@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import robotball as rb
 from validation import compare
-from validation.comparison.plots import momentum_picture, path_picture
+from validation.comparison.plots import ROOM, momentum_picture, path_picture
+from validation.output import title
 from validation.studies.extremes.picture import round_ticks
 
 TIMES = rb.sample_times(0.5)
@@ -28,6 +30,20 @@ def test_a_ball_at_rest_has_a_momentum_of_zero_in_its_picture() -> None:
     low, high = components.get_ylim()
     assert high - low > 0.09 * agreement.scene.momentum_scale  # measured 0.1
     assert errors.get_ylabel() == "error of M, over 1.46 kg m²/s"
+
+
+@pytest.mark.parametrize("length", [20, 90, 150, 400])
+def test_a_long_title_stays_within_its_picture(length: int) -> None:
+    """By smaller letters, then by a second line; never past the edges, nor into the axes below."""
+    figure = Figure(figsize=(8.0, 7.0))
+    axes = figure.subplots(gridspec_kw=ROOM)
+    axes.set_title("contact point on the plane, to one scale")
+    title(figure, ("a wide-rolling robot " * 20)[:length])
+    figure.draw_without_rendering()
+    (words,) = figure.texts
+    box, below = words.get_window_extent(), axes.title.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width
+    assert below.y1 <= box.y0 < box.y1 <= figure.bbox.height
 
 
 @pytest.mark.slow

@@ -87,7 +87,10 @@ def test_a_users_title_is_text(agreements: list[Agreement]) -> None:
 @pytest.mark.parametrize(("width", "dark"), [(360, False), (1280, True)])
 def test_a_report_works_in_a_browser(page: str, tmp_path: Path, width: int, dark: bool) -> None:
     """No error, no request, nothing wider than the page; a pointer and a key tell values."""
-    with opened(page, tmp_path, width=width, dark=dark) as browser:
+    heading = "<h1>Rolling balls: fig12"
+    assert heading in page
+    named = page.replace(heading, f"{heading}_steered_along_a_circle_and_back")
+    with opened(named, tmp_path, width=width, dark=dark) as browser:
         told = browser.run(
             """(() => {
             const chart = document.querySelectorAll('svg.chart')[1];

@@ -19,7 +19,7 @@ from validation.studies.extremes.balls import gyrostat, momentum_of, redistribut
 from validation.studies.extremes.cells import QUICK, Cut, cells_of
 from validation.studies.extremes.maps import MAPS, TIMESTEPS, base, cell_run
 from validation.studies.extremes.measure import Outcome, classify, measure, reference
-from validation.studies.extremes.report import measured_limits, missed
+from validation.studies.extremes.report import measured_limits, missed, totals
 from validation.sweeps import Result
 
 ROLLINGS = ("rubber", "classical")
@@ -152,6 +152,29 @@ def test_a_wrong_run_that_nobody_saw_is_missed() -> None:
     assert not missed(Result({}, {**wrong, "foretold": ["rotation"]}, None))
     assert not missed(Result({}, {**wrong, "foretold": [], "faults": ["M off"]}, None))
     assert not missed(Result({}, {**wrong, "foretold": [], "path_error": 0.05}, None))
+
+
+def test_the_totals_say_who_told_of_what_was_wrong() -> None:
+    """Of seven runs: two sound, one of them warned of, four wrong, each told of in its own way."""
+
+    def result(outcome: str, error: float | None, foretold: bool, faults: bool) -> Result:
+        errors = {"path_error": error, "momentum_error": error}
+        told = {"foretold": ["rotation"] * foretold, "faults": ["M off"] * faults}
+        return Result({}, {"outcome": outcome, **errors, **told}, None)
+
+    runs = [
+        result("ACCURATE", 0.0, False, False),
+        result("ACCURATE", 1e-4, True, False),
+        result("WRONG", 0.2, True, True),
+        result("DIVERGED", None, False, True),
+        result("UNFINISHED", None, True, False),
+        result("SLIPPED", 5.0, False, False),
+        Result({}, {"outcome": "REFUSED", "refusal": "no such ball"}, None),
+    ]
+    assert totals(runs) == {
+        "runs": 7, "wrong": 4, "reported_by_engine": 1, "foretold": 2, "noticed": 2, "missed": 1,
+        "accurate": 2, "alarms": 1,
+    }  # fmt: skip
 
 
 def test_a_limit_is_measured_between_the_last_sound_and_the_first_broken_cell() -> None:

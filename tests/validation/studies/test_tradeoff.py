@@ -20,6 +20,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE, recipe
 from robotball.motors import Servo
+from validation.bench.gallery import numbers_of_tradeoff
 from validation.cli import main
 from validation.studies.configurations import (
     configurations,
@@ -219,7 +220,11 @@ def test_the_quick_study_writes_its_files(
     assert sorted((tmp_path / "out").iterdir()) == sorted(files)
     assert files[0].read_bytes()[:4] == b"\x89PNG"
     written = json.loads(files[1].read_text())
-    assert len(written["configurations"]) == len(configurations(quick=True))
+    count = len(configurations(quick=True))
+    assert len(written["configurations"]) == count
+    numbers = numbers_of_tradeoff(written)
+    assert numbers["configurations"] == count > numbers["no_result"] >= numbers["servos"] == 6
+    assert 1e-4 < numbers["best_of_first_order"] < 1e-1
     journal = files[3].read_bytes()
     assert tradeoff("fig12", "--quick", "--duration", "0.5") == 0
     assert files[3].read_bytes() == journal

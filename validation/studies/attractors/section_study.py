@@ -13,7 +13,7 @@ from robotball.engines.reduced.compiled.kernels import Integers
 from robotball.qualitative.motion_section import crossings
 from robotball.qualitative.sections import section
 from robotball.rotations import Array
-from validation.output import in_picture
+from validation.output import title
 from validation.studies.attractors.contact_map import sound_run
 
 
@@ -58,7 +58,7 @@ def draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) 
     """The section's points on the annulus; filled where g grows, paler where it falls."""
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
-    figure.suptitle(in_picture(f"{scene.name}: {scene.title}"))
+    title(figure, f"{scene.name}: {scene.title}")
     few = 3.0 if engine is None else 7.0
     drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", few if len(theory.l) < 5000 else 1.2)]
     if engine is not None:

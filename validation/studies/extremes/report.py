@@ -12,7 +12,7 @@ from rich.table import Table
 
 from validation.output import print_whole
 from validation.studies.extremes.maps import ERROR_TOLERANCE
-from validation.studies.extremes.measure import WRONG, Outcome, largest_error
+from validation.studies.extremes.measure import ACCURATE, WRONG, Outcome, largest_error
 from validation.sweeps import Result
 
 # Beyond these a step makes the state grow, and a run soon has none.
@@ -127,6 +127,28 @@ def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
                 }
             )
     return records
+
+
+def totals(results: Sequence[Result]) -> dict[str, int]:
+    """How many runs were wrong, and who said so; how many were accurate, and called faulty.
+
+    wrong: off by more than a tenth, or broken off, if by a limit of steps; reported_by_engine:
+    those of them that ended in a state which is no number; alarms: accurate, but warned of or
+    noticed.
+    """
+    ran = [each for each in results if outcome_of(each) is not Outcome.REFUSED]
+    wrong = [each for each in ran if (error := error_of(each)) is None or error > WRONG]
+    accurate = [each for each in ran if (error := error_of(each)) is not None and error <= ACCURATE]
+    return {
+        "runs": len(results),
+        "wrong": len(wrong),
+        "reported_by_engine": sum(outcome_of(each) is Outcome.DIVERGED for each in wrong),
+        "foretold": sum(map(foretold, wrong)),
+        "noticed": sum(map(noticed, wrong)),
+        "missed": sum(not (foretold(each) or noticed(each)) for each in wrong),
+        "accurate": len(accurate),
+        "alarms": sum(foretold(each) or noticed(each) for each in accurate),
+    }
 
 
 def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:

@@ -14,7 +14,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from robotball.palette import INK
+from robotball.palette import ACCENT, INK
 from robotball.parameters import Parameters
 from robotball.qualitative.fixed_point_formulas import kappa, proposition_2
 from robotball.rotations import Array
@@ -24,10 +24,10 @@ from validation.sweeps import Result
 
 FINE = 70  # values of an axis for the curves
 CURVES: dict[str, tuple[Callable[[Parameters], float], str, Any]] = {
-    "|κ₁| = 1": (lambda ball: abs(kappa(ball, 1)) - 1, "#CC3311", "-"),
-    "|κ₂| = 1": (lambda ball: abs(kappa(ball, 0)) - 1, "#117733", "-"),
-    "A₁A₂ = 0": (lambda ball: np.prod(proposition_2(ball)[:2]), "#CC3311", "--"),
-    "B = 0": (lambda ball: proposition_2(ball)[2], "#117733", ":"),
+    "|κ₁| = 1": (lambda ball: abs(kappa(ball, 1)) - 1, ACCENT, "-"),
+    "|κ₂| = 1": (lambda ball: abs(kappa(ball, 0)) - 1, INK, "-."),
+    "A₁A₂ = 0": (lambda ball: np.prod(proposition_2(ball)[:2]), ACCENT, "--"),
+    "B = 0": (lambda ball: proposition_2(ball)[2], INK, ":"),
 }
 # Apart in grey, too; the same in every picture.
 COLOURS = {
@@ -43,10 +43,11 @@ COLOURS = {
     "largest basin: a cycle": "#FFFFFF",
     "largest basin: Γ₅,₆": "#E3E6EA",
     "largest basin: δ₁,₂": "#BFD3E6",
-    "largest basin: δ₃,₄": "#E5C494",
-    "largest basin: θ₁,₂": "#8FB996",
-    "largest basin: θ₃,₄": "#7C7FA8",
+    "largest basin: δ₃,₄": "#F0D58C",
+    "largest basin: θ₁,₂": "#A8C8B4",
+    "largest basin: θ₃,₄": "#8F92B8",
 }
+HATCHES = {"largest basin: δ₃,₄": "..", "largest basin: θ₁,₂": "//", "largest basin: θ₃,₄": "\\\\"}
 HALO = [patheffects.withStroke(linewidth=3, foreground="white")]
 OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
 
@@ -118,19 +119,30 @@ def draw_cells(
     """Each cell in the colour of its property, with a legend of what is there."""
     across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
     words = [property_of(each.record) if each.record else "no result" for each in results]
-    kinds = sorted(set(words) - {"no result"})
+    order = [*COLOURS]
+    known = sorted(set(words) & set(COLOURS), key=order.index)
+    kinds = [*known, *sorted(set(words) - set(COLOURS) - {"no result"})]
     for each, word in zip(results, words, strict=True):
         x, y = each.cell["K3"], each.cell["y"]
         half = (across[1] - across[0]) / 2, (up[1] - up[0]) / 2
         axes.fill(
             x + half[0] * np.array([-1, 1, 1, -1]),
             y + half[1] * np.array([-1, -1, 1, 1]),
-            color=COLOURS.get(word, OTHER),
+            facecolor=COLOURS.get(word, OTHER),
+            hatch=HATCHES.get(word),
+            edgecolor="0.5",
             linewidth=0,
         )
     shown = [*kinds, *(["no result"] if "no result" in words else [])]
-    handles = [Patch(facecolor=COLOURS.get(kind, OTHER), edgecolor="0.5", label=kind)
-               for kind in shown]  # fmt: skip
+    handles = [
+        Patch(
+            facecolor=COLOURS.get(kind, OTHER),
+            hatch=HATCHES.get(kind),
+            edgecolor="0.5",
+            label=kind,
+        )
+        for kind in shown
+    ]
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2,
                 frameon=False, fontsize=8)  # fmt: skip
     axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))

@@ -72,14 +72,14 @@ def test_the_naive_preset_is_beyond_several() -> None:
     assert [limit.what for limit in naive] == [
         "the part of M that Euler may lose or gain",
         "torsional friction",
-        "what a servo's rate loses under its load, as a part of it,",
+        "the share of its rate that a servo loses under its load",
     ]
     assert str(naive[1]) == (
         "torsional friction is 0.005 m and must be at least 1.766 m: "
         "the ball spins on the spot; give torsional_friction more"
     )
     assert str(naive[2]) == (
-        "what a servo's rate loses under its load, as a part of it, is 0.5142 and must be at most "
+        "the share of its rate that a servo loses under its load is 0.5142 and must be at most "
         "0.01: take a higher gain, or prescribe the rate"
     )
 

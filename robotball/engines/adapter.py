@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
-from robotball.engines.protocol import Engine, Progress, Request
+from robotball.engines.protocol import Engine, Progress, Request, as_own
 from robotball.engines.spans import spans
 from robotball.errors import InputError, warn
 from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
@@ -159,9 +159,7 @@ class Adapter(Engine, ABC):
         progress: Progress | None = None,
     ) -> ContactMotion:
         """The motion; of its loads nothing is known, and no fault window is kept."""
-        settings = request.settings
-        if not isinstance(settings, self.settings_type):
-            raise InputError(f"{self.label.name} runs by its own settings, not by {settings!r}")
+        settings = as_own(request.settings, self.settings_type, self.label)
         if not self.installed:
             raise InputError(
                 f"{self.label.name} is not installed: pip install 'robotball[{self.extra}]', or "

@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol
+from typing import Protocol, TypeVar
 
+from robotball.errors import InputError
 from robotball.motion import ContactMotion, Label, Loads
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -18,6 +19,7 @@ Ladder = tuple[str, tuple[float, ...]]
 """A field of an engine's settings and the values that it takes in turn."""
 Runner = Callable[[Array, Start], ContactMotion]
 """Times (n,) [s] from 0 and a start → the motion."""
+Own = TypeVar("Own", bound=EngineSettings)
 
 
 class Engine(Protocol):
@@ -81,3 +83,10 @@ class Request:
     def name(self) -> str:
         """What the run is called."""
         return f"to {self.accuracy:g}" if self.settings is None else self.settings.name
+
+
+def as_own(settings: EngineSettings | None, kind: type[Own], label: Label) -> Own:
+    """The settings as an engine's own kind; raises InputError where they are another engine's."""
+    if not isinstance(settings, kind):
+        raise InputError(f"{label.name} runs by {kind.__name__}, not by {settings!r}")
+    return settings

@@ -90,9 +90,9 @@ def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator
     times, backend = film.times(motion, theory), gl.find_backend()
     if backend is None:
         raise InputError(gl.advice())
-    motions, tracks = (motion, theory), (track_of(motion), track_of(theory))
-    points = [track.points(times) for track in tracks]
-    apart = np.linalg.norm(points[0] - points[1], axis=1) * theory.scene.ball.radius
+    motions = (motion, theory)
+    tracks = (track_of(motion).sampled_at(times), track_of(theory).sampled_at(times))
+    apart = np.linalg.norm(tracks[0].points - tracks[1].points, axis=1) * theory.scene.ball.radius
     return _painted(
         _Painter(
             film,
@@ -131,7 +131,7 @@ class _Painter:
         return self._drawn(k)
 
     def _drawn(self, k: int) -> Pixels:
-        then = [track.at(self.times[k : k + 1]) for track in self.tracks]
+        then = [track.sample(k) for track in self.tracks]
         balls = [
             self._ball(i, moment, GHOST if self.film.ghost and i else 1.0)
             for i, moment in enumerate(then)
@@ -164,7 +164,7 @@ class _Painter:
 
     @cached_property
     def _points(self) -> list[Array]:
-        return [track.points(self.times) for track in self.tracks]
+        return [track.points for track in self.tracks]
 
     @cached_property
     def _cameras(self) -> list[Callable[[int], Camera]]:

@@ -1,14 +1,19 @@
 """Motions at any times, and where the bodies of their balls stand then; plain data alone."""
 
-from dataclasses import dataclass, fields
-from functools import cached_property
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from robotball.motion import Motion
+from robotball.room import let_go
 from robotball.rotations import Array
+
+PART = 65_536  # samples that are read at a time
+MARGIN = 16  # more on each side: a spline forgets what is so far away, but for 1e-9 of it
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class Track:
-    """A motion to be asked at any times (m,) [s]: attitude by slerp, the rest by splines.
+    """A motion to be asked at any times: attitude by slerp, the rest by splines.
 
     hinges: name, axis (3,) and pivot (3,), in radii, of each. After its end it stands still.
     """
@@ -36,26 +41,44 @@ class Track:
     radius: float
     hinges: tuple[tuple[str, Array, Array], ...]
 
-    @cached_property
-    def _turn(self) -> Slerp:
-        return Slerp(self.times, Rotation.from_quat(self.sampled.attitude, scalar_first=True))
-
-    @cached_property
-    def _columns(self) -> dict[str, CubicSpline]:
-        names = [each.name for each in fields(Moments) if each.name != "attitude"]
-        return {name: CubicSpline(self.times, getattr(self.sampled, name)) for name in names}
-
-    def points(self, times: Array) -> Array:
-        """The contact points (m, 2) in radii."""
-        inside = np.minimum(times, self.times[-1])
-        return np.asarray(self._columns["contact_point"](inside) / self.radius)
+    @property
+    def points(self) -> Array:
+        """The sampled contact points (n, 2) in radii."""
+        return self.sampled.contact_point / self.radius
 
     def at(self, times: Array) -> Moments:
-        """What the motion is then."""
+        """What the motion is at ascending times (m,) [s]; a long one is read part by part."""
         inside = np.minimum(times, self.times[-1])
+        near = np.searchsorted(self.times, inside)
+        parts = []
+        for part in _neighbours(near):
+            first, last = max(near[part][0] - MARGIN, 0), near[part][-1] + MARGIN + 1
+            parts.append(self._near(slice(first, last), inside[part]))
+            let_go()
         return Moments(
-            attitude=self._turn(inside).as_quat(scalar_first=True),
-            **{name: np.asarray(spline(inside)) for name, spline in self._columns.items()},
+            **{
+                each.name: np.concatenate([getattr(part, each.name) for part in parts])
+                for each in fields(Moments)
+            }
+        )
+
+    def _near(self, samples: slice, times: Array) -> Moments:
+        known = self.times[samples]
+        here = {each.name: getattr(self.sampled, each.name)[samples] for each in fields(Moments)}
+        attitude = Rotation.from_quat(here.pop("attitude"), scalar_first=True)
+        return Moments(
+            attitude=Slerp(known, attitude)(times).as_quat(scalar_first=True),
+            **{name: np.asarray(CubicSpline(known, row)(times)) for name, row in here.items()},
+        )
+
+    def sampled_at(self, times: Array) -> "Track":
+        """The same track with no other samples than at ascending times (m,) [s]."""
+        return replace(self, times=times, sampled=self.at(times))
+
+    def sample(self, k: int) -> Moments:
+        """The sample of that number."""
+        return Moments(
+            **{each.name: getattr(self.sampled, each.name)[k : k + 1] for each in fields(Moments)}
         )
 
     def stands(self, then: Moments) -> dict[str, tuple[Array, Array]]:
@@ -71,6 +94,15 @@ class Track:
             shift = centre + frame.apply(pivot - turn.apply(pivot))
             found[name] = (np.asarray((frame * turn).as_matrix()), shift)
         return found
+
+
+def _neighbours(near: NDArray[np.intp]) -> Iterator[slice]:
+    """Parts of ascending sample numbers (m,), each of which are not far from each other."""
+    start = 0
+    while start < len(near):
+        stop = int(np.searchsorted(near, near[start] + PART, "right"))
+        yield slice(start, stop)
+        start = stop
 
 
 def track_of(motion: Motion) -> Track:

@@ -7,13 +7,14 @@ work for itself: cores that share caches, memory and clock are not as fast toget
 import multiprocessing
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -36,7 +37,7 @@ MANY, SOME = 4096, 512
 TIMES = np.array([0.0, 100.0])
 CELLS = cells_of(PLANES["axial"], 10)
 
-Digits = Sequence[Any]
+Digits = NDArray[Any]
 Work = Callable[[], Digits]
 
 
@@ -49,20 +50,20 @@ def work() -> dict[str, Work]:
     def portraits() -> Digits:
         with tempfile.TemporaryDirectory() as folder:
             found = sweep(measure, CELLS, Path(folder, "cells.jsonl"), workers=allowed())
-        return [each.record for each in found]
+        return np.array([each.record for each in found])
 
     return {
-        "ensemble": lambda: orbits(FIG_11B, *starts, TIMES, 1e-9).contact_points.tolist(),
-        "section": lambda: section(FIG_11B, *starts, 25, tolerance=1e-9).times.tolist(),
-        "exponents": lambda: exponents(FIG_11B, *some, 1000.0, 100.0).largest.tolist(),
-        "basins": lambda: basins(FIG_11B, *some, 500.0).labels.tolist(),
+        "ensemble": lambda: orbits(FIG_11B, *starts, TIMES, 1e-9).contact_points,
+        "section": lambda: section(FIG_11B, *starts, 25, tolerance=1e-9).times,
+        "exponents": lambda: exponents(FIG_11B, *some, 1000.0, 100.0).largest,
+        "basins": lambda: basins(FIG_11B, *some, 500.0).labels,
         "portraits": portraits,
     }
 
 
 def plain_work() -> dict[str, Work]:
     """What a plain process does of each; of the portraits a few, by itself."""
-    return work() | {"portraits": lambda: [measure(cell) for cell in CELLS[::10]]}
+    return work() | {"portraits": lambda: np.array([measure(cell) for cell in CELLS[::10]])}
 
 
 def main() -> None:
@@ -91,7 +92,7 @@ def main() -> None:
                     if done:  # the first round warms up
                         best["ours", count] = min(best["ours", count], ours)
                         best["plain", count] = min(best["plain", count], plain)
-            assert all(each == digits[0] for each in digits), name
+            assert all(np.array_equal(each, digits[0]) for each in digits), name
             one, all_of_them = (best["ours", count] for count in counts)
             bound = everyone * best["plain", 1] / best["plain", everyone]
             numbers = (f"{one * 1e3:.0f}", f"{all_of_them * 1e3:.0f}", f"{one / all_of_them:.2f}")

@@ -13,6 +13,7 @@ from robotball.parameters import Parameters
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
+from validation.comparison.names import paper_scene
 from validation.figures.parts import (
     ENGINE_LINE,
     FAINT,
@@ -22,7 +23,6 @@ from validation.figures.parts import (
     UNBUILDABLE,
     draw_paths,
     engine_motion,
-    paper_scene,
     sheet,
     theory_motion,
 )

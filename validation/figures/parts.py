@@ -1,6 +1,5 @@
 """What the pictures of the paper's figures share: the sheet, both motions, and their lines."""
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,13 +7,12 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball import ContactMotion, Motion, Scene, load_scene, preset
+from robotball import ContactMotion, Motion, Scene, preset
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.engines.reduced.compiled.kernels import orbit
-from robotball.errors import SceneWarning
 from robotball.palette import INK
 from robotball.rotations import Array, multiply
 
@@ -67,13 +65,6 @@ def sheet(
     for each in axes.values():
         each.grid(alpha=0.3)
     return figure, axes
-
-
-def paper_scene(name: str) -> Scene:
-    """A scene of the catalog, without a warning of what its picture says: it cannot be built."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SceneWarning)
-        return load_scene(name)
 
 
 def theory_motion(scene: Scene, times: Array) -> tuple[Array, Array]:

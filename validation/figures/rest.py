@@ -14,13 +14,13 @@ from robotball.qualitative.limit_cycles import limit_cycles
 from robotball.qualitative.separatrices import Separatrix, separatrices
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
+from validation.comparison.names import paper_scene
 from validation.figures.parts import (
     ENGINE_LINE,
     ENGINE_NAME,
     UNBUILDABLE,
     draw_paths,
     engine_motion,
-    paper_scene,
     sheet,
     theory_motion,
 )

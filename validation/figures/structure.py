@@ -15,6 +15,7 @@ from robotball.film.tracks import track_of
 from robotball.looks import looks_of
 from robotball.palette import INK
 from robotball.rotations import Array, rotation_matrix
+from validation.comparison.names import paper_scene
 from validation.figures.parts import (
     ENGINE_LINE,
     ENGINE_NAME,
@@ -22,7 +23,6 @@ from validation.figures.parts import (
     HALO,
     THEORY_LINE,
     engine_motion,
-    paper_scene,
     sheet,
 )
 from validation.figures.solids import Solid, draw_solid, solid_of

@@ -13,6 +13,7 @@ from robotball.qualitative.motion_section import Crossings, sampled_crossings
 from robotball.qualitative.shared_tori import shared_integral
 from robotball.rotations import Array, rotation_matrix
 from robotball.start import along_momentum, section_state
+from validation.comparison.names import paper_scene
 from validation.figures.parts import (
     ENGINE_COLOUR,
     ENGINE_LINE,
@@ -21,7 +22,6 @@ from validation.figures.parts import (
     THEORY,
     THEORY_LINE,
     engine_motion,
-    paper_scene,
     sheet,
     theory_motion,
 )

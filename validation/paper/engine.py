@@ -1,16 +1,16 @@
 """What MuJoCo's ball does, as the rows that the paper's formulas take."""
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
 
-from robotball import Motion, Scene, SceneWarning, load_scene, sample_times, simulate
+from robotball import Motion, Scene, sample_times, simulate
 from robotball.engines.mujoco import LABEL
 from robotball.parameters import parameters_of
 from robotball.rotations import Array, rotation_matrix
+from validation.comparison.names import paper_scene
 from validation.paper.formulas import Numbers, numbers
 
 NAME = LABEL.name
@@ -66,14 +66,6 @@ class Seen:
     def drift(self, rows: Array) -> float:
         """The largest change of a vector (n, 3) in space, over the motion."""
         return largest(rows - self.carried(rows))
-
-
-@cache
-def paper_scene(name: str) -> Scene:
-    """A scene of the catalog; that its ball cannot be built is a claim of its own, no warning."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SceneWarning)
-        return load_scene(name)
 
 
 @cache

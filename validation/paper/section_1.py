@@ -6,9 +6,10 @@ import numpy as np
 
 from robotball.rotations import Array
 from robotball.start import Start
+from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import DRIVEN, NAME, RUBBER, largest, paper_scene, seen, seen_of
+from validation.paper.engine import DRIVEN, NAME, RUBBER, largest, seen, seen_of
 from validation.paper.formulas import Numbers, cross
 
 TIMES = np.linspace(0.0, 20.0, 201)

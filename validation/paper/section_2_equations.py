@@ -14,6 +14,7 @@ from robotball import sample_times, simulate
 from robotball.bodies import Ball, Frame
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.start import Start
+from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import (
@@ -25,7 +26,6 @@ from validation.paper.engine import (
     RUBBER,
     Seen,
     largest,
-    paper_scene,
     rate,
     seen,
     seen_of,

@@ -7,6 +7,7 @@ import numpy as np
 
 from robotball.rotations import Array
 from robotball.start import along_momentum, section_state
+from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import (
@@ -15,7 +16,6 @@ from validation.paper.engine import (
     MOTION,
     Seen,
     largest,
-    paper_scene,
     seen,
     seen_of,
 )

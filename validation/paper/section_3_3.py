@@ -8,6 +8,7 @@ from scipy.optimize import minimize
 from robotball.engines.reduced.compiled.kernels import kernel_start, orbit
 from robotball.rotations import Array, rotation_matrix
 from robotball.start import section_state
+from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import (
@@ -17,7 +18,6 @@ from validation.paper.engine import (
     RUBBER,
     Seen,
     largest,
-    paper_scene,
     seen,
 )
 

@@ -7,9 +7,10 @@ import numpy as np
 
 from robotball.rotations import Array, from_matrix
 from robotball.start import Start
+from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import MOTION, Seen, largest, paper_scene, seen_of
+from validation.paper.engine import MOTION, Seen, largest, seen_of
 from validation.paper.formulas import Numbers, cross
 
 BALL = "fig10"

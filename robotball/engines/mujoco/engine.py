@@ -11,8 +11,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.precheck import precheck
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import PRESETS, Settings
-from robotball.engines.protocol import Engine, Ladder, Progress, Request, Runner
-from robotball.errors import InputError
+from robotball.engines.protocol import Engine, Ladder, Progress, Request, Runner, as_own
 from robotball.motion import ContactMotion, Label, Loads
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -55,7 +54,13 @@ class MuJoCo(Engine):
     ) -> ContactMotion:
         if request.accuracy is not None:
             motion = _to_accuracy(scene, times, request.accuracy, fault_window, progress)
-            precheck(scene, own_settings(motion.report.settings), times, loads, strict=strict)
+            precheck(
+                scene,
+                own_settings(motion.report.settings),
+                times,
+                loads,
+                strict=strict,
+            )
             return motion
         settings = fitted(own_settings(request.settings), scene)
         precheck(scene, settings, times, loads, strict=strict)
@@ -72,9 +77,7 @@ MUJOCO = MuJoCo()
 
 def own_settings(settings: EngineSettings | None) -> Settings:
     """The settings as MuJoCo's; raises InputError where they are another engine's."""
-    if not isinstance(settings, Settings):
-        raise InputError(f"{LABEL.name} runs by its own Settings, not by {settings!r}")
-    return settings
+    return as_own(settings, Settings, LABEL)
 
 
 def _to_accuracy(

@@ -10,8 +10,7 @@ import numpy as np
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.multibody import LABEL
 from robotball.engines.multibody.integrate import integrate
-from robotball.engines.protocol import Engine, Ladder, Progress, Request
-from robotball.errors import InputError
+from robotball.engines.protocol import Engine, Ladder, Progress, Request, as_own
 from robotball.motion import ContactMotion, ContactReport, Label, Loads, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -52,9 +51,7 @@ class Multibody(Engine):
         progress: Progress | None = None,
     ) -> ContactMotion:
         """The motion; what compiles on the way is set-up."""
-        settings = request.settings
-        if not isinstance(settings, MultibodySettings):
-            raise InputError(f"{LABEL.name} run by their own settings, not by {settings!r}")
+        settings = as_own(request.settings, MultibodySettings, LABEL)
         integrate(scene, times[:2], settings.rtol)
         began = time.process_time()
         motion = integrate(scene, times, settings.rtol)

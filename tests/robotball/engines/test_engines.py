@@ -117,7 +117,7 @@ def test_a_request_is_made_of_settings_or_of_an_accuracy() -> None:
     assert request_of(settings="fast").name == "fast"
     assert request_of(accuracy=1e-6).name == "to 1e-06"
     assert request_of(settings="fast", keep_going=True).settings != rb.preset("fast")
-    with pytest.raises(rb.InputError, match="MuJoCo runs by its own Settings, not by EngineSett"):
+    with pytest.raises(rb.InputError, match="MuJoCo runs by Settings, not by EngineSett"):
         rb.simulate(FIG12, settings=OFF.presets["as it comes"])
     with pytest.raises(rb.InputError, match="a run with a fault reaches no accuracy"):
         request_of(accuracy=1e-6, keep_going=True)

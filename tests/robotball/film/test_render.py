@@ -17,7 +17,7 @@ import pytest
 import robotball as rb
 from robotball import palette
 from robotball.engines.mujoco import LABEL, model
-from robotball.film import gl
+from robotball.film import gl, tracks
 from robotball.film.canvas import Pixels
 from robotball.film.render import Film, frames
 from robotball.film.tracks import track_of
@@ -85,6 +85,21 @@ def test_poses_between_samples_follow_the_motion(scene: rb.Scene, theory: rb.Mot
     for name, (turn, shift) in drawn.items():
         assert np.abs(turn - wanted[name][0]).max() < 2e-3
         assert np.abs(shift - wanted[name][1]).max() < 1e-5
+
+
+def test_a_long_motion_is_read_part_by_part(
+    scene: rb.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As from splines through all of it, to 5e-15 radii; with a margin too narrow 2e-6 off."""
+    times = np.linspace(0.0, 2.0, 101)
+    track, between = track_of(rb.integrate(scene, times)), (times[:-1] + times[1:]) / 2
+    whole = track.stands(track.at(between))
+    monkeypatch.setattr(tracks, "PART", 3)
+    for name, (turn, shift) in track.stands(track.at(between)).items():
+        assert np.array_equal(turn, whole[name][0])
+        assert np.abs(shift - whole[name][1]).max() < 2e-14
+    monkeypatch.setattr(tracks, "MARGIN", 1)
+    assert np.abs(track.stands(track.at(between))["shell"][1] - whole["shell"][1]).max() > 1e-7
 
 
 @pytest.mark.usefixtures("screen")

@@ -101,6 +101,7 @@ def test_a_ball_at_rest_keeps_no_momentum_also_while_it_spins_up(name: str) -> N
     assert np.linalg.norm(momentum, axis=1).max() < 1.6e-10
 
 
+@pytest.mark.slow
 def test_real_motors_agree_with_the_same_motors_in_the_equations() -> None:
     """They miss their rates by more than a hundredth, in both engines alike."""
     agreement = agreement_of(SERVO, "accurate")

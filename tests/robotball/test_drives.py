@@ -153,6 +153,7 @@ def test_power_is_torque_times_rate() -> None:
     assert np.abs(ours - theirs).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_a_torque_limit_that_is_reached_is_reported() -> None:
     """A servo at its limit loses the rate; it is no fault, and the run says from when."""
     weak = (rb.Servo(gain=100.0, torque_limit=3.0), None)

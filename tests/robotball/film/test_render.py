@@ -189,6 +189,7 @@ def test_every_choice_changes_the_picture(theory: rb.Motion) -> None:
     assert len(set(drawn)) == len(changes)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("screen")
 def test_a_rotor_too_fast_for_the_film_shows_no_marks(theory: rb.Motion) -> None:
     """At 148 rad/s and 30 frames/s its angle changes nothing but rounding; slowed 60 times it does.

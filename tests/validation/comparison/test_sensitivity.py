@@ -103,6 +103,7 @@ def test_a_regular_motion_is_never_called_sensitive() -> None:
     assert not found.explains
 
 
+@pytest.mark.slow
 def test_an_error_beyond_the_expected_one_stays_the_engines() -> None:
     """What defects and growth do not account for is not put down to chaos."""
     found = agreement_of("fig14", "fast", 100.0).sensitivity

@@ -214,6 +214,7 @@ def test_the_table_fits_80_columns() -> None:
     assert table(80).count("…") == table(200).count("…")
 
 
+@pytest.mark.slow
 def test_the_table_says_what_was_checked_and_what_came_of_it() -> None:
     """Each section's title, each place, statement, printed form, means and number."""
     for part in SECTIONS:

@@ -4,16 +4,14 @@ A name has the scene, the engine, the preset, and every option that is not at it
 """
 
 import re
-import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from functools import cache
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
-from robotball import Scene, SceneWarning, catalog, load_scene
+from robotball import Scene, catalog, load_scene
 from robotball.motion import Label
 from validation.comparison.agreement import Agreement
 
@@ -82,11 +80,3 @@ def _words(name: str, value: Any) -> list[str]:
     if isinstance(value, int | float):
         return [f"{value:g}s" if name == "duration" else f"{name}-{value:g}"]
     return [*value] if isinstance(value, tuple) else [str(value)]
-
-
-@cache
-def paper_scene(name: str) -> Scene:
-    """A scene of the catalog, without a warning that the paper's ball cannot be built."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SceneWarning)
-        return load_scene(name)

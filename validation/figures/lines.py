@@ -13,7 +13,6 @@ from robotball.parameters import Parameters
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.comparison.names import paper_scene
 from validation.figures.parts import (
     ENGINE_LINE,
     FAINT,
@@ -28,6 +27,7 @@ from validation.figures.parts import (
 )
 from validation.figures.sphere import Globe, draw_gamma
 from validation.figures.view import View
+from validation.paper.scenes import paper_scene
 
 LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
 LINE_K = (4.0, 5.0, 0.0)  # of Fig. 10

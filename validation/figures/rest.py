@@ -14,7 +14,6 @@ from robotball.qualitative.limit_cycles import limit_cycles
 from robotball.qualitative.separatrices import Separatrix, separatrices
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.comparison.names import paper_scene
 from validation.figures.parts import (
     ENGINE_LINE,
     ENGINE_NAME,
@@ -36,6 +35,7 @@ from validation.figures.portrait import (
 )
 from validation.figures.sphere import Chart, Globe, Involute, draw_gamma
 from validation.figures.view import View
+from validation.paper.scenes import paper_scene
 from validation.studies.attractors.contact_map import own_start
 
 BALL_LINES = (

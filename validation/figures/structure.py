@@ -15,7 +15,6 @@ from robotball.film.tracks import track_of
 from robotball.looks import looks_of
 from robotball.palette import INK
 from robotball.rotations import Array, rotation_matrix
-from validation.comparison.names import paper_scene
 from validation.figures.parts import (
     ENGINE_LINE,
     ENGINE_NAME,
@@ -27,6 +26,7 @@ from validation.figures.parts import (
 )
 from validation.figures.solids import Solid, draw_solid, solid_of
 from validation.figures.view import View
+from validation.paper.scenes import paper_scene
 
 SCENE = "fig12"  # one rotor, and mass inside the shell only
 VIEW = View(azimuth=114.0, elevation=20.0)

@@ -13,7 +13,6 @@ from robotball.qualitative.motion_section import Crossings, sampled_crossings
 from robotball.qualitative.shared_tori import shared_integral
 from robotball.rotations import Array, rotation_matrix
 from robotball.start import along_momentum, section_state
-from validation.comparison.names import paper_scene
 from validation.figures.parts import (
     ENGINE_COLOUR,
     ENGINE_LINE,
@@ -27,6 +26,7 @@ from validation.figures.parts import (
 )
 from validation.figures.sphere import Globe
 from validation.figures.view import View
+from validation.paper.scenes import paper_scene
 from validation.studies.attractors.clouds import distance_to_curve
 
 VIEW = View(azimuth=30.0, elevation=35.0)

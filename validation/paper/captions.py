@@ -7,11 +7,11 @@ import numpy as np
 from numpy import sqrt
 
 from robotball.rotations import Array
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import NAME, largest, seen
 from validation.paper.formulas import Numbers, cross
+from validation.paper.scenes import paper_scene
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from robotball import Motion, Scene, sample_times, simulate
 from robotball.engines.mujoco import LABEL
 from robotball.parameters import parameters_of
 from robotball.rotations import Array, rotation_matrix
-from validation.comparison.names import paper_scene
 from validation.paper.formulas import Numbers, numbers
+from validation.paper.scenes import paper_scene
 
 NAME = LABEL.name
 MOTION = f"{NAME}'s motion"

@@ -13,11 +13,11 @@ from robotball.qualitative.sections import section
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.rotations import Array
 from robotball.start import along_momentum
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import CLASSICAL, MOTION, RUBBER, largest, seen
 from validation.paper.formulas import Numbers, Velocity, cross
+from validation.paper.scenes import paper_scene
 from validation.paper.section_3_1 import MOMENTUM, energies
 from validation.paper.section_5_2 import F, andoyer
 from validation.paper.section_5_3 import chaotic, regular, settled, starts

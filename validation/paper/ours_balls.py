@@ -8,10 +8,10 @@ from robotball import InputError
 from robotball.bodies import beyond_the_shell, check_inertia
 from robotball.designing.feasibility import masses_allowed
 from robotball.rotations import Array
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.point_masses import Ball, Body, moments
+from validation.paper.scenes import paper_scene
 from validation.paper.section_3_1 import MOMENTUM
 
 BUILDABLE = ("fig12", "fig13", "fig14")

@@ -9,11 +9,11 @@ from robotball.engines.reduced.compiled.kernels import kernel_start
 from robotball.qualitative.basins import CHAOS, TORUS, Basins, basins
 from robotball.qualitative.drift import Drift, drift
 from robotball.qualitative.lyapunov import exponents
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.captions import line_ball
 from validation.paper.claim import Check, Claim, Residual, Value
 from validation.paper.engine import CLASSICAL
+from validation.paper.scenes import paper_scene
 from validation.paper.section_4_2_points import cycle, with_K3
 from validation.paper.section_5_1_lines import line
 from validation.paper.section_5_3 import LONG, chaotic, regular, settled, starts

@@ -14,7 +14,6 @@ from robotball import sample_times, simulate
 from robotball.bodies import Ball, Frame
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.start import Start
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import (
@@ -32,6 +31,7 @@ from validation.paper.engine import (
 )
 from validation.paper.formulas import Numbers, cross
 from validation.paper.point_masses import Moment, Rolled, moments, rolled
+from validation.paper.scenes import paper_scene
 
 MASSES = "point masses"
 

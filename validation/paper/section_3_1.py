@@ -9,7 +9,6 @@ from robotball import Scene
 from robotball.engines.reduced.compiled.kernels import kernel_start, orbit
 from robotball.rotations import Array, rotation_matrix
 from robotball.start import along_momentum, section_state
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import AtLeast, Claim, Residual
 from validation.paper.engine import (
@@ -22,6 +21,7 @@ from validation.paper.engine import (
     seen_of,
 )
 from validation.paper.formulas import Numbers, cross
+from validation.paper.scenes import paper_scene
 
 MOMENTUM = "kg m²/s"
 ROUTH = "routh_sphere"

@@ -7,7 +7,6 @@ import numpy as np
 
 from robotball.rotations import Array
 from robotball.start import along_momentum, section_state
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import (
@@ -20,6 +19,7 @@ from validation.paper.engine import (
     seen_of,
 )
 from validation.paper.formulas import Numbers
+from validation.paper.scenes import paper_scene
 from validation.paper.section_3_1 import MOMENTUM, kept_integrals, three_dimensional
 
 

@@ -8,7 +8,6 @@ from scipy.optimize import minimize
 from robotball.engines.reduced.compiled.kernels import kernel_start, orbit
 from robotball.rotations import Array, rotation_matrix
 from robotball.start import section_state
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import (
@@ -20,6 +19,7 @@ from validation.paper.engine import (
     largest,
     seen,
 )
+from validation.paper.scenes import paper_scene
 
 LONG = 2000.0  # s
 

@@ -10,13 +10,13 @@ from scipy.special import ellipj
 
 from robotball.rotations import Array, from_matrix
 from robotball.start import Start
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import INNER, MOTION, Seen, largest, seen, seen_of
 from validation.paper.formulas import Numbers, cross
 from validation.paper.point_masses import moments
+from validation.paper.scenes import paper_scene
 
 FIG5 = CAPTIONS["fig05b"].n
 

@@ -9,12 +9,12 @@ from robotball.engines.reduced.compiled.kernels import kernel_start
 from robotball.qualitative.sections import section
 from robotball.rotations import Array
 from robotball.start import section_state
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.claim import AtLeast, Claim, Residual, Value
 from validation.paper.engine import MOTION, RUBBER, seen
 from validation.paper.formulas import cross
+from validation.paper.scenes import paper_scene
 
 F = 25.0  # M² of Figs 11 to 14, (kg m²/s)²
 

@@ -17,11 +17,11 @@ from robotball.qualitative.lyapunov import Exponents, exponents
 from robotball.qualitative.sections import fixed_point, section, section_starts
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.start import Start
-from validation.comparison.names import paper_scene
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.claim import Claim, Residual, Value
 from validation.paper.engine import NAME
+from validation.paper.scenes import paper_scene
 from validation.paper.section_5_2 import F
 from validation.paper.six_exponents import six_exponents
 

@@ -5,10 +5,10 @@ from functools import partial
 import numpy as np
 
 from robotball.engines.reduced.compiled.kernels import kernel_start, orbit
-from validation.comparison.names import paper_scene
 from validation.paper.captions import captioned_motion, place
 from validation.paper.claim import AtLeast, Claim, Residual
 from validation.paper.engine import MOTION, long
+from validation.paper.scenes import paper_scene
 
 
 def mean_motion(name: str, twist: float) -> AtLeast:

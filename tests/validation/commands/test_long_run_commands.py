@@ -25,7 +25,7 @@ COMMANDS = {
     "equilibria fig07 --longest 70 --json a.json": r"saddle[\s\S]*period 60\.0086320 s",
     "equilibria fig05c --json a.json": (
         r"Γ₁ [\s\S]*centre,[\s\S]*Σ_s [\s\S]*attracts[\s\S]*Σ_u [\s\S]*repels[\s\S]*"
-        r"2 of the points and 0 of the circle[\s\S]*out/fig05c-equilibria\.png"
+        r"points add up to 2, with the 0 of the circle[\s\S]*out/fig05c-equilibria\.png"
     ),
     "equilibria rubber_chaplygin_gyrostat --longest 0 --json a.json": (
         r"at rest[\s\S]*every motion from rest is closed"

@@ -14,7 +14,6 @@ from robotball.qualitative.equilibria import fixed_points
 from robotball.qualitative.invariant_curves import invariant_curve
 from robotball.qualitative.separatrices import separatrices
 from robotball.rotations import rotation_matrix
-from validation.comparison.names import paper_scene
 from validation.figures import lines as figures_lines
 from validation.figures import rest as figures_rest
 from validation.figures import sections as figures_sections
@@ -23,6 +22,7 @@ from validation.figures.figures import FIGURES, draw_figures
 from validation.figures.lines import LINE_K, growth_rate, line_verticals
 from validation.figures.parts import theory_motion
 from validation.figures.rest import both, closed_contour
+from validation.paper.scenes import paper_scene
 from validation.studies.attractors.clouds import distance_to_curve
 from validation.studies.attractors.sampling import cloud_by_contact, cloud_by_equations
 

@@ -175,5 +175,5 @@ def test_the_command_writes_table_picture_and_records(
     assert [float(row["path_error"]) for row in rows] == [
         variant["path_error"] for variant in record["variants"]
     ]
-    picture = tmp_path / "classical_regular-ablation.png"
+    picture = tmp_path / "classical_regular-mujoco-ablation-0.5s-quick.png"
     assert picture.read_bytes()[:4] == b"\x89PNG"

@@ -56,6 +56,7 @@ def sdf(motion: Motion) -> str:
     ground = SubElement(SubElement(plane, "link", name="plane"), "collision", name="plane")
     shape = SubElement(SubElement(ground, "geometry"), "plane")
     _text(shape, "normal", "0 0 1")
+    _text(shape, "size", "100 100")  # of its picture, without which PyBullet reads no plane
     _surface(ground, needed["sliding"], needed["torsional"])
     ball = SubElement(world, "model", name="ball")
     shell = poses(motion)["shell"]
@@ -69,7 +70,7 @@ def sdf(motion: Motion) -> str:
         _link(ball, link, places[-1], scene.ball.radius, needed)
     for link in links:
         if link.parent != SHELL:
-            joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type="revolute")
+            joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type="continuous")
             _text(joint, "parent", links[link.parent].name)
             _text(joint, "child", link.name)
             _text(SubElement(joint, "axis"), "xyz", numbers(link.axis))

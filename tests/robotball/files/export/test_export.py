@@ -232,3 +232,46 @@ def test_the_friction_that_is_told_is_what_the_motion_needs(tmp_path: Path) -> N
     needed = read(tmp_path)["friction_needed"]
     assert needed["sliding"] == pytest.approx(loads.sliding_friction.max(), rel=1e-12)
     assert needed["torsional"] == pytest.approx(loads.torsional_friction.max(), rel=1e-12)
+
+
+def test_pybullet_reads_the_robot(exported: tuple[rb.Scene, Path]) -> None:
+    """By its own importers: a body a hinge, of the same masses; left out where it is missing."""
+    bullet = pytest.importorskip("pybullet")
+    scene, folder = exported
+    client = bullet.connect(bullet.DIRECT)
+    try:
+        urdf = bullet.loadURDF(str(folder / "model.urdf"))
+        _, sdf = bullet.loadSDF(str(folder / "model.sdf"))
+        for body in (urdf, sdf):
+            masses = [
+                bullet.getDynamicsInfo(body, link)[0]
+                for link in range(-1, bullet.getNumJoints(body))
+            ]
+            assert masses == pytest.approx([each.mass for _, each in scene.ball.named_bodies])
+    finally:
+        bullet.disconnect(client)
+
+
+def test_drake_reads_the_robot(exported: tuple[rb.Scene, Path]) -> None:
+    """By its own parser, which gives the plane of the SDF a mass of 1 kg."""
+    plant = pytest.importorskip("pydrake.multibody.plant")
+    parsing = pytest.importorskip("pydrake.multibody.parsing")
+    scene, folder = exported
+    for kind, plane in (("urdf", 0.0), ("sdf", 1.0)):
+        world = plant.MultibodyPlant(1e-3)
+        parsing.Parser(world).AddModels(str(folder / f"model.{kind}"))
+        world.Finalize()
+        assert world.num_velocities() == 6 + len(scene.hinges)
+        mass = world.CalcTotalMass(world.CreateDefaultContext())
+        assert mass == pytest.approx(scene.ball.mass + plane)
+
+
+def test_pinocchio_reads_the_robot(exported: tuple[rb.Scene, Path]) -> None:
+    """By its own importer of URDF."""
+    pinocchio = pytest.importorskip("pinocchio")
+    scene, folder = exported
+    model = pinocchio.buildModelFromUrdf(
+        str(folder / "model.urdf"), pinocchio.JointModelFreeFlyer()
+    )
+    assert model.nv == 6 + len(scene.hinges)
+    assert sum(each.mass for each in model.inertias) == pytest.approx(scene.ball.mass)

@@ -6,7 +6,7 @@ ball made ready in that engine. The package is imported when a world is made, no
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
+from robotball.engines.links import Readings, State, readings_of, state_of_rows
 from robotball.engines.protocol import Engine, Progress, Request, as_own
 from robotball.engines.spans import spans
+from robotball.engines.worlds import World
 from robotball.errors import InputError, warn
 from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
 from robotball.motion import ContactMotion, ContactReport, Label, Loads
@@ -25,7 +26,6 @@ from robotball.scene import Scene
 from robotball.settings import EngineSettings
 
 LIFTED = 0.01  # of the radius: a shell this far above the plane has left it
-IDLE_STEPS = 200  # of Python's part that are timed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,76 +33,6 @@ class StepSettings(EngineSettings):
     """Settings of an engine that takes equal steps [s]; each adapter adds its own."""
 
     timestep: float
-
-
-class World(ABC):
-    """A ball in an engine, at its start; what it takes to make one is set-up.
-
-    steps, longest [s]: taken so far.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene, self.now = scene, start_state(scene)
-        self.steps, self.longest = 0, 0.0
-
-    @abstractmethod
-    def march(self, times: Array, timestep: float) -> Iterator[State]:
-        """The states at sample times (n,) after the first, in steps of `timestep` at most [s]."""
-
-    @abstractmethod
-    def python_seconds(self) -> float:
-        """Processor time of what Python did in all steps so far [s]."""
-
-
-class SteppedWorld(World):
-    """An engine that Python steps, one call a step."""
-
-    any_step = False  # whether the steps of one world may differ in length
-
-    @abstractmethod
-    def control(self, t: float, step: float) -> None:
-        """Sets the hinges' motors for a step that begins at t [s]; called where rates change."""
-
-    @abstractmethod
-    def step(self, step: float) -> None:
-        """One step of the engine [s]."""
-
-    @abstractmethod
-    def state(self) -> State:
-        """Where the ball is now."""
-
-    def march(self, times: Array, timestep: float) -> Iterator[State]:
-        sampled = set(times.tolist())
-        cut = spans(times, self.scene.breakpoints, timestep)
-        if not self.any_step and not np.allclose(cut[1], cut[1][0], rtol=1e-9, atol=0.0):
-            raise InputError(
-                f"{self.scene.name}: this engine's steps are all equal, and they have to end on "
-                "every sample and wherever a rate breaks: sample it at equal intervals that do"
-            )
-        for (begin, end), length, count in zip(*(each.tolist() for each in cut), strict=True):
-            self._loop(self.step, begin, length, int(count))
-            self.steps, self.longest = self.steps + int(count), max(self.longest, length)
-            if end in sampled:
-                yield self.state()
-
-    def python_seconds(self) -> float:
-        count = min(IDLE_STEPS, self.steps)
-        began = time.process_time()
-        self._loop(_no_step, 0.0, self.longest, count)
-        return (time.process_time() - began) / count * self.steps
-
-    def _loop(self, take: Callable[[float], None], begin: float, step: float, count: int) -> None:
-        if self.scene.steady:
-            for _ in range(count):
-                take(step)
-            return
-        for i in range(count):
-            self.control(begin + i * step, step)
-            take(step)
-
-
-def _no_step(_: float) -> None:
-    return
 
 
 class Adapter(Engine, ABC):

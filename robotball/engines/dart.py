@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
+from robotball.engines.adapter import Adapter, StepSettings, version_of
 from robotball.engines.ideal import IdealWorld, Stepper
 from robotball.engines.links import State, links_of
 from robotball.engines.protocol import Ladder
+from robotball.engines.worlds import SteppedWorld, World
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene

@@ -10,10 +10,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, World, longest_step, version_of
+from robotball.engines.adapter import Adapter, StepSettings, longest_step, version_of
 from robotball.engines.ideal import IdealWorld, Stepper
 from robotball.engines.links import State, links_of, start_state
 from robotball.engines.protocol import Ladder
+from robotball.engines.worlds import World
 from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -30,10 +31,9 @@ class DrakeSettings(StepSettings):
     approximation: of the contact in discrete steps; integrator: continuous time instead, where the
     timestep is the longest step, and the step itself without error_control; accuracy_per_step: of
     that control, and of Newton's iteration in implicit steps; stiction m/s: the slip below which
-    friction is not full;
-    gain N m s/rad: of velocity servos on the hinges; armature kg m²: reflected inertia instead of
-    servos; spin_damping N m s: of our torque, of a rubber ball alone; ideal: our constraints and
-    our steps on Drake's mass matrix and bias, with rtol for DOP853.
+    friction is not full; gain N m s/rad: of velocity servos on the hinges; armature kg m²:
+    reflected inertia instead of servos; spin_damping N m s: of our torque, of a rubber ball alone;
+    ideal: our constraints and our steps on Drake's mass matrix and bias, with rtol for DOP853.
     """
 
     approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None

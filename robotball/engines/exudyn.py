@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from robotball.engines.adapter import Adapter, StepSettings, World, version_of
+from robotball.engines.adapter import Adapter, StepSettings, version_of
 from robotball.engines.exudyn_worlds import ContactWorld, ExudynSettings, ExudynWorld
 from robotball.engines.protocol import Ladder
+from robotball.engines.worlds import World
 from robotball.motion import Label
 from robotball.scene import Scene
 

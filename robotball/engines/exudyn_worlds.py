@@ -13,8 +13,9 @@ from typing import Any, Literal
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from robotball.engines.adapter import StepSettings, World, longest_step
+from robotball.engines.adapter import StepSettings, longest_step
 from robotball.engines.links import State
+from robotball.engines.worlds import World
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 

@@ -14,10 +14,9 @@ from typing import Literal
 
 import numpy as np
 
-from robotball.engines.adapter import World
 from robotball.engines.dop853 import Compensated
 from robotball.engines.links import State
-from robotball.engines.spans import spans
+from robotball.engines.worlds import World
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -77,14 +76,11 @@ class IdealWorld(World):
             yield self.state_at(t, state)
 
     def _rk4(self, times: Array, timestep: float, y: Array) -> Iterator[tuple[float, Array]]:
-        sampled = set(times.tolist())
-        cut = spans(times, self.scene.breakpoints, timestep)
-        for (begin, end), length, count in zip(*(each.tolist() for each in cut), strict=True):
-            for i in range(int(count)):
+        for begin, length, count, sample in self.stretches(times, timestep):
+            for i in range(count):
                 y = _rk4(self.rate, begin + i * length, y, length)
-            self.steps, self.longest = self.steps + int(count), max(self.longest, length)
-            if end in sampled:
-                yield end, y
+            if sample is not None:
+                yield sample, y
 
     def _dop853(self, times: Array, timestep: float, y: Array) -> Iterator[tuple[float, Array]]:
         stops = np.union1d([t for t in self.scene.breakpoints if t < times[-1]], times[[0, -1]])

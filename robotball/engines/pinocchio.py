@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, World, version_of
+from robotball.engines.adapter import Adapter, StepSettings, version_of
 from robotball.engines.ideal import IdealWorld, Stepper
 from robotball.engines.links import State, links_of
 from robotball.engines.protocol import Ladder
+from robotball.engines.worlds import World
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene

@@ -119,7 +119,7 @@ def _solver(
     scale = np.ones_like(state)
     scale[:3] = scale[len(data.qpos) : len(data.qpos) + 3] = scene.ball.radius
     longest = settings.timestep or np.inf
-    if scene.load_varies:
+    if settings.softness < 1 and scene.load_varies:
         # Newton leaves a rounding that so hard a contact magnifies. Held to rtol, the height of a
         # robot at rest would take steps without end; held less, it needs steps that damp it.
         chosen = Chosen(scene, settings)

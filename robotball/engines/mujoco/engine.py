@@ -54,13 +54,7 @@ class MuJoCo(Engine):
     ) -> ContactMotion:
         if request.accuracy is not None:
             motion = _to_accuracy(scene, times, request.accuracy, fault_window, progress)
-            precheck(
-                scene,
-                own_settings(motion.report.settings),
-                times,
-                loads,
-                strict=strict,
-            )
+            precheck(scene, own_settings(motion.report.settings), times, loads, strict=strict)
             return motion
         settings = fitted(own_settings(request.settings), scene)
         precheck(scene, settings, times, loads, strict=strict)

@@ -10,13 +10,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, version_of
+from robotball.engines.adapter import Adapter, StepSettings, version_of
 from robotball.engines.links import State
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
-from robotball.engines.mujoco.warp import state_of
+from robotball.engines.mujoco.states import shell_state
 from robotball.engines.protocol import Ladder
-from robotball.engines.spans import spans
+from robotball.engines.worlds import IDLE_STEPS, World
 from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -54,14 +54,11 @@ class MjxWorld(World):
             self._take(0.0, step, 0)
 
     def march(self, times: Array, timestep: float) -> Iterator[State]:
-        sampled = set(times.tolist())
-        cut = spans(times, self.scene.breakpoints, timestep)
-        for (begin, end), length, count in zip(*(each.tolist() for each in cut), strict=True):
-            for done in range(0, int(count), PASSES):
-                self._take(begin + done * length, length, min(PASSES, int(count) - done))
+        for begin, length, count, sample in self.stretches(times, timestep):
+            for done in range(0, count, PASSES):
+                self._take(begin + done * length, length, min(PASSES, count - done))
                 self.calls += 1
-            self.steps, self.longest = self.steps + int(count), max(self.longest, length)
-            if end in sampled:
+            if sample is not None:
                 yield self._state()
 
     def _take(self, begin: float, step: float, count: int) -> None:
@@ -75,7 +72,7 @@ class MjxWorld(World):
         qpos, qvel = np.asarray(self.data.qpos), np.asarray(self.data.qvel)
         if not (np.isfinite(qpos).all() and np.isfinite(qvel).all()):
             return replace(self.now, centre=np.full(3, np.nan))
-        return state_of(self.built, qpos, qvel)
+        return shell_state(self.built, qpos, qvel)
 
     def python_seconds(self) -> float:
         """Of the calls that hold the steps."""

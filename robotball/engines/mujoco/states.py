@@ -3,7 +3,9 @@
 import mujoco
 import numpy as np
 
-from robotball.rotations import Array
+from robotball.engines.links import State
+from robotball.engines.mujoco.model import Model
+from robotball.rotations import Array, rotation_matrix
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -18,3 +20,12 @@ def state_of(data: mujoco.MjData) -> Array:
     state = np.empty(mujoco.mj_stateSize(data.model, STATE))
     mujoco.mj_getState(data.model, data, state, STATE)
     return state
+
+
+def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
+    """The state of MuJoCo's coordinates, with the shell as the root."""
+    count, places = len(model.scene.drives), [hinge.index for hinge in model.hinges]
+    angles, rates = np.zeros(count), np.zeros(count)
+    angles[places], rates[places] = qpos[7:], qvel[6:]
+    attitude = qpos[3:7] / np.linalg.norm(qpos[3:7])
+    return State(qpos[:3], qvel[:3], attitude, rotation_matrix(attitude) @ qvel[3:6], angles, rates)

@@ -6,15 +6,16 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
+from robotball.engines.adapter import Adapter, StepSettings, version_of
 from robotball.engines.links import State
 from robotball.engines.mujoco.hinges import Hinge
-from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
+from robotball.engines.mujoco.states import shell_state
 from robotball.engines.protocol import Ladder
+from robotball.engines.worlds import SteppedWorld, World
 from robotball.motion import Label
 from robotball.motors import Servo
-from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
 LABEL = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
@@ -65,16 +66,7 @@ class WarpWorld(SteppedWorld):
 
     def state(self) -> State:
         qpos, qvel = (each.numpy()[0].astype(float) for each in (self.data.qpos, self.data.qvel))
-        return state_of(self.built, qpos, qvel)
-
-
-def state_of(model: Model, qpos: Array, qvel: Array) -> State:
-    """The state of MuJoCo's coordinates, with the shell as the root."""
-    count, places = len(model.scene.drives), [hinge.index for hinge in model.hinges]
-    angles, rates = np.zeros(count), np.zeros(count)
-    angles[places], rates[places] = qpos[7:], qvel[6:]
-    attitude = qpos[3:7] / np.linalg.norm(qpos[3:7])
-    return State(qpos[:3], qvel[:3], attitude, rotation_matrix(attitude) @ qvel[3:6], angles, rates)
+        return shell_state(self.built, qpos, qvel)
 
 
 # Single precision has no room for the recipe's impedance and armature: they break it. What armature

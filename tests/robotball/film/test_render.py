@@ -4,7 +4,6 @@ import dataclasses
 import subprocess
 import sys
 import tracemalloc
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -17,17 +16,14 @@ import pytest
 import robotball as rb
 from robotball import palette
 from robotball.engines.mujoco import LABEL, model
-from robotball.film import gl, tracks
+from robotball.film import gl
 from robotball.film.canvas import Pixels
 from robotball.film.render import Film, frames
-from robotball.film.tracks import track_of
 from robotball.film.write import write_video
 from robotball.looks import PARTS
-from robotball.mechanics.poses import poses
 from robotball.motion import Loads
-from robotball.rotations import multiply, rotation_matrix
+from robotball.rotations import multiply
 from robotball.threads import at_most
-from tests.robots import worked
 from tests.scenes import FOUR
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s
@@ -61,45 +57,6 @@ def test_a_run_carries_nothing_of_a_picture(name: str) -> None:
     assert (run.nlight, run.nmat, run.ntex, run.nmesh, run.ncam) == (0, 0, 0, 0, 0)
     # World, shell, frame, rotors: the attached parts add no bodies of their own.
     assert run.nbody == 3 + len(scene.ball.rotors)
-
-
-@pytest.mark.parametrize("make", [lambda: rb.load_scene("three_rotors"), lambda: worked("W4")])
-def test_the_picture_s_bodies_stand_as_the_library_s(make: Callable[[], rb.Scene]) -> None:
-    """At the samples, rotors and pendulums too, by `poses`; measured 7e-16 rad, 5e-16 radii."""
-    scene = make()
-    motion = rb.integrate(scene, TIMES)
-    track = track_of(motion)
-    stands = track.stands(track.at(TIMES))
-    for (name, body), wanted in zip(scene.ball.named_bodies, poses(motion).values(), strict=True):
-        turn, shift = stands[name]
-        assert np.abs(turn - rotation_matrix(wanted.attitude)).max() < 1e-14
-        centre = turn @ body.centre + shift * scene.ball.radius
-        assert np.abs(centre - wanted.position).max() < 1e-14
-
-
-def test_poses_between_samples_follow_the_motion(scene: rb.Scene, theory: rb.Motion) -> None:
-    """Half way between samples 20 ms apart; measured 5e-4 and 2e-6 radii."""
-    between = (TIMES[:-1] + TIMES[1:]) / 2
-    exact = track_of(rb.integrate(scene, np.concatenate([[0.0], between])))
-    drawn, wanted = (track.stands(track.at(between)) for track in (track_of(theory), exact))
-    for name, (turn, shift) in drawn.items():
-        assert np.abs(turn - wanted[name][0]).max() < 2e-3
-        assert np.abs(shift - wanted[name][1]).max() < 1e-5
-
-
-def test_a_long_motion_is_read_part_by_part(
-    scene: rb.Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As from splines through all of it, to 5e-15 radii; with a margin too narrow 2e-6 off."""
-    times = np.linspace(0.0, 2.0, 101)
-    track, between = track_of(rb.integrate(scene, times)), (times[:-1] + times[1:]) / 2
-    whole = track.stands(track.at(between))
-    monkeypatch.setattr(tracks, "PART", 3)
-    for name, (turn, shift) in track.stands(track.at(between)).items():
-        assert np.array_equal(turn, whole[name][0])
-        assert np.abs(shift - whole[name][1]).max() < 2e-14
-    monkeypatch.setattr(tracks, "MARGIN", 1)
-    assert np.abs(track.stands(track.at(between))["shell"][1] - whole["shell"][1]).max() > 1e-7
 
 
 @pytest.mark.usefixtures("screen")

@@ -60,13 +60,13 @@ def rubber_angular_velocity(
 ) -> Vector:
     """ω(M, γ) of rolling without slipping and spinning, (3.2) [rad/s].
 
-    ω = A( M×Aγ/(Aγ,γ) - K + Zγ ),  Z = (Ω + AK, γ)/(Aγ,γ);  needs (M, γ) = 0.
+    ω = A( (M×Aγ + (Ω + AK, γ)γ)/(Aγ,γ) - K );  needs (M, γ) = 0.
     """
     A_gamma = diagonal(A, gamma)
     per_A_gamma_gamma = 1 / dot(A_gamma, gamma)
-    Z = (dot(Omega, gamma) + dot(K, A_gamma)) * per_A_gamma_gamma
-    turning = scale(per_A_gamma_gamma, cross(M, A_gamma))
-    return diagonal(A, add(subtract(turning, K), scale(Z, gamma)))
+    Omega_AK = add(Omega, diagonal(A, K))
+    turning = add(cross(M, A_gamma), scale(dot(Omega_AK, gamma), gamma))
+    return diagonal(A, subtract(scale(per_A_gamma_gamma, turning), K))
 
 
 def classical_angular_velocity(
@@ -103,23 +103,31 @@ def classical_divergence(gamma: Vector, Omega: Vector, A: Vector, I: Vector, d: 
 def attitude_rate(q: Quaternion, omega: Vector) -> Quaternion:
     """dq/dt = q∘(0, ω)/2 of the quaternion (w, x, y, z), frame to world; ω in frame axes."""
     w, x, y, z = q
-    p, r, s = omega
+    p, r, s = scale(0.5, omega)
     return (
-        (-x * p - y * r - z * s) / 2,
-        (w * p + y * s - z * r) / 2,
-        (w * r + z * p - x * s) / 2,
-        (w * s + x * r - y * p) / 2,
+        -x * p - y * r - z * s,
+        w * p + y * s - z * r,
+        w * r + z * p - x * s,
+        w * s + x * r - y * p,
     )
 
 
 def space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
     """α, β, γ: the space axes X, Y, Z seen from the frame, for a quaternion of any length."""
     w, x, y, z = q
-    s = 2 / (w * w + x * x + y * y + z * z)
+    alpha, beta, gamma = unit_space_axes(q)
+    per_square = 1 / (w * w + x * x + y * y + z * z)
+    return scale(per_square, alpha), scale(per_square, beta), scale(per_square, gamma)
+
+
+def unit_space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
+    """The same for a quaternion of length one; else times the square of its length."""
+    w, x, y, z = q
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
     return (
-        (1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
-        (s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)),
-        (s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)),
+        (ww + xx - yy - zz, 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), ww + yy - xx - zz, 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), ww + zz - xx - yy),
     )
 
 

@@ -95,7 +95,7 @@ def crossings(
     directions = np.zeros((n, count), np.int64)
     found, status = np.zeros(n, np.int64), np.zeros(n, np.int64)
     step = stepper(system, starts.parameters.rolling)
-    rows = np.concatenate([starts.rows, starts.attitudes], axis=1)
+    rows = starts.rows_of(system, np.zeros((n, 0)))
     lengths = starts.first_lengths(longest, tolerance)
 
     def find(queue: Queue) -> None:

@@ -22,7 +22,7 @@ from robotball.engines.reduced.compiled.marching import (
     load,
     take,
 )
-from robotball.engines.reduced.compiled.steppers import ALLOWED, REJECTED, STATE, TARGET, TIME
+from robotball.engines.reduced.compiled.steppers import ALLOWED, REJECTED, TARGET, TIME, places
 
 RESIDUAL = 1e-13  # of the section function, which is at most 1
 ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
@@ -162,17 +162,17 @@ def cross(
     (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
     """
     size = states.shape[2]
-    w = np.zeros((STATE + 2 * size + 4) * LANES)
-    new, flag = STATE + size, STATE + 2 * size
+    _, new, flag, total = places(size)
+    w = np.zeros(total * LANES)
     orbit, mode, tries = np.full(LANES, -1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     steps, hidden = np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_)
     tracks, clock, faced = np.zeros((LANES, TRACK)), np.zeros(LANES), np.zeros(LANES)
     running = 0
     for lane in range(LANES):
-        load(w, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
+        load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
         waiting = take(queue)
         if waiting < len(rows):
-            load(w, lane, rows[waiting], lengths[waiting], tolerance)
+            load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
             orbit[lane] = waiting
             running += 1
         aim(w, lane, STARTING, tracks, tolerance)
@@ -230,13 +230,13 @@ def cross(
                 status[i] = DONE
             elif steps[lane] >= step_limit or (mode[lane] == MARCHING and clock[lane] > longest):
                 status[i] = TOO_MANY_STEPS
-            elif rejected and collapsed(w, lane):
+            elif rejected and collapsed(w, LANES, lane):
                 status[i] = COLLAPSED
             else:
                 continue
             waiting = take(queue)
             if waiting < len(rows):
-                load(w, lane, rows[waiting], lengths[waiting], tolerance)
+                load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
                 orbit[lane], mode[lane], steps[lane] = waiting, STARTING, 0
                 clock[lane], hidden[lane] = 0.0, False
                 aim(w, lane, STARTING, tracks, tolerance)

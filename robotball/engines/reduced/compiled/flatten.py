@@ -9,16 +9,26 @@ from collections.abc import Mapping
 from typing import Any
 
 LANES = 8  # doubles in an AVX-512 register; on narrower machines, several registers
+FEW = 4  # in an AVX register: sooner done where one lane alone is waited for
 
 
 class Tape:
-    """The operations noted so far, each distinct one once."""
+    """The operations noted so far, each distinct one once, for so many lanes."""
 
-    def __init__(self) -> None:
+    def __init__(self, lanes: int) -> None:
+        self.lanes = lanes
         self.names: dict[str, str] = {}
 
+    def at(self, row: int) -> str:
+        """The lane's element of a row of the workspace, in generated code."""
+        return f"w[{row * self.lanes} + i]"
+
+    def read(self, row: int) -> "Symbol":
+        """The symbol of the lane's element of a row."""
+        return self.input(self.at(row))
+
     def input(self, expression: str) -> "Symbol":
-        """The symbol of a value that the generated code reads by `expression`."""
+        """The symbol of a value that the generated code finds by `expression`."""
         return Symbol(self, self.names.setdefault(expression, f"t{len(self.names)}"))
 
     @property
@@ -104,22 +114,16 @@ def text(operand: "Symbol | float") -> str:
 
 
 def lane_function(name: str, tape: Tape, results: Mapping[int, "Symbol | float"]) -> str:
-    """Source of a function of one workspace (rows·LANES,), that does the tape in every lane.
+    """Source of a function of one workspace (rows·lanes,), that does the tape in every lane.
 
-    results: what to write to which row, after all is computed. A flat workspace whose rows are
-    LANES apart is what tells the compiler that lanes are independent.
+    results: what to write to which row, after all is computed. A flat workspace whose rows stand
+    a known number of lanes apart is what tells the compiler that lanes are independent.
     """
-    body = [*tape.lines, *(f"{at(row)} = {text(value)}" for row, value in results.items())]
-    return "\n".join(
-        (f"def {name}(w):", f"    for i in range({LANES}):", *(f"        {line}" for line in body))
-    )
+    body = [*tape.lines, *(f"{tape.at(row)} = {text(value)}" for row, value in results.items())]
+    loop = f"    for i in range({tape.lanes}):"
+    return "\n".join((f"def {name}(w):", loop, *(f"        {line}" for line in body)))
 
 
 def least(a: "Symbol", b: "Symbol | float") -> "Symbol":
     """The smaller of two numbers; b where a is none."""
     return a.at_most(b).choose(a, b)
-
-
-def at(row: int) -> str:
-    """The lane's element of a row, in generated code."""
-    return f"w[{row * LANES} + i]"

@@ -11,8 +11,16 @@ from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball.engines.reduced.compiled import marching
-from robotball.engines.reduced.compiled.flatten import LANES
-from robotball.engines.reduced.compiled.steppers import SECTION, STATE, row_of, stepper
+from robotball.engines.reduced.compiled.flatten import FEW, LANES
+from robotball.engines.reduced.compiled.steppers import (
+    BALL,
+    LEVEL,
+    SECTION,
+    STATE,
+    level_of,
+    row_of,
+    stepper,
+)
 from robotball.engines.reduced.compiled.systems import PATH, System
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import pieces
@@ -105,12 +113,11 @@ def orbit_states(
     """The same side by side (m, 6)."""
     times = check_times(times)
     starts = Starts(parameters, attitude[None], momentum[None])
-    row = np.concatenate([starts.rows[0], starts.attitudes[0], np.zeros(2)])
     states = np.empty((len(times), PATH.size))
-    states[0] = row[-PATH.size :]
+    states[0] = (*starts.attitudes[0], 0.0, 0.0)
     length = starts.first_lengths(times[-1], tolerance)[0]
     limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
-    step = stepper(PATH, parameters.rolling)
+    step, row = stepper(PATH, parameters.rolling, FEW), starts.rows_of(PATH, np.zeros((1, 2)))[0]
     status, reached = marching.follow(
         step, row, length, times[1:], tolerance, limit + len(times), states[1:]
     )
@@ -157,17 +164,28 @@ class Starts:
         no_section = np.zeros((len(level), STATE - SECTION))
         self.rows = np.concatenate([np.tile(ball, (len(level), 1)), level, no_section], axis=1)
 
+    def rows_of(self, system: System, rest: Array) -> Array:
+        """Constants, states and their slopes (n, k), side by side, as `marching.load` takes them.
+
+        rest: (n, size - 4), what the state starts with after the quaternion.
+        """
+        rolling = self.parameters.rolling
+        level = level_of(rolling, self.rows.T[LEVEL - BALL : SECTION - BALL])
+        states = np.concatenate([self.attitudes, rest], axis=1)
+        slopes = system.rate(tuple(states.T), self.parameters, level)
+        return np.concatenate([self.rows, states, np.stack(slopes, axis=1)], axis=1)
+
     def march(
         self, system: System, rest: Array, times: Array, tolerance: float
     ) -> tuple[Array, Integers]:
         """States (n, m, size), in turned axes, and status (n,) of a system at times (m,) > 0.
 
-        rest: (n, size - 4), what the state starts with after the quaternion.
+        rest: as in `rows_of`.
         """
         n = len(self.rows)
         states, status = np.full((n, len(times), system.size), np.nan), np.zeros(n, np.int64)
         step = stepper(system, self.parameters.rolling)
-        rows = np.concatenate([self.rows, self.attitudes, rest], axis=1)
+        rows = self.rows_of(system, rest)
         lengths = self.first_lengths(times[-1], tolerance)
         stops, limit = np.ascontiguousarray(times), self.step_limit(times[-1]) + len(times)
 

@@ -16,7 +16,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from robotball.engines.kept import Function, compiled_from
-from robotball.engines.reduced.compiled.flatten import LANES
+from robotball.engines.reduced.compiled.flatten import FEW, LANES
 from robotball.engines.reduced.compiled.steppers import (
     ALLOWED,
     BALL,
@@ -27,6 +27,7 @@ from robotball.engines.reduced.compiled.steppers import (
     STATE,
     TARGET,
     TIME,
+    places,
 )
 
 DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2
@@ -60,22 +61,22 @@ def _take(_: Any, queue: Any) -> Any:
 take: Any = intrinsic(_take)
 
 
-@compiled("void(f8[::1], i8, f8[::1], f8, f8)")
-def load(w: Any, lane: int, row: Any, length: float, tolerance: float) -> None:
-    """Put an orbit into a lane; row: the rows from BALL on, up to the end of its state."""
-    w[LENGTH * LANES + lane] = length
-    w[ALLOWED * LANES + lane] = tolerance
-    w[TIME * LANES + lane] = 0.0
-    w[TARGET * LANES + lane] = np.inf
+@compiled("void(f8[::1], i8, i8, f8[::1], f8, f8)")
+def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: float) -> None:
+    """Put an orbit into one of so many lanes; row: the rows from BALL on, up to its slope's end."""
+    w[LENGTH * lanes + lane] = length
+    w[ALLOWED * lanes + lane] = tolerance
+    w[TIME * lanes + lane] = 0.0
+    w[TARGET * lanes + lane] = np.inf
     for j in range(len(row)):
-        w[(BALL + j) * LANES + lane] = row[j]
+        w[(BALL + j) * lanes + lane] = row[j]
 
 
-@compiled("b1(f8[::1], i8)")
-def collapsed(w: Any, lane: int) -> bool:
+@compiled("b1(f8[::1], i8, i8)")
+def collapsed(w: Any, lanes: int, lane: int) -> bool:
     """Whether a lane's step is too short to move its time."""
-    time = w[TIME * LANES + lane]
-    return time + w[LENGTH * LANES + lane] == time
+    time = w[TIME * lanes + lane]
+    return time + w[LENGTH * lanes + lane] == time
 
 
 @compiled(f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
@@ -97,16 +98,16 @@ def march(
     takes; the states of an orbit that is given up stay as they were.
     """
     size = states.shape[2]
-    w = np.zeros((STATE + 2 * size + 4) * LANES)
-    new, flag = STATE + size, STATE + 2 * size
+    _, new, flag, total = places(size)
+    w = np.zeros(total * LANES)
     orbit = np.full(LANES, -1)
     sample, steps = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     running = 0
     for lane in range(LANES):
-        load(w, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
+        load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
         waiting = take(queue)
         if waiting < len(rows):
-            load(w, lane, rows[waiting], lengths[waiting], tolerance)
+            load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
             w[TARGET * LANES + lane] = times[0]
             orbit[lane] = waiting
             running += 1
@@ -127,13 +128,13 @@ def march(
                 status[i] = DONE
             elif steps[lane] >= step_limit:
                 status[i] = TOO_MANY_STEPS
-            elif w[flag * LANES + lane] == REJECTED and collapsed(w, lane):
+            elif w[flag * LANES + lane] == REJECTED and collapsed(w, LANES, lane):
                 status[i] = COLLAPSED
             else:
                 continue
             waiting = take(queue)
             if waiting < len(rows):
-                load(w, lane, rows[waiting], lengths[waiting], tolerance)
+                load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
                 w[TARGET * LANES + lane] = times[0]
                 orbit[lane], sample[lane], steps[lane] = waiting, 0, 0
             else:
@@ -147,39 +148,41 @@ def follow(
 ) -> tuple[int, float]:
     """States (m, size) of one orbit at m times, all after 0 and increasing.
 
-    Returns the status and the time that it reached.
+    step: of FEW lanes. Returns the status and the time that it reached.
     Lane 0 marches; the others look for the outputs within the step that it took before.
     """
     size = states.shape[1]
-    w = np.zeros((STATE + 2 * size + 4) * LANES)
-    new, flag = STATE + size, STATE + 2 * size
-    for lane in range(LANES):
-        load(w, lane, row, length, tolerance)
+    _, new, flag, total = places(size)
+    w, old = np.zeros(total * FEW), np.zeros(new - STATE)
+    for lane in range(FEW):
+        load(w, FEW, lane, row, length, tolerance)
     sample, reached = 0, 0  # outputs found, and outputs that lane 0 has passed
     for _ in range(step_limit):
-        helping = min(reached - sample, LANES - 1)
+        helping = min(reached - sample, FEW - 1)
         for k in range(helping):
-            w[LENGTH * LANES + 1 + k] = np.inf
-            w[TARGET * LANES + 1 + k] = times[sample + k]
+            w[LENGTH * FEW + 1 + k] = np.inf
+            w[TARGET * FEW + 1 + k] = times[sample + k]
         # With more outputs than lanes, lane 0 waits: it looks at where it stands.
         waits = sample + helping < reached
-        w[TARGET * LANES] = w[TIME * LANES] if waits else np.inf
-        before = w[TIME * LANES]
-        old = w[STATE * LANES : (STATE + size) * LANES].copy()
+        w[TARGET * FEW] = w[TIME * FEW] if waits else np.inf
+        before = w[TIME * FEW]
+        for j in range(len(old)):
+            old[j] = w[(STATE + j) * FEW]
         step(w)
         for k in range(helping):
             for j in range(size):
-                states[sample + k, j] = w[(new + j) * LANES + 1 + k]
+                states[sample + k, j] = w[(new + j) * FEW + 1 + k]
         sample += helping
         if sample == len(times):
-            return DONE, w[TIME * LANES]
-        if w[flag * LANES] == MARCHED:
-            for lane in range(1, LANES):
-                w[TIME * LANES + lane] = before
-                for j in range(size):
-                    w[(STATE + j) * LANES + lane] = old[j * LANES]
-            while reached < len(times) and times[reached] <= w[TIME * LANES]:
+            return DONE, w[TIME * FEW]
+        if w[flag * FEW] == MARCHED:
+            for lane in range(1, FEW):
+                w[TIME * FEW + lane] = before
+            for j in range(len(old)):
+                for lane in range(1, FEW):
+                    w[(STATE + j) * FEW + lane] = old[j]
+            while reached < len(times) and times[reached] <= w[TIME * FEW]:
                 reached += 1
-        elif w[flag * LANES] == REJECTED and collapsed(w, 0):
-            return COLLAPSED, w[TIME * LANES]
-    return TOO_MANY_STEPS, w[TIME * LANES]
+        elif w[flag * FEW] == REJECTED and collapsed(w, FEW, 0):
+            return COLLAPSED, w[TIME * FEW]
+    return TOO_MANY_STEPS, w[TIME * FEW]

@@ -10,7 +10,7 @@ import pytest
 import robotball as rb
 from robotball import equations as eq
 from robotball.engines.reduced.compiled.duals import along, slopes
-from robotball.engines.reduced.compiled.flatten import Tape, at, lane_function
+from robotball.engines.reduced.compiled.flatten import LANES, Tape, lane_function
 from robotball.engines.reduced.compiled.kernels import Starts, kernel_start, orbit, orbits
 from robotball.engines.reduced.compiled.marching import COLLAPSED, TOO_MANY_STEPS
 from robotball.engines.reduced.compiled.steppers import dop853
@@ -41,8 +41,8 @@ def test_traced_code_is_the_function() -> None:
         z = (x - 2) * y / (1 + x * y) - x * y / 2 + 0 * x
         return -z + (x * x).sqrt() if hasattr(x, "sqrt") else -z + abs(x), 1 * y + 0
 
-    tape = Tape()
-    results = sample(tape.input(at(0)), tape.input(at(1)))  # type: ignore[no-untyped-call]
+    tape = Tape(LANES)
+    results = sample(tape.read(0), tape.read(1))  # type: ignore[no-untyped-call]
     names: dict[str, object] = {"sqrt": np.sqrt}
     exec(lane_function("compute", tape, dict(enumerate(results, start=2))), names)
     w = np.linspace(0.5, 3.0, 32)
@@ -65,7 +65,7 @@ def test_the_step_is_of_order_8() -> None:
 
         state = begin
         for _ in range(steps):
-            state, _ = dop853(rate, state, 2.0 / steps, judged=4)
+            state, _ = dop853(rate, state, rate(state), 2.0 / steps, PATH.allowed)
         return np.array(state)
 
     steps = np.array([20, 28, 40, 56])
@@ -247,7 +247,7 @@ def test_the_compiled_stepper_loads_from_its_cache() -> None:
     """A new process compiles nothing: a step and the loops come from the cache, in 0.4 s."""
     code = (
         "from robotball.engines.reduced.compiled import kernels, marching, steppers, systems\n"
-        "compiled = [steppers.stepper(systems.PATH, 'rubber'), marching.march, marching.follow]\n"
+        "compiled = [steppers.stepper(systems.PATH, 'rubber', 4), marching.march, marching.follow]\n"
         "print(sum(each.stats.cache_misses.total() for each in compiled))"
     )
     misses = [

@@ -87,15 +87,17 @@ def speed_bound(parameters: Parameters, size: Array) -> Array:
         return A.max() * (size + K + Z)
 
 
-def check_speed(parameters: Parameters, size: Array) -> None:
-    """Raises InputError where |M| = size (n,) may turn the ball faster than numbers can follow."""
-    fastest = float(speed_bound(parameters, size).max())
+def check_speed(parameters: Parameters, size: Array) -> Array:
+    """The speed bounds (n,); raises InputError for any faster than numbers can follow."""
+    bounds = speed_bound(parameters, size)
+    fastest = float(bounds.max())
     if not fastest <= LARGEST:
         raise InputError(
             f"the ball may turn at {fastest:.3g} rad/s, of at most {LARGEST:g}: its momentum "
             f"{float(size.max()):.3g} or K {math.hypot(*parameters.K):.3g} kg m²/s is too large "
             f"for moments I + d from {1 / max(parameters.A):.3g} kg m² on"
         )
+    return bounds
 
 
 def as_vector(v: Array) -> Vector:

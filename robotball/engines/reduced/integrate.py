@@ -12,7 +12,7 @@ from robotball.errors import InputError, too_many_steps
 from robotball.joining import joined
 from robotball.loads import loads_of
 from robotball.motion import Motion, ReferenceMotion, pieces
-from robotball.parameters import as_vector, check_speed, speed_bound
+from robotball.parameters import as_vector, check_speed
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 
@@ -107,8 +107,8 @@ def _states(
     """
     at_start = scene.parameters_at(0.0)
     size = np.array([math.hypot(*scene.start.momentum.tolist())])
-    check_speed(at_start, size)
-    if scene.steady and speed_bound(at_start, size)[0] * times[-1] > LONG:
+    fastest = check_speed(at_start, size)[0]
+    if scene.steady and fastest * times[-1] > LONG:
         limit = MAX_COMPILED_STEPS if max_steps is None else max_steps
         return compiled_states(scene, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
     return _solve(scene, times, coarser * rtol, MAX_STEPS if max_steps is None else max_steps)

@@ -24,7 +24,7 @@ from robotball.engines.reduced.compiled.steppers import (
 from robotball.engines.reduced.compiled.systems import PATH, System
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import pieces
-from robotball.parameters import Parameters, as_vector, check_speed, speed_bound
+from robotball.parameters import Parameters, as_vector, check_speed
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene
 from robotball.threads import Queue, in_threads
@@ -146,7 +146,8 @@ def kernel_start(scene: Scene) -> tuple[Parameters, Array, Array]:
 class Starts:
     """Starts as the stepper takes them: turned about the vertical until M = -mα + cγ.
 
-    attitudes: (n, 4) so turned; rows: (n, k), the constants of each orbit; turns: (n,) rad.
+    attitudes: (n, 4) so turned; rows: (n, k), the constants of each orbit; turns: (n,) rad;
+    size: (n,) |M| kg m²/s; fastest: (n,) rad/s, what |ω| cannot exceed.
     """
 
     def __init__(self, parameters: Parameters, attitudes: Array, momenta: Array) -> None:
@@ -155,10 +156,11 @@ class Starts:
         check_starts(parameters, attitudes, momenta)
         self.parameters = parameters
         self.size = np.linalg.norm(momenta, axis=1)
-        check_speed(parameters, self.size)
+        self.fastest = check_speed(parameters, self.size)
         across = np.hypot(momenta[:, 0], momenta[:, 1])
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
-        self.attitudes = multiply(about_vertical(-self.turns), attitudes)
+        unit = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
+        self.attitudes = turned(-self.turns, unit)
         ball = np.array(row_of(parameters))
         level = np.stack([across, momenta[:, 2]], axis=1)
         no_section = np.zeros((len(level), STATE - SECTION))
@@ -197,18 +199,16 @@ class Starts:
 
     def first_lengths(self, duration: float, tolerance: float) -> Array:
         """A first step (n,) for each orbit, rather short; it grows by itself [s]."""
-        speed = speed_bound(self.parameters, self.size)
-        return np.minimum(duration, tolerance**0.125 / np.maximum(speed, 1e-300))
+        return np.minimum(duration, tolerance**0.125 / np.maximum(self.fastest, 1e-300))
 
     def step_limit(self, duration: float) -> int:
         """More steps than any orbit needs, so that none can hang the others."""
-        turns = float(speed_bound(self.parameters, self.size).max()) * duration / (2 * np.pi)
+        turns = float(self.fastest.max()) * duration / (2 * np.pi)
         return int(min(1000 + STEPS_PER_TURN * turns, MOST_STEPS))
 
     def to_world(self, attitudes: Array) -> Array:
         """Attitudes (n, m, 4) in world axes."""
-        turns = np.broadcast_to(about_vertical(self.turns)[:, None], attitudes.shape)
-        return np.stack(eq.quaternion_product(components(turns), components(attitudes)), axis=-1)
+        return turned(self.turns[:, None], attitudes)
 
     def turned_back(self, points: Array) -> Array:
         """Points (n, m, 2) of the plane in world axes."""
@@ -217,10 +217,10 @@ class Starts:
         return np.stack([cos * X - sin * Y, sin * X + cos * Y], axis=-1)
 
 
-def about_vertical(angles: Array) -> Array:
-    """Quaternions (n, 4) of turns (n,) about the vertical [rad]."""
-    zero = np.zeros_like(angles)
-    return np.stack([np.cos(angles / 2), zero, zero, np.sin(angles / 2)], axis=-1)
+def turned(angles: Array, attitudes: Array) -> Array:
+    """Attitudes (..., 4) after turns (...) about the vertical [rad]."""
+    turns = (np.cos(angles / 2), 0.0, 0.0, np.sin(angles / 2))
+    return np.stack(eq.quaternion_product(turns, components(attitudes)), axis=-1)
 
 
 def components(q: Array) -> eq.Quaternion:

@@ -27,7 +27,7 @@ D = 0.9
 I1, I2, I3 = (1 / A - D).tolist()
 BALL = Parameters("rubber", (I1, I2, I3), D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))  # Fig. 11b
 DURATION, OUTPUTS, POINTS, MANY, LANES = 100.0, 1000, 25, 256, 8
-OURS, HEYOKAS = (1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+OURS, HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 
 def in_batches(form: Equations, begin: Array, pars: Array | None, ends: tuple[float, ...]) -> Any:

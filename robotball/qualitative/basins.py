@@ -64,9 +64,10 @@ def basins(
     for i, start in enumerate(followed):
         if labels[start] != TORUS:
             continue
-        cycle = cycle_through(
-            parameters, crossings.attitudes[i], crossings.times[i], momenta[start]
-        )
+        period = repeats(points[i], crossings.times[i])
+        if period is None:
+            continue
+        cycle = attracting(parameters, crossings.attitudes[i, -1], momenta[start], period)
         if cycle is None:
             continue
         own = section(parameters, cycle.attitude[None], cycle.momentum[None], CROSSINGS)
@@ -94,17 +95,19 @@ def resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
     return followed & slow
 
 
-def cycle_through(
-    parameters: Parameters, attitudes: Array, times: Array, momentum: Array
-) -> Cycle | None:
-    """The attracting cycle that crossings (m, 4) at times (m,) repeat, if they do."""
-    points = level_points(attitudes[None], momentum[None])[0]
+def repeats(points: Array, times: Array) -> float | None:
+    """How long since crossings (m, 6) at times (m,) last were where the last one is [s]."""
     gaps = np.linalg.norm(points[:-1] - points[-1], axis=1)
     again = np.flatnonzero(gaps < NEAR)
-    if not len(again):
-        return None
+    return float(times[-1] - times[again[-1]]) if len(again) else None
+
+
+def attracting(
+    parameters: Parameters, attitude: Array, momentum: Array, period: float
+) -> Cycle | None:
+    """The attracting cycle of about that period [s] near an attitude (4,), if there is one."""
     try:
-        cycle = close(parameters, attitudes[-1], momentum, float(times[-1] - times[again[-1]]))
+        cycle = close(parameters, attitude, momentum, period)
     except InputError:
         return None
     return cycle if abs(cycle.multipliers[0]) < 1 else None

@@ -122,7 +122,7 @@ def crossings(
 def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:
     """l and L (n, m) of (5.5) at attitudes (n, m, 4) with world momenta (n, 3)."""
     MX, MY, MZ = momenta.T[:, :, None]
-    M = eq.seen_from_frame((MX, MY, MZ), eq.space_axes(components(attitudes)))
+    M = eq.seen_from_frame((MX, MY, MZ), eq.unit_space_axes(components(attitudes)))
     return np.arctan2(M[0], M[1]), M[2]
 
 

@@ -119,7 +119,7 @@ def cell(line: str, lines: Sequence[Line], above: str = "") -> str:
 def by_value(momentum: Array) -> dict[float, str]:
     """The names of M's components (3,) by their value; those within a label's height are one."""
     groups: dict[float, str] = {}
-    for value, name in zip(momentum.tolist(), ("$M_X$", "$M_Y$", "$M_Z$"), strict=True):
+    for value, name in zip(momentum.tolist(), ("X", "Y", "Z"), strict=True):
         near = [other for other in groups if abs(other - value) <= 0.05 * np.abs(momentum).max()]
         key = near[0] if near else value
         groups[key] = f"{groups[key]}, {name}" if near else name

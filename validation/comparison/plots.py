@@ -104,6 +104,7 @@ def _two_panels(agreements: Sequence[Agreement]) -> tuple[Figure, Axes, Axes]:
     above, below = figure.subplots(2, 1, gridspec_kw=ROOM)
     below.set_yscale("log")
     below.yaxis.set_minor_locator(NullLocator())
+    below.yaxis.set_major_formatter(lambda value, _: f"{value:.0e}")  # as in the table
     for axes in (above, below):
         axes.grid(alpha=0.3)
         axes.margins(x=0.01)

@@ -172,7 +172,7 @@ class Starts:
         rest: (n, size - 4), what the state starts with after the quaternion.
         """
         rolling = self.parameters.rolling
-        level = level_of(rolling, self.rows.T[LEVEL - BALL : SECTION - BALL])
+        level = level_of(rolling, list(self.rows.T[LEVEL - BALL : SECTION - BALL]))
         states = np.concatenate([self.attitudes, rest], axis=1)
         slopes = system.rate(tuple(states.T), self.parameters, level)
         return np.concatenate([self.rows, states, np.stack(slopes, axis=1)], axis=1)

@@ -36,11 +36,13 @@ REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
 SEEN = 3  # numbers
 
 
-@register_jitable
 def places(size: int) -> tuple[int, int, int, int]:
     """The rows where, for a state of so many numbers, slope, new state and flag begin; and all."""
     slope, new, flag = STATE + size, STATE + 2 * size, STATE + 3 * size
     return slope, new, flag, flag + 1 + SEEN
+
+
+register_jitable(places)  # the loops ask too
 
 
 # Control of the length: the usual limits of change, and a safety at which some 2 % of the steps are

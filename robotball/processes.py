@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import islice
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from types import ModuleType
 from typing import Any, TypeVar
@@ -79,6 +79,17 @@ def in_processes(
             process.kill()
             with CHILDREN:
                 process.join()
+
+
+def prepare(module: str) -> None:
+    """Have a module imported, while other work is done here, for the processes that will need it.
+
+    What they are asked for first decides; a process of its own holds it from there on.
+    """
+    if allowed() > 1:
+        FORKSERVER.set_forkserver_preload([module, __name__])
+        with for_a_worker(module):
+            forkserver.ensure_running()
 
 
 def _started(work: Callable[[Any], Any]) -> tuple[Any, Connection]:

@@ -30,6 +30,11 @@ def faulty(job: int) -> int:
     return job
 
 
+def known(module: str) -> bool:
+    """Whether a module is imported already."""
+    return module in sys.modules
+
+
 def deadly(job: int) -> int:
     """Ends its process."""
     os._exit(job)
@@ -102,3 +107,22 @@ def test_no_process_outlives_who_asked_for_it(tmp_path: Path) -> None:
         while Path(f"/proc/{process}").exists() and time.monotonic() < deadline:
             time.sleep(0.1)
         assert not Path(f"/proc/{process}").exists()
+
+
+PREPARED = """
+from robotball.processes import in_processes, prepare
+from robotball.threads import at_most
+from tests.robotball.test_processes import known
+with at_most(2):
+    prepare("colorsys")
+    print(*in_processes(known, ["colorsys", "wave"]), known("colorsys"))
+"""
+
+
+@pytest.mark.slow
+def test_what_is_prepared_is_imported_for_the_processes_alone() -> None:
+    """By the server that they come from, and nothing that was not asked for."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    script = [sys.executable, "-c", PREPARED]
+    done = subprocess.run(script, stdout=subprocess.PIPE, text=True, env=environment, check=True)
+    assert done.stdout.split() == ["True", "False", "False"]

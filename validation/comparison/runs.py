@@ -14,12 +14,11 @@ from robotball.threads import allowed
 from validation.comparison.agreement import Agreement, compare_with
 from validation.comparison.names import fault_window_path
 from validation.comparison.results import Record, record
+from validation.comparison.sheets import MANY, draw
 from validation.progress import Show, progress_bar
 
 if TYPE_CHECKING:
     from robotball.film.render import Film
-
-MANY = 4  # scenes, worth more than one process
 
 
 def agreements_of(
@@ -93,8 +92,6 @@ class Comparing:
             return Compared([], [], refused=str(error))
         pictures: Sequence[Path] = ()
         if self.plots:
-            from validation.comparison.plots import draw
-
             pictures = draw(agreements, self.out)
         records = [record(each) for each in agreements]
         return Compared(records, windows(agreements, self.out), pictures)

@@ -15,6 +15,7 @@ from tests.off_engine import ERROR, OFF
 from validation import compare
 from validation.cli import main
 from validation.comparison.plots import momentum_picture, path_picture
+from validation.comparison.sheets import sheet_of
 
 FIG12 = rb.load_scene("fig12")
 
@@ -43,7 +44,7 @@ def test_an_engine_is_held_against_the_equations() -> None:
 def test_plots_have_the_engines_name_and_colour() -> None:
     """Labels and lines are the engine's, not those of ours."""
     agreement = compare(FIG12, engine=OFF)
-    for picture in (path_picture([agreement]), momentum_picture([agreement])):
+    for picture in (path_picture(sheet_of([agreement])), momentum_picture(sheet_of([agreement]))):
         axes = picture.axes[0]
         _, labels = axes.get_legend_handles_labels()
         assert labels == ["equations", "Off, as it comes"]

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 import robotball as rb
 from validation import compare
 from validation.comparison.plots import ROOM, momentum_picture, path_picture
+from validation.comparison.sheets import sheet_of
 from validation.output import title
 from validation.studies.extremes.picture import round_ticks
 
@@ -18,7 +19,7 @@ TIMES = rb.sample_times(0.5)
 
 def test_a_path_is_drawn_to_one_scale() -> None:
     """A metre along X is a metre along Y, and the title says so."""
-    paths, _ = path_picture([compare("fig12", "fast", TIMES)]).axes
+    paths, _ = path_picture(sheet_of([compare("fig12", "fast", TIMES)])).axes
     assert paths.get_aspect() == 1.0
     assert "to one scale" in paths.get_title()
 
@@ -26,7 +27,7 @@ def test_a_path_is_drawn_to_one_scale() -> None:
 def test_a_ball_at_rest_has_a_momentum_of_zero_in_its_picture() -> None:
     """fig06 has M = 0: rounding does not fill the axis, and the error's scale is told."""
     agreement = compare("fig06", "fast", TIMES)
-    components, errors = momentum_picture([agreement]).axes
+    components, errors = momentum_picture(sheet_of([agreement])).axes
     low, high = components.get_ylim()
     assert high - low > 0.09 * agreement.scene.momentum_scale  # measured 0.1
     assert errors.get_ylabel() == "error of M, over 1.46 kg m²/s"
@@ -53,7 +54,10 @@ def test_no_picture_warns(name: str, tmp_path: Path) -> None:
     agreement = compare(name, "fast", TIMES)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for picture in (path_picture([agreement]), momentum_picture([agreement])):
+        for picture in (
+            path_picture(sheet_of([agreement])),
+            momentum_picture(sheet_of([agreement])),
+        ):
             picture.savefig(tmp_path / "a.png")
 
 

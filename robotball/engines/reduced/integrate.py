@@ -21,6 +21,7 @@ from robotball.scene import Scene
 LONG = 1e4
 # What takes one to three minutes: at the usual rates a day here, and a month by compiled steps.
 MAX_STEPS, MAX_COMPILED_STEPS = 1_000_000, 100_000_000
+ASTRAY = 1e100  # a step that tries a quaternion so long leads nowhere, and its square to infinity
 COARSER = 4.0  # times the error of a step, of the motion by which its own error is estimated
 
 
@@ -87,6 +88,8 @@ def right_hand_side(scene: Scene) -> Rate:
 
     def rate(t: float, state: Array) -> Array:
         w, x, y, z, _X, _Y = state.tolist()
+        if not math.hypot(w, x, y, z) < ASTRAY:
+            return np.full(6, np.nan)
         q = (w, x, y, z)
         parameters = parameters_at(t)
         alpha, beta, gamma = axes = eq.space_axes(q)

@@ -45,7 +45,7 @@ class Compare:
     """Also write the table as CSV."""
 
     def run(self) -> int:
-        from validation.comparison.sheets import prepare_drawing
+        from validation.comparison.drawing import prepare_drawing
 
         if self.plots:  # before the imports that take longest
             prepare_drawing(len(self.scenes))

@@ -25,10 +25,10 @@ class Demo:
 
         from robotball import PRESETS, InputError, load_scene
         from robotball.engines.simulate import request_of
+        from validation.comparison.drawing import draw
         from validation.comparison.names import file_stem
         from validation.comparison.results import record, write_csv, write_json, write_markdown
         from validation.comparison.runs import agreements_of, film
-        from validation.comparison.sheets import draw
         from validation.comparison.table import show
         from validation.output import writable_folder
         from validation.progress import progress_bar

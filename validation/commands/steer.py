@@ -52,8 +52,8 @@ class Steer:
         from robotball.designing.steering import steer
         from robotball.designing.steering_needs import shortfalls
         from validation.comparison.agreement import compare
+        from validation.comparison.drawing import draw
         from validation.comparison.names import changed, file_name
-        from validation.comparison.sheets import draw
         from validation.output import writable_folder, write_text
 
         robot, path = load_scene(self.scene), self._path()

@@ -12,9 +12,9 @@ from robotball.processes import in_processes
 from robotball.rotations import Array
 from robotball.threads import allowed
 from validation.comparison.agreement import Agreement, compare_with
+from validation.comparison.drawing import MANY, draw
 from validation.comparison.names import fault_window_path
 from validation.comparison.results import Record, record
-from validation.comparison.sheets import MANY, draw
 from validation.progress import Show, progress_bar
 
 if TYPE_CHECKING:

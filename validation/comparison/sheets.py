@@ -1,20 +1,11 @@
-"""What the pictures of a scene's agreements show, in plain numbers, and who draws them.
+"""What the pictures of a scene's agreements show, in plain numbers."""
 
-matplotlib takes longer to come than a short motion to be compared. So other processes draw, which
-import it while this one works; a process that has it already draws by itself.
-"""
-
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-from robotball.processes import in_processes, prepare
-from validation.output import DPI, replacing
 
 if TYPE_CHECKING:
     from robotball.motion import Motion
@@ -23,9 +14,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-DRAWING = "validation.comparison.plots"  # imports matplotlib
-KINDS = ("path", "momentum")
-MANY = 4  # scenes, worth more than one process to compare them, each of which draws its own
 MOST = 50_000  # points of a line: a dozen for each column of pixels
 
 
@@ -103,36 +91,6 @@ def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     )
 
 
-def prepare_drawing(scenes: int) -> None:
-    """Have matplotlib imported elsewhere, for a `draw` of so many scenes that is some time away."""
-    if scenes < MANY and not _has_matplotlib():
-        prepare(DRAWING)
-
-
-def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
-    """Two pictures of one scene's agreements, by one engine, as PNGs in `out`."""
-    from validation.comparison.names import file_stem
-
-    name, sheet = file_stem(agreements), sheet_of(agreements)
-    drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in KINDS]
-    least = len(drawings) + 1 if _has_matplotlib() else len(drawings)
-    return list(in_processes(write, drawings, least))
-
-
-def write(drawing: tuple[str, Sheet, Path]) -> Path:
-    """Draw one kind of picture of a sheet into a file."""
-    from validation.comparison.plots import PICTURES
-
-    kind, sheet, path = drawing
-    with replacing(path) as temporary:
-        PICTURES[kind](sheet).savefig(temporary, dpi=DPI)
-    return path
-
-
-def _has_matplotlib() -> bool:
-    return "matplotlib.figure" in sys.modules
-
-
 def _line(motion: "Motion", label: str) -> Line:
     shown = slice(None, None, 1 + len(motion.times) // MOST)
     paths = motion.contact_point[shown], motion.momentum[shown]
@@ -141,7 +99,7 @@ def _line(motion: "Motion", label: str) -> Line:
 
 def _errors(motion: "Motion", values: Array) -> Errors:
     which = 1 + extremes(values[1:])
-    return Errors(motion.times[which], values[which], float(values.max()))
+    return Errors(motion.times[which], values[which], float(values.max(initial=0.0)))
 
 
 def extremes(values: Array) -> Integers:

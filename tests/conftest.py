@@ -8,6 +8,9 @@ from robotball.film import gl
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
 settings.load_profile("repeatable")
 
+# A check in this that fails shows its values, as one in a test does.
+pytest.register_assert_rewrite("tests.robotball.designing.designs")
+
 
 @pytest.fixture
 def screen() -> None:

@@ -8,6 +8,13 @@ from robotball.film import gl
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
 settings.load_profile("repeatable")
 
+# A check in these that fails shows its values, as one in a test does.
+pytest.register_assert_rewrite(
+    "tests.robotball.designing.designs",
+    "tests.robotball.files.robot_tables",
+    "tests.robotball.files.scene_texts",
+)
+
 
 @pytest.fixture
 def screen() -> None:

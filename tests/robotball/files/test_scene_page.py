@@ -15,7 +15,7 @@ from robotball.files.explained import tables_at, tables_in
 from robotball.files.scene_page import page
 from robotball.files.scene_table import SceneTable
 from tests.imports import PROJECT
-from tests.robotball.files.test_robot_files import URDF
+from tests.robotball.files.robot_tables import URDF
 
 PAGE = PROJECT / "docs" / "scene.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.S)

@@ -1,0 +1,64 @@
+"""A link of a URDF file is a body, the same as MuJoCo's, or is refused in a line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.files.mjcf import solid_of_mjcf
+from robotball.files.urdf import solid_of_urdf
+from tests.robotball.files.robot_tables import PENDULUM, URDF, Load
+
+
+def test_a_link_is_mujocos_body_of_the_same_file(tmp_path: Path) -> None:
+    """With what a fixed joint holds on it. Measured 3e-17 of 0.007 kg m²: rounding."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(URDF)
+    ours, theirs = solid_of_urdf(path, "arm"), solid_of_mjcf(path, "arm")
+    assert ours.mass == pytest.approx(1.3, rel=1e-15)
+    np.testing.assert_allclose(ours.centre, theirs.centre, atol=1e-16)
+    np.testing.assert_allclose(ours.inertia, theirs.inertia, atol=2e-16)
+
+
+def test_any_body_is_taken_from_a_file(load: Load, tmp_path: Path) -> None:
+    """Laid at its origin and attitude: a quarter turn about x takes y to z."""
+    (tmp_path / "arm.urdf").write_text(URDF)
+    arm = solid_of_urdf(tmp_path / "arm.urdf", "arm")
+    half = repr(np.sqrt(0.5).item())
+    laid = f"origin = [0, 0, 0.05], attitude = [{half}, {half}, 0, 0] }}\n"
+    hung = load(rest=PENDULUM + 'urdf = { file = "arm.urdf", link = "arm", ' + laid)
+    x, y, z = arm.centre
+    centre = hung.ball.pendulums[0].centre
+    np.testing.assert_allclose(centre, [x, -z, y + 0.05], atol=1e-16)
+    moments = np.linalg.eigvalsh(hung.ball.pendulums[0].inertia)
+    np.testing.assert_allclose(moments, np.linalg.eigvalsh(arm.inertia), rtol=1e-13)
+
+
+BAD_URDF: dict[str, tuple[str, str]] = {
+    "no link": (URDF.replace('"arm"', '"leg"'), "no link is called 'arm'; there are base, leg"),
+    "one that moves": (
+        URDF.replace('"fixed"', '"continuous"'),
+        "link 'arm' carries 'bob', which moves on it; take each as a body of its own",
+    ),
+    "no XML": ("<robot>", "no XML: "),
+    "no robot": ("<mujoco/>", "no URDF: its root is <mujoco>, not <robot>"),
+    "no number": (URDF.replace('"0.8"', '"heavy"'), "inertial: value takes 1 finite numbers"),
+    "no mass": (URDF.replace('"0.8"', '"0"'), "link 'arm''s inertial has no mass: 0 kg"),
+    "a circle": (
+        URDF.replace('<child link="bob"/>', '<child link="arm"/>'),
+        "link 'arm' hangs on itself",
+    ),
+    "a far link": (URDF.replace('<child link="bob"/>', '<child link="bab"/>'), "did you mean bob"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_URDF)
+def test_a_urdf_file_that_cannot_be_used_is_refused(tmp_path: Path, name: str) -> None:
+    """In a line that names the file."""
+    text, words = BAD_URDF[name]
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    with pytest.raises(rb.InputError, match=r"arm\.urdf: ") as caught:
+        solid_of_urdf(path, "arm")
+    assert words in str(caught.value)

@@ -1,16 +1,21 @@
 """The compiled stepper against scipy and heyoka at matched error (extra `bench`), on one thread.
 
-heyoka has its defaults, and batches of 8, which beat the recommended 4 here. Errors are against
-this stepper at a tolerance of 1e-15, whose own error is four orders below those compared.
+heyoka has its defaults, to which wider lanes add nothing, and batches of 8, which beat the
+recommended 4. Errors are against this stepper at a tolerance of 1e-15, whose own error is four
+orders below those compared.
 """
 
+import os
 import platform
+import subprocess
+import sys
 from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any
 
 import heyoka as hy
 import numpy as np
+from numba.core.codegen import get_host_cpu_features
 from scipy.integrate import solve_ivp
 
 from robotball.engines.reduced.compiled.kernels import Starts, orbit, orbits
@@ -26,6 +31,7 @@ A, OMEGA, K = np.array([0.8, 0.6, 0.7]), np.array([0.0, 0.0, 2.0]), np.array([2.
 D = 0.9
 I1, I2, I3 = (1 / A - D).tolist()
 BALL = Parameters("rubber", (I1, I2, I3), D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))  # Fig. 11b
+FEATURES = "NUMBA_CPU_FEATURES"
 DURATION, OUTPUTS, POINTS, MANY, LANES = 100.0, 1000, 25, 256, 8
 OURS, HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
@@ -257,9 +263,19 @@ def exponents(attitudes: Array, momenta: Array) -> None:
 
 
 def main() -> None:
-    """All tables."""
+    """All tables; where the processor has 512-bit lanes, with them and without."""
     print(platform.processor() or platform.machine(), platform.platform())
     print(", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "scipy", "heyoka")))
+    tables()
+    features = get_host_cpu_features()
+    if "+avx512f" in features and FEATURES not in os.environ:
+        print("\nThe same without 512-bit lanes", flush=True)
+        narrow = {**os.environ, FEATURES: f"{features},+prefer-256-bit"}
+        subprocess.run([sys.executable, "-m", "validation.bench.kernels"], env=narrow, check=True)
+
+
+def tables() -> None:
+    """All of them, on one thread."""
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, MANY), rng.uniform(0, 6, MANY), 25.0)
     with at_most(1):

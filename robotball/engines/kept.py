@@ -30,13 +30,15 @@ OTHERS_MAY_WRITE = 0o022  # in a folder's mode
 def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Function], Any]:
     """Numba's njit for one signature, its result kept.
 
-    source: all that the function is compiled from, its own text and what that takes in from others:
-    another source is compiled anew. options: njit's.
+    source: all that the function is compiled from, its own text and what that takes in from others;
+    options: njit's. With another source or other options it is compiled anew.
     """
 
     def decorate(function: Function) -> Any:
         dispatcher = numba.njit(**options)(function)
-        dispatcher._cache = Kept(function.__qualname__, source)
+        # A set's text has its items in no order.
+        told = {name: sorted(o) if isinstance(o, set) else o for name, o in options.items()}
+        dispatcher._cache = Kept(function.__qualname__, f"{source}\n{told}")
         dispatcher.compile(signature)
         dispatcher.disable_compile()
         return dispatcher

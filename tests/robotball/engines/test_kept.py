@@ -23,16 +23,18 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "robotball"
 
 
-def compiled(source: str = "2 x") -> tuple[float, int]:
+def compiled(source: str = "2 x", **options: Any) -> tuple[float, int]:
     """What a compiled function makes of 3, and how often it was compiled and not loaded."""
-    double: Any = kept.compiled_from(source, "f8(f8)")(lambda x: 2.0 * x)
+    double: Any = kept.compiled_from(source, "f8(f8)", **options)(lambda x: 2.0 * x)
     return double(3.0), double.stats.cache_misses.total()
 
 
 def test_what_is_kept_is_loaded(home: Path) -> None:
-    """The second time nothing is compiled, unless the source is another."""
+    """The second time nothing is compiled, unless the source is another, or an option."""
     assert [compiled(), compiled(), compiled("x + x")] == [(6.0, 1), (6.0, 0), (6.0, 1)]
-    assert len(list(home.iterdir())) == 2
+    loose: dict[str, Any] = {"fastmath": {"nsz", "contract"}}
+    assert [compiled(**loose), compiled(**loose)] == [(6.0, 1), (6.0, 0)]
+    assert len(list(home.iterdir())) == 3
 
 
 def flipped(content: bytes) -> bytes:

@@ -6,6 +6,7 @@ import it while this one works; a process that has it already draws by itself.
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,8 @@ MANY = 4  # scenes, worth more than one process to compare them, each of which d
 def prepare_drawing(scenes: int) -> None:
     """Have matplotlib imported elsewhere, for a `draw` of so many scenes that is some time away."""
     if scenes < MANY and not _has_matplotlib():
-        prepare(PLOTS)
+        with suppress(OSError):  # then `draw` does without
+            prepare(PLOTS)
 
 
 def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
@@ -33,8 +35,10 @@ def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
 
     name, sheet = file_stem(agreements), sheet_of(agreements)
     drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in KINDS]
-    least = len(drawings) + 1 if _has_matplotlib() else len(drawings)
-    return list(in_processes(write, drawings, least))
+    if not _has_matplotlib():
+        with suppress(OSError):  # no process is to be had, or one was killed
+            return list(in_processes(write, drawings))
+    return [write(each) for each in drawings]
 
 
 def write(drawing: tuple[str, Sheet, Path]) -> Path:

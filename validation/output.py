@@ -17,6 +17,7 @@ from robotball.files.replacing import replacing as replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.patheffects import AbstractPathEffect
     from rich.console import Console
     from rich.table import Table
 
@@ -52,6 +53,13 @@ def write_text(path: Path, text: str) -> None:
 def in_picture(text: str) -> str:
     """A user's text as a picture shows it: its dollars are no formula."""
     return text.replace("$", r"\$")
+
+
+def halo(width: float = 3.0) -> "list[AbstractPathEffect]":
+    """A white rim, in points, that sets lines and letters off from what is behind them."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=width, foreground="white")]
 
 
 def title(figure: "Figure", text: str) -> None:

@@ -16,7 +16,6 @@ from robotball.scene import Scene
 from validation.figures.parts import (
     ENGINE_LINE,
     FAINT,
-    HALO,
     THEORY,
     THEORY_LINE,
     UNBUILDABLE,
@@ -27,6 +26,7 @@ from validation.figures.parts import (
 )
 from validation.figures.sphere import Globe, draw_gamma
 from validation.figures.view import View
+from validation.output import halo
 from validation.paper.scenes import paper_scene
 
 LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
@@ -96,14 +96,14 @@ def figure9() -> Figure:
         axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[THEORY], alpha=0.45)
         axes.contour(side, side, rates, levels=[0.0], colors=[THEORY], linewidths=1.5)
         for x in (5.9, -5.9):
-            axes.annotate("σ₋, δ₊ stable", (x, x), color=INK, ha="center", path_effects=HALO)
+            axes.annotate("σ₋, δ₊ stable", (x, x), color=INK, ha="center", path_effects=halo())
         turn = np.linspace(0, 2 * np.pi, 300)
         rim = np.sqrt(f) * np.stack([np.cos(turn), np.sin(turn)])
         axes.fill(*rim, color=FAINT, alpha=0.5, lw=0)
         axes.annotate("K² < f", (0, 0), ha="center", va="center", color=INK)
         axes.plot(*LINE_K[:2], "o", color=INK)
         axes.annotate("Fig. 10", LINE_K[:2], xytext=(6, 6), textcoords="offset points",
-                      color=INK, path_effects=HALO)  # fmt: skip
+                      color=INK, path_effects=halo())  # fmt: skip
         axes.set(xlabel="K₁ [kg m²/s]", ylabel="K₂ [kg m²/s]")
         axes.set_title(f"f = {f:g} (kg m²/s)², a guess")
         axes.set_aspect("equal")
@@ -151,8 +151,10 @@ def figure10() -> Figure:
         draw_speed(axes["speed"], each, style)
     for level, name in ((-1.0, "σ: -a|Ω|"), (1.0, "δ: +a|Ω|")):
         axes["speed"].axhline(level, color=FAINT, linewidth=1, zorder=0)
-        axes["speed"].annotate(name, (0.3 * LONG, level), xytext=(0, -6), color=INK, ha="center",
-                               va="top", textcoords="offset points", path_effects=HALO)  # fmt: skip
+        axes["speed"].annotate(
+            name, (0.3 * LONG, level), xytext=(0, -6), textcoords="offset points",
+            color=INK, ha="center", va="top", path_effects=halo(),
+        )  # fmt: skip
     axes["speed"].set(xlabel="time [s]", ylabel="dY/dt [m/s]", ylim=(-1.6, 1.9))
     axes["speed"].set_title("speed along Y: f = 3 solid, f = 2 dashed")
     return figure

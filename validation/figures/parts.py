@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -21,7 +20,6 @@ ENGINE_NAME, ENGINE_COLOUR, THEORY = LABEL.name, LABEL.colour, EQUATIONS.colour
 THEORY_LINE: dict[str, Any] = {"color": THEORY, "linewidth": 4.5, "alpha": 0.55}
 ENGINE_LINE: dict[str, Any] = {"color": ENGINE_COLOUR, "linewidth": 1.1}
 FAINT = "#9AA0A6"  # what is neither engine's: fields, boundaries
-HALO = [patheffects.withStroke(linewidth=3, foreground="white")]
 TEXT_WIDE, LINE_HIGH = 3.7, 0.27  # inches
 UNBUILDABLE = "Mass outside the shell: not to be built."
 

@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 
 from robotball.palette import INK
 from robotball.rotations import Array
-from validation.figures.parts import ENGINE_LINE, FAINT, HALO, THEORY_LINE
+from validation.figures.parts import ENGINE_LINE, FAINT, THEORY_LINE
 from validation.figures.view import View
+from validation.output import halo
 
 POLES = 0.62 * np.pi  # φ, where a pole's mark stands on the involute
 BACK_ALPHA, BACK_WIDTH = 0.3, 0.7  # of what lies on the far side of the ball
@@ -20,7 +21,7 @@ NAME: dict[str, Any] = {
     "fontsize": 12,
     "xytext": (7, 7),
     "textcoords": "offset points",
-    "path_effects": HALO,
+    "path_effects": halo(),
     "zorder": 8,
 }
 

@@ -19,13 +19,13 @@ from validation.figures.parts import (
     ENGINE_LINE,
     ENGINE_NAME,
     FAINT,
-    HALO,
     THEORY_LINE,
     engine_motion,
     sheet,
 )
 from validation.figures.solids import Solid, draw_solid, solid_of
 from validation.figures.view import View
+from validation.output import halo
 from validation.paper.scenes import paper_scene
 
 SCENE = "fig12"  # one rotor, and mass inside the shell only
@@ -178,7 +178,7 @@ def draw_name(axes: Axes, name: str, point: Array, away: Array, colour: str = IN
     out = VIEW.places(point - away)
     x, y = VIEW.places(point) + 0.13 * out / np.linalg.norm(out)
     axes.text(
-        x, y, name, color=colour, fontsize=14, ha="center", va="center", path_effects=HALO,
+        x, y, name, color=colour, fontsize=14, ha="center", va="center", path_effects=halo(),
         zorder=9,
     )  # fmt: skip
 
@@ -224,7 +224,13 @@ def draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None:
         axes.text(x, y, name, ha=across, va=along, fontsize=12, color=INK)
     axes.plot(*middle, "o", color=INK, markersize=4, zorder=8)
     axes.text(
-        middle[0] + 0.05, middle[1] + 0.05, "C", fontsize=14, color=INK, zorder=8, path_effects=HALO
+        middle[0] + 0.05,
+        middle[1] + 0.05,
+        "C",
+        fontsize=14,
+        color=INK,
+        zorder=8,
+        path_effects=halo(),
     )
     axes.set(xlim=(middle[0] - 2.1, middle[0] + 2.1), ylim=(middle[1] - 1.55, middle[1] + 1.55))
 

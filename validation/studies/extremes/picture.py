@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -17,6 +16,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.precheck import LAWS
 from robotball.palette import ACCENT, INK
 from robotball.rotations import Array
+from validation.output import halo
 from validation.studies.extremes.maps import ERROR_TOLERANCE, Map
 from validation.studies.extremes.measure import Outcome
 from validation.studies.extremes.report import (
@@ -166,7 +166,7 @@ def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
         linewidths=1.8,
     )
     lines.set_linestyle(dashes)
-    lines.set_path_effects([patheffects.withStroke(linewidth=3.2, foreground="white")])
+    lines.set_path_effects(halo(3.2))
 
 
 def _to_the_borders(grid: Array) -> Array:

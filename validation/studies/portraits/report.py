@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -18,7 +17,7 @@ from robotball.palette import ACCENT, INK
 from robotball.parameters import Parameters
 from robotball.qualitative.fixed_point_formulas import kappa, proposition_2
 from robotball.rotations import Array
-from validation.output import print_whole
+from validation.output import halo, print_whole
 from validation.studies.portraits.measure import A, Plane
 from validation.sweeps import Result
 
@@ -48,7 +47,6 @@ COLOURS = {
     "largest basin: θ₃,₄": "#8F92B8",
 }
 HATCHES = {"largest basin: δ₃,₄": "..", "largest basin: θ₁,₂": "//", "largest basin: θ₃,₄": "\\\\"}
-HALO = [patheffects.withStroke(linewidth=3, foreground="white")]
 OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
 
 
@@ -105,7 +103,7 @@ def picture(plane: Plane, results: Sequence[Result]) -> Figure:
             axes.plot(K3, y, "o", color=INK, mec="white", markersize=6, clip_on=False, zorder=5)
             axes.annotate(f"Fig. {name}", (K3, y), xytext=(-3 if name == "6" else 3, 5),
                           textcoords="offset points", fontsize=8, color=INK, zorder=5,
-                          path_effects=HALO, ha=side)  # fmt: skip
+                          path_effects=halo(), ha=side)  # fmt: skip
     handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
               for name, (_, colour, dashes) in CURVES.items()]  # fmt: skip
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False,

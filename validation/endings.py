@@ -14,6 +14,14 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 GRACE = 2.0  # s that Python has to end the command; compiled code may not let it
 
 
+class Interrupted(KeyboardInterrupt):
+    """What a signal ends a block by.
+
+    Python remembers a KeyboardInterrupt itself that has passed an `exec` of text, as a dataclass is
+    made by, and dies of the signal at last, however it was met.
+    """
+
+
 def status_of(number: int) -> int:
     """The exit status of what a signal has ended, as shells give it: 130 after Ctrl-C."""
     return 128 + number
@@ -21,7 +29,7 @@ def status_of(number: int) -> int:
 
 @contextmanager
 def ended_by_signals() -> Iterator[list[int]]:
-    """Ends the block by KeyboardInterrupt at a signal, and the process if that takes too long.
+    """Ends the block by Interrupted at a signal, and the process if that takes too long.
 
     Python acts on a signal between two of its own steps. While compiled code runs there are none,
     but the signal's number arrives in a pipe, at whose other end a thread waits. Whatever the
@@ -33,7 +41,7 @@ def ended_by_signals() -> Iterator[list[int]]:
 
     def interrupt(number: int, _frame: FrameType | None) -> None:
         came.append(number)
-        raise KeyboardInterrupt
+        raise Interrupted
 
     # A signal that is ignored already, as by nohup, stays so.
     heard = [each for each in SIGNALS if signal.getsignal(each) != signal.SIG_IGN]

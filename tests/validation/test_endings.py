@@ -25,6 +25,9 @@ def in_compiled_code():
 def in_python():
     time.sleep(60)
 
+def in_an_exec_of_text():
+    exec("time.sleep(60)")
+
 def in_a_library_that_makes_another_error_of_it():
     try:
         time.sleep(60)
@@ -68,6 +71,7 @@ def ended(process: "subprocess.Popen[str]", number: int) -> tuple[int, str]:
         (signal.SIGTERM, "in_compiled_code"),
         (signal.SIGINT, "in_python"),
         (signal.SIGTERM, "in_python"),
+        (signal.SIGINT, "in_an_exec_of_text"),
         (signal.SIGINT, "in_a_library_that_makes_another_error_of_it"),
         (signal.SIGINT, "in_one_that_makes_nothing_of_it"),
     ],

@@ -78,8 +78,9 @@ def ended(process: "subprocess.Popen[str]", number: int) -> tuple[int, str]:
 )
 def test_a_signal_ends_the_work_wherever_it_is(number: int, where: str, tmp_path: Path) -> None:
     """Status 128 and the signal's number, no traceback, and no file."""
+    (tmp_path / "work.py").write_text(WORK)
     process = subprocess.Popen(
-        [sys.executable, "-c", WORK, where],
+        [sys.executable, "-m", "work", where],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -88,7 +89,7 @@ def test_a_signal_ends_the_work_wherever_it_is(number: int, where: str, tmp_path
     assert process.stdout is not None
     assert process.stdout.readline() == "at work\n"
     assert ended(process, number) == (128 + number, "")
-    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["work.py"]
 
 
 def listens(pid: int) -> bool:

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 from robotball.files.replacing import remove_unfinished
 
@@ -43,14 +44,15 @@ def ended_by_signals() -> Iterator[list[int]]:
         came.append(number)
         raise Interrupted
 
-    # A signal that is ignored already, as by nohup, stays so.
-    heard = [each for each in SIGNALS if signal.getsignal(each) != signal.SIG_IGN]
-    former = {each: signal.signal(each, interrupt) for each in heard}
+    former: dict[int, Any] = {}
     read, write = os.pipe()
     os.set_blocking(write, False)
-    signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     threading.Thread(target=_end_at_last, args=(read, left), daemon=True).start()
     try:
+        signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+        for each in SIGNALS:  # inside the block, as one may come at once
+            if signal.getsignal(each) != signal.SIG_IGN:  # as nohup leaves it
+                former[each] = signal.signal(each, interrupt)
         yield came
     except BaseException:
         if not came:
@@ -59,8 +61,8 @@ def ended_by_signals() -> Iterator[list[int]]:
         left.set()
         signal.set_wakeup_fd(-1)
         os.close(write)
-        for each, handler in former.items():
-            signal.signal(each, handler)
+        for number, handler in former.items():
+            signal.signal(number, handler)
     if came:
         sys.exit(status_of(came[0]))
 

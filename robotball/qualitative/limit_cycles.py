@@ -37,6 +37,7 @@ NOISE = 1e-6  # rad: what the returns may be off by, after many such steps
 CLOSER = 16  # starts between two neighbours
 AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
 # Of a multiplier from 1: an orbit round a centre closes, too.
+SAME = 1e-6  # of unit vectors: two cycles so near are one
 HYPERBOLIC = 1e-5
 
 
@@ -144,7 +145,19 @@ def first_returns(
 
 
 def closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
-    """The cycle that passes near γ (3,) with about this period [s], if there is one."""
+    """The cycle that passes near γ (3,) with about this period [s] or half of it, if there is one.
+
+    Half: an orbit may pass the end of an arc once, and come back to the arc the second time.
+    """
+    cycle = _closed(parameters, gamma, period)
+    if cycle is None:
+        return None
+    half = _closed(parameters, cycle.gamma, cycle.period / 2)
+    same = half is not None and np.linalg.norm(half.gamma - cycle.gamma) < SAME
+    return half if same else cycle
+
+
+def _closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
     try:
         cycle = close(parameters, attitude_at(gamma), NO_MOMENTUM, period)
     except InputError:

@@ -36,8 +36,8 @@ TOLERANCE = 1e-9  # of a step of an orbit that is to come back
 NOISE = 1e-6  # rad: what the returns may be off by, after many such steps
 CLOSER = 16  # starts between two neighbours
 AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
-# Of a multiplier from 1: an orbit round a centre closes, too.
 SAME = 1e-6  # of unit vectors: two cycles so near are one
+# Of a multiplier from 1: an orbit round a centre closes, too.
 HYPERBOLIC = 1e-5
 
 

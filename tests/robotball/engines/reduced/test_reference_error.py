@@ -50,9 +50,12 @@ def against_heyoka(scene: rb.Scene, times: Array) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", STEADY)
 def test_the_estimate_is_of_the_size_of_the_error(name: str) -> None:
-    """On every steady scene of (3.2) and (3.3); rounding dominates, and differs in the two runs."""
+    """On every steady scene of (3.2) and (3.3); rounding dominates, and differs in the two runs.
+
+    Measured 0.17 to 2.05; with Python 3.14 on Debian's next release 0.06 to 2.
+    """
     scene = rb.load_scene(name)
-    assert 0.1 < against_heyoka(scene, scene.times) < 3  # measured 0.17 to 2.05
+    assert 0.05 < against_heyoka(scene, scene.times) < 3
 
 
 @pytest.mark.slow

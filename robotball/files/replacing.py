@@ -86,7 +86,7 @@ def followed(path: Path) -> Path:
     except RuntimeError:  # until Python 3.12
         target = path
     # Asked of the system: since Python 3.14 a Path says of a name too long that nothing is there.
-    with contextlib.suppress(FileNotFoundError):
+    with contextlib.suppress(FileNotFoundError, NotADirectoryError):
         if stat.S_ISLNK(os.lstat(target).st_mode):
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
     return target

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from robotball.motion import Motion
     from validation.comparison.agreement import Agreement
 
+# As in robotball.rotations, which would bring scipy to who draws.
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 

@@ -120,8 +120,8 @@ def arc_function(state: State, parameters: Parameters, level: Level, arc: State)
     return eq.dot(normal, gamma), eq.dot(normal, eq.cross(gamma, omega)), eq.dot(middle, gamma)
 
 
-# Of a neighbour's direction only the mean of its growth counts. Its error is some 20 times the
-# attitude's, and judged alike it would set the step: a third more of them for the same exponents.
+# Of a neighbour's direction only the mean of its growth counts. Its error is some 10 times the
+# attitude's, and judged alike it would set the step: a seventh more of them for the same exponents.
 DIRECTION = 100.0
 
 PATH = System("path", 6, (4,), path_rate)

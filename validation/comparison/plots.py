@@ -13,7 +13,7 @@ from validation.output import in_picture, title
 # Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
 STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
 INCHES = (8.0, 7.0)
-ROOM = {"left": 0.12, "right": 0.86, "top": 0.9, "bottom": 0.08, "hspace": 0.25}
+ROOM = {"left": 0.13, "right": 0.86, "top": 0.9, "bottom": 0.08, "hspace": 0.25}
 
 
 def path_picture(sheet: Sheet) -> Figure:

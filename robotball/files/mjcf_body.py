@@ -7,6 +7,8 @@ time and memory, or end its process, so this one is limited.
 import contextlib
 import difflib
 import json
+import math
+import re
 import resource
 import sys
 from pathlib import Path
@@ -19,6 +21,9 @@ MEMORY = 500_000_000  # bytes, beyond what MuJoCo itself takes
 SECONDS = 5  # of processor time
 NO_MEMORY = ("Could not allocate memory", "unknown exception")  # MuJoCo's words for that
 FEW = 10  # names that a message holds
+COMMENT = re.compile("<!--.*?-->", re.DOTALL)
+ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
+INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
 
 
 def main() -> None:
@@ -37,10 +42,11 @@ def main() -> None:
 def body(path: str, name: str) -> dict[str, Any]:
     """mass, centre (3,) and inertia (3, 3) of a body with all that is fixed to it, in its axes.
 
-    Raises ValueError where the file does not compile, has no such body, or the body carries others
-    that move on it.
+    Raises ValueError where the file does not compile, has a number that is none, has no such body,
+    or the body carries others that move on it.
     """
     model = mujoco.MjModel.from_xml_path(path)
+    _check_numbers(Path(path), Path(path).parent)
     number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
     if number < 0:
         names = [model.body(i).name for i in range(1, model.nbody)]
@@ -64,6 +70,32 @@ def body(path: str, name: str) -> dict[str, Any]:
         inertia += axes @ np.diag(model.body_inertia[i]) @ axes.T
         inertia += mass * (r @ r * np.eye(3) - np.outer(r, r))
     return {"mass": float(masses.sum()), "centre": centre.tolist(), "inertia": inertia.tolist()}
+
+
+def _check_numbers(path: Path, folder: Path) -> None:
+    """Raise ValueError for NaN or infinity in a file or one that it includes, also from a folder.
+
+    MuJoCo takes NaN for an attribute that is not given, and an infinite angle for none. A range may
+    have no end. The text is searched, as MuJoCo reads more than well-formed XML.
+    """
+    text = COMMENT.sub("", path.read_text(errors="replace"))
+    attributes = [(key, value) for key, _, value in ATTRIBUTE.findall(text)]
+    names = {value for key, value in attributes if key in ("name", "class")}
+    for key, value in attributes:
+        if value not in names and not key.endswith("range") and not _finite(value):
+            raise ValueError(f"{path.name}: {key} takes finite numbers, not {value!r}")
+    for file in INCLUDED.findall(text):
+        for each in {path.parent / file, folder / file}:
+            if each.is_file():
+                _check_numbers(each, folder)
+
+
+def _finite(text: str) -> bool:
+    """Whether no number of a text is NaN or infinite; words are no numbers."""
+    try:
+        return all(map(math.isfinite, map(float, text.split())))
+    except ValueError:
+        return True
 
 
 def _is_below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:

@@ -53,6 +53,47 @@ def test_a_hostile_file_is_one_short_line(tmp_path: Path, text: str, words: str)
     assert len(str(refusal.value)) <= 500
 
 
+# What MuJoCo reads as not given, or as an angle of zero.
+NO_NUMBERS = {
+    "a place": (mjcf('<body pos="nan 0 0"><geom size="1"/></body>'), "pos .* not 'nan 0 0'"),
+    "an angle": (mjcf('<body euler="inf 0 0"><geom size="1"/></body>'), "euler .* not 'inf 0 0'"),
+    "a mass": (mjcf("<geom size='1' mass='-NaN'/>"), "mass takes finite numbers, not '-NaN'"),
+    "of a default": (
+        mjcf(before='<default><geom density="Infinity"/></default>'),
+        "density takes finite numbers, not 'Infinity'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "words"), NO_NUMBERS.values(), ids=NO_NUMBERS)
+def test_a_number_that_is_none_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    """NaN and infinity anywhere in the file, or in one that it includes."""
+    path, inside = tmp_path / "model.xml", tmp_path / "parts" / "inside.xml"
+    inside.parent.mkdir()
+    for name, content in (
+        (path, '<mujoco><include file="parts/inside.xml"/></mujoco>'),
+        (inside, text),
+    ):
+        name.write_text(content)
+    for file in (inside, path):
+        with pytest.raises(rb.InputError, match=f"inside.xml: {words}"):
+            solid_of_mjcf(file, "b")
+
+
+def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:
+    """Nor is anything in a comment, whatever its encoding."""
+    path = tmp_path / "model.xml"
+    hinge = '<body name="inf"><joint name="nan" range="-inf inf"/><geom size="1"/></body>'
+    motor = '<actuator><motor joint="nan" ctrlrange="-inf inf"/></actuator>'
+    text = (
+        mjcf(hinge)
+        .replace("</mujoco>", motor + "</mujoco>")
+        .replace("<world", "<!-- é mass='nan' --><world")
+    )
+    path.write_text(text, encoding="latin-1")
+    assert solid_of_mjcf(path, "inf").mass > 0
+
+
 @pytest.mark.slow
 def test_a_file_that_takes_long_is_given_up(tmp_path: Path) -> None:
     """Two million geoms in a line, after 5 s of processor time."""

@@ -44,6 +44,8 @@ BAD_URDF: dict[str, tuple[str, str]] = {
     "no XML": ("<robot>", "no XML: "),
     "no robot": ("<mujoco/>", "no URDF: its root is <mujoco>, not <robot>"),
     "no number": (URDF.replace('"0.8"', '"heavy"'), "inertial: value takes 1 finite numbers"),
+    "a mass that is none": (URDF.replace('"0.8"', '"nan"'), "takes 1 finite numbers, not 'nan'"),
+    "no end": (URDF.replace('xyz="0.01', 'xyz="-inf'), "xyz takes 3 finite numbers, not '-inf "),
     "no mass": (URDF.replace('"0.8"', '"0"'), "link 'arm''s inertial has no mass: 0 kg"),
     "a circle": (
         URDF.replace('<child link="bob"/>', '<child link="arm"/>'),

@@ -45,7 +45,7 @@ CHOICES = (
     Choice("root", ("root",), "the shell has the free joint, not the frame"),
     Choice("integrator", ("integrator",), "RK4, not Euler"),
     Choice("start", ("start_in_equilibrium",), "at the depth that carries the weight"),
-    Choice("softness", ("solref", "solimp", "solreffriction", "fits_load"), "a stiff contact"),
+    Choice("softness", ("solref", "solimp", "solreffriction", "softness"), "a stiff contact"),
     Choice("noslip", ("noslip_iterations", "noslip_tolerance"), "slip is solved for"),
     Choice(
         "solver",

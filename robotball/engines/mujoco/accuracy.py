@@ -94,7 +94,9 @@ class _Search:
         error = self.error(coarse, fine, coarse.report.timestep / fine.report.timestep, self.order)
         if error <= self.accuracy:
             # The pilot run is good enough as it is.
-            settled = replace(fine.report, settings=self.settings(timestep=timestep))
+            settled = replace(
+                fine.report, settings=replace(fine.report.settings, stop_at_fault=True)
+            )
             return self.result(replace(fine, report=settled), error)
         timestep = fine.report.timestep * self.finer(error, self.order)
         if self.scene.load_varies:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from robotball.engines.mujoco.integrators import INTEGRATORS, MUJOCOS_DEFAULT, Integrator
+from robotball.engines.mujoco.load import on_load
 from robotball.engines.mujoco.settings import Settings
 from robotball.scene import Scene
 
@@ -26,7 +27,10 @@ class Chosen:
     """A scene under settings: every number that a model of it has, whoever chose it."""
 
     scene: Scene
-    settings: Settings
+    settings: Settings  # BY_LOAD is given, and replaced by what the scene's load makes of it
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "settings", on_load(self.settings, self.scene))
 
     @property
     def integrator(self) -> Integrator:

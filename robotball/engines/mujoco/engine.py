@@ -6,7 +6,6 @@ from pathlib import Path
 
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
-from robotball.engines.mujoco.load import fitted
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.precheck import precheck
 from robotball.engines.mujoco.run import run
@@ -56,7 +55,7 @@ class MuJoCo(Engine):
             motion = _to_accuracy(scene, times, request.accuracy, fault_window, progress)
             precheck(scene, own_settings(motion.report.settings), times, loads, strict=strict)
             return motion
-        settings = fitted(own_settings(request.settings), scene)
+        settings = own_settings(request.settings)
         precheck(scene, settings, times, loads, strict=strict)
         return run(build(scene, settings), times, progress, fault_window=fault_window)
 

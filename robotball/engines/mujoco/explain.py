@@ -1,7 +1,7 @@
 """What a model leaves out because its scene does not need it, and why."""
 
+from robotball.engines.mujoco.chosen import Chosen
 from robotball.engines.mujoco.hinges import hinges_of
-from robotball.engines.mujoco.load import fitted
 from robotball.engines.mujoco.settings import Settings
 from robotball.scene import Scene
 
@@ -10,7 +10,7 @@ DEFAULT_ITERATIONS = 100  # MuJoCo's own
 
 def left_out(scene: Scene, settings: Settings) -> list[str]:
     """One line for each thing that a MuJoCo model of the ball could have and this one has not."""
-    lines, settings = [], fitted(settings, scene)
+    lines, settings = [], Chosen(scene, settings).settings
     if not scene.ball.rotors:
         lines.append("rotor bodies: the scene has none")
     elif len(scene.ball.rotors) == 1:

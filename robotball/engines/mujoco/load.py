@@ -1,4 +1,4 @@
-"""Where the plane's load varies the contact is another: what of the recipe changes then.
+"""The choice of the recipe by the plane's load, and what it is where the load varies.
 
 The depth at which the contact carries the ball goes with its load. Under a load that is constant
 the start's depth is right for good, however soft the contact; under one that varies the centre
@@ -9,10 +9,7 @@ force with friction, so that three iterations of PGS no longer solve them.
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
-from robotball.engines.mujoco.chosen import Chosen
-from robotball.engines.mujoco.settings import PRESETS, Prescribed, Radii, Settings
+from robotball.engines.mujoco.settings import BY_LOAD, CONSTANT, Prescribed, Radii, Settings
 from robotball.scene import Scene
 
 # docs/tradeoff.md has what each of them is worth.
@@ -34,19 +31,18 @@ VARYING: dict[str, Any] = {
 BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 
 
-def fitted(settings: Settings, scene: Scene) -> Settings:
-    """The settings as they are for this scene's load; those that fit none stay as they are.
-
-    So does every value that is not the presets' own.
-    """
-    if not settings.fits_load or not scene.load_varies:
+def on_load(settings: Settings, scene: Scene) -> Settings:
+    """The settings on this scene: each value that is BY_LOAD is its recipe's, the others stay."""
+    left = [name for name in CONSTANT if getattr(settings, name) == BY_LOAD]
+    if not left:
         return settings
-    usual, changes = PRESETS["balanced"], dict(VARYING)
-    timestep = Chosen(scene, settings).timestep
-    softness, constant = BY_STEPS if np.isfinite(timestep) else BY_ERROR
-    if np.isfinite(timestep):
-        constant = max(constant, 2 * timestep)
-    changes |= {"softness": softness, "solref": (constant, 1.0)}
-    own = {name for name in changes if getattr(settings, name) != getattr(usual, name)}
-    kept = {name: value for name, value in changes.items() if name not in own}
-    return replace(settings, **kept, fits_load=False)
+    chosen = varying(settings) if scene.load_varies else CONSTANT
+    return replace(settings, **{name: chosen[name] for name in left})
+
+
+def varying(settings: Settings) -> dict[str, Any]:
+    """The recipe for a varying load, in the steps of these settings."""
+    chosen_steps = settings.adaptive and settings.timestep is None
+    softness, constant = BY_ERROR if chosen_steps else BY_STEPS
+    constant = max(constant, 2 * (settings.timestep or 0.0))
+    return VARYING | {"softness": softness, "solref": (constant, 1.0)}

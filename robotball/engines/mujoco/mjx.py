@@ -13,7 +13,7 @@ import numpy as np
 from robotball.engines.adapter import Adapter, StepSettings, version_of
 from robotball.engines.links import State
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
+from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
 from robotball.engines.mujoco.states import shell_state
 from robotball.engines.protocol import Ladder
 from robotball.engines.worlds import IDLE_STEPS, World
@@ -108,12 +108,10 @@ def _advance() -> Callable[..., Any]:
 # 1e-6 gives NaN, and 1e-2 does not.
 HARD = replace(
     PRESETS["balanced"],
-    solver="Newton",
+    **CONSTANT | {"solver": "Newton", "softness": 1e-2},
     noslip_iterations=None,
     noslip_tolerance=None,
     ls_tolerance=None,
-    softness=1e-2,
-    fits_load=False,
 )
 AS_IT_COMES = MjxSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3, model=NAIVE

@@ -11,7 +11,6 @@ from robotball.engines.mujoco.chosen import Chosen
 from robotball.engines.mujoco.dress import dress
 from robotball.engines.mujoco.equilibrium import carrying_depth, compiled_model
 from robotball.engines.mujoco.hinges import Hinge, hinges_of
-from robotball.engines.mujoco.load import fitted
 from robotball.engines.mujoco.settings import Prescribed, Settings
 from robotball.engines.mujoco.start_state import start_state, state_at
 from robotball.files.mjcf import part, text_of
@@ -80,7 +79,7 @@ def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
     dressed: with what only a picture needs: shapes, materials, lights, a camera.
     Raises InputError where MuJoCo refuses it, or cannot hold the ball up at the start.
     """
-    settings = fitted(settings, scene)
+    settings = Chosen(scene, settings).settings
     hinges = hinges_of(scene, settings)
     root, pair = _compose(scene, settings, hinges)
     if settings.start_in_equilibrium:

@@ -10,6 +10,7 @@ from robotball.errors import LARGEST, InputError, check_positive, is_number
 from robotball.motors import Servo
 from robotball.settings import EngineSettings, preset_named
 
+BY_LOAD: Any = "by load"
 MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
 
 
@@ -30,14 +31,28 @@ class Radii:
     radii: float
 
 
+# The recipe's values for a constant load; load.py has those for a varying one.
+CONSTANT: dict[str, Any] = {
+    "solver": "PGS",
+    "iterations": 3,
+    # At least twice every timestep, or MuJoCo would raise it in silence.
+    "solref": (0.04, 1.0),
+    "softness": 1.0,
+    "sliding_friction": 20.0,
+    "torsional_friction": Radii(20.0),
+    "drive": Prescribed(armature=1e14),
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Settings(EngineSettings):
     """How MuJoCo is to run a scene; None leaves a choice at MuJoCo's own default.
 
     The integrator is one of MuJoCo's, or DOP853: scipy's, of order 8, driving MuJoCo's forward
     dynamics in steps whose error it holds to rtol and which are no longer than the timestep, if
-    there is one. Raises InputError for what MuJoCo or scipy would refuse, or would replace in
-    silence.
+    there is one. BY_LOAD, for any value of CONSTANT, leaves it to the recipe for the scene's load;
+    every other value runs as it is. Raises InputError for what MuJoCo or scipy would refuse, or
+    would replace in silence.
     """
 
     timestep: float | None = None  # s
@@ -70,8 +85,6 @@ class Settings(EngineSettings):
     # Times the softness of the contact's constraint; set once the model is compiled, for MJCF has
     # no word for it.
     softness: float = 1.0
-    # Whether another solver and softness are taken where the plane's load varies.
-    fits_load: bool = False
     max_steps: int = MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
     drive: Servo | Prescribed
 
@@ -79,7 +92,8 @@ class Settings(EngineSettings):
         left_open = {each.name for each in fields(self) if each.default is None}
         for name, rule in RULES.items():
             value = getattr(self, name)
-            if value is None and name in left_open:
+            left = name in CONSTANT and isinstance(value, str) and value == BY_LOAD
+            if left or (value is None and name in left_open):
                 continue
             if not rule.allows(value):
                 raise InputError(f"{name} must be {rule.words}, not {value!r}")
@@ -211,7 +225,6 @@ RULES = {
     "start_in_equilibrium": _one_of(True, False),
     "stop_at_fault": _one_of(True, False),
     "softness": POSITIVE,
-    "fits_load": _one_of(True, False),
     "max_steps": _count(1),
     "drive": Rule(lambda value: isinstance(value, Servo | Prescribed), "a Servo or Prescribed"),
 }
@@ -228,9 +241,7 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         name=name,
         error_tolerance=error_tolerance,
         **{"integrator": "RK4", **steps},
-        solver="PGS",
         jacobian="dense",
-        iterations=3,
         tolerance=0.0,
         ls_tolerance=0.01,
         noslip_iterations=1,
@@ -239,16 +250,11 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
         warmstart="disable",
         # One contact is one island; the search for others would take a twelfth of a step.
         island="disable",
-        # At least twice every timestep, or MuJoCo would raise it in silence.
-        solref=(0.04, 1.0),
         solimp=(0.9999, 0.9999, 0.001, 0.5, 1.0),
         # Slip decays at a fixed rate 1/s; tied to 1/timestep it would cost an order.
         solreffriction=(-1.0, -0.5),
-        sliding_friction=20.0,
-        torsional_friction=Radii(20.0),
         start_in_equilibrium=True,
-        fits_load=True,
-        drive=Prescribed(armature=1e14),
+        **dict.fromkeys(CONSTANT, BY_LOAD),
     )
 
 
@@ -282,10 +288,11 @@ def settings_from(plain: Mapping[str, Any]) -> Settings:
         for key, value in plain.items()
     }
     try:
-        drive = values.pop("drive")
-        kind = Servo if "gain" in drive else Prescribed
+        values.pop("fits_load", None)  # of former files, whose other values are whole
+        if isinstance(drive := values["drive"], Mapping):
+            values["drive"] = Servo(**drive) if "gain" in drive else Prescribed(**drive)
         if isinstance(spin := values.get("torsional_friction"), Mapping):
             values["torsional_friction"] = Radii(**spin)
-        return Settings(drive=kind(**drive), **values)
+        return Settings(**values)
     except (TypeError, KeyError) as error:
         raise InputError(f"these are no settings of a run: {error}") from None

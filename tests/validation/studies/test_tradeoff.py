@@ -18,7 +18,7 @@ from robotball.engines.mujoco.explain import left_out
 from robotball.engines.mujoco.integrators import FIRST_ORDER
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import NAIVE, recipe
+from robotball.engines.mujoco.settings import BY_LOAD, NAIVE, Prescribed, recipe
 from robotball.motors import Servo
 from validation.bench.gallery import numbers_of_tradeoff
 from validation.cli import main
@@ -66,9 +66,9 @@ def test_the_study_has_hundreds_of_distinct_configurations() -> None:
     assert len({repr(options_of(each)) for each in every}) == len(every)
     assert [each.name for each in every[: len(rb.PRESETS)]] == list(rb.PRESETS)
     assert {each.integrator for each in every} == {None, "RK4", "DOP853", *FIRST_ORDER}
-    assert {each.solver for each in every} == {None, "PGS", "Newton", "CG"}
+    assert {each.solver for each in every} == {None, BY_LOAD, "PGS", "Newton", "CG"}
     assert {each.cone for each in every} == {None, "elliptic"}
-    assert {type(each.drive) for each in every} == {Servo, type(recipe("", 1).drive)}
+    assert {type(each.drive) for each in every} == {Servo, Prescribed, type(BY_LOAD)}
     for name in ("timestep", "impratio", "noslip_iterations", "solref", "solreffriction"):
         assert len({getattr(each, name) for each in every}) >= 3, name
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from robotball import Scene, Servo, Settings, load_scene
 from robotball.engines.mujoco.integrators import ADAPTIVE
-from robotball.engines.mujoco.settings import MOST_STEPS, recipe
+from robotball.engines.mujoco.settings import CONSTANT, MOST_STEPS, recipe
 from robotball.errors import unknown
 from validation.studies.extremes.balls import gyrostat, momentum_of, redistributed, scaled
 
@@ -83,9 +83,9 @@ def map_settings(integrator: str, step: float | None = None) -> Settings:
     else:
         timestep = step or TIMESTEP
         chosen = recipe(integrator, ERROR_TOLERANCE, integrator=integrator, timestep=timestep)
-        assert chosen.solref is not None
+        constant, ratio = CONSTANT["solref"]
         # As MuJoCo would do in silence.
-        chosen = replace(chosen, solref=(max(chosen.solref[0], 2 * timestep), chosen.solref[1]))
+        chosen = replace(chosen, solref=(max(constant, 2 * timestep), ratio))
     # What becomes of a run is to be seen to its end.
     return replace(chosen, stop_at_fault=False)
 

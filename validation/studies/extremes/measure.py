@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
+from robotball.engines.mujoco.chosen import Chosen
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.engines.mujoco.precheck import LAWS, exceeded
@@ -192,7 +193,8 @@ def sample_times(this: CellRun) -> Array:
 
 def ample(settings: Settings, theory: Motion) -> Settings:
     """The settings with friction AMPLE times what the motion demands, where it is less."""
-    loads, spin = theory.loads, settings.torsional_friction_of(theory.scene.ball.radius)
+    settings, loads = Chosen(theory.scene, settings).settings, theory.loads
+    spin = settings.torsional_friction_of(theory.scene.ball.radius)
     return replace(
         settings,
         sliding_friction=max(settings.sliding_friction, AMPLE * loads.sliding_friction.max()),

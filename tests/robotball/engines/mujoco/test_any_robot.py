@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +16,12 @@ from robotball.bodies import Ball, Frame, thin_shell_inertia
 from robotball.contact import Friction
 from robotball.engines.mujoco import stepping
 from robotball.engines.mujoco.fault_window import load, replay
-from robotball.engines.mujoco.load import fitted
+from robotball.engines.mujoco.load import VARYING, on_load
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.engines.mujoco.precheck import exceeded
 from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.settings import CONSTANT
 from robotball.engines.mujoco.step_limits import servo_gain
 from robotball.engines.mujoco.written import write_model
 from robotball.motion import ContactMotion
@@ -124,7 +126,7 @@ def test_a_robot_at_rest_keeps_its_contact(settings: str, bound: float) -> None:
 def test_a_robot_at_rest_leaves_a_contact_that_is_too_hard() -> None:
     """So the test before this one would tell: at a softness of 1e-5 it falls back 0.5 mm deep."""
     scene = at_rest(0.1, 1.0)
-    hard = replace(fitted(rb.preset("balanced"), scene), softness=1e-5, solref=(0.04, 1.0))
+    hard = replace(on_load(rb.preset("balanced"), scene), softness=1e-5, solref=(0.04, 1.0))
     model = build(scene, hard)
     depth = run(model, np.linspace(0.0, 0.1, 21)).report.depth
     assert np.abs(depth).max() > 1e5 * model.compiled.pair_margin[0]
@@ -189,23 +191,47 @@ def test_a_step_across_a_torque_limit_costs_two_orders(monkeypatch: pytest.Monke
 
 
 def test_a_soft_contact_and_a_quick_solver_are_wrong_where_the_load_varies() -> None:
-    """Each choice of `fitted` undone alone, on W5 at 1 ms; measured 4.3e-7 and 1.6e-2."""
-    hard = replace(fitted(rb.preset("accurate"), worked("W5")), stop_at_fault=False)
+    """Two choices of VARYING, each undone alone, on W5 at 1 ms; measured 4.3e-7 and 1.6e-2."""
+    hard = replace(on_load(rb.preset("accurate"), worked("W5")), stop_at_fault=False)
     for wrong in ({"softness": 1.0}, {"solver": "PGS", "iterations": 3}):
         motion = run(build(worked("W5"), replace(hard, **wrong)), worked("W5").times)
         off = np.linalg.norm(motion.contact_point[-1] - ENDINGS["W5"].contact_point)
         assert off > 1e-7 * motion.path_scale
 
 
-def test_only_a_load_that_varies_changes_the_settings() -> None:
-    """A balanced ball keeps them; and a value that is not the preset's own is kept anywhere."""
+def test_the_load_chooses_one_of_two_recipes() -> None:
+    """The whole of one or of the other; nothing is left open in the settings that run."""
     balanced = rb.preset("balanced")
-    assert fitted(balanced, rb.load_scene("fig12")) == balanced
-    assert fitted(balanced, scene_of("tilted")) == balanced
-    own = replace(balanced, solver="CG", sliding_friction=0.3)
-    assert fitted(own, worked("W5")).solver == "CG"
-    assert fitted(own, worked("W5")).sliding_friction == 0.3
-    assert fitted(own, worked("W5")).softness < 1e-3
+    for scene in (rb.load_scene("fig12"), scene_of("tilted")):
+        assert on_load(balanced, scene) == replace(balanced, **CONSTANT)
+    harder: dict[str, Any] = {"softness": 3e-4, "solref": (0.01, 1.0)}
+    assert on_load(balanced, worked("W5")) == replace(balanced, **VARYING, **harder)
+    assert on_load(rb.preset("fast"), worked("W5")).solref == (0.04, 1.0)  # two of its steps
+
+
+OWN: tuple[dict[str, Any], ...] = (
+    *({"iterations": count} for count in (3, 4, 10)),
+    *({"sliding_friction": size} for size in (0.3, 20.0, 2000.0)),
+    *({name: value} for name, value in CONSTANT.items()),
+    CONSTANT,
+)
+
+
+@pytest.mark.parametrize("own", OWN, ids=str)
+def test_what_a_user_sets_is_what_runs(own: dict[str, Any]) -> None:
+    """Also a value that one of the recipes has, on a scene that takes the other recipe."""
+    mine = replace(rb.preset("balanced"), **own)
+    for scene in (worked("W5"), rb.load_scene("fig12")):
+        ran = rb.simulate(scene, np.array([0.0, 0.01]), mine).report.settings
+        assert {name: getattr(ran, name) for name in own} == own
+
+
+def test_settings_given_whole_are_what_runs() -> None:
+    """And what a run has had is given whole: it is the same on any other scene."""
+    for name in ("W5", "servo_motors"):
+        whole = on_load(rb.preset("balanced"), scene_of(name))
+        assert on_load(whole, worked("W5")) is whole
+        assert build(worked("W5"), whole).settings is whole
 
 
 def test_a_ball_that_lifts_off_loses_its_contact_then() -> None:

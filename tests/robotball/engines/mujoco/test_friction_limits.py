@@ -1,5 +1,6 @@
 """Friction: what a ball needs in order not to slip, and what slips or is lost without it."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -8,6 +9,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import contact_limits
+from robotball.engines.mujoco.chosen import Chosen
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.planned_run import LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Radii, settings_from
@@ -57,8 +59,10 @@ def test_the_recipe_has_friction_for_a_ball_of_any_size(length: float) -> None:
 
 def test_friction_in_radii_comes_back_from_plain_data() -> None:
     """Radii are told from metres in a record, and checked as they are."""
-    assert FAST.plain()["torsional_friction"] == {"radii": 20.0}
-    assert settings_from(FAST.plain()) == FAST
+    whole = Chosen(FIG12, FAST).settings
+    assert whole.plain()["torsional_friction"] == {"radii": 20.0}
+    for settings in (FAST, whole):
+        assert settings_from(json.loads(json.dumps(settings.plain()))) == settings
     assert replace(FAST, torsional_friction=0.3).torsional_friction_of(100.0) == 0.3
     with pytest.raises(rb.InputError, match=r"torsional_friction must be finite .*, not Radii"):
         replace(FAST, torsional_friction=Radii(-1.0))

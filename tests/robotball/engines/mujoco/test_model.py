@@ -1,6 +1,7 @@
 """The MJCF holds what the scene needs, to the last digit, and nothing else."""
 
 from dataclasses import replace
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -9,6 +10,7 @@ from dm_control import mjcf
 
 import robotball as rb
 from robotball.bodies import Ball, Frame, Rotor
+from robotball.engines.mujoco.chosen import Chosen
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import Prescribed
 from tests.scenes import FOUR
@@ -135,7 +137,8 @@ def test_what_settings_leave_open_stays_at_mujocos_default() -> None:
 
 def test_no_timestep_of_a_preset_changes_the_contact() -> None:
     """MuJoCo raises a time constant below two steps in silence; the recipe's never is."""
-    for settings in rb.PRESETS.values():
+    for name, preset in product(("fig12", "pendulum_robot"), rb.PRESETS.values()):
+        settings = Chosen(rb.load_scene(name), preset).settings
         if settings.solref is not None and settings.timestep is not None:
             assert settings.solref[0] >= 2 * settings.timestep
 

@@ -1,12 +1,15 @@
 """Scenes that somebody may have simulated instead of the one that was meant."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from robotball import Custom, Ramp, Samples, Scene, Sine, Sum
+from robotball import Custom, InputError, Ramp, Samples, Scene, Sine, Sum
+from robotball.bodies import Ball, Body, Pendulum, Rotor, Shell
 from robotball.drives import Drive, Rate
 from robotball.mechanics.robot import momentum_at
 from robotball.motors import Servo
@@ -16,6 +19,7 @@ from robotball.start import Start
 
 DEGREES = np.pi / 180
 CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engine's error
+CENTRE = "its centre of mass"
 LIKELY = 5.0  # times the radius, or less: any other is told from numbers that mean something else
 
 
@@ -46,9 +50,14 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenSce
     yield from _radii(scene, rolling_radius)
     other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
     flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
-    level = replace(scene, rolling=other, start=flat)  # till its M is set by its ω
+    level = replace(scene, rolling=other, start=flat)
     spin = "may spin (classical)" if other == "classical" else "may not spin (rubber)"
-    yield MistakenScene(f"the ball {spin}", _kept(level, scene))
+    # The start's spin, where it may not be, is left out, or stopped by the plane.
+    up, omega = rotation_matrix(scene.start.attitude)[2], _omega(scene)
+    shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
+    still = _kept(level, scene, omega - up * (up @ shell)) if other == "rubber" else ()
+    yield MistakenScene(f"the ball {spin}", (*_kept(level, scene), *still, level))
+    yield from _inertias(scene)
     yield from _starts(scene)
 
 
@@ -121,6 +130,56 @@ def _radii(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
         f"the ball's radius is {rolling_radius:.4g} m, not {radius:g} m",
         tuple(each for changed in scenes for each in (*_kept(changed, scene), changed)),
     )
+
+
+def _inertias(scene: Scene) -> Iterator[MistakenScene]:
+    """Moments that are exchanged, or about another point than the body's centre of mass."""
+    frame = scene.ball.frame
+    for name, body in scene.ball.named_bodies:
+        points = {"the sphere's centre": body.centre}
+        if isinstance(body, Shell | Rotor):
+            moments = body.axial_inertia, body.transverse_inertia
+            if abs(moments[0] - moments[1]) > CLEAR * max(moments):
+                other = replace(body, axial_inertia=moments[1], transverse_inertia=moments[0])
+                yield MistakenScene(
+                    f"the {name}'s axial and transverse inertia are exchanged",
+                    _with_bodies(scene, {name: other}),
+                )
+        elif isinstance(body, Pendulum):
+            points["the hinge"] = body.centre - body.pivot
+        for (point, r), sign in product(points.items(), (1, -1)):
+            more = sign * body.mass * (r @ r * np.eye(3) - np.outer(r, r))
+            if np.abs(more).max() <= CLEAR * np.abs(body.inertia).max():
+                continue
+            if isinstance(body, Shell):
+                transverse = body.transverse_inertia + float(np.trace(more)) / 2
+                changed: dict[str, Body] = {name: replace(body, transverse_inertia=transverse)}
+            elif isinstance(body, Rotor):  # it turns with the frame, but about its own axis
+                changed = {"frame": replace(frame, inertia=frame.inertia + more)}
+            else:
+                changed = {name: replace(body, inertia=body.inertia + more)}
+            given, taken = (point, CENTRE) if sign > 0 else (CENTRE, point)
+            yield MistakenScene(
+                f"the {name}'s inertia about {given} is taken for that about {taken}",
+                _with_bodies(scene, changed),
+            )
+
+
+def _with_bodies(scene: Scene, changed: Mapping[str, Body]) -> tuple[Scene, ...]:
+    """The scene with other bodies, with the same frame's ω, or M; none where no ball is such."""
+    ball = scene.ball
+    bodies: dict[str, Any] = dict(ball.named_bodies) | dict(changed)
+    try:
+        other = Ball(
+            bodies["shell"],
+            bodies["frame"],
+            tuple(bodies[name] for name, _ in ball.named_rotors),
+            tuple(bodies[name] for name, _ in ball.named_pendulums),
+        )
+    except InputError:
+        return ()
+    heavier = replace(scene, ball=other)
+    return (*_kept(heavier, scene), heavier)
 
 
 def _starts(scene: Scene) -> Iterator[MistakenScene]:

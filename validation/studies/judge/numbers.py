@@ -11,7 +11,6 @@ from robotball.rotations import Array, conjugate, multiply
 
 FLOOR = 1e-6  # an error below it explains as little as none
 MOST = 400  # samples that a convention is tried on
-EXPLAINS = 3.0  # times less of all the error, from where on something explains most of it
 
 
 @dataclass(frozen=True)

@@ -125,11 +125,12 @@ def _height(judged: FileJudgement) -> list[str]:
 
 
 def _verdict(judged: FileJudgement) -> str:
-    if judged.mistakes:
-        return "verdict: a convention is wrong, or the scene"
-    bound = f"within {judged.tolerance:g} in path and momentum, and {judged.tolerance:g} rad"
     duration = judged.plain.theory.scene.duration
     part = f"over {judged.covers:.4g} s of the scene's {duration:g} s"
+    if judged.mistakes:
+        return f"verdict: a convention is wrong, or the scene, {part}"
+    limit = f"{judged.tolerance:g}"
+    bound = f"within {limit} in path and momentum, and {limit} rad in attitude,"
     if judged.within and judged.too_short:
         return f"verdict: too short to judge, with less than {ENOUGH:.0%}; {bound} {part}"
     return f"verdict: {'agrees' if judged.within else 'off; it is not'} {bound} {part}"

@@ -14,7 +14,6 @@ from validation.studies.judge.conventions import conventions
 from validation.studies.judge.lag import LONGEST, stretch_of
 from validation.studies.judge.mistaken_scenes import mistaken_scenes
 from validation.studies.judge.numbers import (
-    EXPLAINS,
     Errors,
     Numbers,
     Truth,
@@ -27,6 +26,7 @@ from validation.studies.judge.numbers import (
 )
 
 LESSENS = np.log(5.0)  # by how much a mistake must lessen one of the errors
+MOST = 2.0  # times less of all errors together is left by what explains most of them
 SPOILS = np.log(3.0)  # by how much it may worsen another one, which is wrong anyway
 AS_GOOD = np.log(1.5)  # two mistakes so near explain as much as each other
 SOUND = 1e-3  # errors of path and attitude, below which no other scene is tried
@@ -126,15 +126,16 @@ class _Search:
     def mistakes(self) -> list[Mistake]:
         """Those that explain the errors; each, with those after it, most of all that it met.
 
-        Where the mistake is one that is not known, another may undo one of its errors by chance.
+        Where the mistake is one that is not known, another may undo one of its errors by chance, or
+        make one small at the beginning and large later.
         """
         meant, left = self.scene, [_total(errors_at(self.numbers, self.truth), self.truth)]
         tried = []
         for mistake in self._lessening():
             tried.append(mistake)
             left.append(_total(self.found[-1].errors, self.truth))
-        some = range(1, len(left))
-        count = max((k for k in some if left[k] * EXPLAINS < min(left[:k])), default=0)
+        explain = [np.all(left[k] * [MOST, 1.0] < left[:k]) for k in range(1, len(left))]
+        count = max((k for k, each in enumerate(explain, start=1) if each), default=0)
         self.found = self.found[:count]
         self.scene = self.found[-1].scene if self.found else meant
         return tried[:count]
@@ -247,9 +248,10 @@ def _with_own_rate(times: Array, numbers: Numbers) -> Numbers:
     return numbers.changed(rate=derivative.angular_velocity(times, numbers.attitude)[0])
 
 
-def _total(errors: tuple[Array, ...], truth: Truth) -> float:
-    """The typical errors together."""
-    return float(np.linalg.norm(np.exp(typical(errors, truth.times))))
+def _total(errors: tuple[Array, ...], truth: Truth) -> Array:
+    """(2,): all errors together, the typical ones and their root mean square."""
+    typically = np.linalg.norm(np.exp(typical(errors, truth.times)))
+    return np.array([typically, np.sqrt(np.mean(np.square(errors), axis=1).sum())])
 
 
 def _from_zero(times: Array) -> Array:

@@ -203,10 +203,10 @@ def judge(
     """What is wrong with trajectories of a scene, each from a file or as `read_trajectory` gives.
 
     timesteps: the engine's in each file [s]; by the file's header, or else the interval of its
-    samples, where they are not given. tolerance: of path, momentum and hinges' rates, relative, and of the
-    attitude in rad. progress is
-    called with the fraction that is done. Raises InputError as `read_trajectory`, `recorded` and
-    `integrate` do, and for a file that is many times longer than the scene.
+    samples, where they are not given. tolerance: of path, momentum and hinges' rates, relative, and
+    of the attitude in rad. progress is called with the fraction that is done. Raises InputError as
+    `read_trajectory`, `recorded` and `integrate` do, and for a file that is many times longer than
+    the scene.
     """
     given = [files] if isinstance(files, Path | str | Trajectory) else list(files)
     if timesteps and len(timesteps) != len(given):

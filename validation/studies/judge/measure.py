@@ -231,19 +231,15 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
     count, rows = len(trajectory.times), ROWS
     while rows < count:
         at = np.linspace(0, count - 1, rows).round().astype(int)
-        attitude = trajectory.attitude[at]
-        if derivative.turned_between(attitude).max() <= TURN:
-            omega, M = trajectory.angular_velocity, trajectory.momentum
-            return replace(
-                trajectory,
-                times=trajectory.times[at],
-                position=trajectory.position[at],
-                attitude=attitude,
-                angular_velocity=None if omega is None else omega[at],
-                momentum=None if M is None else M[at],
-                others={name: each[at] for name, each in (trajectory.others or {}).items()},
-                notes=(*trajectory.notes, f"judged by {rows} of its {count} rows"),
-            )
+        if derivative.turned_between(trajectory.attitude[at]).max() <= TURN:
+            own = {
+                name: each[at]
+                for name, each in vars(trajectory).items()
+                if isinstance(each, np.ndarray)
+            }
+            others = {name: each[at] for name, each in (trajectory.others or {}).items()}
+            note = f"judged by {rows} of its {count} rows"
+            return replace(trajectory, **own, others=others, notes=(*trajectory.notes, note))
         rows *= 2
     return trajectory
 

@@ -1,15 +1,14 @@
 """Scenes that somebody may have simulated instead of the one that was meant."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any
 
 import msgspec
 import numpy as np
 
 from robotball import Custom, InputError, Ramp, Samples, Scene, Sine, Sum
-from robotball.bodies import Ball, Body, Pendulum, Rotor, Shell
+from robotball.bodies import Ball, Body, Rotor, Shell
 from robotball.drives import Drive, Rate
 from robotball.mechanics.robot import momentum_at
 from robotball.motors import Servo
@@ -19,7 +18,6 @@ from robotball.start import Start
 
 DEGREES = np.pi / 180
 CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engine's error
-CENTRE = "its centre of mass"
 LIKELY = 5.0  # times the radius, or less: any other is told from numbers that mean something else
 
 
@@ -134,51 +132,39 @@ def _radii(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
 
 def _inertias(scene: Scene) -> Iterator[MistakenScene]:
     """Moments that are exchanged, or about another point than the body's centre of mass."""
-    frame = scene.ball.frame
     for name, body in scene.ball.named_bodies:
-        points = {"the sphere's centre": body.centre}
+        others: dict[str, Body] = {}
         if isinstance(body, Shell | Rotor):
-            moments = body.axial_inertia, body.transverse_inertia
-            if abs(moments[0] - moments[1]) > CLEAR * max(moments):
-                other = replace(body, axial_inertia=moments[1], transverse_inertia=moments[0])
-                yield MistakenScene(
-                    f"the {name}'s axial and transverse inertia are exchanged",
-                    _with_bodies(scene, {name: other}),
-                )
-        elif isinstance(body, Pendulum):
-            points["the hinge"] = body.centre - body.pivot
-        for (point, r), sign in product(points.items(), (1, -1)):
-            more = sign * body.mass * (r @ r * np.eye(3) - np.outer(r, r))
-            if np.abs(more).max() <= CLEAR * np.abs(body.inertia).max():
-                continue
-            if isinstance(body, Shell):
-                transverse = body.transverse_inertia + float(np.trace(more)) / 2
-                changed: dict[str, Body] = {name: replace(body, transverse_inertia=transverse)}
-            elif isinstance(body, Rotor):  # it turns with the frame, but about its own axis
-                changed = {"frame": replace(frame, inertia=frame.inertia + more)}
-            else:
-                changed = {name: replace(body, inertia=body.inertia + more)}
-            given, taken = (point, CENTRE) if sign > 0 else (CENTRE, point)
-            yield MistakenScene(
-                f"the {name}'s inertia about {given} is taken for that about {taken}",
-                _with_bodies(scene, changed),
+            others[f"the {name}'s axial and transverse inertia are exchanged"] = replace(
+                body,
+                axial_inertia=body.transverse_inertia,
+                transverse_inertia=body.axial_inertia,
             )
+        else:
+            points, r = ("the sphere's centre", "its centre of mass"), body.centre
+            more = body.mass * (r @ r * np.eye(3) - np.outer(r, r))
+            for (given, taken), sign in ((points, 1), (points[::-1], -1)):
+                others[f"the {name}'s inertia about {given} is taken for that about {taken}"] = (
+                    replace(body, inertia=body.inertia + sign * more)
+                )
+        for what, other in others.items():
+            if np.abs(other.inertia - body.inertia).max() > CLEAR * np.abs(body.inertia).max():
+                yield MistakenScene(what, _with_body(scene, body, other))
 
 
-def _with_bodies(scene: Scene, changed: Mapping[str, Body]) -> tuple[Scene, ...]:
-    """The scene with other bodies, with the same frame's ω, or M; none where no ball is such."""
+def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
+    """The scene with another body in one's place, with the same ω of the frame, or the same M."""
     ball = scene.ball
-    bodies: dict[str, Any] = dict(ball.named_bodies) | dict(changed)
+
+    def chosen(each: Any) -> Any:
+        return other if each is body else each
+
+    rotors, pendulums = tuple(map(chosen, ball.rotors)), tuple(map(chosen, ball.pendulums))
     try:
-        other = Ball(
-            bodies["shell"],
-            bodies["frame"],
-            tuple(bodies[name] for name, _ in ball.named_rotors),
-            tuple(bodies[name] for name, _ in ball.named_pendulums),
-        )
-    except InputError:
+        changed = Ball(chosen(ball.shell), chosen(ball.frame), rotors, pendulums)
+    except InputError:  # no body has such moments
         return ()
-    heavier = replace(scene, ball=other)
+    heavier = replace(scene, ball=changed)
     return (*_kept(heavier, scene), heavier)
 
 

@@ -1,10 +1,13 @@
 """CSV as simulators write it: any delimiter, comments, a line of units, a byte order mark."""
 
 import codecs
+import contextlib
+import io
 import json
 import re
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import islice
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -17,7 +20,9 @@ MARKS = {
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
+LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
 UNITS = "units"  # the header's line of them, as JSON
+Line = tuple[int, str]  # its number in the file, from 1, and its text
 
 
 def write_csv(
@@ -33,55 +38,63 @@ def write_csv(
 
 
 def read_csv(
-    data: bytes,
+    file: BinaryIO,
 ) -> tuple[dict[str, Array], dict[str, str], dict[str, str], tuple[str, ...]]:
-    """Columns, units, header and notes of a file's bytes; raises InputError for what is no table.
+    """Columns, units, header and notes of a file; raises InputError for what is no table.
 
     The line of names may be a comment, and a line of units may follow it. Numbers may have decimal
     commas where another character is between them.
     """
-    text, notes = _text(data)
+    start = file.read(len(codecs.BOM_UTF8))
+    encoding = next((MARKS[mark] for mark in MARKS if start.startswith(mark)), None)
+    file.seek(0)
+    notes = ("it begins with a byte order mark, which is skipped",) if encoding else ()
+    lines = enumerate(io.TextIOWrapper(file, encoding or "utf-8"), 1)
+    try:
+        return *_table(lines), notes
+    except UnicodeDecodeError:
+        raise InputError("it is no text in UTF-8 or UTF-16") from None
+
+
+def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dict[str, str]]:
+    """Columns, units and header."""
     comments: list[str] = []
-    rows: list[tuple[int, str]] = []
-    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), 1):
-        stripped = line.strip()
-        if stripped.startswith(COMMENT):
-            comments.append(line.lstrip().lstrip("#%/").removeprefix(" "))
-        elif stripped:
-            rows.append((number, stripped))
-    if not rows:
+    rows = _rows(lines, comments)
+    begun = [*islice(rows, 1)]
+    if not begun:
         raise InputError("the file holds no numbers")
-    header = _header(comments)
-    units = _units_of(header.pop(UNITS, ""))
-    delimiter = _delimiter(rows[0][1])
-    first = _cells(rows[0][1], delimiter)
+    delimiter = _delimiter(begun[0][1])
+    first = _cells(begun[0][1], delimiter)
+    below: dict[str, str] = {}
     if all(map(_is_number, first)):
         names = _cells(comments[-1].strip(), _delimiter(comments[-1])) if comments else []
         if len(names) != len(first):
             raise InputError("there is no line with the columns' names, as t,x,y,qw,qx,qy,qz")
     else:
-        names, rows = first, rows[1:]
-        if rows and not any(map(_is_number, _cells(rows[0][1], delimiter))):
-            cells = _cells(rows.pop(0)[1], delimiter)
-            units = dict(zip(names, cells, strict=False)) | units
+        names, begun = first, [*islice(rows, 1)]
+        if begun and not any(map(_is_number, _cells(begun[0][1], delimiter))):
+            below = dict(zip(names, _cells(begun.pop()[1], delimiter), strict=False))
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"two columns are called {twice!r}")
-    if not rows:
+    parts = [_numbers(names, begun, delimiter, comments)]
+    while piece := [*islice(lines, LINES)]:
+        parts.append(_numbers(names, piece, delimiter, comments))
+    if not any(map(len, parts)):
         raise InputError("there are no rows of numbers below the columns' names")
-    return dict(zip(names, _numbers(names, rows, delimiter).T, strict=True)), units, header, notes
+    header = _header(comments)
+    units = below | _units_of(header.pop(UNITS, ""))
+    return dict(zip(names, np.concatenate(parts).T, strict=True)), units, header
 
 
-def _text(data: bytes) -> tuple[str, tuple[str, ...]]:
-    encoding = "utf-8"
-    notes: tuple[str, ...] = ()
-    for mark, marked in MARKS.items():
-        if data.startswith(mark):
-            encoding, notes = marked, ("it begins with a byte order mark, which is skipped",)
-    try:
-        return data.decode(encoding), notes
-    except UnicodeDecodeError:
-        raise InputError("it is no text in UTF-8 or UTF-16") from None
+def _rows(lines: Iterable[Line], comments: list[str]) -> Iterator[Line]:
+    """The lines that are neither empty nor a comment; comments are added to the others."""
+    for number, line in lines:
+        stripped = line.strip()
+        if stripped.startswith(COMMENT):
+            comments.append(line.strip("\n").lstrip().lstrip("#%/").removeprefix(" "))
+        elif stripped:
+            yield number, stripped
 
 
 def _header(comments: list[str]) -> dict[str, str]:
@@ -121,13 +134,22 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _numbers(names: list[str], rows: list[tuple[int, str]], delimiter: str | None) -> Array:
-    """(n, columns) of the rows, each with its line in the file."""
-    return np.array(list(_checked(names, rows, delimiter)))
+def _numbers(
+    names: list[str], lines: list[Line], delimiter: str | None, comments: list[str]
+) -> Array:
+    """The numbers (n, columns) of some lines; their comments are added to the others."""
+    texts = [line if delimiter == "," else line.replace(",", ".") for _, line in lines]
+    with contextlib.suppress(ValueError):  # by a comment, a cell in quotes, or what is no number
+        if any(map(str.strip, texts)):
+            numbers = np.loadtxt(texts, delimiter=delimiter, comments=None, ndmin=2)
+            if numbers.shape[1] == len(names):
+                return numbers
+    checked = list(_checked(names, _rows(lines, comments), delimiter))
+    return np.array(checked).reshape(-1, len(names))
 
 
 def _checked(
-    names: list[str], rows: list[tuple[int, str]], delimiter: str | None
+    names: list[str], rows: Iterable[Line], delimiter: str | None
 ) -> Iterator[list[float]]:
     for number, line in rows:
         cells = _cells(line if delimiter == "," else line.replace(",", "."), delimiter)

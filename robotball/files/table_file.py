@@ -85,7 +85,8 @@ def _write_csv(path: Path, table: Table) -> None:
 
 
 def _read_csv(path: Path) -> Table:
-    return Table(*read_csv(path.read_bytes()))
+    with path.open("rb") as file:
+        return Table(*read_csv(file))
 
 
 def _write_npz(path: Path, table: Table) -> None:

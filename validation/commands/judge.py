@@ -27,7 +27,7 @@ class Judge:
     """The engine's step in each file; else the one in its header, or the interval of its
     samples."""
     tolerance: Annotated[float, arg(metavar="ERROR")] = 1e-2
-    """The path error and momentum error that agree, relative."""
+    """The errors that agree: of path, momentum and hinges' rates, relative; of attitude [rad]."""
     every: bool = False
     """Show every mistake that was tried, not the two best of each kind."""
     json: File = None

@@ -48,7 +48,8 @@ def test_the_header_has_the_scene_the_engine_and_the_units(tmp_path: Path) -> No
     scene = rb.load_scene("fig12")
     motion = rb.integrate(scene, np.linspace(0, 1, 5))
     motion.save(tmp_path / "m.csv")
-    columns, units, header, _ = read_csv((tmp_path / "m.csv").read_bytes())
+    with (tmp_path / "m.csv").open("rb") as file:
+        columns, units, header, _ = read_csv(file)
     (tmp_path / "fig12.toml").write_text(header["scene_toml"])
     again = rb.load_scene(tmp_path / "fig12.toml")
     assert rb.scene_toml(again) == rb.scene_toml(scene)

@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from robotball import (
     recorded,
     scene_toml,
 )
+from robotball.engines import derivative
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 from validation.studies.judge.lag import Lag, lag_of
@@ -25,7 +26,10 @@ from validation.studies.judge.numbers import Errors, numbers_of, some_of
 from validation.studies.judge.search import Explanation, Mistake, explain, reference_of
 from validation.studies.order import LEAST, fit_order
 
-TOLERANCE = 1e-2  # of path and momentum, relative
+TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the attitude in rad
+ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
+ROWS = 20_000  # that are judged, at most, where the frame turns little between them
+TURN = 0.1  # rad
 LONGEST = 100  # times the scene's duration; a longer file is in another unit
 
 
@@ -71,6 +75,21 @@ class Beside:
     def spin(self) -> tuple[float, float] | None:
         """The same of the spin, either way round [rad/s]."""
         return _largest(np.abs(self.motion.spin), self.motion.spin_error)
+
+    @cached_property
+    def hinge_rates(self) -> dict[str, tuple[float, float]]:
+        """Of each hinge whose rate is known: how far it is off, relative, and its factor.
+
+        Both by the mean square: the factor takes the reference's rate nearest to the file's.
+        """
+        found = {}
+        ours, theirs = self.motion.hinge_rates, self.theory.hinge_rates[-len(self.motion.times) :]
+        fastest = float(np.linalg.norm(self.theory.angular_velocity, axis=1).max()) or 1.0
+        for hinge, a, b in zip(self.motion.scene.hinges, ours.T, theirs.T, strict=True):
+            if np.isfinite(a).all():
+                size = float(b @ b) or len(b) * fastest**2
+                found[hinge.name] = float(np.sqrt((a - b) @ (a - b) / size)), float(a @ b / size)
+        return found
 
     @property
     def unknown_hinges(self) -> tuple[str, ...]:
@@ -130,10 +149,25 @@ class FileJudgement:
         return self.corrected or self.plain
 
     @property
-    def agrees(self) -> bool:
-        """No mistake, and path and momentum within the tolerance, as far as they are known."""
+    def covers(self) -> float:
+        """The time from the file's first row to its last [s]."""
+        return float(self.trajectory.times[-1] - self.trajectory.times[0])
+
+    @property
+    def too_short(self) -> bool:
+        return self.covers < ENOUGH * (1 - 1e-9) * self.plain.theory.scene.duration
+
+    @property
+    def within(self) -> bool:
+        """Whether all that is known is within the tolerance, and no mistake was found."""
         of_momentum = (self.plain.momentum_error or 0.0) - self.plain.momentum_known_to
-        return not self.mistakes and max(self.plain.path_error, of_momentum) <= self.tolerance
+        of_hinges = (error for error, _ in self.plain.hinge_rates.values())
+        errors = (self.plain.path_error, self.plain.attitude_error, of_momentum, *of_hinges)
+        return not self.mistakes and max(errors) <= self.tolerance
+
+    @property
+    def agrees(self) -> bool:
+        return self.within and not self.too_short
 
 
 @dataclass(frozen=True)
@@ -169,9 +203,10 @@ def judge(
     """What is wrong with trajectories of a scene, each from a file or as `read_trajectory` gives.
 
     timesteps: the engine's in each file [s]; by the file's header, or else the interval of its
-    samples, where they are not given. tolerance: of path and momentum, relative. progress is
-    called with the fraction that is done. Raises InputError as `read_trajectory`, `recorded` and
-    `integrate` do, and for a file that is many times longer than the scene.
+    samples, where they are not given. tolerance: of path, momentum and hinges' rates, relative, and
+    of the attitude in rad. progress is called with the fraction that is done. Raises InputError as
+    `read_trajectory`, `recorded` and `integrate` do, and for a file that is many times longer than
+    the scene.
     """
     given = [files] if isinstance(files, Path | str | Trajectory) else list(files)
     if timesteps and len(timesteps) != len(given):
@@ -181,14 +216,32 @@ def judge(
     ]
     for each in trajectories:
         _check_end(scene, each)
+    steps = timesteps or [timestep_of(each) for each in trajectories]
     judged = []
-    for i, trajectory in enumerate(trajectories):
-        timestep = timesteps[i] if timesteps else timestep_of(trajectory)
-        judged.append(_judged(scene, trajectory, timestep, tolerance))
+    for i, (trajectory, timestep) in enumerate(zip(trajectories, steps, strict=True)):
+        judged.append(_judged(scene, _thinned(trajectory), timestep, tolerance))
         if progress is not None:
             progress((i + 1) / len(trajectories))
     judged.sort(key=lambda each: -each.timestep)
     return Judgement(scene, tuple(judged), tuple(_orders(judged)))
+
+
+def _thinned(trajectory: Trajectory) -> Trajectory:
+    """Some of the rows of a long trajectory, the first and the last among them."""
+    count, rows = len(trajectory.times), ROWS
+    while rows < count:
+        at = np.linspace(0, count - 1, rows).round().astype(int)
+        if derivative.turned_between(trajectory.attitude[at]).max() <= TURN:
+            own = {
+                name: each[at]
+                for name, each in vars(trajectory).items()
+                if isinstance(each, np.ndarray)
+            }
+            others = {name: each[at] for name, each in (trajectory.others or {}).items()}
+            note = f"judged by {rows} of its {count} rows"
+            return replace(trajectory, **own, others=others, notes=(*trajectory.notes, note))
+        rows *= 2
+    return trajectory
 
 
 def timestep_of(trajectory: Trajectory) -> float:
@@ -222,7 +275,7 @@ def _judged(
         plain=plain,
         explanation=found,
         corrected=corrected,
-        lag=lag_of(trajectory.times[at], numbers_of(found.trajectory, at), best),
+        lag=lag_of(found.trajectory.times[at], numbers_of(found.trajectory, at), best),
         timestep=timestep,
         tolerance=tolerance,
     )

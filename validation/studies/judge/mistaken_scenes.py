@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from robotball import Custom, Ramp, Samples, Scene, Sine, Sum
+from robotball import Custom, InputError, Ramp, Samples, Scene, Sine, Sum
+from robotball.bodies import Ball, Body, Rotor, Shell
 from robotball.drives import Drive, Rate
 from robotball.mechanics.robot import momentum_at
 from robotball.motors import Servo
@@ -46,9 +48,14 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenSce
     yield from _radii(scene, rolling_radius)
     other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
     flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
-    level = replace(scene, rolling=other, start=flat)  # till its M is set by its ω
+    level = replace(scene, rolling=other, start=flat)
     spin = "may spin (classical)" if other == "classical" else "may not spin (rubber)"
-    yield MistakenScene(f"the ball {spin}", _kept(level, scene))
+    # The start's spin, where it may not be, is left out, or stopped by the plane.
+    up, omega = rotation_matrix(scene.start.attitude)[2], _omega(scene)
+    shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
+    still = _kept(level, scene, omega - up * (up @ shell)) if other == "rubber" else ()
+    yield MistakenScene(f"the ball {spin}", (*_kept(level, scene), *still, level))
+    yield from _inertias(scene)
     yield from _starts(scene)
 
 
@@ -121,6 +128,44 @@ def _radii(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
         f"the ball's radius is {rolling_radius:.4g} m, not {radius:g} m",
         tuple(each for changed in scenes for each in (*_kept(changed, scene), changed)),
     )
+
+
+def _inertias(scene: Scene) -> Iterator[MistakenScene]:
+    """Moments that are exchanged, or about another point than the body's centre of mass."""
+    for name, body in scene.ball.named_bodies:
+        others: dict[str, Body] = {}
+        if isinstance(body, Shell | Rotor):
+            others[f"the {name}'s axial and transverse inertia are exchanged"] = replace(
+                body,
+                axial_inertia=body.transverse_inertia,
+                transverse_inertia=body.axial_inertia,
+            )
+        else:
+            points, r = ("the sphere's centre", "its centre of mass"), body.centre
+            more = body.mass * (r @ r * np.eye(3) - np.outer(r, r))
+            for (given, taken), sign in ((points, 1), (points[::-1], -1)):
+                others[f"the {name}'s inertia about {given} is taken for that about {taken}"] = (
+                    replace(body, inertia=body.inertia + sign * more)
+                )
+        for what, other in others.items():
+            if np.abs(other.inertia - body.inertia).max() > CLEAR * np.abs(body.inertia).max():
+                yield MistakenScene(what, _with_body(scene, body, other))
+
+
+def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
+    """The scene with another body in one's place, with the same ω of the frame, or the same M."""
+    ball = scene.ball
+
+    def chosen(each: Any) -> Any:
+        return other if each is body else each
+
+    rotors, pendulums = tuple(map(chosen, ball.rotors)), tuple(map(chosen, ball.pendulums))
+    try:
+        changed = Ball(chosen(ball.shell), chosen(ball.frame), rotors, pendulums)
+    except InputError:  # no body has such moments
+        return ()
+    heavier = replace(scene, ball=changed)
+    return (*_kept(heavier, scene), heavier)
 
 
 def _starts(scene: Scene) -> Iterator[MistakenScene]:

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from validation.output import print_whole
-from validation.studies.judge.measure import Beside, FileJudgement, Judgement
+from validation.studies.judge.measure import ENOUGH, Beside, FileJudgement, Judgement
 from validation.studies.judge.numbers import Errors
 
 ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
@@ -57,6 +57,12 @@ def lines(judged: FileJudgement) -> list[str]:
             f"the {name} has a motor, and the file says nothing of it: the momentum{more} need "
             f"the column {name}_rate or {name}_angle"
         )
+    for name, (error, factor) in plain.hinge_rates.items():
+        if error > judged.tolerance:
+            found.append(
+                f"the {name}'s rate is off by {error:.1e} of it, and about {factor:.3g} times what "
+                "it should be"
+            )
     if judged.other_scene:
         found.append(f"the file's header has another scene than this one: {judged.other_scene}")
     found += _height(judged)
@@ -119,10 +125,15 @@ def _height(judged: FileJudgement) -> list[str]:
 
 
 def _verdict(judged: FileJudgement) -> str:
+    duration = judged.plain.theory.scene.duration
+    part = f"over {judged.covers:.4g} s of the scene's {duration:g} s"
     if judged.mistakes:
-        return "verdict: a convention is wrong, or the scene"
-    bound = f"within {judged.tolerance:g} in path and momentum"
-    return f"verdict: {'agrees' if judged.agrees else 'off; it is not'} {bound}"
+        return f"verdict: a convention is wrong, or the scene, {part}"
+    limit = f"{judged.tolerance:g}"
+    bound = f"within {limit} in path and momentum, and {limit} rad in attitude,"
+    if judged.within and judged.too_short:
+        return f"verdict: too short to judge, with less than {ENOUGH:.0%}; {bound} {part}"
+    return f"verdict: {'agrees' if judged.within else 'off; it is not'} {bound} {part}"
 
 
 def _table(judged: FileJudgement, every: bool) -> Table:
@@ -177,6 +188,8 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
         **_measures(judged.plain),
         "tolerance": judged.tolerance,
         "agrees": judged.agrees,
+        "covers": judged.covers,
+        "too_short": judged.too_short,
         "mistakes": [asdict(each) for each in judged.mistakes],
         "without_mistakes": None if judged.corrected is None else _measures(judged.corrected),
         "lag": asdict(judged.lag) | {"explains": judged.lag.explains},
@@ -195,6 +208,7 @@ def _measures(beside: Beside) -> dict[str, Any]:
         "attitude_error": beside.attitude_error,
         "gamma_error": beside.gamma_error,
         "momentum_error": beside.momentum_error,
+        **{f"{name}_rate_error": error for name, (error, _) in beside.hinge_rates.items()},
         "momentum_known_to": beside.momentum_known_to,
         "slip": slip,
         "slip_known_to": slip_error,

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball import Scene, Trajectory
+from robotball.bodies import Frame, Rotor, Shell
 from robotball.mechanics.robot import momentum_at
+from robotball.parameters import Rolling
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 from robotball.start import Start
 from validation.studies.judge.mistaken_scenes import scaled
@@ -93,6 +96,7 @@ IN_FILES: dict[str, InFile] = {
     "angular velocity is in deg/s": rate(lambda w, *_: np.degrees(w)),
     "angular velocity has the other sign": rate(lambda w, *_: -w),
     "angular velocity is the shell's": rate(of_the_shell),
+    "angular velocity is not the attitude's rate": rate(lambda w, *_: 0.9 * w),
     "x, y, z are the scene's x, z, -y (Y is up)": world(Y_UP, frame=False),
     "x, y, z are the scene's x, z, y (Y is up, and the axes are left-handed)": world(
         Y_UP_LEFT, frame=True
@@ -135,6 +139,45 @@ def start_at(change: Callable[[Array], Array]) -> InScene:
     return planted
 
 
+def other_rolling(scene: Scene) -> Scene:
+    """M stays, as far as the other model has it."""
+    other: Rolling = "rubber" if scene.rolling == "classical" else "classical"
+    start = replace(scene.start, momentum=scene.start.momentum * [1, 1, 0])
+    return replace(scene, rolling=other, start=start)
+
+
+B = TypeVar("B", Shell, Rotor)
+
+
+def exchanged(body: B) -> B:
+    moments = body.axial_inertia, body.transverse_inertia
+    return replace(body, axial_inertia=moments[1], transverse_inertia=moments[0])
+
+
+def of_shell(scene: Scene) -> Scene:
+    return replace(scene, ball=replace(scene.ball, shell=exchanged(scene.ball.shell)))
+
+
+def of_rotor(scene: Scene) -> Scene:
+    first, *others = scene.ball.rotors
+    return replace(scene, ball=replace(scene.ball, rotors=(exchanged(first), *others)))
+
+
+def with_frame_inertia(change: Callable[[Frame], Array]) -> InScene:
+    def planted(scene: Scene) -> Scene:
+        frame = scene.ball.frame
+        changed = replace(frame, inertia=change(frame))
+        return replace(scene, ball=replace(scene.ball, frame=changed))
+
+    return planted
+
+
+def from_centre(frame: Frame) -> Array:
+    """The inertia that is due to the way of the centre of mass from the sphere's centre."""
+    r = frame.centre
+    return frame.mass * (r @ r * np.eye(3) - np.outer(r, r))
+
+
 def level(scene: Scene) -> Array:
     return np.array([1.0, 1.0, 0.0 if scene.rolling == "rubber" else 1.0])
 
@@ -145,6 +188,19 @@ IN_SCENES: dict[str, InScene] = {
     "frame's rate is zero": with_rates(0.0),
     "frame's rate is taken in degrees": with_rates(np.pi / 180),
     "the ball's radius is": with_radius(1.1),
+    "the ball may not spin (rubber)": other_rolling,
+    "the ball may spin (classical)": other_rolling,
     "the start's attitude is conjugate": start_at(conjugate),
     "the start's attitude is read in the order x, y, z, w": start_at(lambda q: q[[3, 0, 1, 2]]),
+}
+
+WRONG_INERTIAS: dict[str, InScene] = {
+    "the shell's axial and transverse inertia are exchanged": of_shell,
+    "the rotor1's axial and transverse inertia are exchanged": of_rotor,
+    "the frame's inertia about the sphere's centre is taken for that about its centre of mass": (
+        with_frame_inertia(lambda frame: frame.inertia + from_centre(frame))
+    ),
+    "the frame's inertia about its centre of mass is taken for that about the sphere's centre": (
+        with_frame_inertia(lambda frame: frame.inertia - from_centre(frame))
+    ),
 }

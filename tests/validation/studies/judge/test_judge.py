@@ -2,21 +2,26 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
 import robotball as rb
-from tests.euler_engine import euler
+from robotball.mechanics.robot import momentum_at
+from robotball.rotations import Array, rotation_matrix
+from tests import euler_engine
+from tests.euler_engine import angular_velocity, euler
 from tests.random_robots import random_scene as random_robot_scene
-from tests.validation.studies.judge.planting import IN_FILES, IN_SCENES
+from tests.validation.studies.judge.planting import IN_FILES, IN_SCENES, WRONG_INERTIAS
 from validation import judge
 from validation.studies.judge.measure import FileJudgement
 from validation.studies.judge.report import lines
 from validation.studies.random_scenes import random_scene
 
 NAMES = ("fig12", "classical_regular", "wobbling_drive", "three_rotors", "classical_chaotic")
+OFF_BALANCE = ("pendulum_robot", "tilting_gyroscope")
 SCENES = (*map(rb.load_scene, NAMES), *map(random_scene, range(1, 6)))
 STEPS = (0.02, 0.005)  # s: first-order errors of the attitude of up to 3, and of 0.9 rad
 END = 5.0  # s
@@ -26,6 +31,13 @@ def judged(scene: rb.Scene, trajectory: rb.Trajectory) -> FileJudgement:
     return judge(scene, trajectory).files[0]
 
 
+def exact(scene: rb.Scene, end: float = END, rows: int = 500) -> rb.Trajectory:
+    """The equations' own, in a row more than so many."""
+    motion = rb.integrate(scene, np.linspace(0, end, rows + 1))
+    position = np.column_stack([motion.contact_point, np.full(rows + 1, scene.ball.radius)])
+    return rb.Trajectory("a", motion.times, position, motion.attitude, motion.angular_velocity)
+
+
 def run(scene: rb.Scene, timestep: float = 0.005) -> rb.Trajectory:
     return euler(scene, timestep, round(0.02 / timestep), END)
 
@@ -33,7 +45,7 @@ def run(scene: rb.Scene, timestep: float = 0.005) -> rb.Trajectory:
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(IN_FILES)))
 def test_a_mistake_in_a_file_is_named(number: int) -> None:
-    """20 of 20, and nothing else is named; in files by a first-order engine."""
+    """21 of 21, and nothing else is named; in files by a first-order engine."""
     words, plant = list(IN_FILES.items())[number]
     scene = SCENES[(number + 5) % len(SCENES)]
     trajectory = run(scene, STEPS[number % 2])
@@ -50,9 +62,105 @@ def test_a_mistake_in_a_file_is_named(number: int) -> None:
 def test_a_mistake_in_setting_up_the_scene_is_named(words: str) -> None:
     """The engine rolls another ball, or from another start; nothing else is named."""
     number = list(IN_SCENES).index(words)
-    scene = SCENES[(0, 3, 5, 0, 6, 2, 9)[number]]
+    scene = SCENES[(0, 3, 5, 0, 6, 1, 5, 2, 9)[number]]
     found = judged(scene, run(IN_SCENES[words](scene)))
     assert [words in each.name for each in found.mistakes] == [True], found.mistakes
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", WRONG_INERTIAS)
+def test_a_wrong_inertia_is_named(words: str) -> None:
+    """Exchanged, or about a point that is 55 or 20 mm off; nothing is left of the error."""
+    number = list(WRONG_INERTIAS).index(words)
+    scene = (SCENES[7], SCENES[5], *map(rb.load_scene, OFF_BALANCE))[number]
+    found = judged(scene, exact(WRONG_INERTIAS[words](scene)))
+    assert [each.name for each in found.mistakes] == [words]
+    assert found.best.path_error < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [1.01, 0.99])
+@pytest.mark.parametrize("number", [0, 1, 6])
+def test_a_clock_that_is_a_hundredth_off_is_named(number: int, factor: float) -> None:
+    """By its factor; nothing is left of the error."""
+    scene = SCENES[number]
+    right = exact(scene)
+    found = judged(scene, replace(right, times=factor * right.times))
+    assert [each.name for each in found.mistakes] == [
+        f"the times are {factor:g} times what they should be"
+    ]
+    assert found.best.path_error < 1e-6  # measured 2e-8, of the factor
+
+
+def clamped(scene: rb.Scene, monkeypatch: pytest.MonkeyPatch) -> rb.Trajectory:
+    """By an engine in which no angular velocity's part is more than 0.7 of the largest."""
+    most = 0.7 * float(np.abs(rb.integrate(scene, scene.times).angular_velocity).max())
+
+    def slower(*state: Any) -> Array:
+        return np.clip(angular_velocity(*state), -most, most)
+
+    monkeypatch.setattr(euler_engine, "angular_velocity", slower)
+    return run(scene)
+
+
+def lighter(scene: rb.Scene) -> rb.Scene:
+    frame = replace(scene.ball.frame, inertia=0.8 * scene.ball.frame.inertia)
+    return replace(scene, ball=replace(scene.ball, frame=frame))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0, 6])
+def test_a_mistake_that_is_not_known_has_no_name(
+    number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A clamp of the rates, another inertia, noise in what is written."""
+    scene, rng = SCENES[number], np.random.default_rng(5)
+    right = exact(scene)
+    moved = replace(right, position=right.position + rng.normal(0, 0.3, right.position.shape))
+    turned = right.attitude + rng.normal(0, 0.1, right.attitude.shape)
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    files = clamped(scene, monkeypatch), exact(lighter(scene)), moved
+    for file in (*files, replace(right, attitude=turned)):
+        found = judged(scene, file)
+        assert found.mistakes == ()
+        assert not found.agrees
+
+
+def spinning(rate: float) -> rb.Scene:
+    """A frame that spins in a shell that hardly turns at the start."""
+    scene = replace(rb.load_scene("fig12"), frame_rate=rate, duration=1.0)
+    attitude, rates = scene.start.attitude, np.array([hinge.rate for hinge in scene.hinges])
+    up, slow = rotation_matrix(attitude)[2], np.array([2.0, 1.0, 0.0])
+    omega = slow - up * (up @ slow) + rate * scene.ball.shell.axis
+    M = momentum_at(scene.ball, scene.rolling, attitude, omega, 0 * rates, rates)
+    return replace(scene, start=rb.Start(attitude, M * [1, 1, 0]))
+
+
+@pytest.mark.slow
+def test_a_limit_of_the_rates_is_not_taken_for_degrees() -> None:
+    """ω in deg/s and of the shell is nearly 130 rad/s, for any 100 rad/s of the frame.
+
+    Of an engine with this limit nothing is named; of a file with it, that ω is not the attitude's.
+    """
+    scene = spinning(130.0)
+    found = judged(scene, exact(spinning(100.0), 1.0))
+    assert found.mistakes == ()
+    right = exact(scene, 1.0)
+    assert right.angular_velocity is not None
+    limited = np.clip(right.angular_velocity, -100, 100)
+    (mistake,) = judged(scene, replace(right, angular_velocity=limited)).mistakes
+    assert mistake.name == "the angular velocity is not the attitude's rate"
+
+
+@pytest.mark.slow
+def test_a_hundredth_of_the_inertia_does_not_agree() -> None:
+    """The path is within the tolerance, and the attitude is not."""
+    scene = rb.load_scene("fig12")
+    frame = replace(scene.ball.frame, inertia=1.01 * scene.ball.frame.inertia)
+    found = judged(scene, exact(replace(scene, ball=replace(scene.ball, frame=frame))))
+    assert found.mistakes == ()
+    assert found.plain.path_error < found.tolerance < found.plain.attitude_error
+    assert not found.agrees
 
 
 @pytest.mark.slow
@@ -193,6 +301,53 @@ def test_a_robot_is_judged_as_far_as_its_file_says() -> None:
     mixed = replace(bare, attitude=bare.attitude[:, [1, 2, 3, 0]])
     (mistake,) = judged(scene, mixed).mistakes
     assert mistake.name == "the quaternion's order is x, y, z, w"
+
+
+def test_the_rate_of_a_hinge_is_held_against_the_references() -> None:
+    """Without its angle it tells nothing of M; of the other sign it is off by twice itself."""
+    scene = rb.load_scene("steered_pendulum_robot")
+    motion = rb.integrate(scene, np.linspace(0, 1, 101))
+    position = np.column_stack([motion.contact_point, np.full(101, np.nan)])
+    rates = {"pendulum1_rate": motion.hinge_rates[:, 1]}
+    right = rb.Trajectory("a", motion.times, position, motion.attitude, others=rates)
+    assert judged(scene, right).agrees
+    wrong = judged(scene, replace(right, others={"pendulum1_rate": -motion.hinge_rates[:, 1]}))
+    assert not wrong.agrees
+    assert any(
+        line == "the pendulum1's rate is off by 2.0e+00 of it, and about -1 times what it should be"
+        for line in lines(wrong)
+    )
+
+
+BOUND = "within 0.01 in path and momentum, and 0.01 rad in attitude, over"
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        (0.02, f"too short to judge, with less than 10%; {BOUND} 0.02 s of the scene's 10 s"),
+        (1.0, f"agrees {BOUND} 1 s of the scene's 10 s"),
+    ],
+)
+def test_a_file_says_how_much_of_the_scene_it_covers(end: float, words: str) -> None:
+    """Less than a tenth agrees with nothing."""
+    found = judged(rb.load_scene("fig12"), exact(rb.load_scene("fig12"), end, round(end / 0.02)))
+    assert found.agrees == (end == 1.0)
+    assert lines(found)[-1] == f"verdict: {words}"
+
+
+def test_a_long_file_is_judged_by_some_of_its_rows() -> None:
+    """A line says so; the first and the last are among them."""
+    scene = rb.load_scene("fig12")
+    right = exact(scene, rows=50_000)
+    wrong = replace(right, position=1.005 * right.position)
+    found = judged(scene, wrong)
+    assert "judged by 20000 of its 50001 rows" in lines(found)
+    assert found.trajectory.times[[0, -1]].tolist() == [0, END]
+    path = right.position[:, :2]
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    off = 0.005 * np.linalg.norm(path, axis=1).max() / length
+    assert found.plain.path_error == pytest.approx(off, rel=1e-6)
 
 
 @pytest.mark.slow

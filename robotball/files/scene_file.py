@@ -14,6 +14,7 @@ from robotball.files.catalog import CATALOG, catalog
 from robotball.files.explained import counted, explained
 from robotball.files.hinge_table import ReadHinge, read_hinge
 from robotball.files.read_bodies import read_frame, read_pendulum, read_rotor, read_shell
+from robotball.files.reading import contents
 from robotball.files.scene_table import NumbersTable, SceneTable
 from robotball.files.start_table import read_start, turning
 from robotball.motors import Motor
@@ -32,13 +33,7 @@ def load_scene(name: str | Path) -> Scene:
         path = Path(name)
         if path.suffix != ".toml":
             raise unknown("scene", name, catalog())
-    try:
-        text = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except ValueError as error:  # a null byte in the name
-        raise InputError(f"{path}: {error}") from None
-    scene = read_scene(path, text)
+    scene = read_scene(path, contents(path))
     for line in beyond_the_shell(scene.ball):
         warn(f"{scene.name}: {line}")
     return scene

@@ -5,6 +5,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,12 @@ import numpy as np
 
 from robotball.errors import InputError
 from robotball.files.csv_text import read_csv, write_csv
+from robotball.files.reading import MB, contents
 from robotball.files.replacing import replacing
 from robotball.rotations import Array
 
+LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
+WORD = 8  # bytes of a number
 HEADER, UNITS = "header", "units"  # of an NPZ's own members, and of a Parquet's metadata
 # What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file.
 UNREADABLE = (
@@ -52,7 +56,7 @@ def write_table(path: Path, table: Table) -> None:
 
 def read_table(path: Path) -> Table:
     """The table of a file; raises InputError, with the file, where it holds none."""
-    readers: dict[str, Callable[[Path], Table]] = {
+    readers: dict[str, Callable[[bytes], Table]] = {
         ".csv": _read_csv,
         ".tsv": _read_csv,
         ".txt": _read_csv,
@@ -60,10 +64,9 @@ def read_table(path: Path) -> Table:
         ".parquet": _read_parquet,
     }
     read = _of_suffix(path, readers)
+    data = contents(path, LONGEST)
     try:
-        table = read(path)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
+        table = read(data)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     lengths = {name: len(column) for name, column in table.columns.items()}
@@ -84,8 +87,8 @@ def _write_csv(path: Path, table: Table) -> None:
     path.write_text(write_csv(table.columns, table.units, table.header), encoding="utf-8")
 
 
-def _read_csv(path: Path) -> Table:
-    return Table(*read_csv(path.read_bytes()))
+def _read_csv(data: bytes) -> Table:
+    return Table(*read_csv(data))
 
 
 def _write_npz(path: Path, table: Table) -> None:
@@ -97,15 +100,22 @@ def _write_npz(path: Path, table: Table) -> None:
         np.savez(file, allow_pickle=False, **own, **dict(table.columns))
 
 
-def _read_npz(path: Path) -> Table:
+def _read_npz(data: bytes) -> Table:
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with np.load(BytesIO(data), allow_pickle=False) as file:
+            _check_unpacked(sum(each.file_size for each in file.zip.filelist))
             arrays = {name: file[name] for name in file.files}
     except UNREADABLE as error:
         raise InputError(f"it is no NPZ file that can be read: {error}") from None
     header = _texts(arrays.pop(HEADER, None))
     units = _texts(arrays.pop(UNITS, None))
     return Table(dict(_columns(arrays)), units, header)
+
+
+def _check_unpacked(size: int) -> None:
+    """Raises InputError where so many bytes come of a compressed file."""
+    if size > LONGEST:
+        raise InputError(f"it unpacks to {size / MB:.4g} MB, and may to {LONGEST / MB:g}")
 
 
 def _texts(member: Any) -> dict[str, str]:
@@ -149,10 +159,12 @@ def _write_parquet(path: Path, table: Table) -> None:
     parquet.write_table(whole.replace_schema_metadata(metadata), path)
 
 
-def _read_parquet(path: Path) -> Table:
+def _read_parquet(data: bytes) -> Table:
     pyarrow, parquet = _pyarrow()
     try:
-        whole = parquet.read_table(path)
+        file = parquet.ParquetFile(pyarrow.BufferReader(data))
+        _check_unpacked(file.metadata.num_rows * file.metadata.num_columns * WORD)
+        whole = file.read()
         types = pyarrow.types
         arrays = {
             name: column.to_numpy()

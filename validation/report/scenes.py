@@ -69,7 +69,8 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         paragraph(sentence(each), f"verdict {'good' if each.agrees else 'bad'}") for each in group
     ]
     shown = (
-        f'<video controls muted playsinline src="{embedded(film, "video/mp4")}"></video>'
+        '<video controls muted playsinline src="'
+        f'{embedded(film.read_bytes(), "video/mp4")}"></video>'
         if film
         else view_fragment([first.motion, theory])
         if len(first.motion.times) > 1

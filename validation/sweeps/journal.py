@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from robotball import InputError
+from robotball.files.replacing import no_regular_file
 from validation.output import versions, writable_file
 from validation.sweeps.cells import Result, Work, from_line, identity
 
@@ -40,6 +41,8 @@ def journal(path: Path, work: Work) -> Iterator[Journal]:
     Raises InputError where the file can't be read or written, is no journal, is of another work or
     made by other versions, or is being written by another sweep.
     """
+    if no_regular_file(path):
+        raise InputError(f"{path} is no regular file, as a sweep's record is: {ELSEWHERE}")
     with _refusals(path):
         writable_file(path).parent.mkdir(parents=True, exist_ok=True)
         file = path.open("ab+", buffering=0)

@@ -18,6 +18,7 @@ import tyro
 from tyro.conf import subcommand
 
 from robotball.errors import InputError, SceneWarning, unknown
+from robotball.film.gl import advice, ended_import
 from robotball.threads import at_most
 from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT, Names
@@ -93,6 +94,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = BAD_INPUT
     except MemoryError:
         print("robotball: there is not enough memory for this; ask for less", file=sys.stderr)
+        status = BAD_INPUT
+    except (AttributeError, RuntimeError) as error:
+        if not ended_import(error):
+            raise
+        print(f"robotball: {advice()}", file=sys.stderr)
         status = BAD_INPUT
     except KeyboardInterrupt:
         status = INTERRUPTED

@@ -1,5 +1,6 @@
 """Scenes as TOML: the catalog in scenes/, and files of the user's own."""
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,6 +33,12 @@ def load_scene(name: str | Path) -> Scene:
     if str(name) not in catalog():
         path = Path(name)
         if path.suffix != ".toml":
+            with suppress(OSError):  # of a name that no file can have
+                if path.exists():
+                    raise InputError(
+                        f"{path}: a scene is a TOML file, in which a body can be one of an MJCF or "
+                        "URDF file: write one with the key `mjcf` or `urdf`, see docs/scene.md"
+                    )
             raise unknown("scene", name, catalog())
     scene = read_scene(path, contents(path))
     for line in beyond_the_shell(scene.ball):

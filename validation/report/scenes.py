@@ -119,11 +119,10 @@ def _numbers(group: Sequence[Agreement]) -> str:
                 (each.path_error, each.gamma_error, each.attitude_error, each.momentum_error),
             ),
             f"{each.tolerance:g}",
-            f"{each.realtime_factor:.0f}",
         )
         for each in group
     ]
-    headings = ("preset", "step [ms]", *ERRORS, "tolerance", "× real time")
+    headings = ("preset", "step [ms]", *ERRORS, "tolerance")
     words = "; ".join(f"{name}: {meaning}" for name, meaning in ERRORS.items())
     own = group[0].reference_error
     if own is not None:

@@ -42,6 +42,10 @@ BAD_URDF: dict[str, tuple[str, str]] = {
         "link 'arm' carries 'bob', which moves on it; take each as a body of its own",
     ),
     "no XML": ("<robot>", "no XML: "),
+    "an encoding of nobody's": (
+        URDF.replace("<robot", "<?xml version='1.0' encoding='bogus'?><robot", 1),
+        "no XML: unknown encoding: bogus",
+    ),
     "no robot": ("<mujoco/>", "no URDF: its root is <mujoco>, not <robot>"),
     "no number": (URDF.replace('"0.8"', '"heavy"'), "inertial: value takes 1 finite numbers"),
     "no mass": (URDF.replace('"0.8"', '"0"'), "link 'arm''s inertial has no mass: 0 kg"),

@@ -1,4 +1,4 @@
-"""Environments of their own for engines, whose packages do not all fit beside each other.
+"""Environments of their own for engines, so that none decides on another's packages.
 
 An environment has the engine and what it asks for; everything else, robotball among it, it takes
 from ours, after its own. So MuJoCo of another version is only another environment.

@@ -41,10 +41,10 @@ def journal(path: Path, work: Work) -> Iterator[Journal]:
     Raises InputError where the file can't be read or written, is no journal, is of another work or
     made by other versions, or is being written by another sweep.
     """
-    if no_regular_file(path):
-        raise InputError(f"{path} is no regular file, as a sweep's record is: {ELSEWHERE}")
     with _refusals(path):
         writable_file(path).parent.mkdir(parents=True, exist_ok=True)
+        if no_regular_file(path):
+            raise InputError(f"{path} is no regular file, as a sweep's record is: {ELSEWHERE}")
         file = path.open("ab+", buffering=0)
     with file:
         with _refusals(path):

@@ -43,7 +43,7 @@ BAD_URDF: dict[str, tuple[str, str]] = {
     ),
     "no XML": ("<robot>", "no XML: "),
     "an encoding of nobody's": (
-        URDF.replace("<robot", "<?xml version='1.0' encoding='bogus'?><robot", 1),
+        "<?xml version='1.0' encoding='bogus'?>" + URDF.lstrip(),
         "no XML: unknown encoding: bogus",
     ),
     "no robot": ("<mujoco/>", "no URDF: its root is <mujoco>, not <robot>"),

@@ -18,7 +18,6 @@ import tyro
 from tyro.conf import subcommand
 
 from robotball.errors import InputError, SceneWarning, unknown
-from robotball.film.gl import advice, ended_import
 from robotball.threads import at_most
 from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT, Names
@@ -96,6 +95,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print("robotball: there is not enough memory for this; ask for less", file=sys.stderr)
         status = BAD_INPUT
     except (AttributeError, RuntimeError) as error:
+        from robotball.film.gl import advice, ended_import
+
         if not ended_import(error):
             raise
         print(f"robotball: {advice()}", file=sys.stderr)

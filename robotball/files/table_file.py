@@ -171,7 +171,7 @@ def _read_parquet(data: bytes) -> Table:
             for name, column in zip(whole.column_names, whole.columns, strict=True)
             if types.is_floating(column.type) or types.is_integer(column.type)
         }
-    except (pyarrow.ArrowException, ValueError) as error:
+    except (pyarrow.ArrowException, ValueError, OSError) as error:
         raise InputError(f"it is no Parquet file that can be read: {error}") from None
     metadata = {
         key.decode(errors="replace"): text.decode(errors="replace")

@@ -3,4 +3,15 @@
 import lazy_loader
 
 # What is named in __init__.pyi is loaded when it is first used.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_loaded, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    try:
+        return _loaded(name)
+    except (AttributeError, RuntimeError) as error:
+        from robotball.errors import InputError
+        from robotball.film.gl import advice, ended_import
+
+        # Python would take an AttributeError to say that this module has no such name.
+        raise InputError(advice()) if ended_import(error) else error from None

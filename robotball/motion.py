@@ -111,7 +111,7 @@ class Motion(Shown, Value):
     attitude          (n, 4)  quaternion (w, x, y, z) of the frame, frame to world
     momentum          (n, 3)  kg m²/s, world: the paper's M, which is constant in space
     angular_velocity  (n, 3)  rad/s, of the frame, frame axes
-    hinge_angles      (n, h)  rad, from zero at the start
+    hinge_angles      (n, h)  rad, from those of the scene's start
     hinge_rates       (n, h)  rad/s
     loads             what the motion asks of the plane and of the motors
     """

@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -16,6 +17,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from robotball.errors import SceneWarning
+from robotball.files.replacing import remove_unfinished
 from robotball.threads import allowed, at_most
 
 ONE_THREAD = dict.fromkeys(
@@ -25,6 +27,7 @@ FORKSERVER = multiprocessing.get_context("forkserver")
 """Its server imports the work once, and then starts a process in milliseconds."""
 CHILDREN = threading.Lock()
 """A process that is started looks after all others, which two threads must not do at a time."""
+GRACE = 1.0  # s to end in, of which a process in compiled code, that writes no file, makes nothing
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -76,8 +79,12 @@ def in_processes(
     finally:
         for process, pipe in processes:
             pipe.close()
-            process.kill()
+            process.terminate()
+        late = time.monotonic() + GRACE
+        for process, _ in processes:
             with CHILDREN:
+                process.join(max(0.0, late - time.monotonic()))
+                process.kill()
                 process.join()
 
 
@@ -105,6 +112,7 @@ def _started(work: Callable[[Any], Any]) -> tuple[Any, Connection]:
 def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
     """What a process does, until the pipe is closed, as it is where the other end has died."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
     with suppress(EOFError, OSError), at_most(1):
         while True:
             i, job = pipe.recv()
@@ -117,6 +125,11 @@ def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
                     error = raised
             lines = [str(w.message) for w in caught if issubclass(w.category, SceneWarning)]
             pipe.send((i, result, error, lines))
+
+
+def _end(*_: object) -> None:
+    remove_unfinished()
+    os._exit(0)
 
 
 @contextmanager

@@ -4,12 +4,14 @@ import sys
 import traceback
 
 from validation.endings import ended_by_signals
+from validation.streams import open_closed
 
 DEFECT = 3
 
 
 def main() -> None:
     """Run the command, and exit with its status; with 3 where robotball itself is wrong."""
+    open_closed()
     with ended_by_signals() as signals:
         from validation.cli import main as command
 

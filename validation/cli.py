@@ -94,6 +94,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except MemoryError:
         print("robotball: there is not enough memory for this; ask for less", file=sys.stderr)
         status = BAD_INPUT
+    except (AttributeError, RuntimeError) as error:
+        from robotball.film.gl import advice, ended_import
+
+        if not ended_import(error):
+            raise
+        print(f"robotball: {advice()}", file=sys.stderr)
+        status = BAD_INPUT
     except KeyboardInterrupt:
         status = INTERRUPTED
     sys.exit(status)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 DPI = 120
 CHARACTERS = 10  # of 12 points, in an inch
 WIDEST = 10_000  # characters, more than a table has
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # beginnings of one, for a spreadsheet
 PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
 
 
@@ -47,7 +48,8 @@ def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
 def write_text(path: Path, text: str) -> None:
     """A text file, in UTF-8 wherever it is written."""
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        # Bytes of a file's name that are no text, or half a character of a JSON file, are `?`.
+        temporary.write_text(text, encoding="utf-8", errors="replace")
 
 
 def in_picture(text: str) -> str:
@@ -80,13 +82,20 @@ def write_picture(path: Path, figure: "Figure") -> Path:
 def write_rows(
     path: Path, rows: Sequence[Mapping[str, Any]], columns: Sequence[str] | None = None
 ) -> None:
-    """A table as CSV, with these columns of the rows, or those of the first; None is empty."""
+    """A table as CSV, with these columns of the rows, or those of the first; None is empty.
+
+    A text that a spreadsheet would take for a formula has an apostrophe before it.
+    """
     text = io.StringIO()
     columns = list(rows[0]) if columns is None else columns
     table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
     table.writeheader()
-    table.writerows(rows)
+    table.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
     write_text(path, text.getvalue())
+
+
+def _cell(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
 def scientific(value: float | None) -> str:

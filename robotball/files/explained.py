@@ -16,6 +16,8 @@ WORDS = {
     "array": "a list",
     "object": "a table",
 }
+# Other formats' words for a key, of which another key has more letters.
+MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
 MANY = ("rotor", "pendulum", "part")
 
 
@@ -35,8 +37,10 @@ def counted(message: str) -> str:
 
 def _told(key: str, what: str) -> str:
     if unknown := re.search(r"unknown field `(.*)`", what):
-        near = difflib.get_close_matches(unknown[1], known_keys(key), n=1)
-        return f"unknown key {unknown[1]!r}" + (f"; did you mean {near[0]!r}?" if near else "")
+        word, known = unknown[1], known_keys(key)
+        meant = MEANT.get(word)
+        near = [meant] if meant in known else difflib.get_close_matches(word, known, n=1)
+        return f"unknown key {word!r}" + (f"; did you mean {near[0]!r}?" if near else "")
     if missing := re.search(r"missing required field `(.*)`", what):
         kinds = _listed(f"{key}.kind") if missing[1] == "kind" else ""
         return f"key {missing[1]!r} is missing{kinds}"

@@ -13,6 +13,7 @@ import numpy as np
 
 from robotball.errors import InputError
 from robotball.files import mjcf_body
+from robotball.files.reading import contents
 from robotball.looks import PARTS
 from robotball.parts import Solid
 
@@ -54,6 +55,7 @@ def solid_of_mjcf(path: Path, name: str) -> Solid:
     Raises InputError where the file does not compile within a few seconds and a few hundred MB,
     has no such body, or the body carries others that move on it.
     """
+    contents(path)  # to be refused, and read once more by MuJoCo, with the files beside it
     answer = _body_of(path, name)
     if "error" in answer:
         raise InputError(f"{path}: {answer['error']}")

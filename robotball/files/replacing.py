@@ -34,8 +34,10 @@ def replacing(path: Path) -> Iterator[Path]:
             return
         target = followed(path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        # Cut, so that a name of any length that is allowed stays so.
-        temporary = target.with_name(f".{path.stem[:20]}.{os.getpid()}{path.suffix[:20]}")
+        # Cut, so that a name of any length that is allowed stays so. Machines that share the folder
+        # have processes of equal numbers, so the name has random ones.
+        unique = os.urandom(8).hex()
+        temporary = target.with_name(f".{path.stem[:20]}.{unique}{path.suffix[:20]}")
         with _unfinished(temporary):
             yield temporary
             temporary.replace(target)

@@ -1,5 +1,6 @@
 """Scenes as TOML: the catalog in scenes/, and files of the user's own."""
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from robotball.files.catalog import CATALOG, catalog
 from robotball.files.explained import counted, explained
 from robotball.files.hinge_table import ReadHinge, read_hinge
 from robotball.files.read_bodies import read_frame, read_pendulum, read_rotor, read_shell
+from robotball.files.reading import contents
 from robotball.files.scene_table import NumbersTable, SceneTable
 from robotball.files.start_table import read_start, turning
 from robotball.motors import Motor
@@ -31,14 +33,14 @@ def load_scene(name: str | Path) -> Scene:
     if str(name) not in catalog():
         path = Path(name)
         if path.suffix != ".toml":
+            with suppress(OSError):  # of a name that no file can have
+                if path.exists():
+                    raise InputError(
+                        f"{path}: a scene is a TOML file, in which a body can be one of an MJCF or "
+                        "URDF file: write one with the key `mjcf` or `urdf`, see docs/scene.md"
+                    )
             raise unknown("scene", name, catalog())
-    try:
-        text = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except ValueError as error:  # a null byte in the name
-        raise InputError(f"{path}: {error}") from None
-    scene = read_scene(path, text)
+    scene = read_scene(path, contents(path))
     for line in beyond_the_shell(scene.ball):
         warn(f"{scene.name}: {line}")
     return scene

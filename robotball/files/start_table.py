@@ -29,7 +29,7 @@ class SectionTable(Table, frozen=True):
 
 
 class StartTable(Table, frozen=True):
-    """An attitude and what turns the ball, in one of the forms of START_FORMS."""
+    """An attitude and what turns the ball, in one of three forms."""
 
     attitude: Annotated[
         Quadruple | None, key("quaternion (w, x, y, z) of the frame, frame to world")

@@ -6,15 +6,18 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from robotball.errors import InputError
 from robotball.files.csv_text import read_csv, write_csv
+from robotball.files.reading import MB, opened
 from robotball.files.replacing import replacing
 from robotball.rotations import Array
 
+LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
+WORD = 8  # bytes of a number
 HEADER, UNITS = "header", "units"  # of an NPZ's own members, and of a Parquet's metadata
 # What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file.
 UNREADABLE = (
@@ -52,7 +55,7 @@ def write_table(path: Path, table: Table) -> None:
 
 def read_table(path: Path) -> Table:
     """The table of a file; raises InputError, with the file, where it holds none."""
-    readers: dict[str, Callable[[Path], Table]] = {
+    readers: dict[str, Callable[[BinaryIO], Table]] = {
         ".csv": _read_csv,
         ".tsv": _read_csv,
         ".txt": _read_csv,
@@ -60,12 +63,11 @@ def read_table(path: Path) -> Table:
         ".parquet": _read_parquet,
     }
     read = _of_suffix(path, readers)
-    try:
-        table = read(path)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+    with opened(path, LONGEST) as file:
+        try:
+            table = read(file)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
     lengths = {name: len(column) for name, column in table.columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(f"{path}: columns are of different lengths: {lengths}")
@@ -84,9 +86,8 @@ def _write_csv(path: Path, table: Table) -> None:
     path.write_text(write_csv(table.columns, table.units, table.header), encoding="utf-8")
 
 
-def _read_csv(path: Path) -> Table:
-    with path.open("rb") as file:
-        return Table(*read_csv(file))
+def _read_csv(file: BinaryIO) -> Table:
+    return Table(*read_csv(file))
 
 
 def _write_npz(path: Path, table: Table) -> None:
@@ -98,15 +99,22 @@ def _write_npz(path: Path, table: Table) -> None:
         np.savez(file, allow_pickle=False, **own, **dict(table.columns))
 
 
-def _read_npz(path: Path) -> Table:
+def _read_npz(file: BinaryIO) -> Table:
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        with np.load(file, allow_pickle=False) as members:
+            _check_unpacked(sum(each.file_size for each in members.zip.filelist))
+            arrays = {name: members[name] for name in members.files}
     except UNREADABLE as error:
         raise InputError(f"it is no NPZ file that can be read: {error}") from None
     header = _texts(arrays.pop(HEADER, None))
     units = _texts(arrays.pop(UNITS, None))
     return Table(dict(_columns(arrays)), units, header)
+
+
+def _check_unpacked(size: int) -> None:
+    """Raises InputError where so many bytes come of a compressed file."""
+    if size > LONGEST:
+        raise InputError(f"it unpacks to {size / MB:.4g} MB, and may to {LONGEST / MB:g}")
 
 
 def _texts(member: Any) -> dict[str, str]:
@@ -150,17 +158,19 @@ def _write_parquet(path: Path, table: Table) -> None:
     parquet.write_table(whole.replace_schema_metadata(metadata), path)
 
 
-def _read_parquet(path: Path) -> Table:
+def _read_parquet(file: BinaryIO) -> Table:
     pyarrow, parquet = _pyarrow()
     try:
-        whole = parquet.read_table(path)
+        packed = parquet.ParquetFile(file)
+        _check_unpacked(packed.metadata.num_rows * packed.metadata.num_columns * WORD)
+        whole = packed.read()
         types = pyarrow.types
         arrays = {
             name: column.to_numpy()
             for name, column in zip(whole.column_names, whole.columns, strict=True)
             if types.is_floating(column.type) or types.is_integer(column.type)
         }
-    except (pyarrow.ArrowException, ValueError) as error:
+    except (pyarrow.ArrowException, ValueError, OSError) as error:
         raise InputError(f"it is no Parquet file that can be read: {error}") from None
     metadata = {
         key.decode(errors="replace"): text.decode(errors="replace")

@@ -8,10 +8,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball.errors import InputError, unknown
+from robotball.files.reading import contents
 from robotball.parts import Solid, composed
 from robotball.rotations import Array
-
-LONGEST = 10_000_000  # bytes
 
 
 def solid_of_urdf(path: Path, name: str) -> Solid:
@@ -19,20 +18,17 @@ def solid_of_urdf(path: Path, name: str) -> Solid:
 
     Raises InputError where there is no such link, or others move on it, or it has no inertia.
     """
+    data = contents(path)
     try:
-        return _link(_robot(path), name)
+        return _link(_robot(data), name)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _robot(path: Path) -> Element:
+def _robot(data: bytes) -> Element:
     try:
-        if path.stat().st_size > LONGEST:
-            raise InputError(f"it is longer than {LONGEST / 1e6:g} MB")
-        robot = ElementTree.fromstring(path.read_bytes())
-    except OSError as error:
-        raise InputError(str(error.strerror or error)) from None
-    except (ElementTree.ParseError, ValueError) as error:
+        robot = ElementTree.fromstring(data)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # LookupError: an encoding
         raise InputError(f"no XML: {error}") from None
     if robot.tag != "robot":
         raise InputError(f"no URDF: its root is <{robot.tag}>, not <robot>")

@@ -9,6 +9,7 @@ import os
 import platform
 import subprocess
 import sys
+from traceback import walk_tb
 from typing import Any
 
 PATIENCE = 60.0  # s, for one candidate: several times what a loaded machine needs
@@ -56,6 +57,12 @@ def advice() -> str:
         return f"no off-screen GL with MUJOCO_GL={chosen}; unset it, or name one that works here"
     fix = FIX.get(platform.system(), "an OpenGL driver")
     return f"no off-screen GL; video needs: {fix}"
+
+
+def ended_import(error: Exception) -> bool:
+    """Whether it ended MuJoCo's import, which loads the OpenGL that MUJOCO_GL names."""
+    modules = (frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__))
+    return bool(os.environ.get("MUJOCO_GL")) and "mujoco" in modules
 
 
 def _candidates() -> tuple[str, ...]:

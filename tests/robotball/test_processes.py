@@ -11,6 +11,7 @@ import pytest
 
 from robotball import InputError, SceneWarning
 from robotball.errors import warn
+from robotball.files.replacing import replacing
 from robotball.processes import in_processes
 from robotball.threads import allowed, at_most
 
@@ -28,6 +29,17 @@ def faulty(job: int) -> int:
     if job == 2:
         raise InputError("job 2 cannot be done")
     return job
+
+
+def half_written(folder: Path, job: int) -> None:
+    """Job 0 goes on writing a file; job 1 finds the disk full as soon as it has begun."""
+    if job == 0:
+        with replacing(folder / "picture.png") as temporary:
+            temporary.write_bytes(b"half of a picture")
+            time.sleep(60)
+    while not list(folder.iterdir()):
+        time.sleep(0.01)
+    raise InputError("No space left on device")
 
 
 def known(module: str) -> bool:
@@ -75,6 +87,14 @@ def test_a_process_that_dies_ends_the_work() -> None:
     """It waits for nothing that cannot come."""
     with at_most(2), pytest.raises(ChildProcessError, match="ended from outside"):
         list(in_processes(deadly, [3, 3]))
+
+
+@pytest.mark.slow
+def test_a_process_that_is_ended_leaves_no_half_file(tmp_path: Path) -> None:
+    """As the disk that is full for one picture of a comparison ends the drawing of the other."""
+    with at_most(2), pytest.raises(InputError, match="No space left"):
+        list(in_processes(partial(half_written, tmp_path), range(2)))
+    assert list(tmp_path.iterdir()) == []
 
 
 SCRIPT = """

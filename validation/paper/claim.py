@@ -130,6 +130,9 @@ def examine(claim: Claim, twist: float = 1.0) -> Finding:
         evidence = claim.check(twist)
     except InputError as error:
         return Finding(claim, "does not reproduce", str(error))
+    except Exception as error:  # a wrong formula may end a computation in any way
+        words = InputError(f"its check ends in {type(error).__name__}: {error}")  # on one line
+        return Finding(claim, "does not reproduce", str(words))
     return Finding(claim, verdict_on(evidence), evidence)
 
 

@@ -11,6 +11,7 @@ from typing import Any, get_args
 
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from validation.output import versions, write_text
@@ -65,7 +66,7 @@ def table_of(part: Part) -> Table:
         if each.claim.printed:
             lines.append(f"printed: {each.claim.printed}")
         means = f"{each.claim.means}: " if each.claim.means else ""
-        lines.append(f"[dim]{means}{each.evidence}[/]")
+        lines.append(f"[dim]{means}{escape(str(each.evidence))}[/]")
         place = re.sub(r"^(E\d+), ", r"\1\n", each.claim.place)
         style = STYLES.get(each.verdict, "")
         table.add_row(place, "\n".join(lines), each.verdict, style=style)

@@ -105,6 +105,6 @@ def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
     return table(headings, rows)
 
 
-def embedded(path: Path, kind: str) -> str:
-    """A file as an address that needs no network."""
-    return f"data:{kind};base64,{b64encode(path.read_bytes()).decode('ascii')}"
+def embedded(data: bytes, kind: str) -> str:
+    """A file's bytes as an address that needs no network."""
+    return f"data:{kind};base64,{b64encode(data).decode('ascii')}"

@@ -69,7 +69,8 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         paragraph(sentence(each), f"verdict {'good' if each.agrees else 'bad'}") for each in group
     ]
     shown = (
-        f'<video controls muted playsinline src="{embedded(film, "video/mp4")}"></video>'
+        '<video controls muted playsinline src="'
+        f'{embedded(film.read_bytes(), "video/mp4")}"></video>'
         if film
         else view_fragment([first.motion, theory])
         if len(first.motion.times) > 1
@@ -118,11 +119,10 @@ def _numbers(group: Sequence[Agreement]) -> str:
                 (each.path_error, each.gamma_error, each.attitude_error, each.momentum_error),
             ),
             f"{each.tolerance:g}",
-            f"{each.realtime_factor:.0f}",
         )
         for each in group
     ]
-    headings = ("preset", "step [ms]", *ERRORS, "tolerance", "× real time")
+    headings = ("preset", "step [ms]", *ERRORS, "tolerance")
     words = "; ".join(f"{name}: {meaning}" for name, meaning in ERRORS.items())
     own = group[0].reference_error
     if own is not None:

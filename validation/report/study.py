@@ -2,10 +2,12 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from glob import escape
 from pathlib import Path
 from typing import Any
 
 from robotball import InputError
+from robotball.files.reading import contents
 from validation.report.page import embedded, folded, page, paragraph, plain, table, text
 
 LONGEST = 60  # rows of a table; the file has the others
@@ -17,21 +19,21 @@ def study_report(source: Path) -> str:
 
     Raises InputError for a file that cannot be read, or that no study wrote.
     """
+    data = contents(source)
     try:
-        record = json.loads(source.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{source}: {error.strerror or error}") from None
-    except ValueError as error:
+        record = json.loads(data)
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{source} is no JSON: {error}") from None
     parts = record if isinstance(record, list) else [record]
-    if not parts or not all(isinstance(part, dict) and "versions" in part for part in parts):
-        raise InputError(f"{source} is no record of a study: it says no versions")
+    if not parts or not all(_is_record(part) for part in parts):
+        raise InputError(f"{source} is no record of a study: it names no versions")
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
     own = source.with_suffix(".png")
-    for picture in [own] if own.exists() else sorted(source.parent.glob(f"{source.stem}*.png")):
+    others = source.parent.glob(f"{escape(source.stem)}*.png")
+    for picture in [own] if own.exists() else sorted(others):
+        name, image = text(picture.stem), embedded(contents(picture), "image/png")
         body.append(
-            f'<figure><img alt="{text(picture.stem)}" src="{embedded(picture, "image/png")}">'
-            f"<figcaption>{text(picture.stem)}</figcaption></figure>"
+            f'<figure><img alt="{name}" src="{image}"><figcaption>{name}</figcaption></figure>'
         )
     if isinstance(record, list):
         body += _rows("runs", record)
@@ -39,6 +41,10 @@ def study_report(source: Path) -> str:
         body += _parts(record)
     body.append(folded("Versions", plain(parts[0]["versions"]), short=True))
     return page(f"robotball: {source.stem}", body)
+
+
+def _is_record(part: object) -> bool:
+    return isinstance(part, dict) and isinstance(part.get("versions"), dict)
 
 
 def _parts(record: Mapping[str, Any]) -> list[str]:

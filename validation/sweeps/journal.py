@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from robotball import InputError
+from robotball.files.replacing import no_regular_file
 from validation.output import versions, writable_file
 from validation.sweeps.cells import Result, Work, from_line, identity
 
@@ -42,6 +43,8 @@ def journal(path: Path, work: Work) -> Iterator[Journal]:
     """
     with _refusals(path):
         writable_file(path).parent.mkdir(parents=True, exist_ok=True)
+        if no_regular_file(path):
+            raise InputError(f"{path} is no regular file, as a sweep's record is: {ELSEWHERE}")
         file = path.open("ab+", buffering=0)
     with file:
         with _refusals(path):

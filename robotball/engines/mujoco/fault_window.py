@@ -20,6 +20,7 @@ from robotball.engines.mujoco.states import STATE, read_row, state_of
 from robotball.engines.mujoco.stepping import Portion, Steps
 from robotball.engines.mujoco.switches import switched
 from robotball.errors import InputError
+from robotball.files.reading import contents
 from robotball.files.replacing import replacing
 from robotball.files.scene_file import read_scene
 from robotball.files.scene_writer import scene_toml
@@ -144,10 +145,9 @@ def write(path: Path, model: Model, window: Window) -> None:
 
 def load(path: Path) -> FaultWindow:
     """The fault window in a file; raises InputError where it is none."""
+    data = contents(path)
     try:
-        saved = msgspec.json.decode(path.read_bytes(), type=FaultWindow)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
+        saved = msgspec.json.decode(data, type=FaultWindow)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: no fault window of a run: {error}") from None
     rows = len(saved.rows)

@@ -26,6 +26,16 @@ def test_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     refusal("")
 
 
+@pytest.mark.parametrize("name", ["mybot.xml", "mybot.urdf", "folder"])
+def test_what_is_there_and_no_scene_is_not_called_missing(tmp_path: Path, name: str) -> None:
+    """The refusal says by which keys a scene takes a robot's file."""
+    path = tmp_path / name
+    path.mkdir() if name == "folder" else path.touch()
+    words = refusal(path)
+    assert "a scene is a TOML file" in words
+    assert "write one with the key `mjcf` or `urdf`, see docs/scene.md" in words
+
+
 def test_line_breaks_in_names_stay_out_of_the_message(write: Write, tmp_path: Path) -> None:
     """A key with a line break in it, or a file's name, still gives one line; so does a null."""
     assert "unknown" in refusal(write('"a\\nb" = 1\n' + FIG12))
@@ -78,6 +88,9 @@ ATTITUDE = "attitude = [1.0, 0.0, 0.0, 0.0]\n"
         ("duration =", "duratoin =", "unknown key 'duratoin'; did you mean 'duration'?"),
         ("radius =", "raduis =", "shell: unknown key 'raduis'; did you mean 'radius'?"),
         ("axial = 0.023", "axail = 0.023", "rotor1.inertia: unknown key 'axail'; did you mean"),
+        ("mass = 0.0284", "max_torque = 1", "key 'max_torque'; did you mean 'torque_limit'?"),
+        ("mass = 0.0284", "effort = 1", "key 'effort'; did you mean 'torque_limit'?"),
+        ("radius = 1.0", "max_torque = 1.0", "shell: unknown key 'max_torque'"),
         ("l = 0.6", "q = 0.6", "start.section: unknown key 'q'"),
         ("g = 0.0,", "", "start.section: key 'g' is missing"),
         # types

@@ -70,3 +70,14 @@ def test_a_longer_name_is_refused(tmp_path: Path) -> None:
     """In one line, before the work."""
     with pytest.raises(rb.InputError, match="cannot be written: File name too long"):
         writable_file(tmp_path / ("n" * 256))
+
+
+def test_no_two_writers_share_a_temporary_file(tmp_path: Path) -> None:
+    """Processes of two machines may have the same number."""
+    path = tmp_path / "a.json"
+    with replacing(path) as first, replacing(path) as second:
+        assert first != second
+        first.write_text("first")
+        second.write_text("second")
+    assert path.read_text() == "first"
+    assert list(tmp_path.iterdir()) == [path]

@@ -42,6 +42,10 @@ BAD_URDF: dict[str, tuple[str, str]] = {
         "link 'arm' carries 'bob', which moves on it; take each as a body of its own",
     ),
     "no XML": ("<robot>", "no XML: "),
+    "an encoding of nobody's": (
+        "<?xml version='1.0' encoding='bogus'?>" + URDF.lstrip(),
+        "no XML: unknown encoding: bogus",
+    ),
     "no robot": ("<mujoco/>", "no URDF: its root is <mujoco>, not <robot>"),
     "no number": (URDF.replace('"0.8"', '"heavy"'), "inertial: value takes 1 finite numbers"),
     "a mass that is none": (URDF.replace('"0.8"', '"nan"'), "takes 1 finite numbers, not 'nan'"),

@@ -1,5 +1,6 @@
 """The command among others: its streams and its files' names, as a shell's user meets them."""
 
+import csv
 import json
 import os
 import subprocess
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 
 import robotball as rb
 from validation.cli import main
-from validation.output import in_picture
+from validation.output import in_picture, write_rows
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 SHORT = ("--duration", "0.2", "--no-plots")
@@ -143,6 +144,62 @@ def test_a_reader_who_leaves_ends_nothing(tmp_path: Path, arguments: str) -> Non
     assert done.returncode == 0
     assert "Error" not in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("closed", "arguments", "status"),
+    [
+        (">&-", "scenes", 0),
+        (">&-", f"compare fig12 {' '.join(SHORT)} --json a.json", 0),
+        ("2>&-", f"compare fig12 {' '.join(SHORT)} --json a.json", 0),
+        ("<&- >&- 2>&-", f"compare fig12 {' '.join(SHORT)} --json a.json", 0),
+        ("2>&-", "compare fig112", 2),
+    ],
+)
+def test_a_stream_that_is_closed_is_as_one_to_nowhere(
+    tmp_path: Path, closed: str, arguments: str, status: int
+) -> None:
+    """The command's own status; a message goes to no other stream, and into no file."""
+    command = (sys.executable, "-m", "validation", *arguments.split())
+    done = subprocess.run(
+        ["sh", "-c", f'exec "$@" {closed}', "sh", *command],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (status, "")
+    assert "no scene is called" not in done.stdout
+    for record in tmp_path.iterdir():
+        assert json.loads(record.read_text())[0]["scene"] == "fig12"
+
+
+NO_OPENGL = "robotball: no off-screen GL with MUJOCO_GL=osmesa; unset it, or name one that works"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", ["compare fig12", "engines"])
+def test_an_opengl_that_is_not_there_is_one_line(
+    robotball: Run, tmp_path: Path, arguments: str
+) -> None:
+    """MuJoCo's import ends in an AttributeError of PyOpenGL's where OSMesa's library is missing."""
+    (tmp_path / "OpenGL").mkdir()
+    (tmp_path / "OpenGL" / "__init__.py").write_text("raise AttributeError('glGetError')")
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    done = robotball(*arguments.split(), MUJOCO_GL="osmesa", PYTHONPATH=path)
+    assert done.returncode == 2
+    assert done.stderr.startswith(NO_OPENGL)
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_name_in_a_table_is_no_formula(tmp_path: Path) -> None:
+    """An apostrophe before it has a spreadsheet take it for text; numbers stay as they are."""
+    names = ["=1+2", "+1", "-1", "@a", "\ta", "a=1"]
+    write_rows(tmp_path / "a.csv", [{"scene": name, "error": -1.5} for name in names])
+    with (tmp_path / "a.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["scene"] for row in rows] == ["'=1+2", "'+1", "'-1", "'@a", "'\ta", "a=1"]
+    assert {row["error"] for row in rows} == {"-1.5"}
 
 
 ODD = "$5 and $6 [/b] [red] \\"

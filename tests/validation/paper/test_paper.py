@@ -150,6 +150,20 @@ def test_what_cannot_be_computed_is_no_agreement() -> None:
     assert (found.verdict, found.evidence) == ("does not reproduce", "no periodic motion found")
 
 
+def out_of_bounds(_: float) -> Residual:
+    raise IndexError("list [1, 2]\nhas no third")
+
+
+def test_a_check_that_breaks_reproduces_nothing() -> None:
+    """As an index where a wrong sign left no crossing: its row says so, and the others follow."""
+    found = examine(Claim("a test", "a cycle", out_of_bounds))
+    assert found.verdict == "does not reproduce"
+    assert found.evidence == "its check ends in IndexError: list [1, 2] has no third"
+    printed = io.StringIO()
+    show_findings([Part("a test", (found,))], Console(file=printed, width=80))
+    assert "list [1, 2]" in printed.getvalue()
+
+
 # The command ---------------------------------------------------------------------------------
 
 TRUE = Claim(

@@ -46,6 +46,18 @@ def test_a_report_has_what_was_run_and_how_to_repeat_it(
         assert f">{value}<" in page or isinstance(value, dict | list)
 
 
+def test_a_report_is_the_same_however_fast_the_run_was(
+    page: str, agreements: list[Agreement]
+) -> None:
+    """To the byte: the speed is in the JSON of a comparison."""
+    slower = [
+        replace(each, motion=replace(each.motion, report=replace(each.report, seconds=77.0)))
+        for each in agreements
+    ]
+    assert slower[0].realtime_factor != agreements[0].realtime_factor
+    assert report(slower, COMMAND) == page
+
+
 def test_a_sentence_has_the_error_and_its_bound(agreements: list[Agreement]) -> None:
     """Of a sound run and of a faulty one."""
     naive, fast = agreements
@@ -152,6 +164,23 @@ def test_a_studys_record_is_tables_and_pictures(tmp_path: Path) -> None:
     assert "deep" not in made
 
 
+def test_a_records_name_is_no_pattern(tmp_path: Path) -> None:
+    """`**` in it is no error, and `a*.json` has not the pictures of `ab.json`."""
+    for name in ("a*", "a**"):
+        (tmp_path / f"{name}.json").write_text('{"versions": {}}')
+        (tmp_path / "ab.png").write_bytes(b"\x89PNG")
+        assert "<img" not in study_report(tmp_path / f"{name}.json")
+        (tmp_path / f"{name}-1.png").write_bytes(b"\x89PNG")
+        assert f'<img alt="{name}-1"' in study_report(tmp_path / f"{name}.json")
+
+
+def test_half_a_character_is_shown_as_another(robotball: Robotball, tmp_path: Path) -> None:
+    """JSON may hold one; UTF-8 has none."""
+    (tmp_path / "s.json").write_text('{"versions": {}, "title": "half \\ud800"}')
+    assert robotball("report", "s.json")[0] == 0
+    assert "half ?" in (tmp_path / "out" / "s-report.html").read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -160,6 +189,8 @@ def test_a_studys_record_is_tables_and_pictures(tmp_path: Path) -> None:
         ("report a.json", "a.json: No such file"),
         ("report b.json", "b.json is no JSON"),
         ("report c.json", "c.json is no record of a study"),
+        ("report d.json", "d.json is no record of a study"),
+        ("report e.json", "e.json is no JSON"),
         ("report fig112", "no scene is called 'fig112'"),
     ],
 )
@@ -172,6 +203,8 @@ def test_what_a_report_cannot_use_is_one_line(
     """Status 2."""
     (tmp_path / "b.json").write_text("{")
     (tmp_path / "c.json").write_text("{}")
+    (tmp_path / "d.json").write_text('{"versions": 1}')
+    (tmp_path / "e.json").write_text('{"versions": {}, "a": ' + "[" * 200_000 + "]" * 200_000 + "}")
     status, _, err = robotball(*arguments.split())
     assert status == 2
     assert words in err

@@ -168,3 +168,14 @@ def test_what_is_here_already_is_not_installed(tmp_path: Path) -> None:
     """Our own engine needs no environment."""
     with pytest.raises(rb.InputError, match="mujoco is here already"):
         install(Contestant("mujoco", "mujoco", ()), tmp_path)
+
+
+def test_an_environment_takes_the_place_of_no_other_folder(tmp_path: Path) -> None:
+    """A folder with anything in it but an environment stays as it is."""
+    asked = Contestant("other", "mujoco", (str(tmp_path / "nowhere.whl"),))
+    notes = tmp_path / "other" / "notes.txt"
+    notes.parent.mkdir()
+    notes.write_text("mine")
+    with pytest.raises(rb.InputError, match="other is no environment, and would be lost: move it"):
+        install(asked, tmp_path)
+    assert [path.name for path in notes.parent.iterdir()] == ["notes.txt"]

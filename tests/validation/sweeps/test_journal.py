@@ -1,5 +1,6 @@
 """The file of a sweep: whole lines, of one work and one set of versions, by one sweep at a time."""
 
+import os
 import resource
 from collections import Counter
 from pathlib import Path
@@ -96,3 +97,11 @@ def test_a_file_that_cannot_be_opened_is_refused(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=message):
             sweep(square, [], file)
+
+
+def test_a_device_is_no_record(tmp_path: Path) -> None:
+    """Which would never end, or keep nothing."""
+    file = tmp_path / "sweep.jsonl"
+    file.symlink_to(os.devnull)
+    with pytest.raises(InputError, match=r"sweep\.jsonl is no regular file, as a sweep's record"):
+        sweep(square, cells_of(tmp_path, 1), file, workers=WORKERS)

@@ -1,4 +1,4 @@
-"""Environments of their own for engines, whose packages do not all fit beside each other.
+"""Environments of their own for engines, so that none decides on another's packages.
 
 An environment has the engine and what it asks for; everything else, robotball among it, it takes
 from ours, after its own. So MuJoCo of another version is only another environment.
@@ -64,11 +64,17 @@ def python_of(contestant: Contestant, folder: Path) -> Path | None:
 def install(contestant: Contestant, folder: Path) -> Path:
     """Its environment, made anew by venv and pip.
 
-    Raises InputError where pip fails, and for what our own environment has.
+    Raises InputError where pip fails, for what our own environment has, and in place of a folder
+    that holds something else.
     """
     if not contestant.requirements:
         raise InputError(f"{contestant.name} is here already: there is nothing to install")
     home = folder / contestant.name
+    if home.is_dir() and any(home.iterdir()) and not (home / "pyvenv.cfg").is_file():
+        raise InputError(
+            f"{home} is no environment, and would be lost: move it, or give another folder with "
+            "--environments"
+        )
     venv.create(home, clear=True, with_pip=True)
     python = home / "bin" / "python"
     command = [str(python), "-m", "pip", "install", "--quiet", *contestant.requirements]

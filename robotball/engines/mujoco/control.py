@@ -18,7 +18,8 @@ from robotball.rotations import Array, rotation_matrix
 INSIDE = 1e-9  # s: how far before the end of a span its own side of a breakpoint is taken
 # rad/s: a shell that rolls no faster stands, if it can be held; what is left of one that stands.
 STANDING, RESTING = 1e-8, 1e-13
-APPROACH = 0.5  # of the time in which a shell would come to a standstill: the longest step
+# The longest step near a standstill: of the time to it, and over the rate of what turns there.
+APPROACH, TURNED = 0.5, 2.0
 
 
 @dataclass
@@ -51,13 +52,12 @@ class Control:
         t = self.inside(data.time)
         data.ctrl[:] = [hinge.control(t) for hinge in self.model.hinges if hinge.actuated]
         if self.resistance:
-            tried = self.tried
-            torque = self._torque(data) if tried is None else tried
+            torque = self._torque(data) if self.tried is None else self.tried
             data.xfrc_applied[self.shell, 3:5] = torque
 
     def _torque(self, data: mujoco.MjData) -> Array:
         """(2,) N m, of the plane against rolling; what holds the shell where it stands."""
-        rolling = data.cvel[self.shell, :2]
+        rolling: Array = data.cvel[self.shell, :2]
         speed = float(np.linalg.norm(rolling))
         along = rolling
         if speed <= STANDING:
@@ -66,7 +66,7 @@ class Control:
             if size <= self.resistance:
                 return holding
             along = rolling - (STANDING - speed) / size * holding
-        return -self.resistance / np.linalg.norm(along) * along
+        return -self.resistance / float(np.linalg.norm(along)) * along
 
     def _holding(self, data: mujoco.MjData) -> Array:
         """(2,) N m: the torque under which the shell's rolling does not change."""
@@ -74,7 +74,8 @@ class Control:
             self._acceleration(data, torque)
             for torque in self.resistance * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
         )
-        return -self.resistance * np.linalg.solve((np.array(turned) - free).T, free)
+        solved = np.linalg.solve((np.array(turned) - free).T, free)
+        return np.asarray(-self.resistance * solved, dtype=np.float64)
 
     def _acceleration(self, data: mujoco.MjData, torque: Array | None = None) -> Array:
         """(2,) rad/s²: of the shell's rolling, under a torque on it in place of the plane's."""
@@ -99,12 +100,17 @@ class Control:
         return True
 
     def longest(self, data: mujoco.MjData, length: float) -> float:
-        """A step's length [s], shorter where the shell comes to a standstill."""
-        speed = np.linalg.norm(self._rolling(data))
-        if speed <= STANDING:
+        """A step's length [s], shorter where the shell comes to a standstill or leaves one.
+
+        Near it the way of the rolling turns over at a rate of the resistance over the speed.
+        """
+        speed = float(np.linalg.norm(self._rolling(data)))
+        if speed <= STANDING and np.linalg.norm(self._holding(data)) <= self.resistance:
             return length
-        slowing = np.linalg.norm(self._acceleration(data))
-        return float(min(length, APPROACH * speed / slowing)) if slowing else length
+        now, free = (self._acceleration(data, torque) for torque in (None, np.zeros(2)))
+        turning = float(np.linalg.norm(now - free)) / max(speed, STANDING)
+        slowing = float(np.linalg.norm(now)) / speed if speed > STANDING else 0.0
+        return float(min(length, TURNED / turning, APPROACH / max(slowing, APPROACH / length)))
 
     def _rolling(self, data: mujoco.MjData) -> Array:
         """(2,) rad/s: the horizontal part of the shell's angular velocity."""

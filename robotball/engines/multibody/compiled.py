@@ -142,10 +142,7 @@ def differentiate(
         ahead = eq.seen_from_frame(vector(toward, 0), axes)
         along = eq.add(rolling, eq.scale(max(STANDING - speed, 0.0), ahead))
         length = np.sqrt(eq.dot(along, along))
-        if length > STANDING / 2:
-            along = eq.scale(1 / length, along)
-        else:
-            along = (0.0, 0.0, 0.0)
+        along = eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
         by_torque, resisted = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
         for i in range(3):
             resisted[i, 0] = -along[i]

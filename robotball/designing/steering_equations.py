@@ -12,6 +12,7 @@ from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene
 
 WAITING = 0.05  # of the duration, before and after the way
+ASTRAY = 1e100  # a state that a solver tries so far off leads nowhere, and its square to infinity
 
 
 class Way:
@@ -75,7 +76,10 @@ class Way:
         return Moves(axes, gamma, placed, np.concatenate([shell.T, rates.T]), reach)
 
     def rate(self, times: Array, y: Array) -> Array:
-        """dy/dt (7 + h, n)."""
+        """dy/dt (7 + h, n); NaN where a state is astray, so that a solver rejects what tried it."""
+        astray = ~(np.abs(y).max(axis=0) < ASTRAY)
+        if astray.any():
+            y = np.where(astray, self.start()[:, None], y)
         robot, scene, now = self.robot, self.scene, self.moves(times, y)
         up = tuple(now.gamma.T)
         moving = np.empty((robot.hinges + 1, formulas.MOVING, len(times)))
@@ -88,7 +92,7 @@ class Way:
             L_rate = np.stack([-L_rate[1], L_rate[0], 0 * L_rate[0]])
         w, x, y_, z = y[:4]
         spin = eq.attitude_rate((w, x, y_, z), tuple(moving[1, :3]))
-        return np.concatenate([np.stack(spin), L_rate, now.u[3:]])
+        return np.where(astray, np.nan, np.concatenate([np.stack(spin), L_rate, now.u[3:]]))
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,9 @@ def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[
             yield portion
             if portion.failure is not None:
                 return
+            if solver.running and _stopped(control, data, solver):
+                state = np.concatenate([data.qpos, data.qvel])
+                solver = _solver(control, data, state, (solver.t, span[1]))
         state = solver.state
 
 
@@ -59,12 +62,13 @@ def _portion(
     sampled: list[int] = []
     lengths: list[float] = []
     failure: Fault | None = None
+    stopped = False
 
     def read(t: float, state: Array) -> None:
         rows.append(_read(control, data, t, state))
         states.append(state_of(data))
 
-    while solver.running and len(lengths) < LOOK and failure is None:
+    while solver.running and len(lengths) < LOOK and failure is None and not stopped:
         if len(lengths) == left:
             limit = control.model.settings.max_steps
             failure = Fault(FaultKind.OUT_OF_STEPS, np.nan, limit=limit, fatal=True)
@@ -74,6 +78,7 @@ def _portion(
             failure = Fault(FaultKind.STEP_TOO_SHORT, np.nan, message, fatal=True)
             break
         lengths.append(solver.t - began)
+        stopped = _stopped(control, data, solver)
         # A sample at the end of a span but the last is the first of the next.
         inside = last or solver.running
         done = int(np.searchsorted(pending, solver.t, "right" if inside else "left"))
@@ -95,6 +100,14 @@ def _portion(
         failure,
     )
     return portion, pending
+
+
+def _stopped(control: Control, data: mujoco.MjData, solver: Compensated) -> bool:
+    """Whether the plane has come to hold the shell; then its rolling is taken from `data`."""
+    if not control.resistance:
+        return False
+    _put(data, solver.t, solver.state)
+    return control.stop(data)
 
 
 def _read(control: Control, data: mujoco.MjData, t: float, state: Array) -> Array:

@@ -210,6 +210,8 @@ def replay(saved: FaultWindow) -> Replayed:
             control.span = span
             if switches and sides:
                 switches.set(sides)
+            if control.resistance and length:
+                control.stop(data)
             worst = max(worst, _difference(state_of(data), state))
             if length:
                 compiled.opt.timestep = length

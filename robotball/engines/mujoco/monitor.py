@@ -13,6 +13,7 @@ from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKi
 from robotball.rotations import Array, Mask
 
 SATURATED = 1 - 1e-6  # of the friction cone: contact solutions on its surface end this near
+ROUNDING = 1e-12  # of the radius: a slip so short comes of the forces' rounding
 LIFTING = 1e-2  # of the weight: a ball that presses less on the plane is about to lift off
 
 # Those that tell of a diverged state say no more than the state itself.
@@ -128,7 +129,8 @@ class Monitor:
         rolled = self.rolled + np.cumsum(moved)
         self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
         self.last_centre = readings.centre[-1:]
-        slips = slipped > tolerance * (rolled + SHORTEST_PATH * scene.ball.radius)
+        least = max(tolerance * SHORTEST_PATH, ROUNDING) * scene.ball.radius
+        slips = slipped > tolerance * rolled + least
         faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
         if scene.keeps_momentum:
             off = self._momentum_off(readings)

@@ -56,9 +56,15 @@ def precheck(
 def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     """Raises InputError for a run of more steps than the settings allow.
 
-    Steps that are chosen by their error are counted as they are taken instead.
+    Steps that are chosen by their error are counted as they are taken instead, but for the least
+    that the servos take.
     """
     if settings.adaptive and settings.timestep is None:
+        least = step_limits.settling(PlannedRun(scene, settings, float(times[-1])))
+        if least is not None and least.value > settings.max_steps:
+            raise InputError(
+                f"{scene.name} over {times[-1]:g} s: {least}; max_steps = {settings.max_steps}"
+            )
         return
     timestep = PlannedRun(scene, settings, float(times[-1])).timestep
     steps = step_count(times, scene.breakpoints, timestep)

@@ -9,6 +9,8 @@ from robotball.engines.mujoco.servo_rates import fastest_rate
 from robotball.rotations import Array
 
 TOLERATED = 10.0  # s, over which the settings' error tolerance holds
+STABLE = 6.3  # DOP853's: the longest step, times the rate at which anything settles
+MANY_STEPS = 20_000  # adaptive ones: ten seconds' at least
 LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
 
 
@@ -173,6 +175,19 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
+def settling(plan: PlannedRun) -> LimitCheck | None:
+    """DOP853 is stable up to steps of 6.3/λ, λ the servos' `fastest_rate`, whatever their error."""
+    fastest = fastest_rate(plan.scene, plan.hinges)
+    if not plan.settings.adaptive or not fastest:
+        return None
+    return LimitCheck(
+        "the number of steps that the servos' rate takes",
+        fastest * plan.duration / STABLE,
+        MANY_STEPS,
+        "take a lower gain, more armature, or prescribe the rate, or wait for minutes",
+    )
+
+
 # Each prediction with its law, as a legend tells it.
 LAWS: Laws = {
     rotation: "RK4 follows a rotation r up to r·dt = 2.8",
@@ -181,5 +196,6 @@ LAWS: Laws = {
     friction_damping: "b·dt is 2.785 at most under RK4, 2 under Euler and the implicit ones",
     contact_spring: "a step must not make the contact's vibration grow",
     raised_solref: "a time constant below two steps is raised to them",
+    settling: "a servo that settles at λ takes adaptive steps of 6.3/λ at most",
     servo_gain: "kv·dt/j is 2.785 at most under RK4, 2 under Euler and discrete",
 }

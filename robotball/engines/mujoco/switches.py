@@ -82,6 +82,19 @@ class Switches:
         (its length [s], (state, sides))
         """
         left = length
+        while self.control.resistance and left > 0:
+            self.control.stop(data)
+            part = self.control.longest(data, left)
+            part = left if left - part < SHORTEST * length else part
+            yield from self._to_switches(data, part)
+            left -= part
+        if left > 0:
+            yield from self._to_switches(data, left)
+
+    def _to_switches(
+        self, data: mujoco.MjData, length: float
+    ) -> Iterator[tuple[float, tuple[Array, list[int]]]]:
+        left = length
         for _ in range(MOST):
             # A command that has jumped leaves a servo beyond its side before the step.
             if self._late(data) > 0:
@@ -122,7 +135,7 @@ class Switches:
 
     def _late(self, data: mujoco.MjData) -> float:
         """Positive where a servo should have switched."""
-        return max(self._beyond(data)) - LATE
+        return max(self._beyond(data), default=0.0) - LATE
 
     def _after(self, data: mujoco.MjData, length: float) -> float:
         """`_late` after a step."""
@@ -149,11 +162,13 @@ class Switches:
 
 @contextmanager
 def switched(control: Control) -> Iterator[Switches | None]:
-    """The switches of a model that steps by an order above the first; None if it has none."""
+    """Those of a model that steps by an order above the first, or rolls against resistance."""
     model = control.model
     integrator = INTEGRATORS[model.settings.integrator or MUJOCOS_DEFAULT]
     servos = [_limited(model.compiled, hinge) for hinge in model.hinges if hinge.torque_limit]
-    if not servos or integrator.order == 1:
+    if integrator.order == 1:
+        servos = []
+    if not servos and not control.resistance:
         yield None
         return
     switches = Switches(control, tuple(servos))

@@ -34,7 +34,7 @@ POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10  # the angles, the momenta, the work
 FORCE, PLANE_TORQUE, OMEGA, ROLLING, TOLD = 0, 3, 6, 9, 12  # the rates, torques, unlimited torques
 # A motor's row: its law, and its limit.
 PER_COMMAND, PER_ANGLE, PER_RATE, AT_REST, LIMIT, MOTOR = 0, 1, 2, 3, 4, 5
-STANDING = 1e-11  # rad/s: a shell that rolls no faster stands
+STANDING = 1e-8  # rad/s: a shell that rolls no faster stands
 
 
 def _sources() -> str:
@@ -138,9 +138,11 @@ def differentiate(
     speed = np.sqrt(eq.dot(rolling, rolling))
     if resistance > 0 and not standing:
         # The torque -μN along the rolling is linear in N, and N in the torque.
-        along = eq.seen_from_frame(vector(toward, 0), axes)
-        if speed > STANDING:
-            along = eq.scale(1 / speed, rolling)
+        # Below STANDING its way turns over from the one where it will roll, without a jump.
+        ahead = eq.seen_from_frame(vector(toward, 0), axes)
+        along = eq.add(rolling, eq.scale(max(STANDING - speed, 0.0), ahead))
+        length = np.sqrt(eq.dot(along, along))
+        along = eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
         by_torque, resisted = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
         for i in range(3):
             resisted[i, 0] = -along[i]

@@ -44,29 +44,37 @@ def begin(system: System, t: float, state: Array) -> Array:
 def stand(system: System, t: float, state: Array, told: Told) -> Array:
     """The state where the plane's resistance may hold a shell that does not roll; sets the mode."""
     modes = system.modes
-    if not system.resistance or modes.standing or np.linalg.norm(told.rolling) > STANDING:
+    if not system.resistance or modes.standing:
+        return state
+    if np.linalg.norm(told.rolling) > STANDING:
+        system.modes = Modes(modes.motors)
         return state
     system.modes = Modes(modes.motors, standing=True)
     held = system.told(t, state)
     if _held(held) <= system.resistance * held.normal:
         return state
+    if np.any(modes.toward):
+        system.modes = modes
+        return state
     return let_go(system, t, state)
 
 
 def let_go(system: System, t: float, state: Array) -> Array:
-    """The state of a shell that begins to roll; sets the mode.
+    """The state of a shell that stands no more and begins to roll; sets the mode.
 
     Resistance is against the way it will go, which depends on the resistance: t is found such that
     the acceleration with resistance against t is along t. The step towards it is damped by the
-    acceleration without any, or it would overshoot.
+    acceleration without any, or it would overshoot. A load that grows leaves t where it was held.
     """
-    state = _with_momentum(system, state, system.told(t, state))
+    told = system.told(t, state)
+    state = _with_momentum(system, state, told)
     system.modes = Modes(system.modes.motors)
 
     def ahead() -> Array:
         return system.told(t, state + NUDGE * system.rate(t, state)).rolling
 
     free = ahead()
+    system.modes.toward = -told.plane_torque * [1.0, 1.0, 0.0] / _held(told)
     for _ in range(NUDGES):
         to = float(np.linalg.norm(free)) * system.modes.toward + ahead()
         if np.any(to):

@@ -10,6 +10,7 @@ import robotball as rb
 from robotball.contact import Friction
 from robotball.designing.paths import WantedPath, circle, eight, straight, through
 from robotball.designing.steering import steer
+from robotball.designing.steering_equations import Way
 from robotball.designing.steering_needs import shortfalls
 from robotball.motors import PositionServo, Servo
 from tests.robots import pendulum_ball, robot
@@ -114,3 +115,19 @@ def test_what_is_lacking_is_told() -> None:
     assert "its motor gives 0.01 N m" in lines[0]
     assert "of at most 0.5" in lines[1]
     assert "it slips" in lines[2]
+
+
+def test_a_trial_that_overflows_is_rejected() -> None:
+    """The solver meets quaternions of 1e200 on the way, and ends without drives in one line."""
+    scene = rb.load_scene("examples/my_robot.toml")
+    with pytest.raises(rb.InputError, match="no drives are found that roll it along this path"):
+        steer(scene, circle(0.5), 5.0)
+
+
+def test_a_state_astray_has_no_rate() -> None:
+    """NaN at that time alone, where the square of the quaternion is infinite."""
+    scene = pendulum_robot()
+    way = Way(scene, circle(0.5), 5.0, np.array([True, True]))
+    y = np.tile(way.start()[:, None], 3)
+    y[:4, 1] = 1e200
+    assert np.isnan(way.rate(np.full(3, 1.0), y)).all(axis=0).tolist() == [False, True, False]

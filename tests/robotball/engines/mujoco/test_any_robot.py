@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import brentq
 
 import robotball as rb
-from robotball.bodies import Ball, Frame, thin_shell_inertia
+from robotball.bodies import Ball, Frame, Shell, thin_shell_inertia
 from robotball.contact import Friction
 from robotball.engines.mujoco import stepping
 from robotball.engines.mujoco.fault_window import load, replay
@@ -27,7 +27,7 @@ from robotball.engines.mujoco.written import write_model
 from robotball.motion import ContactMotion
 from robotball.motors import Servo
 from tests.random_robots import random_scene
-from tests.robots import ENDINGS, box_inertia, pendulum_ball, robot, swing, worked
+from tests.robots import ENDINGS, Y, box_inertia, pendulum_ball, robot, swing, worked
 from validation import compare
 
 # Bounds are about three times what was measured, beside them: of the path error at t = 10 s.
@@ -316,3 +316,34 @@ def test_a_written_model_says_that_it_does_not_resist_rolling() -> None:
     for name, told in (("resisting", True), ("tilted", False)):
         xml = write_model(scene_of(name), rb.preset("fast"), dressed=False, stem="x").xml
         assert ("resistance to rolling, which a run of robotball adds" in xml) == told
+
+
+@pytest.mark.parametrize("preset", ["fast", "balanced", "accurate", "adaptive"])
+@pytest.mark.parametrize(("slope", "omega"), [(0.015, 0.0), (0.0, 3.0)])
+def test_a_ball_held_by_the_plane_stands_still(preset: str, slope: float, omega: float) -> None:
+    """At rest on a slope that cannot move it, and once it has rolled to its end.
+
+    Measured 9e-16 m and 7e-14 m, rounding; with resistance against rolling alone 1.5e-3 m and
+    1.4e-5 m, and adaptive steps without end.
+    """
+    ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), Frame(0.5, 0.002 * np.eye(3)), ())
+    scene = robot(
+        "held", ball, "classical", [0.0], (1.0, 0.0, 0.0, 0.0), (0.0, omega, 0.0),
+        gravity_direction=(np.sin(slope), 0.0, -np.cos(slope)), friction=Friction(rolling=0.004),
+    )  # fmt: skip
+    times = np.linspace(0.0, 5.0, 11)
+    settings = replace(rb.preset(preset), max_steps=10_000)
+    motion = rb.simulate(scene, times, settings)
+    assert motion.report.faults == ()
+    theory = rb.integrate(scene, times).contact_point
+    assert np.abs(motion.contact_point - theory).max() < 5e-13
+    assert np.abs(motion.angular_velocity[-1]).max() < 1e-13
+
+
+def test_adaptive_steps_of_stiff_servos_are_refused() -> None:
+    """By their rate times the duration, before the run."""
+    ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), Frame(0.5, 4e-5 * np.eye(3)), ())
+    scene = robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(500.0),))
+    words = r"the number of steps that the servos' rate takes is 1\.98\d*e\+07"
+    with pytest.warns(rb.SceneWarning), pytest.raises(rb.InputError, match=words):
+        rb.simulate(scene, settings="adaptive")

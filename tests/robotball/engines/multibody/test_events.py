@@ -10,6 +10,8 @@ from robotball import InputError, Scene, integrate
 from robotball.bodies import Ball, Frame, Shell
 from robotball.contact import Friction
 from robotball.mechanics.energy import energy
+from robotball.motors import Servo
+from robotball.rates import Sine
 from tests.robots import Y, robot, worked
 
 RADIUS, MASS, MOMENT = 0.3, 2.0, 0.09
@@ -86,3 +88,32 @@ def test_a_ball_that_lifts_off_is_told_with_the_time() -> None:
     fast = replace(scene, frame_rate=-40.0, rolling="rubber")
     with pytest.raises(InputError, match=r"the ball lifts off the plane at t = 0\.\d+ s, where"):
         integrate(fast)
+
+
+def test_a_ball_that_a_growing_load_sets_rolling_is_no_stiff_one() -> None:
+    """Held at rest until a frame that swings ever faster takes it along.
+
+    Measured 1e-17 m while it is held and 5e-5 m at 1.3 s. With resistance against the rolling
+    alone, however slow it is, 20000 steps reach 1.162 s.
+    """
+    swinging = Sine(amplitude=20.0, frequency=0.3)
+    ball = Ball(Shell(0.2, 1.5, 0.03, 0.03, Y), Frame(0.5, 0.002 * np.eye(3)), ())
+    scene = robot(
+        "swinging", ball, "classical", [swinging], (1.0, 0.3, 0.2, 0.1),
+        gravity_direction=(np.sin(0.01), 0.0, -np.cos(0.01)), friction=Friction(rolling=0.004),
+    )  # fmt: skip
+    motion = integrate(scene, np.array([0.0, 1.1, 1.3]), max_steps=20_000)
+    assert np.abs(motion.contact_point[1]).max() < 1e-15
+    assert np.linalg.norm(motion.contact_point[2]) > 1e-5
+
+
+@pytest.mark.parametrize(("gain", "refused"), [(500.0, True), (0.5, False)])
+def test_motors_that_settle_too_fast_are_refused(gain: float, refused: bool) -> None:
+    """Before the run: 1.2e7 1/s over 10 s; slower ones run."""
+    ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), Frame(0.5, 4e-5 * np.eye(3)), ())
+    scene = robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(gain),))
+    if refused:
+        with pytest.raises(InputError, match=r"its motors settle at 1\.25e\+07 1/s, so 10 s take"):
+            integrate(scene)
+    else:
+        assert np.isfinite(integrate(scene, np.array([0.0, 0.01])).contact_point).all()

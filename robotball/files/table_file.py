@@ -19,9 +19,10 @@ from robotball.rotations import Array
 LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
 WORD = 8  # bytes of a number
 HEADER, UNITS = "header", "units"  # of an NPZ's own members, and of a Parquet's metadata
-# What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file.
+# What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file,
+# OSError where a member is said to begin before the file.
 UNREADABLE = (
-    ValueError, TypeError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error,
+    ValueError, TypeError, EOFError, OSError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 PARQUET_EXTRA = (
     "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"

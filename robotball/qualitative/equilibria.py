@@ -67,7 +67,7 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
     (Aγ,γ) dγ/dt is a cubic form in γ whose zeros are, complex ones included, seven lines through
     the centre: found as the eigenvalues of a resultant, made exact by Newton's method, and checked
     by their indices, whose sum on a sphere is 2. With K = 0 they are (4.4). Raises InputError for a
-    classical ball, where fixed points are not isolated, and where the check fails.
+    classical ball and a curve of fixed points, and where the check fails.
     """
     if parameters.rolling != "rubber":
         raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
@@ -77,8 +77,14 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
     if not np.any(parameters.K):
         isolated = closed_form_points(parameters).values()
         return [fixed_point_at(parameters, gamma) for gamma in isolated]
+    if fills_curve(parameters):
+        raise InputError(
+            "fixed points fill a curve: two moments are equal, with K along the third axis; make "
+            "the moments differ"
+        )
     points: list[FixedPoint] = []
-    for candidate in candidates(parameters):
+    # Where complex fixed points fill a curve, the resultant is singular; ±AK are the real ones.
+    for candidate in (np.array(eq.diagonal(parameters.A, parameters.K)), *candidates(parameters)):
         gamma = polished(parameters, candidate)
         if gamma is not None:
             for each in (gamma, -gamma):
@@ -88,9 +94,27 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
     if total != 2:
         raise InputError(
             f"{len(points)} fixed points found, whose indices add up to {total}, not to 2: some "
-            "are degenerate, or fill a curve"
+            "are degenerate"
         )
     return points
+
+
+def fills_curve(parameters: Parameters) -> bool:
+    """Whether fixed points of (4.1) with K ≠ 0 fill a curve on the sphere; in doubt they do.
+
+    It takes two equal moments, a₁ = a₂, and AK = (0, 0, k): outside that axis dγ/dt is zero on the
+    cone (a₃ - a₁)γ₃(Ω + AK, γ) = k(Aγ,γ), whose points are complex where the form is definite.
+    """
+    A, AK = np.array(parameters.A), np.array(eq.diagonal(parameters.A, parameters.K))
+    axis = np.eye(3)[np.argmax(np.abs(AK))]
+    one, other = A[axis == 0]
+    if abs(one - other) > ROUNDING * A.max() or (
+        np.abs(AK[axis == 0]).max() > ROUNDING * np.abs(AK).max()
+    ):
+        return False
+    product = np.outer((A @ axis - one) * axis, parameters.Omega + AK)
+    values = np.linalg.eigvalsh((product + product.T) / 2 - AK @ axis * np.diag(A))
+    return bool(max(values[0], -values[2]) <= ROUNDING * np.abs(values).max())
 
 
 def index_sum(points: Sequence[FixedPoint]) -> int:

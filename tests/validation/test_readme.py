@@ -45,8 +45,12 @@ def test_the_numbers_shown_are_the_programs(scene: str, preset: str, shown: str)
     measured = (found.report.timestep * 1e3, found.path_error, found.gamma_error)
     printed = [float(each.removesuffix(" ms")) for each in (step, path, gamma, momentum)]
     assert [*measured, found.momentum_error] == pytest.approx(printed, rel=tolerance)
-    without_times = [re.sub(r"[\d.]+ s", "", words) for words in (found.verdict, verdict)]
-    assert without_times[0] == without_times[1]
+    words = [re.sub(r"[\d.]+ s", "", each) for each in (found.verdict, verdict)]
+    if preset == "adaptive":
+        # Rounding beside rounding, of which three is the limit: classical_regular's error is 2.0 to
+        # 5.3 times the reference's own with OpenBLAS's kernels for Nehalem to SkylakeX.
+        words = [each.removesuffix(", limited by the reference") for each in words]
+    assert words[0] == words[1]
 
 
 def test_every_command_is_told() -> None:

@@ -78,8 +78,8 @@ def six_points(twist: float) -> Residual:
     for n in balls(46, 5):
         n = n if twist == 1 else replace(n, K=np.array([0.0, 0.0, 0.3]))
         found = [g for g in f.zeros(f.from_rest(n), 100) if abs(n.Omega @ g) > 1e-6]
-        near = [np.linalg.norm(axes - g, axis=1).min() < 1e-9 for g in found]
-        wrong += near.count(False) + abs(6 - near.count(True))
+        near = sum(bool(np.linalg.norm(axes - g, axis=1).min() < 1e-9) for g in found)
+        wrong += len(found) - near + abs(6 - near)
     return Residual(wrong, bound=0, unit="of 30 off")
 
 

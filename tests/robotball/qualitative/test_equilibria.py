@@ -9,6 +9,7 @@ from scipy.optimize import root
 
 from robotball import integrate, load_scene
 from robotball.engines.reduced.compiled.kernels import orbit
+from robotball.equations import Vector
 from robotball.errors import InputError
 from robotball.parameters import Parameters, as_vector
 from robotball.qualitative.cycles import Cycle
@@ -169,8 +170,42 @@ def test_degenerate_flows_are_refused() -> None:
         fixed_points(ball((0.5, 0.4, 0.3), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     with pytest.raises(InputError, match="three different moments"):
         fixed_points(ball((0.5, 0.5, 0.5), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
-    with pytest.raises(InputError, match=r"fill a curve|degenerate"):
-        fixed_points(ball((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, 0.1)))
+    # Within 1e-9 of a moment, far from rounding.
+    for first in (0.5, 0.5 + 1e-12):
+        with pytest.raises(InputError, match="fill a curve"):
+            fixed_points(ball((first, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, -0.1)))
+    assert len(fixed_points(ball((0.5 + 1e-6, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, -0.1)))) == 10
+
+
+@pytest.mark.parametrize(
+    ("A", "Omega", "K"),
+    [
+        ((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, 0.1)),
+        ((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, -1.34)),
+        ((0.5, 0.3, 0.5), (0.3, 0.0, 1.0), (0.0, 2.0, 0.0)),
+        ((0.5, 0.5, 0.5), (0.1, 0.2, 1.0), (0.3, -0.2, 0.1)),
+        ((0.5, 0.4, 0.25), (-0.5, 0.8, -0.5), (1.0, -2.0, 2.0)),
+    ],
+)
+def test_a_curve_of_complex_fixed_points_is_no_curve(A: Vector, Omega: Vector, K: Vector) -> None:
+    """Two equal moments, a uniform ball and Ω = -AK: ±AK alone rest, found to 1e-13.
+
+    The resultant is singular, so that its eigenvalues are rounding.
+    """
+    points = fixed_points(ball(A, Omega, K))
+    assert kinds(points) == {"centre": 2}
+    along = np.multiply(A, K) / np.linalg.norm(np.multiply(A, K))
+    assert np.abs(np.abs([point.gamma @ along for point in points]) - 1).max() < 1e-13
+
+
+@pytest.mark.parametrize("K3", [-1.33, -0.7, -0.01])
+def test_two_equal_moments_rest_on_a_circle(K3: float) -> None:
+    """At γ₃² = a₁a₃K₃/((a₃ - a₁)Ω₃), where that is between 0 and 1: down to K₃ = -4/3 here."""
+    some = ball((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, K3))
+    third = np.sqrt(-0.75 * K3)
+    assert np.abs(flow(some, (np.sqrt(1 - third**2), 0.0, third))).max() < 1e-15
+    with pytest.raises(InputError, match="fill a curve"):
+        fixed_points(some)
 
 
 # Limit cycles ------------------------------------------------------------------------------

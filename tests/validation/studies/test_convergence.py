@@ -122,18 +122,16 @@ def test_a_start_out_of_equilibrium_is_an_error_of_the_integrator(scene: str) ->
 
 @pytest.mark.parametrize("name", ["Euler", "RK4"])
 def test_richardson_estimates_the_true_error(name: str) -> None:
-    """From two runs alone, over the steps of the power law, as near as its order is."""
+    """From two runs alone, as near as its order is, where the error is known to a twentieth."""
     found = study("fig12")
-    order = found.order(name, "own")
-    assert order is not None
-    pairs = [
-        (trial.richardson, trial.own)
+    clear = 20 * found.limit.known_to  # of an error of 1e-13 rounding alone moves the ratio by 0.06
+    ratios = [
+        trial.richardson / trial.own
         for trial in found.by_name[name]
-        if trial.richardson and trial.step and trial.step > order.shortest * 0.9
+        if trial.richardson and trial.own and trial.own > clear
     ]
-    assert len(pairs) >= 3
-    ratios = [estimate / error for estimate, error in pairs if estimate and error]
-    # Measured 0.995 to 1.075: the next power of the step.
+    assert len(ratios) >= 3
+    # Measured 0.989 to 1.075, alike with every kernel of OpenBLAS: the next power of the step.
     assert 0.95 < min(ratios) < max(ratios) < 1.15
 
 

@@ -1,5 +1,5 @@
 # Two commands, each with all its own set-up:  make demo   make test
-# On the way:  make check   make test-fast   make docs
+# On the way:  make check   make test-fast   make test-variants   make docs
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
@@ -8,7 +8,7 @@ export UV_COMPILE_BYTECODE := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test test-fast check docs gallery wheel bench cost-model setup gl browser lock clean
+.PHONY: demo test test-fast test-variants check docs gallery wheel bench cost-model setup gl browser lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -19,6 +19,21 @@ test: setup gl browser check
 
 test-fast: setup gl
 	$(BIN)/pytest --numprocesses auto --dist loadfile -m "not slow"
+
+# Last bits, as other processors have them: OpenBLAS's kernels, numba's code without a processor's
+# own instructions, NumPy's loops without AVX-512 and without AVX2. All are run, and those that fail
+# are named at the end. The slow tests too:  make test-variants MARK=
+VARIANTS := OPENBLAS_CORETYPE=Haswell OPENBLAS_CORETYPE=Zen OPENBLAS_CORETYPE=Sandybridge \
+  OPENBLAS_CORETYPE=Nehalem NUMBA_CPU_NAME=generic \
+  NPY_DISABLE_CPU_FEATURES=X86_V4,AVX512_ICL,AVX512_SPR \
+  NPY_DISABLE_CPU_FEATURES=X86_V3,X86_V4,AVX512_ICL,AVX512_SPR
+MARK := not slow
+
+test-variants: setup gl
+	@failed=; for each in $(VARIANTS); do \
+	  echo "$$each"; \
+	  env $$each $(BIN)/pytest --numprocesses auto --dist loadfile -m "$(MARK)" || failed="$$failed $$each"; \
+	done; test -z "$$failed" || { echo "failing under:$$failed"; exit 1; }
 
 check: setup
 	$(BIN)/ruff check .

@@ -63,7 +63,9 @@ class Value:
         printed = "" if self.printed is None else f"printed {self.printed:g}, corrected "
         bound = "" if self.bound == 0 else f" ± {self.bound:.2g}"
         stated = f"{printed}{self.corrected:.6g}{bound} {self.unit}".rstrip()
-        return f"{stated}; is {self.measured:.6g}"
+        # No digit beyond the bound: those of a chaotic number differ from machine to machine.
+        places = math.floor(-math.log10(self.bound)) if self.bound else 15
+        return f"{stated}; is {round(self.measured, places):.6g}"
 
 
 @dataclass(frozen=True)

@@ -140,6 +140,15 @@ def test_the_verdict_follows_from_the_numbers(evidence: Evidence, verdict: str) 
     assert verdict_on(evidence) == verdict
 
 
+def test_a_chaotic_number_has_the_digits_that_are_known() -> None:
+    """Λ₁ as measured with three kernels prints one line; what is exact keeps six digits."""
+    measured = (0.11590076, 0.11620019, 0.11629094)
+    lines = {str(Value(each, 0.116, bound=2e-3, printed=0.11, unit="1/s")) for each in measured}
+    assert lines == {"printed 0.11, corrected 0.116 ± 0.002 1/s; is 0.12"}
+    assert str(Value(2.0806241873, 16 / 7.69, bound=1e-9)).endswith("is 2.08062")
+    assert str(Value(2, corrected=2, bound=0)) == "2; is 2"
+
+
 def refused(_: float) -> Residual:
     raise InputError("no periodic motion found")
 

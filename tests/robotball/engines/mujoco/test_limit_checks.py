@@ -52,7 +52,7 @@ def test_the_naive_preset_is_beyond_several() -> None:
 def test_every_limit_has_its_law_and_its_derivation() -> None:
     """Each prediction has a law for a legend, and says in its docstring where it comes from."""
     laws = {predict.__name__: law for predict, law in precheck.LAWS.items()}
-    assert len(laws) == 20
+    assert len(laws) == 21
     assert all(len(law) < 75 for law in laws.values())
     for predict in precheck.LAWS:
         assert predict.__doc__

@@ -1,17 +1,359 @@
-"""How a hinge turns: its rate over time, with the derivative and the integral of it.
+"""What a key of a scene file says, told beside the key: the reader and docs/scene.md share it.
+
+Rates given by functions of time: what a drive needs beside the function is found for it.
+
+Rates that can be written down: ramps, sines, samples; each with its derivative and integral.
+
+They are commands of a hinge: rates [rad/s], or to some motors angles [rad] or torques [N m].
+
+How a hinge turns: its rate over time, with the derivative and the integral of it.
 
 A drive is smooth between its breakpoints and continuous at them; both engines stop there.
 Times are scalars or increasing columns, in s from the start of the motion; SI units.
+
+How a hinge is moved that does not keep its rate exactly: by a motor, or by nothing at all.
+
+A hinge's command is a function of time: a rate [rad/s] for a Servo, an angle [rad] for a
+PositionServo, a torque [N m] for a Torque. Its torque is what the parent puts on the child [N m].
 """
 
 import itertools
+import math
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from functools import cached_property
+from typing import Annotated, Any, Literal, NamedTuple, Protocol, runtime_checkable
 
-from robotball.custom import ROUNDING, Custom, Followed, Time
-from robotball.errors import InputError, check_size
-from robotball.rates import Ramp, Samples, Sine
+import msgspec
+import numpy as np
+
+from robotball.errors import (
+    LARGEST,
+    InputError,
+    check_not_negative,
+    check_positive,
+    check_size,
+    warn,
+)
+from robotball.polynomials import Polynomials, polynomials_of
+from robotball.rotations import Array
+
+
+def key(meaning: str, unit: str = "") -> msgspec.Meta:
+    """The meaning of a key in a line of Markdown, and its unit; for `Annotated`."""
+    return msgspec.Meta(description=meaning, extra={"unit": unit})
+
+
+Time = Any  # a float, or a column (n,)
+
+LONGEST = 1e5  # s, that a function is followed: half a minute for a cheap one
+END_ROUNDING = 1e-9  # relative: as far beyond the end a time is the end
+FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
+GIVEN = 1e-6  # relative: a derivative or integral that is given may be so far off the function
+
+
+@dataclass(frozen=True)
+class Custom:
+    """A rate given by a function of time, continuous, and smooth between `breakpoints`.
+
+    derivative [rad/s²] and integral [rad], functions of time as well, are taken from polynomials
+    that follow the function, where they are not given. None is asked outside a run's times.
+    """
+
+    function: Callable[[float], float]
+    breakpoints: tuple[float, ...] = ()
+    derivative: Callable[[float], float] | None = None
+    integral: Callable[[float], float] | None = None
+
+
+@dataclass(frozen=True)
+class Followed:
+    """The drive of a Custom rate over a run from 0 to `end` [s], and nowhere else."""
+
+    custom: Custom
+    end: float
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return self.custom.breakpoints
+
+    def rate(self, t: Time) -> Any:
+        return _each(self._rate, t)
+
+    def acceleration(self, t: Time) -> Any:
+        return _each(self._acceleration, t)
+
+    def angle(self, t: Time) -> Any:
+        return _each(self._angle, t)
+
+    @cached_property
+    def polynomials(self) -> Polynomials:
+        """What follows the function over the whole run.
+
+        Raises InputError where the function jumps, or where a derivative or integral given for it
+        is not its own; warns where it is not smooth and no derivative is given.
+        """
+        if not self.end <= LONGEST:
+            raise InputError(
+                f"a drive's function can be followed to t = {LONGEST:g} s at most, not to "
+                f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
+            )
+        inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
+        found = polynomials_of(self._rate, [0.0, *inside, self.end])
+        follows = found.off <= FOLLOWED * (1 + found.size)
+        middles = (found.edges[:-1] + found.edges[1:])[follows] / 2
+        if self.custom.derivative is not None:
+            _check_own("derivative", self._acceleration, found.slope, middles, "rad/s²")
+        elif not follows.all():
+            warn(
+                f"a drive's function is not smooth at t = {found.edges[found.off.argmax()]:.6g} s: "
+                f"its derivative there follows it to {found.off.max():.1g} rad/s only; give "
+                "Custom its breakpoints, or its derivative"
+            )
+        if self.custom.integral is not None:
+            _check_own("integral", self._angle, found.area, middles, "rad")
+        return found
+
+    def _rate(self, t: float) -> float:
+        t = self._inside(t)
+        try:
+            value = float(self.custom.function(t))
+        except Exception as error:  # whatever a user's function may raise
+            raise InputError(
+                f"a drive's function fails at t = {t:g} s: {type(error).__name__}: {error}"
+            ) from error
+        if not abs(value) <= LARGEST:
+            raise InputError(
+                f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
+                f"{LARGEST:g} rad/s"
+            )
+        return value
+
+    def _acceleration(self, t: float) -> float:
+        t, given = self._inside(t), self.custom.derivative
+        return self.polynomials.slope(t) if given is None else float(given(t))
+
+    def _angle(self, t: float) -> float:
+        t, given = self._inside(t), self.custom.integral
+        return self.polynomials.area(t) if given is None else float(given(t)) - float(given(0.0))
+
+    def _inside(self, t: float) -> float:
+        """The time, without the rounding that may carry it beyond the end."""
+        if not t <= self.end * (1 + END_ROUNDING):
+            raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
+        return min(t, self.end)
+
+
+def _check_own(
+    name: str, given: Callable[[float], float], own: Callable[[float], float], at: Any, unit: str
+) -> None:
+    """Raises InputError where what is given for a function is not its own at some time."""
+    for t in at.tolist():
+        theirs, ours = given(t), own(t)
+        if not abs(theirs - ours) <= GIVEN * (1 + abs(ours)):
+            raise InputError(
+                f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, where that "
+                f"of its function is {ours:.6g} {unit}"
+            )
+
+
+def _each(function: Callable[[float], float], t: Time) -> Any:
+    if np.ndim(t) == 0:
+        return function(float(t))
+    return np.array([function(float(s)) for s in t])
+
+
+COMMAND = "of the command"
+
+
+class Ramp(
+    msgspec.Struct,
+    frozen=True,
+    forbid_unknown_fields=True,
+    kw_only=True,
+    tag_field="kind",
+    tag="ramp",
+):
+    """A rate that goes from `initial` to `final` between two times.
+
+    At the fraction u of the time it is u of the way (linear); 3u² - 2u³ (smooth: no jump of the
+    acceleration); or 10u³ - 15u⁴ + 6u⁵ (quintic: none of the jerk either).
+    """
+
+    final: Annotated[float, key("the value from `end` on", COMMAND)]
+    end: Annotated[float, key("when the ramp ends", "s")]
+    initial: Annotated[float, key("the value until `start`", COMMAND)] = 0.0
+    start: Annotated[float, key("when the ramp starts", "s")] = 0.0
+    shape: Annotated[
+        Literal["linear", "smooth", "quintic"],
+        key("`linear`; `smooth`: no jump of the slope; `quintic`: nor of the slope's slope"),
+    ] = "linear"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.start < self.end:
+            raise InputError(
+                f"a ramp must start at 0 or later and end after that, not from "
+                f"{self.start:g} to {self.end:g} s"
+            )
+        check_positive("the time that a ramp takes", self.end - self.start, "s")
+        check_size("a ramp's initial value", self.initial)
+        check_size("a ramp's final value", self.final)
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return (self.start, self.end)
+
+    def _fraction(self, t: Time) -> Any:
+        return np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)
+
+    def rate(self, t: Time) -> Any:
+        u = self._fraction(t)
+        done = {
+            "linear": u,
+            "smooth": u * u * (3 - 2 * u),
+            "quintic": u**3 * (10 + u * (6 * u - 15)),
+        }[self.shape]
+        return self.initial + (self.final - self.initial) * done
+
+    def acceleration(self, t: Time) -> Any:
+        u = self._fraction(t)
+        inside = (t >= self.start) & (t < self.end)
+        slope = {
+            "linear": 1.0,
+            "smooth": 6 * u * (1 - u),
+            "quintic": 30 * (u * (1 - u)) ** 2,
+        }[self.shape]
+        return inside * slope * (self.final - self.initial) / (self.end - self.start)
+
+    def angle(self, t: Time) -> Any:
+        u = self._fraction(t)
+        area = {
+            "linear": u * u / 2,
+            "smooth": u**3 * (1 - u / 2),
+            "quintic": u**4 * (2.5 + u * (u - 3)),
+        }[self.shape]
+        rise = (self.final - self.initial) * (self.end - self.start)
+        after = np.maximum(t - self.end, 0.0)
+        return self.initial * t + rise * area + (self.final - self.initial) * after
+
+
+class Sine(
+    msgspec.Struct,
+    frozen=True,
+    forbid_unknown_fields=True,
+    kw_only=True,
+    tag_field="kind",
+    tag="sine",
+):
+    """A rate of mean + amplitude·sin(2π frequency t + phase)."""
+
+    amplitude: Annotated[float, key("how far it swings from the mean", COMMAND)]
+    frequency: Annotated[float, key("swings in a second", "Hz")]
+    mean: Annotated[float, key("what it swings about", COMMAND)] = 0.0
+    phase: Annotated[float, key("where in its swing it starts", "rad")] = 0.0
+
+    def __post_init__(self) -> None:
+        check_positive("a sine's frequency", self.frequency, "Hz")
+        check_size("a sine's amplitude", self.amplitude)
+        check_size("a sine's mean", self.mean)
+        check_size("a sine's phase", self.phase, "rad")
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return ()
+
+    def _phase(self, t: Time) -> Any:
+        return 2 * np.pi * self.frequency * t + self.phase
+
+    def rate(self, t: Time) -> Any:
+        return self.mean + self.amplitude * np.sin(self._phase(t))
+
+    def acceleration(self, t: Time) -> Any:
+        return 2 * np.pi * self.frequency * self.amplitude * np.cos(self._phase(t))
+
+    def angle(self, t: Time) -> Any:
+        swing = (np.cos(self.phase) - np.cos(self._phase(t))) / (2 * np.pi * self.frequency)
+        return self.mean * t + self.amplitude * swing
+
+
+class Samples(
+    msgspec.Struct,
+    frozen=True,
+    dict=True,
+    forbid_unknown_fields=True,
+    kw_only=True,
+    tag_field="kind",
+    tag="samples",
+):
+    """A rate through `values` at `times`, with a continuous slope.
+
+    Between two samples it is a cubic that never leaves their range (Fritsch and Carlson's), so it
+    overshoots nowhere. It is not told before the first sample or after the last.
+    """
+
+    times: tuple[float, ...]  # s
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.times) != len(self.values) or len(self.times) < 2:
+            raise InputError(
+                f"samples need as many values as times, two or more: not {len(self.times)} times "
+                f"and {len(self.values)} values"
+            )
+        for name, numbers in (("time", self.times), ("value", self.values)):
+            for i, number in enumerate(numbers):
+                check_size(f"{name} {i + 1} of the samples", number)
+        for i, (before, after) in enumerate(zip(self.times, self.times[1:], strict=False)):
+            if not after > before:
+                raise InputError(
+                    f"the times of samples must increase: time {i + 2} is {after:g} s, after "
+                    f"{before:g} s"
+                )
+        # Arrays are taken too; as tuples of numbers two rates can be compared.
+        for name in ("times", "values"):
+            msgspec.structs.force_setattr(self, name, tuple(map(float, getattr(self, name))))
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return self.times[1:-1]
+
+    @cached_property
+    def _cubics(self) -> tuple[Array, Array]:
+        """(4, n - 1) coefficients from t³ to 1 of each piece, and (n - 1,) the area before it."""
+        from scipy.interpolate import PchipInterpolator
+
+        a, b, c, d = pieces = PchipInterpolator(self.times, self.values).c
+        h = np.diff(self.times)
+        areas = h * (d + h * (c / 2 + h * (b / 3 + h * a / 4)))
+        return pieces, np.concatenate([[0.0], np.cumsum(areas)[:-1]])
+
+    def _piece(self, t: Time) -> Any:
+        """The piece of a time, and how far into it [s]."""
+        inner = self.times[1:-1]
+        i: Any = (
+            bisect_right(inner, t) if np.ndim(t) == 0 else np.searchsorted(inner, t, side="right")
+        )
+        return i, t - np.asarray(self.times)[i]
+
+    def rate(self, t: Time) -> Any:
+        i, s = self._piece(t)
+        a, b, c, d = self._cubics[0][:, i]
+        return d + s * (c + s * (b + s * a))
+
+    def acceleration(self, t: Time) -> Any:
+        i, s = self._piece(t)
+        a, b, c, _ = self._cubics[0][:, i]
+        return c + s * (2 * b + s * 3 * a)
+
+    def angle(self, t: Time) -> Any:
+        return self._area(t) - self._area(0.0 * t)
+
+    def _area(self, t: Time) -> Any:
+        """The integral from the first sample."""
+        i, s = self._piece(t)
+        a, b, c, d = self._cubics[0][:, i]
+        return self._cubics[1][i] + s * (d + s * (c / 2 + s * (b / 3 + s * a / 4)))
 
 
 @runtime_checkable
@@ -121,7 +463,7 @@ def as_drive(rate: Rate, end: float) -> Drive:
 
 def _check_covers(samples: Samples, end: float) -> None:
     first, last = samples.times[0], samples.times[-1]
-    if not (first <= 0 and last >= end * (1 - ROUNDING)):
+    if not (first <= 0 and last >= end * (1 - END_ROUNDING)):
         raise InputError(
             f"samples from t = {first:g} to {last:g} s do not reach over the run, from 0 to "
             f"{end:g} s; give more of them, or shorten the run"
@@ -150,3 +492,126 @@ def functions_of(drive: Drive) -> Iterator[Followed]:
     if isinstance(drive, Total):
         for each in drive.drives:
             yield from functions_of(each)
+
+
+Scalar = Any  # a float, or a column (n,)
+
+
+class Law(NamedTuple):
+    """What every motor's torque is, between -limit and limit [N m].
+
+    per_command · command - per_angle · angle - per_rate · rate + at_rest.
+    """
+
+    per_command: float
+    per_angle: float
+    per_rate: float
+    at_rest: float = 0.0
+    limit: float = math.inf
+
+    def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
+        """The torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
+        free = (
+            self.per_command * command
+            - self.per_angle * angle
+            - self.per_rate * rate
+            + self.at_rest
+        )
+        return np.clip(free, -self.limit, self.limit)
+
+
+class Motor(Protocol):
+    """A hinge's motor: its law, and the reflected inertia of its rotor [kg m²]."""
+
+    @property
+    def armature(self) -> float: ...
+
+    @property
+    def law(self) -> Law: ...
+
+    def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
+        """The law's torque on the child [N m]."""
+        return self.law.torque(command, angle, rate)
+
+
+@dataclass(frozen=True)
+class Servo(Motor):
+    """A velocity servo with a gain [N m s/rad] and, if it has one, a torque limit [N m]."""
+
+    gain: float
+    torque_limit: float | None = None
+    armature: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_positive("a servo's gain", self.gain, "N m s/rad")
+        _check_common(self)
+
+    @property
+    def law(self) -> Law:
+        return Law(self.gain, 0.0, self.gain, limit=_limit(self))
+
+
+@dataclass(frozen=True)
+class PositionServo(Motor):
+    """A servo that follows an angle: gain [N m/rad], damping [N m s/rad], torque limit [N m]."""
+
+    gain: float
+    damping: float = 0.0
+    torque_limit: float | None = None
+    armature: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_positive("a position servo's gain", self.gain, "N m/rad")
+        check_not_negative("a position servo's damping", self.damping, "N m s/rad")
+        _check_common(self)
+
+    @property
+    def law(self) -> Law:
+        return Law(self.gain, self.gain, self.damping, limit=_limit(self))
+
+
+@dataclass(frozen=True)
+class Torque(Motor):
+    """A motor that gives the commanded torque, whatever the hinge does."""
+
+    armature: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_not_negative("a motor's armature", self.armature, "kg m²")
+
+    @property
+    def law(self) -> Law:
+        return Law(1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Free(Motor):
+    """No motor: damping [N m s/rad] and a spring [N m/rad] that rests at an angle [rad].
+
+    The hinge's command is not used, and is 0.
+    """
+
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    armature: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_not_negative("a free hinge's damping", self.damping, "N m s/rad")
+        check_not_negative("a free hinge's stiffness", self.stiffness, "N m/rad")
+        check_not_negative("a free hinge's armature", self.armature, "kg m²")
+        check_size("a free hinge's rest angle", self.rest, "rad")
+
+    @property
+    def law(self) -> Law:
+        return Law(0.0, self.stiffness, self.damping, at_rest=self.stiffness * self.rest)
+
+
+def _limit(servo: Servo | PositionServo) -> float:
+    return math.inf if servo.torque_limit is None else servo.torque_limit
+
+
+def _check_common(servo: Servo | PositionServo) -> None:
+    if servo.torque_limit is not None:
+        check_positive("a servo's torque limit", servo.torque_limit, "N m")
+    check_not_negative("a servo's armature", servo.armature, "kg m²")

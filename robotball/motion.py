@@ -1,22 +1,116 @@
-"""Motion: what every engine returns, and how far two motions of one scene are apart."""
+"""Faults: what makes a run no result, each kind with the sentence that a user reads.
 
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field, fields
+What the settings of every engine have, whatever else they say.
+
+Motion: what every engine returns, and how far two motions of one scene are apart.
+
+One motion of its consecutive parts, which are made one after the other.
+
+What the motion by the equations asks of the plane and of the motors.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from enum import Enum
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robotball.errors import InputError
-from robotball.faults import Fault
-from robotball.room import let_go
+from robotball import equations as eq
+from robotball.drives import turns
+from robotball.equations import as_vector
+from robotball.errors import InputError, unknown
+from robotball.notebook import Shown
+from robotball.robot import Value
+from robotball.room import let_go, room
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
-from robotball.settings import EngineSettings
-from robotball.shown import Shown
-from robotball.value import Value
+
+# What every engine's run is held to.
+DIVERGED = 1e10  # a state beyond it is none; MuJoCo's own limit (mjMAXVAL)
+RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
+SHORTEST_PATH = 1e-9  # of the radius: a shorter path is none to slip on
+
+
+class FaultKind(Enum):
+    """The kinds of fault; {subject} says of what a fault is, {limit} what it has passed."""
+
+    DIVERGED = "the state diverged"
+    RESET = "time went back: the engine reset the state"
+    CONTACT_LOST = "contact lost"
+    CONE_SATURATED = "friction cone saturated"
+    RATE_OFF = "hinge rate off by over {limit:g}"
+    TORQUE_LIMIT = "{subject}'s motor at its torque limit"
+    SLIPPED = "slipped over {limit:g} of the path"
+    MOMENTUM_OFF = "M off by over {limit:g}"
+    ENGINE_WARNED = "the engine warned of {subject}"
+    STEP_TOO_SHORT = "the steps became too short ({subject})"
+    OUT_OF_STEPS = "max_steps = {limit:.0f} are taken"
+
+    @property
+    def sentence(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault of a run: its kind, and from when it is there [s].
+
+    subject, limit: what its kind's sentence names; fatal: whether it ended the run; note: whether
+    it is no fault but belongs to the motion, as a scene's own motor at its limit.
+    """
+
+    kind: FaultKind
+    time: float
+    subject: str = ""
+    limit: float = 0.0
+    fatal: bool = False
+    note: bool = False
+
+    @property
+    def text(self) -> str:
+        """The sentence, without the time."""
+        return self.kind.sentence.format(subject=self.subject, limit=self.limit)
+
+    def __str__(self) -> str:
+        return f"{self.text} at t = {self.time:.6g} s"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EngineSettings:
+    """How an engine is to run a scene; each engine adds its own.
+
+    error_tolerance: the largest path error and momentum error, both relative, that the settings
+    are held to over 10 s on the scenes of the catalog; accuracy: the path error that they were
+    chosen for, if they were; stop_at_fault: end the run at its first fault, or go on as long as
+    there is a state.
+    """
+
+    name: str
+    error_tolerance: float
+    accuracy: float | None = None
+    stop_at_fault: bool = True
+
+    def plain(self) -> dict[str, Any]:
+        """The settings as plain data, without what is left open."""
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self).items()
+            if value is not None
+        }
+
+
+Preset = TypeVar("Preset", bound=EngineSettings)
+
+
+def preset_named(presets: Mapping[str, Preset], name: str) -> Preset:
+    """One of an engine's presets; raises InputError with the near matches where there is none."""
+    if name not in presets:
+        raise unknown("preset", name, presets)
+    return presets[name]
 
 
 @dataclass(frozen=True)
@@ -156,7 +250,7 @@ class Motion(Shown, Value):
         The header has the scene's TOML, the engine and the units; a contact engine's report is
         left out. Raises InputError where the file cannot be written.
         """
-        from robotball.files.motion_file import write_motion
+        from robotball.files.trajectories import write_motion
 
         report = getattr(self, "report", None)
         timestep = report.timestep if isinstance(report, ContactReport) else None
@@ -288,3 +382,82 @@ def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
         missing = float(motion.times[found != motion.times][0])
         raise InputError(f"t = {missing:g} s of the motion is no time of the reference")
     return places
+
+
+AnyMotion = TypeVar("AnyMotion", bound=Motion)
+
+
+def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
+    """One motion of its consecutive parts, of `count` times at most in all.
+
+    Each part is let go before the next is made; a long motion is in files (room.py).
+    """
+    done, whole, last = 0, {}, None
+    for last in parts:
+        size = len(last.times)
+        for place, array in arrays_of(last):
+            if place not in whole:
+                whole[place] = room((count, *array.shape[1:]), array.dtype)
+            whole[place][done : done + size] = array
+        done += size
+        let_go()
+    assert last is not None
+    return _with_arrays(last, {place: array[:done] for place, array in whole.items()})
+
+
+def _with_arrays(record: Any, arrays: Mapping[Place, NDArray[Any]]) -> Any:
+    own: dict[str, Any] = {place[0]: array for place, array in arrays.items() if len(place) == 1}
+    for name in {place[0] for place in arrays} - set(own):
+        inner = {place[1:]: array for place, array in arrays.items() if place[0] == name}
+        own[name] = _with_arrays(getattr(record, name), inner)
+    return replace(record, **own)
+
+
+def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
+    """The loads that the constraints (2.1), (2.2) and the drives need, by Newton and Euler.
+
+    times (n,) s; axes (n, 3, 3) from principal axes to world; omega (n, 3) of the frame, in
+    principal axes [rad/s].
+    """
+    ball, to_principal = scene.ball, scene.principal_axes.T
+    rates = np.stack([drive.rate(times) for drive in scene.drives])
+    accelerations = np.stack([drive.acceleration(times) for drive in scene.drives])
+    hinges = to_principal @ np.stack([ball.shell.axis, *(r.axis for r in ball.rotors)], axis=1)
+    gyrostatic_inertia = to_principal @ ball.gyrostatic_inertia
+    Omega, Omega_rate = np.outer(hinges[:, 0], rates[0]), np.outer(hinges[:, 0], accelerations[0])
+    gamma = axes[:, 2, :].T
+    rate, spin_torque = eq.full_angular_acceleration(
+        tuple(omega.T),
+        tuple(gamma),
+        tuple(Omega),
+        tuple(Omega_rate),
+        tuple(gyrostatic_inertia @ rates),
+        tuple(gyrostatic_inertia @ accelerations),
+        as_vector(ball.principal[0]),
+        ball.d,
+        spin_free=scene.rolling == "rubber",
+    )
+    spin_torque = np.broadcast_to(np.float64(spin_torque), times.shape)
+    omega_rate, w = np.array(rate), omega.T
+
+    # The shell's angular acceleration, seen from the frame; its inertia is constant there.
+    turning, turning_rate = w - Omega, omega_rate - Omega_rate
+    acceleration = ball.radius * _cross(turning_rate - _cross(w, Omega), gamma)
+    force = ball.mass * (acceleration + scene.gravity * gamma)
+    shell_inertia = to_principal @ ball.shell.inertia @ to_principal.T
+    shell_momentum_rate = shell_inertia @ turning_rate + _cross(w, shell_inertia @ turning)
+    from_plane = spin_torque * gamma - ball.radius * _cross(gamma, force)
+    frame_torque = hinges[:, 0] @ (from_plane - shell_momentum_rate)
+    moving = np.array([turns(drive) for drive in scene.drives])
+    rotor_inertias = np.array([rotor.axial_inertia for rotor in ball.rotors])[:, None]
+    rotor_torques = rotor_inertias * (hinges[:, 1:].T @ omega_rate + accelerations[1:])
+    return Loads(
+        contact_force=np.einsum("nij,jn->ni", axes, force),
+        spin_torque=spin_torque,
+        motor_torques=np.column_stack([frame_torque, rotor_torques.T]) * moving,
+    )
+
+
+def _cross(u: Array, v: Array) -> Array:
+    """Columns (3, n) of u × v."""
+    return np.cross(u, v, axis=0)

@@ -1,4 +1,13 @@
-"""Scene: a ball, its drives, a rolling model and a start; all that an engine needs."""
+"""The times at which a motion is sampled.
+
+What the plane does to the shell besides carrying it, where a scene says so.
+
+Where a motion starts: the attitude and the momentum, from the forms the paper uses.
+
+The hinges of a scene: where they are, what is commanded, how each is moved.
+
+Scene: a ball, its drives, a rolling model and a start; all that an engine needs.
+"""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -6,19 +15,244 @@ from functools import cached_property
 
 import numpy as np
 
-from robotball.bodies import ROUNDING, Ball, imbalance
-from robotball.contact import Friction
-from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
-from robotball.errors import LARGEST, InputError, check_positive, check_size
-from robotball.hinges import Hinge, hinges_of, with_hinges_checked
-from robotball.mechanics.robot import Robot, robot_of
-from robotball.motors import Motor
-from robotball.parameters import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
-from robotball.rotations import Array, from_matrix, rotation_matrix
-from robotball.shown import scene_cell, scene_line
-from robotball.start import Start, horizontal, unit
-from robotball.times import sample_times
-from robotball.value import Value
+from robotball.drives import Constant, Drive, Motor, Rate, Servo, as_drive, functions_of
+from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
+from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
+from robotball.mechanics import Robot, robot_of
+from robotball.notebook import scene_cell, scene_line
+from robotball.robot import ROUNDING, Ball, Value, imbalance
+from robotball.rotations import Array, from_matrix, normalised, rotation_matrix
+
+SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
+MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file (room.py), 120 in memory
+
+
+def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
+    """Equal times (n,) from 0 to `duration`, at most `interval` apart [s].
+
+    Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
+    """
+    check_positive("duration", duration, "s")
+    if not duration / interval < MOST_SAMPLES:
+        raise InputError(
+            f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
+            f"at most {MOST_SAMPLES:g}; give times of your own"
+        )
+    intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
+    return np.linspace(0.0, duration, intervals + 1)
+
+
+def check_times(times: Array) -> Array:
+    """`times` (n,) as floats; raises InputError unless finite, increasing and starting at 0."""
+    times = np.asarray(times, dtype=float)
+    if times.ndim != 1 or len(times) < 2:
+        raise InputError(f"times must be a list of at least two, not of shape {times.shape}")
+    if not np.all(np.isfinite(times)):
+        raise InputError("times must be finite")
+    check_size("the last of the times", float(times[-1]), "s")
+    if times[0] != 0:
+        raise InputError(f"times must start at 0, not at {times[0]:g}")
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        i = int(late[0])
+        raise InputError(f"times must increase: {times[i + 1]:g} follows {times[i]:g}")
+    return times
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Coefficients of friction between shell and plane; None is as much as the motion needs.
+
+    sliding    1, the largest friction over the normal force
+    torsional  m, the largest torque about the vertical over the normal force
+    rolling    m, the torque against rolling over the normal force; 0 is none
+    """
+
+    sliding: float | None = None
+    torsional: float | None = None
+    rolling: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.sliding is not None:
+            check_positive("the sliding friction", self.sliding, "")
+        if self.torsional is not None:
+            check_positive("the torsional friction", self.torsional, "m")
+        check_not_negative("the rolling friction", self.rolling, "m")
+
+
+# How far a given unit vector, right angle or horizontal momentum may be off: a caption's six
+# digits pass, a wrong number does not. What passes is then made exact.
+CAPTION = 1e-5
+# How far a momentum may be off by rounding alone, relative to the terms that it is the sum of.
+START_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Start(Value):
+    """The attitude (4,), frame to world, and the momentum M (3,) in world axes [kg m²/s].
+
+    hinge_angles, hinge_rates (h,): of every hinge, in the order of `Scene.hinges` [rad, rad/s];
+    None is 0 for the angles, and for the rates what is commanded, or 0 where no rate is. The rate
+    of a hinge that keeps the commanded one is not asked for here.
+    """
+
+    attitude: Array
+    momentum: Array
+    hinge_angles: Array | None = None
+    hinge_rates: Array | None = None
+
+
+def section_state(L: float, l: float, g: float, f: float, c: float = 0.0) -> tuple[Array, Array]:
+    """γ (3,) and M (3,) in principal axes of the section coordinates (5.5).
+
+    L [kg m²/s] and l [rad] place M, whose square is f [(kg m²/s)²]; g [rad] turns γ about it;
+    c = (M, γ) [kg m²/s]. Raises InputError unless f > 0, L² <= f and c² < f.
+    """
+    if not f > 0:
+        raise InputError(f"f = M² must be positive, not {f:g}")
+    G = np.sqrt(f)
+    if not abs(L) <= G:
+        raise InputError(f"|L| = {abs(L):g} must not exceed sqrt(f) = {G:g}")
+    if not abs(c) < G:
+        raise InputError(f"|c| = {abs(c):g} must be smaller than sqrt(f) = {G:g}")
+    across = np.sqrt(1 - (L / G) ** 2)
+    M = G * np.array([across * np.sin(l), across * np.cos(l), L / G])
+    node = np.array([np.cos(l), -np.sin(l), 0.0])
+    level = np.array([L / G * np.sin(l), L / G * np.cos(l), -across])
+    gamma = np.sin(g) * node + np.cos(g) * level
+    return c / f * M + np.sqrt(1 - c * c / f) * gamma, M
+
+
+def along_momentum(gamma: Array, M: Array) -> Start:
+    """The start whose world axes are those of section 3.3: OX against the horizontal part of M.
+
+    α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²), with gamma (3,) a unit vector and M (3,), both in
+    frame axes. Raises InputError where M is vertical or zero, for then α and β must be given.
+    """
+    c = M @ gamma
+    horizontal = M - c * gamma
+    size = np.linalg.norm(horizontal)
+    if not size > 1e-12 * np.linalg.norm(M):
+        raise InputError("M has no horizontal part to lay OX along; give alpha or a quaternion too")
+    return Start(
+        attitude=attitude_of_axes(gamma, -horizontal / size), momentum=np.array([-size, 0.0, c])
+    )
+
+
+def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
+    """The quaternion (4,) of γ (3,) and α (3,): Z and X of space, unit vectors in frame axes.
+
+    Raises InputError unless they are orthogonal.
+    """
+    cosine = float(gamma @ alpha)
+    if not abs(cosine) <= CAPTION:
+        raise InputError(f"gamma and alpha are not orthogonal: (gamma, alpha) = {cosine:.6g}")
+    alpha = alpha - cosine * gamma
+    alpha = alpha / np.linalg.norm(alpha)
+    return from_matrix(np.stack([alpha, np.cross(gamma, alpha), gamma]))
+
+
+def unit(name: str, v: Array) -> Array:
+    """`v` (n,) at length one exactly; raises InputError if it is not a unit vector already."""
+    length = math.hypot(*v.tolist())  # overflows nowhere
+    if not abs(length - 1) <= CAPTION:
+        raise InputError(f"{name} is not of unit length: |{name}| = {length:.6g}")
+    return normalised(v)
+
+
+def horizontal(M: Array, scale: float) -> Array:
+    """A rubber start's M (3,), world axes, without its vertical part, which (3.1) makes zero.
+
+    scale: the size of the terms whose sum M is; where they cancel, M is their rounding [kg m²/s].
+    Raises InputError where the vertical part is more than a caption's rounding.
+    """
+    size, vertical = math.hypot(*M.tolist()), float(M[2])
+    if not abs(vertical) <= max(CAPTION * size, START_ROUNDING * scale):
+        raise InputError(
+            f"M is not horizontal, as the rubber model's is by (3.1): (M, gamma) = {vertical:.6g} "
+            f"of |M| = {size:.6g} kg m²/s"
+        )
+    return M * [1.0, 1.0, 0.0]
+
+
+def check_no_spin(shell: Array, gamma: Array) -> None:
+    """Raises InputError unless the shell's ω - Ω (3,) has no part along γ, as (2.2) demands."""
+    spin = float(shell @ gamma)
+    if not abs(spin) <= CAPTION * float(np.linalg.norm(shell)):
+        raise InputError(
+            f"angular_velocity spins the shell on the spot, which the rubber model forbids (2.2): "
+            f"(ω - Ω, γ) = {spin:.6g} rad/s"
+        )
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """One hinge of a scene, seen from the frame.
+
+    name    of the body that turns: frame, rotor1, …, pendulum1, …
+    axis    (3,) unit vector, frame axes
+    pivot   (3,) m, a point of the axis from the sphere's centre
+    command what the motor is told, a function of time: `rate(t)` is its value, whatever its unit
+    motor   None: the hinge keeps the commanded rate exactly
+    angle   rad at the start
+    rate    rad/s at the start
+    """
+
+    name: str
+    axis: Array
+    pivot: Array
+    command: Drive
+    motor: Motor | None
+    angle: float
+    rate: float
+
+
+def hinges_of(
+    ball: Ball, drives: tuple[Drive, ...], motors: tuple[Motor | None, ...], start: Start
+) -> tuple[Hinge, ...]:
+    """A ball's hinges, the frame's, then the rotors', then the pendulums'; no motors are none."""
+    angles, rates = start.hinge_angles, start.hinge_rates
+    named = [("frame", ball.shell.axis, np.zeros(3))]
+    named += [(name, body.axis, body.centre) for name, body in ball.named_rotors]
+    named += [(name, body.axis, body.pivot) for name, body in ball.named_pendulums]
+    hinges = []
+    for i, (name, axis, pivot) in enumerate(named):
+        command, motor = drives[i], motors[i] if motors else None
+        follows = motor is None or isinstance(motor, Servo)
+        rate = float(command.rate(0.0)) if follows else 0.0
+        if rates is not None and motor is not None:
+            rate = float(rates[i])
+        angle = 0.0 if angles is None else float(angles[i])
+        hinges.append(Hinge(name, axis, pivot, command, motor, angle, rate))
+    return tuple(hinges)
+
+
+def with_hinges_checked(
+    start: Start, drives: tuple[Drive, ...], motors: tuple[Motor | None, ...]
+) -> Start:
+    """The start with angles None where all are 0, and of rates kept exactly those commanded.
+
+    Raises InputError for angles or rates that are not one for each hinge, or not finite.
+    """
+    angles, rates = start.hinge_angles, start.hinge_rates
+    for name, values, unit in (("angles", angles, "rad"), ("rates", rates, "rad/s")):
+        if values is None:
+            continue
+        if values.shape != (len(drives),):
+            raise InputError(
+                f"{len(drives)} hinges need as many {name} at the start, not an array of shape "
+                f"{values.shape}"
+            )
+        for value in values.tolist():
+            check_size(f"a hinge's {name[:-1]} at the start", value, unit)
+    if rates is not None:
+        kept = [motor is None for motor in motors or (None,) * len(drives)]
+        commanded = [float(drive.rate(0.0)) for drive in drives]
+        rates = np.where(kept, commanded, rates)
+    if angles is not None and not angles.any():
+        angles = None
+    return replace(start, hinge_angles=angles, hinge_rates=rates)
+
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)

@@ -10,7 +10,7 @@ settings.load_profile("repeatable")
 
 # A check in these that fails shows its values, as one in a test does.
 pytest.register_assert_rewrite(
-    "tests.robotball.designing.designs",
+    "tests.robotball.designs",
     "tests.robotball.files.robot_tables",
     "tests.robotball.files.scene_texts",
 )

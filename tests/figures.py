@@ -1,7 +1,6 @@
 """The balls of the paper's figures, by the numbers of the equations."""
 
-from robotball.equations import Vector
-from robotball.parameters import Parameters, Rolling
+from robotball.equations import Parameters, Rolling, Vector
 
 
 def ball(

@@ -5,12 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.integrate import integrate
-from robotball.engines.protocol import Engine, Request
-from robotball.motion import ContactMotion, ContactReport, Label, Motion
+from robotball.dispatch import integrate
+from robotball.engine import Engine, Request
+from robotball.motion import ContactMotion, ContactReport, EngineSettings, Label, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene
-from robotball.settings import EngineSettings
 
 ERROR = 1e-4  # of the path, at its end
 PRESETS = {"as it comes": EngineSettings(name="as it comes", error_tolerance=1e-2)}

@@ -4,14 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.bodies import (
-    Ball,
-    Frame,
-    Rotor,
-    Shell,
-    thick_shell_inertia,
-    thin_shell_inertia,
-)
+from robotball.robot import Ball, Frame, Rotor, Shell, thick_shell_inertia, thin_shell_inertia
 from robotball.rotations import Array
 
 

@@ -4,14 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball.bodies import Ball, Frame, Pendulum, Rotor, Shell
-from robotball.mechanics.robot import momentum_at
-from robotball.motors import Free, Motor, PositionServo, Servo, Torque
-from robotball.parameters import Rolling
-from robotball.rates import Sine
+from robotball.drives import Free, Motor, PositionServo, Servo, Sine, Torque
+from robotball.equations import Rolling
+from robotball.mechanics import momentum_at
+from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array, rotation_matrix
-from robotball.scene import Scene
-from robotball.start import Start
+from robotball.scene import Scene, Start
 from tests.random_balls import cloud_inertia, random_axis
 
 MODELS: tuple[Rolling, ...] = ("rubber", "classical")

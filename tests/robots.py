@@ -10,15 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from robotball.bodies import Ball, Frame, Pendulum, Shell, thin_shell_inertia
-from robotball.drives import Rate
-from robotball.mechanics.robot import momentum_at
-from robotball.motors import Free, Motor, PositionServo, Servo
-from robotball.parameters import Rolling
-from robotball.rates import Ramp, Sine
+from robotball.drives import Free, Motor, PositionServo, Ramp, Rate, Servo, Sine
+from robotball.equations import Rolling
+from robotball.mechanics import momentum_at
+from robotball.robot import Ball, Frame, Pendulum, Shell, thin_shell_inertia
 from robotball.rotations import Array, rotation_matrix
-from robotball.scene import Scene
-from robotball.start import Start
+from robotball.scene import Scene, Start
 
 X, Y, Z = np.eye(3)
 DURATION = 10.0  # s

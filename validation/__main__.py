@@ -3,8 +3,8 @@
 import sys
 import traceback
 
+from validation.cli import open_closed
 from validation.endings import ended_by_signals
-from validation.streams import open_closed
 
 DEFECT = 3
 

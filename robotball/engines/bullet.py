@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, version_of
+from robotball.engine import Ladder
+from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
 from robotball.engines.links import State, links_of
-from robotball.engines.protocol import Ladder
-from robotball.engines.worlds import SteppedWorld, World
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Scene
@@ -144,7 +143,7 @@ BEST = BulletSettings(
 
 
 class Bullet(Adapter):
-    """The engine, as `robotball.engines.protocol` describes one."""
+    """The engine, as `robotball.engine` describes one."""
 
     label = LABEL
     package = "pybullet"

@@ -9,11 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, version_of
-from robotball.engines.ideal import IdealWorld, Stepper
+from robotball.engine import Ladder
+from robotball.engines.adapter import (
+    Adapter,
+    IdealWorld,
+    SteppedWorld,
+    Stepper,
+    StepSettings,
+    World,
+    version_of,
+)
 from robotball.engines.links import State, links_of
-from robotball.engines.protocol import Ladder
-from robotball.engines.worlds import SteppedWorld, World
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene
@@ -145,7 +151,7 @@ PRESETS = {
 
 
 class Dart(Adapter):
-    """The engine, as `robotball.engines.protocol` describes one."""
+    """The engine, as `robotball.engine` describes one."""
 
     label = LABEL
     package = "dartpy"

@@ -10,11 +10,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, longest_step, version_of
-from robotball.engines.ideal import IdealWorld, Stepper
+from robotball.engine import Ladder
+from robotball.engines.adapter import (
+    Adapter,
+    IdealWorld,
+    Stepper,
+    StepSettings,
+    World,
+    longest_step,
+    version_of,
+)
 from robotball.engines.links import State, links_of, start_state
-from robotball.engines.protocol import Ladder
-from robotball.engines.worlds import World
 from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -264,7 +270,7 @@ IDEAL = DrakeSettings(
 
 
 class Drake(Adapter):
-    """The engine, as `robotball.engines.protocol` describes one."""
+    """The engine, as `robotball.engine` describes one."""
 
     label = LABEL
     package = "pydrake"

@@ -1,14 +1,287 @@
-"""Exudyn: the ball on an ideal rolling constraint of ours, and on Exudyn's own contact."""
+"""The ball in Exudyn: as one body on an ideal rolling constraint, and on Exudyn's own contact.
 
-from collections.abc import Mapping
-from dataclasses import replace
+Its rolling joints are for discs, whose contact point depends on the disc's axis. The rolling of a
+ball is a velocity constraint that we give it as a Python function, and so is the torque of what
+turns inside: as bodies of their own rotors would ask for tiny steps.
 
-from robotball.engines.adapter import Adapter, StepSettings, version_of
-from robotball.engines.exudyn_worlds import ContactWorld, ExudynSettings, ExudynWorld
-from robotball.engines.protocol import Ladder
-from robotball.engines.worlds import World
+Exudyn: the ball on an ideal rolling constraint of ours, and on Exudyn's own contact.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from robotball.engine import Ladder
+from robotball.engines.adapter import Adapter, StepSettings, World, longest_step, version_of
+from robotball.engines.links import State
 from robotball.motion import Label
+from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
+
+CALLS = 200  # of our functions that are timed
+CONTACT_DEPTH = 1e-6  # of the radius: how deep Exudyn's own contact is pressed in by the weight
+PLANE = 1e4  # radii that the plane reaches
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExudynSettings(StepSettings):
+    """solver: of its dynamic solvers; tolerance: of Newton's, relative; modified: whether Newton's
+    matrix is kept over steps; load_jacobian: whether it has our torque's derivatives; friction: of
+    Exudyn's own contact, None for our constraint; slip_zone m/s: where friction is not yet full.
+    """
+
+    solver: Literal["TrapezoidalIndex2", "GeneralizedAlpha"] = "GeneralizedAlpha"
+    tolerance: float | None = None
+    modified: bool = False
+    load_jacobian: bool = True
+    friction: float | None = None
+    slip_zone: float = 2e-5
+
+
+class ExudynWorld(World):
+    """One rigid body, in the frame's axes, with the inertia of the whole ball."""
+
+    def __init__(self, scene: Scene, settings: ExudynSettings) -> None:
+        super().__init__(scene)
+        import exudyn
+        import exudyn.itemInterface
+        from exudyn.rigidBodyUtilities import EulerParameters2G
+
+        self.settings, self.G, self.calls = settings, EulerParameters2G, [0, 0, 0]
+        self.exudyn, self.items = exudyn, exudyn.itemInterface
+        self.container = exudyn.SystemContainer()
+        self.system = self.container.AddSystem()
+        self.nodes: list[Any] = []
+        self._fill()
+        kinds = exudyn.OutputVariableType
+        self.sensors = [
+            self.system.AddSensor(
+                self.items.SensorNode(
+                    nodeNumber=self.nodes[-1], outputVariableType=kind, storeInternal=True
+                )
+            )
+            for kind in (kinds.Coordinates, kinds.Coordinates_t)
+        ]
+        self.system.Assemble()
+
+    def _fill(self) -> None:
+        """Bodies and constraint; the last node is the one that is read."""
+        ball = self.scene.ball
+        self.row_count, self.turned = 4 if self.scene.rolling == "rubber" else 3, slice(None)
+        turning = self.now.turning + self.now.rates[0] * self._axis(self.now.attitude)
+        self._torque_on(self._body(ball.mass, ball.inertia, turning))
+        self._constrain([self.system.AddNode(self.items.NodePointGround()), *self.nodes], [3, 7])
+
+    def _axis(self, attitude: Array) -> Array:
+        """Of the shell, in world axes."""
+        return np.asarray(rotation_matrix(attitude) @ self.scene.ball.shell.axis)
+
+    def _body(self, mass: float, inertia: Array, turning: Array) -> Any:
+        """A body at the ball's centre, in the ball's axes; its marker."""
+        system, items, now = self.system, self.items, self.now
+        spinning = np.array(self.G(now.attitude)).T @ turning / 4  # G G^T = 4 E
+        node = system.AddNode(
+            items.NodeRigidBodyEP(
+                referenceCoordinates=[0.0, 0.0, self.scene.ball.radius, *now.attitude],
+                initialCoordinates=[0.0] * 7,
+                initialVelocities=[*now.velocity, *spinning],
+            )
+        )
+        self.nodes.append(node)
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
+        body = system.AddObject(
+            items.ObjectRigidBody(mass=mass, inertia=[xx, yy, zz, yz, xz, xy], nodeNumber=node)
+        )
+        marker = system.AddMarker(items.MarkerBodyRigid(bodyNumber=body))
+        weight = [0.0, 0.0, -mass * self.scene.gravity]
+        system.AddLoad(items.LoadForceVector(markerNumber=marker, loadVector=weight))
+        return marker
+
+    def _torque_on(self, marker: Any) -> None:
+        self.system.AddLoad(
+            self.items.LoadTorqueVector(
+                markerNumber=marker, bodyFixed=True, loadVectorUserFunction=self._torque
+            )
+        )
+
+    def _constrain(self, nodes: list[Any], sizes: list[int]) -> None:
+        """Our constraint on the velocities of two nodes with so many coordinates."""
+        first, second = (np.zeros((self.row_count, size)) for size in sizes)
+        ends = [
+            self.system.AddMarker(self.items.MarkerNodeCoordinates(nodeNumber=each))
+            for each in nodes
+        ]
+        self.system.AddObject(
+            self.items.ObjectConnectorCoordinateVector(
+                markerNumbers=ends, scalingMarker0=first, scalingMarker1=second,
+                constraintUserFunction=self._constraint, jacobianUserFunction=self._jacobian,
+                velocityLevel=True,
+            )
+        )  # fmt: skip
+
+    # What Exudyn asks of us ----------------------------------------------------------------
+
+    def _torque(self, system: Any, t: float, load: Any) -> list[float]:
+        """-ω×k - dk/dt of what turns inside, in the frame's axes."""
+        self.calls[0] += 1
+        drives = self.scene.drives[self.turned]
+        inertia = self.scene.ball.gyrostatic_inertia[:, self.turned]
+        k = inertia @ [drive.rate(t) for drive in drives]
+        pushed = inertia @ [drive.acceleration(t) for drive in drives]
+        kind = self.exudyn.OutputVariableType.AngularVelocityLocal
+        x, y, z = system.GetNodeOutput(self.nodes[0], kind)
+        return [
+            -(y * k[2] - z * k[1]) - pushed[0],
+            -(z * k[0] - x * k[2]) - pushed[1],
+            -(x * k[1] - y * k[0]) - pushed[2],
+        ]
+
+    def _constraint(
+        self, system: Any, t: float, item: int, q: Array, q_t: Array, velocity: bool
+    ) -> Array:
+        """v = a (ω - Ω)×e_z, and (ω - Ω, e_z) = 0 of the rubber model."""
+        self.calls[1] += 1
+        J = self._rows(q)
+        return J @ q_t[-J.shape[1] :] - self._carried(t, q)
+
+    def _jacobian(
+        self, system: Any, t: float, item: int, q: Array, q_t: Array, velocity: bool
+    ) -> Any:
+        self.calls[2] += 1
+        J = self._rows(q)
+        matrix = self.exudyn.MatrixContainer()
+        matrix.SetWithDenseMatrix(
+            np.hstack([np.zeros((len(J), len(q) - J.shape[1])), J]), useDenseMatrix=True
+        )
+        return matrix
+
+    def _rows(self, q: Array) -> Array:
+        G, a = np.array(self.G(q[-4:])), self.scene.ball.radius
+        J = np.zeros((self.row_count, 7))
+        J[0, 0] = J[1, 1] = J[2, 2] = 1.0
+        J[0, 3:], J[1, 3:] = -a * G[1], a * G[0]
+        if self.row_count == 4:
+            J[3, 3:] = G[2]
+        return J
+
+    def _carried(self, t: float, q: Array) -> Array:
+        shell, drive = self.scene.ball.shell, self.scene.drives[0]
+        x, y, z = self._axis(q[-4:] / np.linalg.norm(q[-4:])) * drive.rate(t)
+        return np.array([-shell.radius * y, shell.radius * x, 0.0, z])[: self.row_count]
+
+    # What we ask of Exudyn -----------------------------------------------------------------
+
+    def march(self, times: Array, timestep: float) -> Iterator[State]:
+        exudyn, settings = self.exudyn, self.settings
+        self.longest = longest_step(self.scene, times, timestep)
+        self.steps = round(float(times[-1]) / self.longest)
+        chosen = exudyn.SimulationSettings()
+        chosen.timeIntegration.numberOfSteps = self.steps
+        chosen.timeIntegration.endTime = float(times[-1])
+        chosen.timeIntegration.verboseMode = 0
+        if not settings.load_jacobian:
+            chosen.timeIntegration.computeLoadsJacobian = 0
+        if settings.tolerance is not None:
+            chosen.timeIntegration.newton.relativeTolerance = settings.tolerance
+        chosen.timeIntegration.newton.useModifiedNewton = settings.modified
+        chosen.solution.file.write = False
+        chosen.solution.sensors.writePeriod = 0.0  # every step, for it shortens steps by itself
+        solver = getattr(exudyn.DynamicSolverType, settings.solver)
+        self.system.SolveDynamic(chosen, solverType=solver)
+        (at, *q), (_, *q_t) = (self.system.GetSensorStoredData(each).T for each in self.sensors)
+        path = CubicHermiteSpline(at, np.transpose(q), np.transpose(q_t))
+        start = np.array([0.0, 0.0, self.scene.ball.radius, *self.now.attitude])
+        for t, place, moving in zip(times.tolist(), path(times), path(times, 1), strict=True):
+            if t > 0:
+                yield self._state(t, start + place, moving)
+
+    def _state(self, t: float, q: Array, q_t: Array) -> State:
+        """The shell's, of the frame's coordinates."""
+        axis, drives = self.scene.ball.shell.axis, self.scene.drives
+        angles, rates = np.array([(drive.angle(t), drive.rate(t)) for drive in drives], float).T
+        frame = q[3:] / np.linalg.norm(q[3:])
+        half = np.array([np.cos(angles[0] / 2), *np.sin(angles[0] / 2) * axis])
+        turning = np.array(self.G(q[3:])) @ q_t[3:] - rates[0] * (rotation_matrix(frame) @ axis)
+        return State(q[:3], q_t[:3], multiply(frame, conjugate(half)), turning, angles, rates)
+
+    def python_seconds(self) -> float:
+        """Of our three functions, by their calls."""
+        q = np.array([*np.zeros(3), *self.now.attitude] * len(self.nodes))
+        q_t = np.ones(7 * len(self.nodes))
+        ours: tuple[Callable[[], Any], ...] = (
+            lambda: self._torque(self.system, 0.0, None),
+            lambda: self._constraint(None, 0.0, 0, q, q_t, True),
+            lambda: self._jacobian(None, 0.0, 0, q, q_t, True),
+        )
+        counts, total = list(self.calls), 0.0
+        for call, count in zip(ours, counts, strict=True):
+            began = time.process_time()
+            for _ in range(CALLS):
+                call()
+            total += (time.process_time() - began) / CALLS * count
+        return total
+
+
+class ContactWorld(ExudynWorld):
+    """The shell as a body of its own on Exudyn's contact of a sphere and a triangle.
+
+    The rest is the other body; they share the centre and, about the frame's axis, turn against each
+    other at the given rate: by our constraint, which forbids a rubber ball its spin as well.
+    """
+
+    def _fill(self) -> None:
+        system, items, settings = self.system, self.items, self.settings
+        scene, ball, now = self.scene, self.scene.ball, self.now
+        self.row_count, self.turned = 7 if scene.rolling == "rubber" else 6, slice(1, None)
+        shell, turning = ball.shell, now.turning + now.rates[0] * self._axis(now.attitude)
+        # The two are in the frame's and the shell's axes, which agree at the start.
+        self._torque_on(self._body(ball.mass - shell.mass, ball.inertia - shell.inertia, turning))
+        sphere = self._body(shell.mass, shell.inertia, now.turning)
+        self._constrain(self.nodes, [7, 7])
+        ground = system.AddMarker(
+            items.MarkerBodyRigid(bodyNumber=system.AddObject(items.ObjectGround()))
+        )
+        depth, far = CONTACT_DEPTH * ball.radius, PLANE * ball.radius
+        system.AddObject(
+            items.ObjectContactSphereTriangle(
+                markerNumbers=[sphere, ground],
+                nodeNumber=system.AddNode(
+                    items.NodeGenericData(initialCoordinates=[0.0] * 4, numberOfDataCoordinates=4)
+                ),
+                sphereRadius=ball.radius + depth,
+                trianglePoints=self.exudyn.Vector3DList(
+                    [[-2 * far, -far, 0], [2 * far, -far, 0], [0, 3 * far, 0]]
+                ),
+                includeEdges=0,
+                dynamicFriction=settings.friction,
+                frictionProportionalZone=settings.slip_zone,
+                contactStiffness=ball.mass * scene.gravity / depth,
+            )
+        )
+
+    def _rows(self, q: Array) -> Array:
+        rest, shell = np.array(self.G(q[3:7])), np.array(self.G(q[10:]))
+        J = np.zeros((7, 14))
+        J[:3, :3], J[:3, 7:10] = -np.eye(3), np.eye(3)
+        J[3:6, 3:7], J[3:6, 10:] = -rest, shell
+        J[6, 10:] = shell[2]
+        return J[: self.row_count]
+
+    def _carried(self, t: float, q: Array) -> Array:
+        turned = self._axis(q[3:7] / np.linalg.norm(q[3:7])) * self.scene.drives[0].rate(t)
+        return np.array([0.0, 0.0, 0.0, *-turned, 0.0])[: self.row_count]
+
+    def _state(self, t: float, q: Array, q_t: Array) -> State:
+        angles, rates = np.array(
+            [(each.angle(t), each.rate(t)) for each in self.scene.drives], float
+        ).T
+        turning = np.array(self.G(q[3:])) @ q_t[3:]
+        return State(q[:3], q_t[:3], q[3:] / np.linalg.norm(q[3:]), turning, angles, rates)
+
 
 LABEL = Label("Exudyn", version_of("exudyn"), "#CC79A7")
 
@@ -30,7 +303,7 @@ CONTACT = replace(BEST, name="contact", tolerance=1e-9, modified=False, friction
 
 
 class Exudyn(Adapter):
-    """The engine, as `robotball.engines.protocol` describes one."""
+    """The engine, as `robotball.engine` describes one."""
 
     label = LABEL
     package = "exudyn"

@@ -9,8 +9,7 @@ import numpy as np
 
 from robotball.drives import Drive
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
-from robotball.scene import Scene
-from robotball.start import Start
+from robotball.scene import Scene, Start
 
 SHELL = -1  # the parent of the root's children, among the hinges
 

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, version_of
+from robotball.engine import Ladder
+from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
 from robotball.engines.links import State, links_of
-from robotball.engines.protocol import Ladder
-from robotball.engines.worlds import SteppedWorld, World
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
@@ -182,7 +181,7 @@ BEST = NewtonSettings(
 
 
 class Newton(Adapter):
-    """The engine, as `robotball.engines.protocol` describes one."""
+    """The engine, as `robotball.engine` describes one."""
 
     label = LABEL
     package = "newton"

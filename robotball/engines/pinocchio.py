@@ -8,11 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, version_of
-from robotball.engines.ideal import IdealWorld, Stepper
+from robotball.engine import Ladder
+from robotball.engines.adapter import Adapter, IdealWorld, Stepper, StepSettings, World, version_of
 from robotball.engines.links import State, links_of
-from robotball.engines.protocol import Ladder
-from robotball.engines.worlds import World
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
@@ -76,7 +74,7 @@ PRESETS = {
 
 
 class Pinocchio(Adapter):
-    """The engine, as `robotball.engines.protocol` describes one."""
+    """The engine, as `robotball.engine` describes one."""
 
     label = LABEL
     package = "pinocchio"

@@ -1,20 +1,108 @@
-"""A trajectory from a file → the Motion of a scene, with what the file itself says of slip."""
+"""Rates of sampled quantities, with an estimate of how wrong they are.
+
+A trajectory from a file → the Motion of a scene, with what the file itself says of slip.
+"""
 
 import json
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robotball.engines import derivative
 from robotball.errors import InputError, warn
-from robotball.files.motion_file import FORMAT, arrays_of
-from robotball.files.table_file import read_table
-from robotball.files.trajectory_file import Trajectory, read_trajectory
-from robotball.loads import loads_of
-from robotball.motion import Label, Loads, Motion
-from robotball.rotations import Array, rotation_matrix
+from robotball.files.columns import read_table
+from robotball.files.trajectories import FORMAT, Trajectory, arrays_of, read_trajectory
+from robotball.motion import Label, Loads, Motion, loads_of, pieces
+from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
+
+POINTS = 7  # of the polynomial through a sample and its neighbours; 5 for the estimate
+NOISE = 2.5  # times what the largest noise near a sample makes of a rate; it may lie worse
+
+
+def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
+    """d/dt (n, k) of values (n, k) at increasing times (n,), and its estimated error (n,).
+
+    It is the slope of the polynomial through seven neighbours. The error has two parts, each the
+    largest near the sample: how far the polynomial through five is off, which is more than the
+    truncation error; and what rounding or noise makes of a rate, as it is told by what no
+    polynomial through six of the seven follows.
+    """
+    fine, noise = _slopes(times, values, POINTS)
+    coarse, _ = _slopes(times, values, POINTS - 2)
+    truncation = np.linalg.norm(fine - coarse, axis=1)
+    return fine, _largest_near(truncation, POINTS) + NOISE * _largest_near(noise, 3 * POINTS)
+
+
+def angular_velocity(times: Array, attitude: Array) -> tuple[Array, Array]:
+    """ω (n, 3) in frame axes of attitudes (n, 4), and its estimated error (n,) [rad/s]."""
+    q = continuous(attitude)
+    rate, error = sampled_rates(times, q)
+    # dq/dt = q∘(0, ω)/2; the polynomials leave a part along q, which is no turning.
+    w, v = conjugate(q)[:, :1], conjugate(q)[:, 1:]
+    turned = w * rate[:, 1:] + rate[:, :1] * v + np.cross(v, rate[:, 1:])
+    return 2 * turned, 2 * error
+
+
+def continuous(attitude: Array) -> Array:
+    """The quaternions (n, 4), of which q and -q are one attitude, without jumps of the sign."""
+    cosines = (attitude[1:] * attitude[:-1]).sum(axis=1)
+    signs = np.cumprod(np.concatenate([[1.0], np.where(cosines < 0, -1.0, 1.0)]))
+    return attitude * signs[:, None]
+
+
+def turned_between(attitude: Array) -> Array:
+    """(n - 1,) rad: how far each attitude is turned from the one before."""
+    turn = multiply(conjugate(attitude[:-1]), attitude[1:])
+    return np.asarray(2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0])))
+
+
+def _slopes(times: Array, values: Array, points: int) -> tuple[Array, Array]:
+    """The slopes (n, k) at the samples of polynomials through `points` of them each.
+
+    The noise (n,) of the slopes, as well, if the highest differences are nothing but noise.
+    """
+    every = np.arange(len(times))
+    parts = [_slopes_at(every[piece], times, values, points) for piece in pieces(len(times))]
+    slopes, noise = zip(*parts, strict=True)
+    return np.concatenate(slopes), np.concatenate(noise)
+
+
+def _slopes_at(
+    samples: NDArray[np.intp], times: Array, values: Array, points: int
+) -> tuple[Array, Array]:
+    """The same at some of the samples, by their places (m,)."""
+    points = min(points, len(times))
+    first = np.clip(samples - points // 2, 0, len(times) - points)
+    near: NDArray[np.intp] = first[:, None] + np.arange(points)
+    rows, own = np.arange(len(samples)), samples - first
+    # The derivative of Lagrange's basis at one of its nodes; scaled, as products of short
+    # intervals vanish.
+    t = times[near]
+    scale = (t[:, -1] - t[:, 0])[:, None]
+    u = (t - times[samples, None]) / scale
+    gaps = u[:, :, None] - u[:, None, :]
+    gaps[:, range(points), range(points)] = 1.0
+    difference = 1 / gaps.prod(axis=2)  # divided, of the highest order, but for its unit
+    there = -u
+    there[rows, own] = 1.0
+    weights = difference / difference[rows, own][:, None] / there
+    weights[rows, own] = 0.0
+    weights[rows, own] = -weights.sum(axis=1)
+    weights /= scale
+    from_own = values[near] - values[samples, None]
+    left = np.linalg.norm(np.einsum("np,npk->nk", difference, from_own), axis=1)
+    noise = left * np.linalg.norm(weights, axis=1) / np.linalg.norm(difference, axis=1)
+    return np.einsum("np,npk->nk", weights, from_own), noise
+
+
+def _largest_near(error: Array, count: int) -> Array:
+    """(n,): the largest of the errors of a sample and its neighbours; single ones may cancel."""
+    padded = np.pad(error, count // 2, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, count // 2 * 2 + 1)
+    return np.asarray(windows.max(axis=1))
+
 
 COLOUR = "#56B4E9"  # of a motion whose file names no engine
 HALF_TURN = np.pi / 2  # rad between two samples, beyond which no turning can be told from them
@@ -83,7 +171,7 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
         # L = (Ĩ)ω + …, in which no direction weighs more than I + d.
         largest = np.linalg.eigvalsh(scene.ball.inertia)[-1] + scene.ball.d
         momentum_error = largest * omega_error
-    velocity, velocity_error = derivative.rates(times, trajectory.position[:, :2])
+    velocity, velocity_error = sampled_rates(times, trajectory.position[:, :2])
     shell = omega - np.outer(hinge_rates[:, 0], scene.ball.shell.axis)
     turning = np.einsum("nij,nj->ni", to_world, shell)
     per_radius = turning[:, [1, 0]] * [1.0, -1.0]  # v = a (ω - Ω)×e_z
@@ -115,7 +203,7 @@ def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:
     """ω (n, 3) [rad/s], frame axes, and its estimated error (n,)."""
     if trajectory.angular_velocity is not None:
         return trajectory.angular_velocity, np.zeros(len(trajectory.times))
-    turned = derivative.turned_between(trajectory.attitude)
+    turned = turned_between(trajectory.attitude)
     if turned.max() > HALF_TURN:
         i = int(turned.argmax())
         raise InputError(
@@ -123,7 +211,7 @@ def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:
             f"{trajectory.times[i + 1]:g} s the frame turns by {turned[i]:.3g} rad, too far to "
             "tell how: write more samples, or the angular velocity wx,wy,wz"
         )
-    return derivative.angular_velocity(trajectory.times, trajectory.attitude)
+    return angular_velocity(trajectory.times, trajectory.attitude)
 
 
 def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
@@ -138,7 +226,7 @@ def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
         angle, rate = others.get(f"{hinge.name}_angle"), others.get(f"{hinge.name}_rate")
         if angle is not None:
             angles[:, i] = angle
-            rates[:, i] = derivative.rates(times, angle[:, None])[0][:, 0]
+            rates[:, i] = sampled_rates(times, angle[:, None])[0][:, 0]
         if rate is not None:
             rates[:, i] = rate
     return angles, rates

@@ -10,21 +10,27 @@ from pathlib import Path
 
 from msgspec import Struct, inspect
 
-from robotball.files.body_table import (
+from robotball.drives import Ramp, Sine
+from robotball.files.parts import Box, Cylinder, Disc, Point, Ring, Rod, Sphere
+from robotball.files.scene_tables import (
+    ALLOWED,
+    NEEDED,
     Axial,
     FrameTable,
+    FrictionTable,
+    HingeTable,
     MjcfTable,
+    NumbersTable,
     PendulumTable,
     RotorTable,
+    SamplesTable,
+    SceneTable,
+    SectionTable,
     ShellInertia,
     ShellTable,
+    StartTable,
     UrdfTable,
 )
-from robotball.files.hinge_table import ALLOWED, NEEDED, HingeTable, SamplesTable
-from robotball.files.scene_table import FrictionTable, NumbersTable, SceneTable
-from robotball.files.start_table import SectionTable, StartTable
-from robotball.parts import Box, Cylinder, Disc, Point, Ring, Rod, Sphere
-from robotball.rates import Ramp, Sine
 
 PROSE = Path(__file__).with_suffix(".md")
 # What `{name}` on a line of the prose stands for.

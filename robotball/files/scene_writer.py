@@ -6,14 +6,22 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robotball.bodies import Frame, Pendulum, Rotor, Shell, thin_shell_inertia
-from robotball.contact import Friction
-from robotball.drives import Rate, Sum
+from robotball.drives import (
+    Free,
+    Motor,
+    PositionServo,
+    Ramp,
+    Rate,
+    Samples,
+    Servo,
+    Sine,
+    Sum,
+    Torque,
+)
 from robotball.errors import InputError
-from robotball.motors import Free, Motor, PositionServo, Servo, Torque
-from robotball.rates import Ramp, Samples, Sine
+from robotball.robot import Frame, Pendulum, Rotor, Shell, thin_shell_inertia
 from robotball.rotations import Array
-from robotball.scene import DOWN, GRAVITY, Scene
+from robotball.scene import DOWN, GRAVITY, Friction, Scene
 
 AT_REST = "M = 0; ω is not, where frame or rotors turn"
 

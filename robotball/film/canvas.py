@@ -1,4 +1,14 @@
-"""The canvas: balls, paths and arrows on a floor → pixels, by off-screen OpenGL 2.1.
+"""The two shaders that draw balls, floor, paths and shadows, for films and for pages alike.
+
+They are written once, in what GLSL 1.20 and GLSL ES 3.00 have in common but for these names.
+
+Shapes as triangles: corners (n, 6), three a triangle, each a place and its normal.
+
+Where a picture is seen from.
+
+What a picture shows: balls, their paths and arrows, under a camera.
+
+The canvas: balls, paths and arrows on a floor → pixels, by off-screen OpenGL 2.1.
 
 The floor and the paths average their own edges. Only what is near a ball is drawn with several
 samples a pixel, and shadows are the bodies themselves, laid flat. Without a GPU the samples take
@@ -7,20 +17,274 @@ half of a picture's time.
 
 from collections.abc import Mapping, Sequence
 from ctypes import c_void_p
+from dataclasses import dataclass
+from enum import IntEnum
+from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import OpenGL
 from numpy.typing import NDArray
 
-from robotball import palette
 from robotball.film import gl
-from robotball.film.camera import Camera
-from robotball.film.pane import SUN, Drawn, Pane, around
-from robotball.film.shaders import Kind, framebuffer, linked
-from robotball.film.triangles import triangles_of
-from robotball.looks import BLUR, MARKS, Shape, colours
-from robotball.rotations import Array
+from robotball.film import looks as palette
+from robotball.film.looks import BLUR, MARKS, Shape, colours
+from robotball.rotations import Array, rotation_matrix, z_along
+
+HERE = Path(__file__).parent
+
+
+class Kind(IntEnum):
+    """What is drawn: how its light is computed."""
+
+    LIT, FLOOR, GLASS, SHADOW, PATH = range(5)
+
+
+KINDS = "".join(f"#define {kind.name} {kind.value}\n" for kind in Kind)
+DESKTOP = (
+    "#version 120\n#define ATTRIBUTE attribute\n#define PASSED_ON varying\n"
+    "#define PASSED varying\n#define SEEN gl_FragColor\n"
+)
+PAGE = (
+    "#version 300 es\nprecision highp float;\nprecision highp int;\n#define ATTRIBUTE in\n"
+    "#define PASSED_ON out\n#define PASSED in\n"
+)
+
+
+def shaders(page: bool = False) -> tuple[str, str]:
+    """The vertex and the fragment shader, for a page's WebGL 2 or for OpenGL from 2.1 on."""
+    head = (PAGE if page else DESKTOP) + KINDS
+    vertex, fragment = ((HERE / f"shade.{name}").read_text("utf-8") for name in ("vert", "frag"))
+    return head + vertex, head + ("out vec4 SEEN;\n" if page else "") + fragment
+
+
+def linked(GL: Any) -> int:
+    """The program of both in the OpenGL that is current; raises OSError where it is refused."""
+    program = GL.glCreateProgram()
+    for kind, text in zip((GL.GL_VERTEX_SHADER, GL.GL_FRAGMENT_SHADER), shaders(), strict=True):
+        shader = GL.glCreateShader(kind)
+        GL.glShaderSource(shader, text)
+        GL.glCompileShader(shader)
+        if not GL.glGetShaderiv(shader, GL.GL_COMPILE_STATUS):
+            raise OSError(f"this OpenGL refuses a shader: {GL.glGetShaderInfoLog(shader)!r}")
+        GL.glAttachShader(program, shader)
+    for index, name in enumerate(("corner", "normal")):
+        GL.glBindAttribLocation(program, index, name)
+    GL.glLinkProgram(program)
+    return int(program)
+
+
+def framebuffer(GL: Any, size: tuple[int, int], samples: int, *, deep: bool = False) -> int:
+    """A framebuffer (height, width) of so many samples a pixel; deep: with depth and stencil.
+
+    Raises OSError where this OpenGL has none.
+    """
+    height, width = size
+    made = int(GL.glGenFramebuffers(1))
+    GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, made)
+    wanted = [(GL.GL_RGBA8, GL.GL_COLOR_ATTACHMENT0)]
+    if deep:
+        wanted.append((GL.GL_DEPTH24_STENCIL8, GL.GL_DEPTH_STENCIL_ATTACHMENT))
+    for storage, attachment in wanted:
+        buffer = GL.glGenRenderbuffers(1)
+        GL.glBindRenderbuffer(GL.GL_RENDERBUFFER, buffer)
+        GL.glRenderbufferStorageMultisample(GL.GL_RENDERBUFFER, samples, storage, width, height)
+        GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, attachment, GL.GL_RENDERBUFFER, buffer)
+    if GL.glCheckFramebufferStatus(GL.GL_FRAMEBUFFER) != GL.GL_FRAMEBUFFER_COMPLETE:
+        raise OSError("this OpenGL has no framebuffers to draw a film in")
+    return made
+
+
+AROUND = 48  # steps of a shape about its axis
+SECTION = 8  # of a torus's tube, and of a round end
+SMALL = 12  # steps about the axis of what is thin
+
+
+def triangles_of(shape: Shape) -> Array:
+    """The shape where it stands; lengths in radii of the ball."""
+    own = _box(shape.size) if shape.kind == "box" else _turned(*_profile(shape))
+    return moved(own, rotation_matrix(shape.turn), shape.pos)
+
+
+def moved(corners: Array, turn: Array, pos: Array) -> Array:
+    """Corners (n, 6) turned by a matrix (3, 3) and then shifted by (3,)."""
+    return np.concatenate([corners[:, :3] @ turn.T + pos, corners[:, 3:] @ turn.T], axis=1)
+
+
+def arrow(vector: Array, thickness: float) -> Array:
+    """An arrow (n, 6) from the origin along `vector` (3,), its head included."""
+    length = float(np.linalg.norm(vector))
+    head = min(4 * thickness, length / 2)
+    neck, slope = length - head, np.array([head, 2 * thickness]) / np.hypot(head, 2 * thickness)
+    profile = [
+        (0.0, 0.0, 0.0, -1.0), (thickness, 0.0, 0.0, -1.0), (thickness, 0.0, 1.0, 0.0),
+        (thickness, neck, 1.0, 0.0), (thickness, neck, 0.0, -1.0), (2 * thickness, neck, 0.0, -1.0),
+        (2 * thickness, neck, *slope), (0.0, length, *slope),
+    ]  # fmt: skip
+    return moved(
+        _turned(np.array(profile), SMALL), rotation_matrix(z_along(vector / length)), np.zeros(3)
+    )
+
+
+def _profile(shape: Shape) -> tuple[Array, int]:
+    """The section (m, 4) of a shape turned about z, as r, z and their normal; and the steps."""
+    a, b, _ = shape.size
+    if shape.kind == "torus":
+        c, s = _circle(0.0, 2 * np.pi, SECTION)
+        return np.stack([a + b * c, b * s, c, s], axis=1), AROUND
+    if shape.kind == "sphere":
+        c, s = _circle(-np.pi / 2, np.pi / 2, 2 * SECTION if a > 0.5 else SECTION)
+        return np.stack([a * c, a * s, c, s], axis=1), AROUND if a > 0.5 else SMALL
+    if shape.kind == "capsule":
+        c, s = _circle(-np.pi / 2, np.pi / 2, SECTION)
+        return np.stack([a * c, a * s + b * np.where(s > 0, 1, -1), c, s], axis=1), SMALL
+    flat, side = (0.0, 1.0), (1.0, 0.0)
+    edges = [(0, -b, 0, -1), (a, -b, 0, -1), (a, -b, *side), (a, b, *side), (a, b, *flat),
+             (0, b, *flat)]  # fmt: skip
+    return np.array(edges, dtype=float), AROUND
+
+
+def _circle(begin: float, end: float, steps: int) -> tuple[Array, Array]:
+    angle = np.linspace(begin, end, steps + 1)
+    return np.cos(angle), np.sin(angle)
+
+
+def _turned(profile: Array, steps: int) -> Array:
+    """The surface of a profile (m, 4) turned about z."""
+    c, s = _circle(0.0, 2 * np.pi, steps)
+    r, z, nr, nz = profile.T
+    grid = np.stack(
+        [
+            np.outer(c, r), np.outer(s, r), np.outer(np.ones_like(c), z),
+            np.outer(c, nr), np.outer(s, nr), np.outer(np.ones_like(c), nz),
+        ],
+        axis=2,
+    )  # fmt: skip
+    return _faces(grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
+
+
+def _faces(a: Array, b: Array, c: Array, d: Array) -> Array:
+    return np.stack([a, b, c, a, c, d], axis=-2).reshape(-1, 6)
+
+
+def _box(size: Array) -> Array:
+    corners = []
+    square: Sequence[tuple[int, int]] = ((-1, -1), (1, -1), (1, 1), (-1, -1), (1, 1), (-1, 1))
+    for axis in range(3):
+        for side in (-1, 1):
+            for a, b in square[::side]:  # seen from outside, anticlockwise
+                place, normal = np.zeros(3), np.zeros(3)
+                place[axis] = normal[axis] = side
+                place[(axis + 1) % 3], place[(axis + 2) % 3] = a, b
+                corners.append(np.concatenate([place * size, normal]))
+    return np.array(corners)
+
+
+LENS = 3.1  # the distance at which the picture's height is 2
+NEAR, FAR = 0.1, 300.0
+EDGE = 3  # pixels around what is framed
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Looks at a point (3,) from a distance, azimuth and elevation [rad]; lengths in radii."""
+
+    look: Array
+    distance: float
+    azimuth: float
+    elevation: float
+
+    @property
+    def back(self) -> Array:
+        """From the point looked at to the eye (3,), a unit vector."""
+        c = np.cos(self.elevation)
+        return np.array(
+            [c * np.cos(self.azimuth), c * np.sin(self.azimuth), np.sin(self.elevation)]
+        )
+
+    @property
+    def eye(self) -> Array:
+        return self.look + self.distance * self.back
+
+    def matrix(self, width: int, height: int) -> Array:
+        """From the world to GL's clip space (4, 4) of a picture of so many pixels."""
+        right = np.array([-np.sin(self.azimuth), np.cos(self.azimuth), 0.0])
+        axes = np.stack([right, np.cross(self.back, right), self.back])
+        view = np.eye(4)
+        view[:3, :3], view[:3, 3] = axes, -axes @ self.eye
+        lens = LENS * min(1.0, width / height)
+        deep = np.array([NEAR + FAR, 2 * NEAR * FAR]) / (NEAR - FAR)
+        project = np.zeros((4, 4))
+        project[0, 0], project[1, 1] = lens * height / width, lens
+        project[2, 2:], project[3, 2] = deep, -1.0
+        return np.asarray(project @ view, dtype=np.float32)
+
+    def frame(self, points: Array, width: int, height: int) -> tuple[int, int, int, int]:
+        """The part (x, y, width, height) of a picture in pixels that shows points (n, 3)."""
+        clip = np.column_stack([points, np.ones(len(points))]) @ self.matrix(width, height).T
+        if clip[:, 3].min() <= NEAR:
+            return 0, 0, width, height
+        at = (clip[:, :2] / clip[:, 3:] + 1) / 2 * [width, height]
+        low = np.clip(np.floor(at.min(axis=0)) - EDGE, 0, [width - 1, height - 1]).astype(int)
+        high = np.clip(np.ceil(at.max(axis=0)) + EDGE, low + 1, [width, height]).astype(int)
+        return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
+
+
+SUN = np.array([-0.35, 0.45, -1.0])
+BOX = np.array(list(product((-1.05, 1.05), repeat=3)))  # around a ball
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One ball in one picture; lengths in radii.
+
+    colour  of its shell; stands  a (4, 4) matrix for each body; blurred  of each body, from 0, its
+    marks are seen, to 1, it turns too fast for them; opacity  1, or less of a ghost
+    """
+
+    colour: str
+    stands: Mapping[str, Array]
+    blurred: Mapping[str, float]
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True)
+class Line:
+    """A path's first `count` corners on the floor, of a strip that `Canvas.keep` has."""
+
+    strip: str
+    count: int
+    colour: str
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True)
+class Loose:
+    """Triangles (n, 6) where they are, as of an arrow."""
+
+    corners: Array
+    colour: str
+
+
+@dataclass(frozen=True)
+class Pane:
+    """A picture: balls, lines and loose shapes under a camera."""
+
+    camera: Camera
+    balls: Sequence[Drawn]
+    lines: Sequence[Line] = ()
+    loose: Sequence[Loose] = ()
+
+
+def around(pane: Pane) -> Array:
+    """Corners (n, 3) of what holds balls, their shadows, and loose shapes."""
+    around = []
+    for ball in pane.balls:
+        corners = BOX + ball.stands["shell"][:3, 3]
+        around += [corners, corners - SUN * (corners[:, 2:] / SUN[2])]
+    return np.concatenate([*around, *(each.corners[:, :3] for each in pane.loose)])
+
 
 Pixels = NDArray[np.uint8]
 SAMPLES = 4

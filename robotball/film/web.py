@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from robotball import palette
 from robotball.errors import InputError
-from robotball.film.shaders import shaders
+from robotball.film import looks as palette
+from robotball.film.canvas import shaders
+from robotball.film.looks import colours, looks_of
 from robotball.film.tracks import heading_of, track_of
-from robotball.looks import colours, looks_of
 from robotball.motion import Motion
 from robotball.rotations import Array
 

@@ -2,28 +2,41 @@
 
 With M = 0 the rubber model is a flow on the sphere of γ, which γ → -γ leaves unchanged but for
 the direction of the contact point's path.
+
+The circle Σ¹ of fixed points of (4.1) where K = 0, section 4.1.
+
+With K = 0 dγ/dt = (Ω,γ) γ×Aγ/(Aγ,γ), which is zero on the whole circle (Ω,γ) = 0. Along it
+one eigenvalue is 0; the other is -(Aγ, γ×Ω)/(Aγ,γ), so that a quarter of the circle attracts, Σ_s,
+and the next one repels, Σ_u.
+
+The isolated fixed points of (4.1) in closed form, sections 4.1 and 4.2, for K = (0, 0, K₃).
+
+Beside Γ₅,₆ = (0, 0, ±1) a fixed point then has γ₁ = 0, one of Δ, or γ₂ = 0, one of Θ. There, with
+γⱼ = sin φ and γ₃ = cos φ, (4.1) reads
+
+    sin(2φ + ν) = κ,  ν = atan2(Ω₃, Ωⱼ),  κ = (2aⱼa₃K₃/(a₃ - aⱼ) - Ω₃)/√(Ωⱼ² + Ω₃²),
+
+with four solutions where |κ| < 1. ν₁, κ₁ of the paper belong to Δ (j = 2), ν₂, κ₂ to Θ (j = 1).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
 from scipy.linalg import eig
 
 from robotball import equations as eq
-from robotball.engines.reduced.compiled.duals import along, slopes
-from robotball.equations import Vector
+from robotball.engines.ensembles.flatten import along, slopes
+from robotball.equations import Parameters, Vector, as_vector
 from robotball.errors import InputError
-from robotball.parameters import Parameters, as_vector
-from robotball.qualitative.fixed_point_formulas import closed_form_points, without_rounding
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 
 REST = (0.0, 0.0, 0.0)
 # A rotation with nothing special about it: no fixed point falls at infinity of its chart.
 GENERIC = rotation_matrix(np.array([0.51, 0.29, -0.63, 0.503]))
-ROUNDING = 1e-9  # of an eigenvalue, relative to the rates of the flow
-SAME = 1e-7  # how near two solutions are one
+EIGENVALUE_ROUNDING = 1e-9  # of an eigenvalue, relative to the rates of the flow
+SAME_SOLUTION = 1e-7  # how near two solutions are one
 
 
 @dataclass(frozen=True)
@@ -88,7 +101,7 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
         gamma = polished(parameters, candidate)
         if gamma is not None:
             for each in (gamma, -gamma):
-                if all(np.abs(each - known.gamma).max() > SAME for known in points):
+                if all(np.abs(each - known.gamma).max() > SAME_SOLUTION for known in points):
                     points.append(fixed_point_at(parameters, each))
     total = index_sum(points)
     if total != 2:
@@ -108,13 +121,13 @@ def fills_curve(parameters: Parameters) -> bool:
     A, AK = np.array(parameters.A), np.array(eq.diagonal(parameters.A, parameters.K))
     axis = np.eye(3)[np.argmax(np.abs(AK))]
     one, other = A[axis == 0]
-    if abs(one - other) > ROUNDING * A.max() or (
-        np.abs(AK[axis == 0]).max() > ROUNDING * np.abs(AK).max()
+    if abs(one - other) > EIGENVALUE_ROUNDING * A.max() or (
+        np.abs(AK[axis == 0]).max() > EIGENVALUE_ROUNDING * np.abs(AK).max()
     ):
         return False
     product = np.outer((A @ axis - one) * axis, parameters.Omega + AK)
     values = np.linalg.eigvalsh((product + product.T) / 2 - AK @ axis * np.diag(A))
-    return bool(max(values[0], -values[2]) <= ROUNDING * np.abs(values).max())
+    return bool(max(values[0], -values[2]) <= EIGENVALUE_ROUNDING * np.abs(values).max())
 
 
 def index_sum(points: Sequence[FixedPoint]) -> int:
@@ -133,7 +146,7 @@ def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:
     vertical = as_vector(gamma)
     if parameters.rolling != "rubber":
         raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
-    if np.abs(flow(parameters, vertical)).max() > ROUNDING * rate_scale(parameters):
+    if np.abs(flow(parameters, vertical)).max() > EIGENVALUE_ROUNDING * rate_scale(parameters):
         raise InputError("the contact point runs on a circle only where gamma is a fixed point")
     across = eq.cross(vertical, parameters.Omega)
     return ContactPath(
@@ -206,7 +219,7 @@ def fixed_point_at(parameters: Parameters, gamma: Array) -> FixedPoint:
 
 def kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
     """The type of the fixed point γ (3,) with these eigenvalues (2,)."""
-    zero = ROUNDING * rate_scale(parameters)
+    zero = EIGENVALUE_ROUNDING * rate_scale(parameters)
     if np.abs(eigenvalues).min() < zero:
         return "degenerate"
     first, second = eigenvalues.real
@@ -288,3 +301,156 @@ def attitude_at(gamma: Array) -> Array:
     """Some attitudes (..., 4) with the verticals γ (..., 3)."""
     first = perpendicular(gamma)
     return from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=-2))
+
+
+MOST_SAMPLES = 100_000
+
+
+@dataclass(frozen=True)
+class FixedCircle:
+    """Fixed points γ = cos ψ axes[0] + sin ψ axes[1], of which those with sin 2ψ > 0 attract: Σ_s.
+
+    axes (2, 3): unit vectors across Ω, right-handed with it, along which Σ_s and Σ_u meet; index:
+    what the circle as a whole adds to the sum of the indices on the sphere, which is 2.
+    """
+
+    parameters: Parameters
+    axes: Array
+    index: int
+
+    def at(self, angles: Array) -> Array:
+        """γ (n, 3) at angles ψ (n,) [rad]."""
+        return np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ self.axes
+
+    def rate(self, gamma: Array) -> Array:
+        """The eigenvalue (n,) across the circle at γ (n, 3) on it [1/s]."""
+        p = self.parameters
+        return np.asarray(eq.rubber_divergence(tuple(gamma.T), p.Omega, p.A))
+
+
+def fixed_circle(parameters: Parameters) -> FixedCircle | None:
+    """The circle of fixed points of a rubber ball with K = 0 and Ω ≠ 0; None for any other ball."""
+    parameters = without_rounding(parameters)
+    if parameters.rolling != "rubber" or np.any(parameters.K) or not np.any(parameters.Omega):
+        return None
+    along = np.array(parameters.Omega) / np.linalg.norm(parameters.Omega)
+    first = perpendicular(along)
+    plane = np.stack([first, np.cross(along, first)])
+    # (Aγ, γ×Ω) is |Ω| (A₁₁ - A₂₂)/2 sin 2ψ in axes that make A diagonal there, the larger first.
+    weights, vectors = np.linalg.eigh(plane * parameters.A @ plane.T)
+    larger = vectors[:, np.argmax(weights)] @ plane
+    axes = np.stack([larger, np.cross(along, larger)])
+    return FixedCircle(parameters, axes, index_of(parameters, axes))
+
+
+def index_of(parameters: Parameters, axes: Array) -> int:
+    """How often (4.1) turns round along a line just below the circle, less that just above it.
+
+    Between the lines and the circle there is no other fixed point.
+    """
+    along = np.cross(*axes)
+    heights = np.abs(along)[np.abs(along) > 1e-9]  # of the principal axes over the circle
+    height = min(0.02, float(heights.min()) / 2)
+    samples = min(MOST_SAMPLES, int(40 / height))
+    angle = np.linspace(0.0, 2 * np.pi, samples + 1)
+    out = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ axes
+    ahead = np.stack([-np.sin(angle), np.cos(angle)], axis=1) @ axes
+    turns = []
+    for sign in (-1.0, 1.0):
+        gamma = np.sqrt(1 - height**2) * out + sign * height * along
+        rate = np.stack(flow(parameters, tuple(gamma.T)), axis=1)
+        direction = np.unwrap(np.arctan2(rate @ along, (rate * ahead).sum(axis=1)))
+        turns.append(round(float(direction[-1] - direction[0]) / (2 * np.pi)))
+    return turns[0] - turns[1]
+
+
+ROUNDING = 1e-14  # of what a number was computed from: one that is smaller is zero
+EQUAL = 1e-12  # of a moment: one that differs by less is the same
+SAME = 1e-6  # of a unit vector: what is that near a point of a formula is that point
+
+
+def without_rounding(parameters: Parameters) -> Parameters:
+    """The ball with what is rounding of Ω and of K = k - dΩ at zero."""
+
+    def exact(v: Vector, size: float) -> Vector:
+        return as_vector(np.where(np.abs(v) <= ROUNDING * size, 0.0, v))
+
+    turning = float(np.linalg.norm(parameters.Omega))
+    size = float(np.linalg.norm(parameters.K)) + parameters.d * turning
+    return replace(parameters, Omega=exact(parameters.Omega, turning), K=exact(parameters.K, size))
+
+
+def nu(parameters: Parameters, j: int) -> float:
+    """ν [rad] of the circle on which γⱼ and γ₃ are not zero; j is 0 or 1."""
+    return float(np.arctan2(parameters.Omega[2], parameters.Omega[j]))
+
+
+def kappa(parameters: Parameters, j: int) -> float:
+    """κ of that circle."""
+    a, a3 = parameters.A[j], parameters.A[2]
+    level = 2 * a * a3 * parameters.K[2] / (a3 - a) - parameters.Omega[2]
+    return float(level / np.hypot(parameters.Omega[j], parameters.Omega[2]))
+
+
+def proposition_2(parameters: Parameters) -> tuple[float, float, float]:
+    """A₁, A₂ [1/s] and B of Proposition 2, by which Γ₅ and Γ₆ are saddles or weak foci.
+
+    A₁A₂ < 0: saddles; else weak foci, stable iff B/A₁ < 0, with B without the paper's factor K₃.
+    """
+    (a1, a2, a3), (Omega1, Omega2, Omega3) = parameters.A, parameters.Omega
+    A1 = a1 * a3 * parameters.K[2] + (a1 - a3) * Omega3
+    A2 = a2 * a3 * parameters.K[2] + (a2 - a3) * Omega3
+    return A1, A2, Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - (a1 - a3) ** 2 * A2**2)
+
+
+def closed_form_points(parameters: Parameters) -> dict[str, Array]:
+    """All isolated fixed points γ (3,) of (4.1) by the paper's names; two that coincide twice.
+
+    Γ₁ … Γ₆ of (4.4) where K = 0, without those that lie on the circle (Ω, γ) = 0 of fixed points;
+    else Γ₅, Γ₆, δ₁ … δ₄, θ₁ … θ₄, as far as they exist.
+
+    Raises InputError unless the ball is a rubber one with K = (0, 0, K₃) and three different aⱼ,
+    so that no other curve is filled, and where K₃ ≠ 0 but Ωⱼ = Ω₃ = 0 for a j of 1, 2.
+    """
+    parameters = without_rounding(parameters)
+    Omega, K, A = parameters.Omega, parameters.K, np.sort(parameters.A)
+    if parameters.rolling != "rubber" or K[0] != 0 or K[1] != 0:
+        raise InputError("the closed form needs a rubber ball with K = (0, 0, K3)")
+    if np.diff(A).min() <= EQUAL * A[2]:
+        raise InputError("the closed form needs three different moments of inertia")
+    if K[2] == 0:
+        return principal_points(Omega)
+    if Omega[2] == 0 and 0 in Omega[:2]:
+        raise InputError("the closed form needs Omega_3, or both Omega_1 and Omega_2, not zero")
+    points = {"Γ₅": np.array([0.0, 0.0, 1.0]), "Γ₆": np.array([0.0, 0.0, -1.0])}
+    for letter, j in (("δ", 1), ("θ", 0)):
+        if abs(kappa(parameters, j)) > 1:
+            continue
+        arc, shift = np.arcsin(kappa(parameters, j)), nu(parameters, j)
+        first, second = (arc - shift) / 2, -(arc + shift) / 2
+        angles = (first, first + np.pi, second + np.pi / 2, second + 3 * np.pi / 2)
+        for number, angle in zip("₁₂₃₄", angles, strict=True):
+            gamma = np.zeros(3)
+            gamma[j], gamma[2] = np.sin(angle), np.cos(angle)
+            points[letter + number] = gamma
+    return points
+
+
+def principal_points(Omega: Vector) -> dict[str, Array]:
+    """Γ₁ … Γ₆ of (4.4), the principal axes, but for those across Ω."""
+    signed = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+    return {
+        f"Γ{number}": gamma
+        for number, gamma in zip("₁₂₃₄₅₆", signed, strict=True)
+        if gamma @ Omega != 0
+    }
+
+
+def name_of(parameters: Parameters, gamma: Array) -> str:
+    """The paper's name of the fixed point γ (3,), or nothing where it has none for it."""
+    try:
+        points = closed_form_points(parameters)
+    except InputError:
+        return ""
+    near = (name for name, point in points.items() if np.abs(point - gamma).max() < SAME)
+    return next(near, "")

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines.reduced.compiled.duals import along, slopes
+from robotball.engines.ensembles.flatten import along, slopes
+from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
-from robotball.parameters import Parameters, as_vector
 from robotball.rotations import Array, perpendicular
 
 ROUNDING = 1e-9

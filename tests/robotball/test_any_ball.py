@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.bodies import beyond_the_shell
 from robotball.engines.mujoco.model import build
 from robotball.motion import path_error
+from robotball.robot import beyond_the_shell
 from robotball.rotations import Array
 from validation import Agreement, compare
-from validation.studies.random_scenes import random_scene
+from validation.studies.random_runs import random_scene
 
 BALLS = 50
 

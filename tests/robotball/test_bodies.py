@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball.bodies import (
+from robotball.equations import parameters_of
+from robotball.robot import (
     Ball,
     Frame,
     Rotor,
@@ -20,7 +21,6 @@ from robotball.bodies import (
     check_inertia,
     thin_shell_inertia,
 )
-from robotball.parameters import parameters_of
 from robotball.rotations import Array
 from tests.scenes import FOUR
 

@@ -7,7 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball import equations as eq
-from robotball.files.catalog import entries
+from robotball.files.scene_file import entries
 from robotball.rotations import Array
 from validation import Agreement, compare
 

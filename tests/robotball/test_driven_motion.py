@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.parameters import ROLLING_MODELS
+from robotball.equations import ROLLING_MODELS
 from validation import compare
 
 FIG12 = rb.load_scene("fig12")

@@ -15,8 +15,7 @@ import sympy
 from sympy import Rational
 
 from robotball import equations as eq
-from robotball.equations import Scalar, Vector
-from robotball.parameters import Parameters, Rolling
+from robotball.equations import Parameters, Rolling, Scalar, Vector
 from tests.identities import energy_rate
 
 MODELS: tuple[Rolling, ...] = ("rubber", "classical")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.bodies import Ball, Pendulum
-from robotball.looks import BOB, HOOP, INSIDE, RIM, Shape, colours, looks_of
+from robotball.film.looks import BOB, HOOP, INSIDE, RIM, Shape, colours, looks_of
+from robotball.robot import Ball, Pendulum
 from robotball.rotations import Array, rotation_matrix
 
 BALL = rb.load_scene("three_rotors").ball

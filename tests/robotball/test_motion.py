@@ -11,7 +11,7 @@ import pytest
 import robotball as rb
 import robotball.engines.mujoco.run as mujoco_run
 import robotball.motion
-from robotball.engines.reduced.integrate import motion_of
+from robotball.engines.reduced import motion_of
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.parts import (
+from robotball.files.parts import (
     Box,
     Cylinder,
     Disc,

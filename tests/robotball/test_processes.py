@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 
 from robotball import InputError, SceneWarning
+from robotball.cores import allowed, at_most, in_processes
 from robotball.errors import warn
 from robotball.files.replacing import replacing
-from robotball.processes import in_processes
-from robotball.threads import allowed, at_most
 
 
 def late(jobs: int, job: int) -> tuple[int, int, int]:
@@ -100,8 +99,8 @@ def test_a_process_that_is_ended_leaves_no_half_file(tmp_path: Path) -> None:
 SCRIPT = """
 import os
 from functools import partial
-from robotball.processes import in_processes
-from robotball.threads import at_most
+from robotball.cores import in_processes
+from robotball.cores import at_most
 from tests.robotball.test_processes import late
 print("script")
 with at_most(2):
@@ -130,8 +129,8 @@ def test_no_process_outlives_who_asked_for_it(tmp_path: Path) -> None:
 
 
 PREPARED = """
-from robotball.processes import in_processes, prepare
-from robotball.threads import at_most
+from robotball.cores import in_processes, prepare
+from robotball.cores import at_most
 from tests.robotball.test_processes import known
 with at_most(2):
     prepare("colorsys")

@@ -16,7 +16,7 @@ import resource, sys
 import numpy as np
 import robotball as rb
 from validation import compare
-from validation.comparison.results import record
+from validation.results import record
 
 times = np.arange(int(sys.argv[1])) * 0.02
 record(compare(rb.load_scene("fig12"), "fast", times))

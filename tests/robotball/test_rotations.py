@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from robotball import equations as eq
-from robotball.parameters import as_vector
+from robotball.equations import as_vector
 from robotball.rotations import (
     Array,
     conjugate,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.start import Start
+from robotball.scene import Start
 
 NAN = float("nan")
 SCENE = rb.load_scene("fig12")

@@ -8,8 +8,8 @@ import pytest
 
 import robotball as rb
 from robotball.chart import LEAST_LOG, Line, chart, legend, ticks
+from robotball.robot import Value
 from robotball.rotations import Array
-from robotball.value import Value
 from validation import compare
 
 SCENE = rb.load_scene("fig12")

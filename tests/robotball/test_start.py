@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 import robotball as rb
-from robotball import start as starts
-from robotball.parameters import as_vector
+from robotball import scene as starts
+from robotball.equations import as_vector
 from robotball.rotations import Array, rotation_matrix
 from tests.scenes import FOUR
 from validation import compare

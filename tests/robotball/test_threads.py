@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 
 from robotball import InputError, load_scene
-from robotball.engines.reduced.compiled.kernels import orbits
-from robotball.engines.reduced.compiled.marching import take
+from robotball.cores import Queue, allowed, at_most, cores, in_threads, quota
+from robotball.engines.ensembles.orbits import orbits, take
 from robotball.qualitative.basins import basins
-from robotball.qualitative.limit_cycles import limit_cycles
-from robotball.qualitative.lyapunov import exponents
+from robotball.qualitative.exponents import exponents
+from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.sections import section, section_starts
-from robotball.threads import Queue, allowed, at_most, cores, in_threads, quota
 
 BALL = load_scene("fig14").parameters
 GENERATOR = np.random.default_rng(5)
@@ -154,5 +153,5 @@ def test_cores_are_at_most_what_the_quota_and_the_affinity_allow(
     """A part of a core is one; without a limit it is the affinity's number."""
     monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(8)), raising=False)
     for left, expected in ((math.inf, 8), (2.5, 3), (0.5, 1), (64.0, 8)):
-        monkeypatch.setattr("robotball.threads.quota", lambda left=left: left)
+        monkeypatch.setattr("robotball.cores.quota", lambda left=left: left)
         assert cores() == expected

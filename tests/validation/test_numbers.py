@@ -15,10 +15,9 @@ from tests.random_robots import random_scene as random_robot
 from tests.validation.test_readme import DOCS, README, ROWS
 from validation import compare
 from validation.bench.gallery import NUMBERS, OUTCOMES, outcomes_table
-from validation.studies.configurations import configurations
-from validation.studies.extremes.cells import cells_of
-from validation.studies.extremes.maps import MAPS
-from validation.studies.random_scenes import random_scene as random_ball
+from validation.studies.extremes import MAPS, cells_of
+from validation.studies.random_runs import random_scene as random_ball
+from validation.studies.tradeoff import configurations
 
 STUDIES = json.loads(NUMBERS.read_text(encoding="utf-8"))
 EXTREMES, TRADEOFF = STUDIES["extremes"], STUDIES["tradeoff"]

@@ -1,4 +1,6 @@
-"""The cost model that a requested accuracy is predicted by, measured again, and how well it goes.
+"""One scene's own front: the recipe over its steps, and what asking for an accuracy makes of it.
+
+The cost model that a requested accuracy is predicted by, measured again, and how well it goes.
 
 Every scene of the catalog and random balls at both families of the recipe; the coefficients fitted
 to them beside those in use; and for four accuracies what was reached, how honest the estimate was
@@ -6,7 +8,8 @@ and what it all took, against the cheapest of the searched configurations.
 """
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +18,121 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from robotball import (
+    Motion,
+    Scene,
+    SceneWarning,
+    Settings,
+    catalog,
+    integrate,
+    load_scene,
+)
+from robotball.dispatch import simulate
 from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS
-from robotball.engines.mujoco.cost_model import COST_MODEL
+from robotball.engines.mujoco.engine import own_settings
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.planned_run import COST_MODEL, scene_rate
+from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.settings import ADAPTIVE, recipe
 from robotball.rotations import Array
-from validation.bench.cost_model_scene import TARGETS, best_seconds, cells, measure
-from validation.output import write_record
-from validation.progress import progress_bar
-from validation.sweeps import sweep
+from validation.agreement import Agreement
+from validation.output import progress_bar, write_record
+from validation.studies.random_runs import random_scene
+from validation.sweeps import Cell, sweep
+
+BALLS = 30
+TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
+STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35)  # of RK4 in a sample interval
+RTOLS = tuple(10 ** (-half / 2) for half in range(14, 27))  # half a decade apart
+ENOUGH = 3e-11  # a finer run than one of this error is no target's best
+
+
+def cells() -> list[Cell]:
+    """The catalog, and the random balls."""
+    return [
+        *({"scene": name} for name in catalog()),
+        *({"ball": number} for number in range(BALLS)),
+    ]
+
+
+def measure(cell: Cell) -> Mapping[str, Any]:
+    """The runs of both families, and one case a target; errors against the equations."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)
+        scene = random_scene(cell["ball"]) if "ball" in cell else load_scene(cell["scene"])
+        theory = integrate(scene)
+        interval = float(theory.times[1])
+        rk4 = (recipe("", 1.0, timestep=interval / n) for n in STEPS)
+        adaptive = (recipe("", 1.0, integrator=ADAPTIVE, rtol=rtol) for rtol in RTOLS)
+        return {
+            "scene": scene.name,
+            "steady": scene.steady,
+            "motors": any(scene.motors),
+            "rate": scene_rate(scene),
+            "duration": scene.duration,
+            "samples": len(theory.times),
+            "rk4": _search(scene, theory, rk4),
+            # What timings drift by should not fall between the families and the cases.
+            "cases": [_case(scene, theory, target) for target in TARGETS],
+            # A servo's stiffness, not the error, would set the steps.
+            "adaptive": [] if any(scene.motors) else _search(scene, theory, adaptive),
+        }
+
+
+def _search(scene: Scene, theory: Motion, family: Iterable[Settings]) -> list[dict[str, Any]]:
+    """The runs of a family from the coarsest on, until one is good enough for any target."""
+    runs: list[dict[str, Any]] = []
+    for settings in family:
+        runs.append(_run(scene, theory, settings))
+        error = runs[-1]["error"]
+        if error is not None and error < ENOUGH:
+            break
+    return runs
+
+
+def _run(scene: Scene, theory: Motion, settings: Settings) -> dict[str, Any]:
+    agreement = Agreement(theory, run(build(scene, settings), theory.times))
+    diagnostics = agreement.report
+    return {
+        "size": settings.rtol if settings.adaptive else settings.timestep,
+        "error": agreement.path_error,
+        "drift": agreement.momentum_error,
+        "sound": not agreement.faults,
+        "steps": diagnostics.steps,
+        "seconds": diagnostics.seconds,
+    }
+
+
+def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
+    """A run to an accuracy, its true error beside the estimate."""
+    with warnings.catch_warnings(record=True) as reported:
+        warnings.simplefilter("always", SceneWarning)
+        motion = simulate(scene, theory.times, accuracy=target)
+    agreement, settings = Agreement(theory, motion), own_settings(motion.report.settings)
+    return {
+        "target": target,
+        "chosen": settings.rtol or settings.timestep,
+        "adaptive": settings.adaptive,
+        "error": agreement.path_error,
+        "estimate": agreement.report.estimated_error,
+        "reported": bool(reported),
+        "seconds": motion.report.total_seconds,
+        "last_seconds": agreement.report.seconds,
+    }
+
+
+def best_seconds(record: Mapping[str, Any], target: float) -> float:
+    """The least that a sound run of a true error within the target took [s]; infinite if none."""
+    runs = [*record["rk4"], *record["adaptive"]]
+    return min(
+        (
+            each["seconds"]
+            for each in runs
+            if each["sound"] and each["error"] is not None and each["error"] <= target
+        ),
+        default=np.inf,
+    )
+
 
 Record = Mapping[str, Any]
 WIDTH = 130  # characters, which the table of cases needs

@@ -14,9 +14,8 @@ import numpy as np
 
 from robotball import SceneWarning, integrate, simulate
 from robotball.motion import path_error
-from validation.output import scientific
-from validation.progress import progress_bar
-from validation.studies.random_scenes import random_scene
+from validation.output import progress_bar, scientific
+from validation.studies.random_runs import random_scene
 from validation.sweeps import Cell, Result, sweep
 
 BALLS = 1000

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from robotball import sample_times
-from robotball.engines.mujoco.integrators import FIRST_ORDER
+from robotball.engines.mujoco.settings import FIRST_ORDER
 from robotball.film.render import Film, frames
-from validation.comparison.agreement import compare
+from validation.agreement import compare
 from validation.output import replacing, write_text
 
 DOCS = Path(__file__).parents[2] / "docs"

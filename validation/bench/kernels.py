@@ -1,4 +1,12 @@
-"""The compiled stepper against scipy and heyoka at matched error (extra `bench`), on one thread.
+"""The same equations in heyoka, an independent Taylor integrator (extra `reference`).
+
+Tools compared at the same error: every one at several tolerances, all in turn.
+
+The least processor time of several rounds, of all threads together, is set against the error, and
+times are compared at one error, read off between tolerances; set-up and compilation are outside the
+clock.
+
+The compiled stepper against scipy and heyoka at matched error (extra `bench`), on one thread.
 
 heyoka has its defaults, to which wider lanes add nothing, and batches of 8, which beat the
 recommended 4. Errors are against this stepper at a tolerance of 1e-15, whose own error is four
@@ -9,7 +17,9 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
@@ -18,19 +28,124 @@ import numpy as np
 from numba.core.codegen import get_host_cpu_features
 from scipy.integrate import solve_ivp
 
-from robotball.engines.reduced.compiled.kernels import Starts, orbit, orbits
-from robotball.engines.reduced.compiled.systems import DEVIATION, PATH, RETURN
-from robotball.parameters import Parameters
+from robotball import equations as eq
+from robotball.cores import at_most
+from robotball.engines.ensembles.orbits import Starts, orbit, orbits
+from robotball.engines.ensembles.steppers import BALL, LEVEL, ball_of
+from robotball.engines.ensembles.systems import DEVIATION, PATH, RETURN, Level, System
+from robotball.equations import Parameters, Vector
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
-from robotball.threads import at_most
-from validation.bench.heyoka_forms import Equations, batch, equations_of, level_equations, pars_of
-from validation.bench.matched_error import Contender, Run, compare
+
+Equations = list[tuple[Any, Any]]
+BALL_SIZE = LEVEL - BALL
+
+
+def equations_of(system: System, parameters: Parameters) -> Equations:
+    """A system of the compiled stepper as heyoka's equations, with pars as `pars_of` gives them.
+
+    A quaternion in them is drawn to length one, which heyoka cannot set at every step.
+    """
+    symbolic = ball_of(parameters.rolling, [hy.par[i] for i in range(BALL_SIZE)])
+    c = hy.par[BALL_SIZE + 1] if parameters.rolling == "classical" else hy.expression(0.0)
+    state = hy.make_vars(*(f"y{i}" for i in range(system.size)))
+    rates = list(system.rate(state, symbolic, Level(hy.par[BALL_SIZE], c)))
+    start = 0
+    for size in system.units:
+        unit = slice(start, start := start + size)
+        excess = 1 - sum(y * y for y in state[unit])
+        rates[unit] = [
+            rate + 0.5 * excess * y for y, rate in zip(state[unit], rates[unit], strict=True)
+        ]
+    return list(zip(state, rates, strict=True))
+
+
+def level_equations(parameters: Parameters) -> Equations:
+    """dγ/dt = γ×ω, dM/dt = M×ω in frame axes, with the numbers of the ball put in."""
+    gamma = vector(hy.make_vars("gamma1", "gamma2", "gamma3"))
+    M = vector(hy.make_vars("M1", "M2", "M3"))
+    omega = parameters.angular_velocity(M, gamma)
+    rates = (*eq.cross(gamma, omega), *eq.cross(M, omega))
+    return list(zip((*gamma, *M), rates, strict=True))
+
+
+def pars_of(starts: Starts) -> Array:
+    """The values (n, k) of the pars, one row a start."""
+    used = BALL_SIZE + (2 if starts.parameters.rolling == "classical" else 1)
+    return starts.rows[:, :used]
+
+
+def batch(
+    equations: Equations, states: Array, pars: Array | None, tolerance: float, **more: Any
+) -> Any:
+    """An integrator of n states (n, size) side by side, from time 0."""
+    if pars is not None:
+        more["pars"] = pars.T.copy()
+    return hy.taylor_adaptive_batch(equations, states.T.copy(), tol=tolerance, **more)
+
+
+def vector(items: Sequence[Any]) -> Vector:
+    """Three items as a vector."""
+    x, y, z = items
+    return (x, y, z)
+
+
+Run = Callable[[], Any]
+
+
+@dataclass
+class Contender:
+    """One tool at one task, and what was measured of it.
+
+    prepare: tolerance -> what is timed; error: of what that returns; work: how much of it a run
+    does, in the units of the table; seconds, errors: by tolerance, the seconds per unit of work.
+    """
+
+    name: str
+    prepare: Callable[[float], Run]
+    error: Callable[[Any], float]
+    tolerances: tuple[float, ...]
+    work: float = 1.0
+    rounds: int = 7
+    seconds: dict[float, float] = field(default_factory=dict)
+    errors: dict[float, float] = field(default_factory=dict)
+
+    def at(self, error: float) -> float:
+        """The time at an error [s], by a power law between the two nearest tolerances."""
+        order = sorted(self.tolerances, key=self.errors.__getitem__)
+        errors, seconds = ([values[t] for t in order] for values in (self.errors, self.seconds))
+        if not errors[0] <= error <= errors[-1]:
+            raise ValueError(f"{self.name} was not measured at an error of {error:g}: {errors}")
+        return float(np.exp(np.interp(np.log(error), np.log(errors), np.log(seconds))))
+
+
+def compare(title: str, error: float, *contenders: Contender) -> None:
+    """Time all contenders in turn and print a table, with ratios to the first at one error."""
+    runs = [(c, t, c.prepare(t)) for c in contenders for t in c.tolerances]
+    for contender, tolerance, run in runs:
+        contender.errors[tolerance] = contender.error(run())
+    for i in range(max(c.rounds for c in contenders)):
+        for contender, tolerance, run in runs:
+            if i < contender.rounds:
+                begin = time.process_time()
+                run()
+                seconds = (time.process_time() - begin) / contender.work
+                best = contender.seconds.get(tolerance, np.inf)
+                contender.seconds[tolerance] = min(best, seconds)
+    print(f"\n{title}\n{'':24}tolerance   error        µs")
+    for contender in contenders:
+        for t in contender.tolerances:
+            micro = contender.seconds[t] * 1e6
+            print(f"  {contender.name:22}{t:9.0e}{contender.errors[t]:9.1e}{micro:11.1f}")
+    ours = contenders[0].at(error)
+    for other in contenders[1:]:
+        print(f"  at error {error:.0e} {other.at(error) / ours:.2f} times as fast as {other.name}")
+
 
 A, OMEGA, K = np.array([0.8, 0.6, 0.7]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 3.0, 0.0])
 D = 0.9
 I1, I2, I3 = (1 / A - D).tolist()
-BALL = Parameters("rubber", (I1, I2, I3), D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))  # Fig. 11b
+FIG11B = Parameters("rubber", (I1, I2, I3), D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))  # Fig. 11b
 FEATURES = "NUMBA_CPU_FEATURES"
 DURATION, OUTPUTS, POINTS, MANY, LANES = 100.0, 1000, 25, 256, 8
 OURS, HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
@@ -84,12 +199,12 @@ def numpy_rate(_: float, state: Array, momentum: Array) -> Array:
 def one_orbit(attitude: Array, momentum: Array) -> None:
     """One orbit, closely sampled; the error is the path's largest."""
     times = np.linspace(0.0, DURATION, OUTPUTS + 1)
-    reference = orbit(BALL, attitude, momentum, times, 1e-15)[1]
-    starts = Starts(BALL, attitude, momentum)
+    reference = orbit(FIG11B, attitude, momentum, times, 1e-15)[1]
+    starts = Starts(FIG11B, attitude, momentum)
     begin = np.array([*attitude, 0.0, 0.0])
 
     def ours(tolerance: float) -> Run:
-        return lambda: orbit(BALL, attitude, momentum, times, tolerance)[1]
+        return lambda: orbit(FIG11B, attitude, momentum, times, tolerance)[1]
 
     def scipys(tolerance: float) -> Run:
         def run() -> Array:
@@ -108,7 +223,7 @@ def one_orbit(attitude: Array, momentum: Array) -> None:
         return run
 
     def heyokas(tolerance: float) -> Run:
-        form, pars = equations_of(PATH, BALL), pars_of(starts)[0]
+        form, pars = equations_of(PATH, FIG11B), pars_of(starts)[0]
         ta = hy.taylor_adaptive(form, np.zeros(6), pars=pars, tol=tolerance)
 
         def run() -> Array:
@@ -131,8 +246,8 @@ def one_orbit(attitude: Array, momentum: Array) -> None:
 
 def ensembles(attitudes: Array, momenta: Array) -> None:
     """Many orbits with their paths; and without, each in the form that suits it best."""
-    starts, times = Starts(BALL, attitudes, momenta), np.array([0.0, DURATION])
-    best = orbits(BALL, attitudes[:LANES], momenta[:LANES], times, 1e-15)
+    starts, times = Starts(FIG11B, attitudes, momenta), np.array([0.0, DURATION])
+    best = orbits(FIG11B, attitudes[:LANES], momenta[:LANES], times, 1e-15)
     turned = np.concatenate([starts.attitudes, np.zeros((MANY, 2))], axis=1)
 
     def with_paths(tolerance: float) -> Run:
@@ -143,7 +258,7 @@ def ensembles(attitudes: Array, momenta: Array) -> None:
         return run
 
     def path_error(end: Array) -> float:
-        points = Starts(BALL, attitudes[:LANES], momenta[:LANES]).turned_back(end[:, None, 4:])
+        points = Starts(FIG11B, attitudes[:LANES], momenta[:LANES]).turned_back(end[:, None, 4:])
         return median_error(best.contact_points[:, 1])(points[:, 0])
 
     compare(
@@ -152,7 +267,7 @@ def ensembles(attitudes: Array, momenta: Array) -> None:
         Contender("this, q X Y", with_paths, path_error, OURS, MANY),
         Contender(
             "heyoka, q X Y",
-            in_batches(equations_of(PATH, BALL), turned, pars_of(starts), (DURATION,)),
+            in_batches(equations_of(PATH, FIG11B), turned, pars_of(starts), (DURATION,)),
             path_error,
             HEYOKAS,
             MANY,
@@ -174,7 +289,9 @@ def ensembles(attitudes: Array, momenta: Array) -> None:
         Contender("this, q", attitudes_only, gamma_error, OURS, MANY),
         Contender(
             "heyoka, γ M",
-            in_batches(level_equations(BALL), level_states(attitudes, momenta), None, (DURATION,)),
+            in_batches(
+                level_equations(FIG11B), level_states(attitudes, momenta), None, (DURATION,)
+            ),
             lambda end: gamma_error(end[:, :3]),
             HEYOKAS,
             MANY,
@@ -191,12 +308,14 @@ def level_states(attitudes: Array, momenta: Array) -> Array:
 def section_points(attitudes: Array, momenta: Array) -> None:
     """Both directions of g = 0; the error is that of the time of a start's last point."""
     first = attitudes[:LANES], momenta[:LANES]
-    best = section(BALL, *first, POINTS, tolerance=1e-15).times
+    best = section(FIG11B, *first, POINTS, tolerance=1e-15).times
     horizon = float(best.max()) + 1.0
-    form, begin = level_equations(BALL), level_states(*first)
+    form, begin = level_equations(FIG11B), level_states(*first)
 
     def ours(tolerance: float) -> Run:
-        return lambda: section(BALL, attitudes, momenta, POINTS, tolerance=tolerance).times[:LANES]
+        return lambda: section(FIG11B, attitudes, momenta, POINTS, tolerance=tolerance).times[
+            :LANES
+        ]
 
     def heyokas(tolerance: float) -> Run:
         gamma, M = [pair[0] for pair in form[:3]], [pair[0] for pair in form[3:]]
@@ -237,7 +356,7 @@ def section_points(attitudes: Array, momenta: Array) -> None:
 
 def exponents(attitudes: Array, momenta: Array) -> None:
     """The nine equations of the exponents; the error is that of ln growth and volume at 50 s."""
-    starts, ends = Starts(BALL, attitudes, momenta), (50.0, 400.0)
+    starts, ends = Starts(FIG11B, attitudes, momenta), (50.0, 400.0)
     rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (MANY, 1))
     best = starts.march(DEVIATION, rest, np.array(ends[:1]), 1e-15)[0][:LANES, 0]
     logs = median_error(best[:, 7:])
@@ -251,7 +370,7 @@ def exponents(attitudes: Array, momenta: Array) -> None:
 
         return run
 
-    form, begin = equations_of(DEVIATION, BALL), np.concatenate([starts.attitudes, rest], axis=1)
+    form, begin = equations_of(DEVIATION, FIG11B), np.concatenate([starts.attitudes, rest], axis=1)
     work = MANY * ends[-1] / 1e4
     heyokas = in_batches(form, begin, pars_of(starts), ends)
     compare(

@@ -19,13 +19,13 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from robotball.engines.reduced.compiled.kernels import orbits
-from robotball.parameters import Parameters
+from robotball.cores import allowed, at_most, cores
+from robotball.engines.ensembles.orbits import orbits
+from robotball.equations import Parameters
 from robotball.qualitative.basins import basins
-from robotball.qualitative.lyapunov import exponents
+from robotball.qualitative.exponents import exponents
 from robotball.qualitative.sections import section, section_starts
-from robotball.threads import allowed, at_most, cores
-from validation.studies.portraits.measure import PLANES, cells_of, measure
+from validation.studies.portrait_maps import PLANES, cells_of, measure
 from validation.sweeps import sweep
 
 ROUNDS = {"portraits": 3}

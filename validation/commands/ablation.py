@@ -21,11 +21,20 @@ class Ablation:
 
         from robotball import load_scene
         from robotball.engines.mujoco import LABEL
-        from validation.comparison.names import changed, file_name
-        from validation.output import writable_folder, write_picture, write_record, write_rows
-        from validation.progress import progress_bar
-        from validation.studies.ablation import ROUNDS, measure_ablation
-        from validation.studies.ablation_report import ablation_picture, show_ablation
+        from validation.output import (
+            progress_bar,
+            writable_folder,
+            write_picture,
+            write_record,
+            write_rows,
+        )
+        from validation.results import changed, file_name
+        from validation.studies.ablation import (
+            ROUNDS,
+            ablation_picture,
+            measure_ablation,
+            show_ablation,
+        )
 
         options, scene = self.study, load_scene(self.scene)
         times, out = options.times(scene), writable_folder(options.out)

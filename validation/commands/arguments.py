@@ -77,7 +77,7 @@ class Run:
 
     def request(self, preset: str | None) -> Request:
         """What is requested of the engine."""
-        from robotball.engines.simulate import request_of
+        from robotball.dispatch import request_of
 
         return request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
 

@@ -22,10 +22,8 @@ class Attractors:
     def run(self) -> int:
         from rich.console import Console
 
-        from validation.output import write_record
-        from validation.progress import progress_bar
-        from validation.studies.attractors.measure import measure_attractors
-        from validation.studies.attractors.report import record, show_attractors
+        from validation.output import progress_bar, write_record
+        from validation.studies.attractors import measure_attractors, record, show_attractors
 
         check_files(self.json)
         with progress_bar(8) as show:

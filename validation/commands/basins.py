@@ -32,9 +32,8 @@ class Basins:
         from robotball.errors import check_count
         from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins
         from validation.commands.suited import attracted_scene
-        from validation.output import print_whole, write_record
-        from validation.progress import progress_bar
-        from validation.studies.attractors.level import level_starts
+        from validation.output import print_whole, progress_bar, write_record
+        from validation.studies.contact_sections import level_starts
 
         scene = attracted_scene(self.scene, "a basin")
         check_count("starts", self.starts, 2)

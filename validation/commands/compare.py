@@ -45,7 +45,7 @@ class Compare:
     """Also write the table as CSV."""
 
     def run(self) -> int:
-        from validation.comparison.drawing import prepare_drawing
+        from validation.plots import prepare_drawing
 
         if self.plots:  # before the imports that take longest
             prepare_drawing(len(self.scenes))
@@ -53,11 +53,9 @@ class Compare:
         from rich.console import Console
 
         from robotball import InputError
-        from validation.comparison.names import scenes_of
-        from validation.comparison.results import write_csv, write_json
-        from validation.comparison.runs import Comparing, compare_all, tell_fault_windows
-        from validation.comparison.table import show
         from validation.output import writable_folder
+        from validation.results import scenes_of, show, write_csv, write_json
+        from validation.runs import Comparing, compare_all, tell_fault_windows
 
         if not self.scenes:
             raise InputError("compare needs a scene; `robotball scenes` lists the catalog")

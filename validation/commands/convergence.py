@@ -39,10 +39,15 @@ class Convergence:
 
         from robotball import load_scene, preset
         from robotball.engines.mujoco import LABEL
-        from validation.comparison.names import changed, file_name
-        from validation.output import writable_folder, write_picture, write_record, write_rows
-        from validation.progress import progress_bar
-        from validation.studies import convergence_report as report
+        from validation.output import (
+            progress_bar,
+            writable_folder,
+            write_picture,
+            write_record,
+            write_rows,
+        )
+        from validation.results import changed, file_name
+        from validation.studies import convergence as report
         from validation.studies.ablation import without
         from validation.studies.convergence import HALVINGS, measure_convergence
 

@@ -24,14 +24,18 @@ class Demo:
         from rich.markup import escape
 
         from robotball import PRESETS, InputError, load_scene
-        from robotball.engines.simulate import request_of
-        from validation.comparison.drawing import draw
-        from validation.comparison.names import file_stem
-        from validation.comparison.results import record, write_csv, write_json, write_markdown
-        from validation.comparison.runs import agreements_of, film
-        from validation.comparison.table import show
-        from validation.output import writable_folder
-        from validation.progress import progress_bar
+        from robotball.dispatch import request_of
+        from validation.output import progress_bar, writable_folder
+        from validation.plots import draw
+        from validation.results import (
+            file_stem,
+            record,
+            show,
+            write_csv,
+            write_json,
+            write_markdown,
+        )
+        from validation.runs import agreements_of, film
 
         out, console = writable_folder(self.out), Console()
         requests = [request_of(settings=name) for name in PRESETS]

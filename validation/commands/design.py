@@ -36,9 +36,9 @@ class Design:
         from dataclasses import replace
 
         from robotball import Limits, load_scene, scene_toml
-        from robotball.designing.design import describe, redesign
-        from validation.comparison.names import changed, file_name
+        from robotball.designing import describe, redesign
         from validation.output import writable_folder, write_text
+        from validation.results import changed, file_name
 
         scene = load_scene(self.scene)
         limits = Limits(

@@ -22,7 +22,7 @@ from validation.commands.arguments import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from validation.studies.engines.environments import Contestant
+    from validation.studies.engine_runs import Contestant
 
 LIMIT = 300.0  # s that a run may take
 ROUNDS = 3  # of timing
@@ -49,7 +49,7 @@ class Engines:
 
     def run(self) -> int:
         from validation.output import writable_folder
-        from validation.studies.engines.environments import contestants, install
+        from validation.studies.engine_runs import contestants, install
 
         known = contestants()
         for each in _chosen(known, listed(self.install)) if self.install else ():
@@ -68,11 +68,16 @@ class Engines:
         from rich.console import Console
 
         from robotball import load_scene
-        from validation.comparison.names import changed, file_name
-        from validation.output import write_picture, write_record
-        from validation.progress import progress_bar
-        from validation.studies.engines.measure import cells_of, measure, study_of
-        from validation.studies.engines.report import engines_picture, record, show_study
+        from validation.output import progress_bar, write_picture, write_record
+        from validation.results import changed, file_name
+        from validation.studies.engine_study import (
+            cells_of,
+            engines_picture,
+            measure,
+            record,
+            show_study,
+            study_of,
+        )
         from validation.sweeps import sweep, write_table
 
         scene, out = load_scene(name), self.sweep.out
@@ -113,7 +118,7 @@ def _list(chosen: Sequence[Contestant], environments: Path) -> None:
 
     from robotball import InputError, engine_named, engine_names
     from validation.output import print_whole
-    from validation.studies.engines.environments import python_of
+    from validation.studies.engine_runs import python_of
 
     table = Table("engine", "name", "version", "presets", "runs in", box=box.SIMPLE_HEAD)
     there = {each.engine for each in chosen}

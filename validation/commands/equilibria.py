@@ -54,8 +54,8 @@ class Equilibria:
         from robotball.qualitative.straight_motions import straight_motion
         from robotball.rotations import rotation_matrix
         from validation.output import print_whole, write_record
-        from validation.studies.attractors.level import level_starts
-        from validation.studies.equilibria_report import record, row, straight_row
+        from validation.studies.contact_sections import level_starts
+        from validation.studies.equilibria import record, row, straight_row
 
         gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
         line = straight_motion(scene.parameters, gamma)
@@ -74,22 +74,25 @@ class Equilibria:
         from rich.console import Console
         from rich.table import Table
 
-        from robotball.qualitative.equilibria import contact_path, fixed_points, index_sum
-        from robotball.qualitative.fixed_circle import fixed_circle
-        from robotball.qualitative.fixed_point_formulas import name_of
-        from robotball.qualitative.limit_cycles import limit_cycles
-        from robotball.qualitative.straight_motions import stability_limit, straight_motions
-        from validation.comparison.names import changed, file_name
-        from validation.figures.portrait import portrait
-        from validation.output import print_whole, writable_folder, write_picture, write_record
-        from validation.progress import progress_bar
-        from validation.studies.equilibria_report import (
-            circle_rows,
-            path_words,
-            record,
-            row,
-            straight_row,
+        from robotball.qualitative.equilibria import (
+            contact_path,
+            fixed_circle,
+            fixed_points,
+            index_sum,
+            name_of,
         )
+        from robotball.qualitative.portraits import limit_cycles
+        from robotball.qualitative.straight_motions import stability_limit, straight_motions
+        from validation.figures.sphere import portrait
+        from validation.output import (
+            print_whole,
+            progress_bar,
+            writable_folder,
+            write_picture,
+            write_record,
+        )
+        from validation.results import changed, file_name
+        from validation.studies.equilibria import circle_rows, path_words, record, row, straight_row
 
         ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
         name = file_name(scene.name, None, ["equilibria", *changed(self, "longest")])

@@ -27,8 +27,8 @@ class Export:
 
     def run(self) -> int:
         from robotball import export_scene, load_scene
-        from validation.comparison.names import changed, file_name
         from validation.output import writable_folder
+        from validation.results import changed, file_name
 
         scene = load_scene(self.scene)
         times = times_of(self.duration)

@@ -39,14 +39,10 @@ class Extremes:
     def _maps(self) -> int:
         from rich.console import Console
 
-        from validation.comparison.names import changed
-        from validation.output import writable_folder, write_picture, write_record
-        from validation.progress import progress_bar
-        from validation.studies.extremes.cells import QUICK, WHOLE, cells_of
-        from validation.studies.extremes.maps import chosen
-        from validation.studies.extremes.measure import survey
-        from validation.studies.extremes.picture import picture
-        from validation.studies.extremes.report import show, summary, totals
+        from validation.output import progress_bar, writable_folder, write_picture, write_record
+        from validation.results import changed
+        from validation.studies.atlas import picture, show, summary, survey, totals
+        from validation.studies.extremes import QUICK, WHOLE, cells_of, chosen
         from validation.sweeps import write_table
 
         maps, out = chosen(self.maps), writable_folder(self.sweep.out)
@@ -73,9 +69,8 @@ class Extremes:
 
     def _random(self, count: int) -> int:
         from robotball.errors import check_count, check_seed
-        from validation.output import write_record
-        from validation.progress import progress_bar
-        from validation.studies.extremes.detection import measure_detection
+        from validation.output import progress_bar, write_record
+        from validation.studies.random_runs import measure_detection
 
         check_count("random", count, 1)
         seed = check_seed(self.seed)

@@ -26,9 +26,8 @@ class Figures:
     """Also write which files were drawn."""
 
     def run(self) -> int:
-        from validation.figures.figures import chosen, draw_figures
-        from validation.output import writable_folder, write_record
-        from validation.progress import progress_bar
+        from validation.figures.paper_figures import chosen, draw_figures
+        from validation.output import progress_bar, writable_folder, write_record
 
         pictures, out = chosen(self.names), writable_folder(self.out)
         with progress_bar(len(pictures)) as show:

@@ -38,10 +38,8 @@ class Judge:
 
         from robotball import InputError, load_scene
         from robotball.errors import check_positive
-        from validation.output import write_record
-        from validation.progress import progress_bar
-        from validation.studies.judge.measure import judge
-        from validation.studies.judge.report import record, show
+        from validation.output import progress_bar, write_record
+        from validation.studies.judge import judge, record, show
 
         if not self.files:
             raise InputError("judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz")

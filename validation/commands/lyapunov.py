@@ -37,15 +37,14 @@ class Lyapunov:
         from rich.table import Table
 
         from robotball import preset
+        from robotball.cores import allowed
         from robotball.engines.mujoco import LABEL
         from robotball.engines.mujoco.model import build
-        from robotball.qualitative.lyapunov import Exponents, exponents
-        from robotball.threads import allowed
+        from robotball.qualitative.exponents import Exponents, exponents
         from validation.commands.suited import moving_scene
-        from validation.output import print_whole, write_record
-        from validation.progress import progress_bar
-        from validation.studies.attractors.contact_exponent import contact_exponent
-        from validation.studies.attractors.level import level_starts
+        from validation.output import print_whole, progress_bar, write_record
+        from validation.studies.attractors import contact_exponent
+        from validation.studies.contact_sections import level_starts
 
         scene = moving_scene(self.scene, "an exponent")
         settings = None if self.preset is None else preset(self.preset)

@@ -25,7 +25,7 @@ class Paper:
 
         from validation.output import writable_file
         from validation.paper import SECTIONS
-        from validation.paper.report import examine_all, show_findings, write_findings
+        from validation.paper.claim import examine_all, show_findings, write_findings
 
         if self.json:
             writable_file(self.json)

@@ -24,11 +24,17 @@ class Portraits:
     def run(self) -> int:
         from rich.console import Console
 
-        from validation.comparison.names import changed
-        from validation.output import writable_folder, write_picture, write_record
-        from validation.progress import progress_bar
-        from validation.studies.portraits.measure import COUNT, QUICK_COUNT, chosen, survey
-        from validation.studies.portraits.report import picture, show, summary
+        from validation.output import progress_bar, writable_folder, write_picture, write_record
+        from validation.results import changed
+        from validation.studies.portrait_maps import (
+            COUNT,
+            QUICK_COUNT,
+            chosen,
+            picture,
+            show,
+            summary,
+            survey,
+        )
         from validation.sweeps import write_table
 
         planes, out = chosen(self.maps), writable_folder(self.sweep.out)

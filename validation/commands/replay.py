@@ -28,7 +28,7 @@ class Replay:
         from rich.markup import escape
 
         from robotball.engines.mujoco.fault_window import load, replay
-        from validation.comparison.fault_report import outcome_of, show_row, show_rows, walk
+        from validation.runs import outcome_of, show_row, show_rows, walk
 
         window, console = load(self.file), Console()
         if self.step is not None:

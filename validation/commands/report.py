@@ -18,8 +18,8 @@ from validation.commands.arguments import (
 )
 
 if TYPE_CHECKING:
-    from validation.comparison.agreement import Agreement
-    from validation.progress import Show
+    from validation.agreement import Agreement
+    from validation.output import Show
 
 FILM = (360, 640)  # px, height and width
 MOST_NAMES = 80  # characters of a file's name that scenes may take
@@ -55,7 +55,7 @@ class Report:
 
     def _study(self, source: Path) -> int:
         from validation.output import writable_folder, write_text
-        from validation.report.study import study_report
+        from validation.report.study_report import study_report
 
         path = writable_folder(self.run_options.out) / f"{source.stem}-report.html"
         write_text(path, study_report(source))
@@ -65,11 +65,10 @@ class Report:
     def _compared(self) -> int:
         import tempfile
 
-        from validation.comparison.names import file_stem, scenes_of
-        from validation.comparison.runs import agreements_of
-        from validation.output import writable_folder, write_text
-        from validation.progress import progress_bar
-        from validation.report.scenes import report
+        from validation.output import progress_bar, writable_folder, write_text
+        from validation.report.scene_report import report
+        from validation.results import file_stem, scenes_of
+        from validation.runs import agreements_of
 
         options = self.run_options
         requests = [options.request(name) for name in listed(self.preset) or (None,)]
@@ -98,7 +97,7 @@ class Report:
         """A small film of an agreement, so that the page stays below six megabytes."""
         from robotball.film.render import Film
         from robotball.film.write import write_video
-        from validation.progress import progress_bar
+        from validation.output import progress_bar
 
         path = folder / "film.mp4"
         with progress_bar(1) as show:

@@ -18,7 +18,7 @@ class Scenes:
         from rich.markup import escape
         from rich.table import Table
 
-        from robotball.files.catalog import entries
+        from robotball.files.scene_file import entries
         from validation.output import print_whole
 
         table = Table("scene", "rolling", "duration", "title", box=box.SIMPLE_HEAD)

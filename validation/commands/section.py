@@ -41,12 +41,11 @@ class Section:
         from robotball.engines.reduced import LABEL as EQUATIONS
         from robotball.errors import check_count
         from validation.commands.suited import may_come_to_rest, moving_scene
-        from validation.comparison.names import changed, file_name
-        from validation.output import writable_folder, write_picture, write_record
-        from validation.progress import progress_bar
-        from validation.studies.attractors.level import level_starts
-        from validation.studies.attractors.section_study import (
+        from validation.output import progress_bar, writable_folder, write_picture, write_record
+        from validation.results import changed, file_name
+        from validation.studies.contact_sections import (
             draw_section,
+            level_starts,
             section_by_contact,
             section_by_equations,
         )

@@ -10,7 +10,7 @@ from tyro.conf import arg
 from validation.commands.arguments import AGREES, DISAGREES, OUT, Preset, SceneName
 
 if TYPE_CHECKING:
-    from robotball.designing.paths import WantedPath
+    from robotball.steering import WantedPath
 
 NEAR = 1e-3  # of the path's length: how near to it a robot that is steered must come
 
@@ -49,12 +49,11 @@ class Steer:
         import numpy as np
 
         from robotball import load_scene, scene_toml
-        from robotball.designing.steering import steer
-        from robotball.designing.steering_needs import shortfalls
-        from validation.comparison.agreement import compare
-        from validation.comparison.drawing import draw
-        from validation.comparison.names import changed, file_name
+        from robotball.steering import shortfalls, steer
+        from validation.agreement import compare
         from validation.output import writable_folder, write_text
+        from validation.plots import draw
+        from validation.results import changed, file_name
 
         robot, path = load_scene(self.scene), self._path()
         steered = steer(robot, path, self.duration)
@@ -84,7 +83,7 @@ class Steer:
         return AGREES if agreement.agrees and not missing else DISAGREES
 
     def _path(self) -> "WantedPath":
-        from robotball.designing import paths
+        from robotball import steering as paths
 
         if self.through:
             return paths.through(points_of(self.through))

@@ -58,9 +58,15 @@ class Tradeoff:
         from rich.console import Console
 
         from validation.output import write_picture, write_record
-        from validation.studies.configurations import configurations
-        from validation.studies.tradeoff import cells_of, measure, tradeoff_of
-        from validation.studies.tradeoff_report import record, show_tradeoff, tradeoff_picture
+        from validation.studies.tradeoff import (
+            cells_of,
+            configurations,
+            measure,
+            record,
+            show_tradeoff,
+            tradeoff_of,
+            tradeoff_picture,
+        )
         from validation.sweeps import write_table
 
         rounds = 2 if self.sweep.quick else ROUNDS
@@ -78,8 +84,7 @@ class Tradeoff:
     def _friction(self, scene: Scene, seconds: float) -> Sequence[Path]:
         from robotball import integrate
         from validation.output import write_picture, write_record
-        from validation.studies.friction import friction_cells, friction_run
-        from validation.studies.friction_report import friction_picture
+        from validation.studies.friction import friction_cells, friction_picture, friction_run
         from validation.sweeps import write_table
 
         cells = friction_cells(self.scene, seconds, self.sweep.quick)
@@ -95,10 +100,8 @@ class Tradeoff:
     def _parts(self, scene: Scene, _seconds: float) -> Sequence[Path]:
         from rich.console import Console
 
-        from validation.output import write_record, write_rows
-        from validation.progress import progress_bar
-        from validation.studies.parts import measure_parts, parts_of
-        from validation.studies.parts_report import rows, show_parts
+        from validation.output import progress_bar, write_record, write_rows
+        from validation.studies.parts_cost import measure_parts, parts_of, rows, show_parts
 
         parts, rounds = parts_of(scene), 3 if self.sweep.quick else 15
         with progress_bar((rounds + 1) * len(parts)) as show:
@@ -112,14 +115,14 @@ class Tradeoff:
     def _paths(self, scene: Scene, study: str) -> Sequence[Path]:
         """Of a study's picture, its data and its table."""
         from robotball.engines.mujoco import LABEL
-        from validation.comparison.names import changed, file_name
+        from validation.results import changed, file_name
 
         words = [study, *changed(self, "duration"), *changed(self.sweep, "quick")]
         stem = file_name(scene.name, LABEL, words)
         return [self.sweep.out / f"{stem}.{end}" for end in ("png", "json", "csv")]
 
     def _sweep(self, work: Work, cells: Sequence[Cell], name: str, scene: Scene) -> list[Result]:
-        from validation.progress import progress_bar
+        from validation.output import progress_bar
         from validation.sweeps import sweep
 
         with progress_bar(len(cells)) as show:

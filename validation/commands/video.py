@@ -49,10 +49,9 @@ class Video:
     def run(self) -> int:
         from robotball import load_scene
         from robotball.film.render import Film
-        from validation.comparison.names import changed, file_name, file_stem
-        from validation.comparison.runs import agreements_of, film, tell_fault_windows, windows
-        from validation.output import writable_folder
-        from validation.progress import progress_bar
+        from validation.output import progress_bar, writable_folder
+        from validation.results import changed, file_name, file_stem
+        from validation.runs import agreements_of, film, tell_fault_windows, windows
 
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
         options, scene = self.run_options, load_scene(self.scene)

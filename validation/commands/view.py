@@ -34,10 +34,9 @@ class View:
         from robotball import load_scene
         from robotball.film.viewer import KEYS, check_display, view
         from robotball.film.web import view_page
-        from validation.comparison.names import file_stem
-        from validation.comparison.runs import agreements_of, tell_fault_windows, windows
-        from validation.output import writable_folder, write_text
-        from validation.progress import progress_bar
+        from validation.output import progress_bar, writable_folder, write_text
+        from validation.results import file_stem
+        from validation.runs import agreements_of, tell_fault_windows, windows
 
         options, scene = self.run_options, load_scene(self.scene)
         request, out = options.request(self.preset), writable_folder(options.out)

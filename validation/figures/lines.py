@@ -7,27 +7,26 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball import Motion, sample_times
-from robotball.equations import Vector
-from robotball.palette import INK
-from robotball.parameters import Parameters
+from robotball.equations import Parameters, Vector
+from robotball.film.looks import INK
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.figures.parts import (
+from validation.figures.sheets import (
     ENGINE_LINE,
     FAINT,
     THEORY,
     THEORY_LINE,
     UNBUILDABLE,
+    View,
     draw_paths,
     engine_motion,
     sheet,
     theory_motion,
 )
 from validation.figures.sphere import Globe, draw_gamma
-from validation.figures.view import View
 from validation.output import halo
-from validation.paper.scenes import paper_scene
+from validation.paper.formulas import paper_scene
 
 LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
 LINE_K = (4.0, 5.0, 0.0)  # of Fig. 10

@@ -5,20 +5,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball import load_scene, sample_times
-from robotball.palette import INK
+from robotball.film.looks import INK
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.figures.parts import (
+from validation.figures.attractor_sections import caption_of
+from validation.figures.sheets import (
     ENGINE_COLOUR,
     ENGINE_NAME,
+    View,
     draw_paths,
     engine_motion,
     sheet,
     theory_motion,
 )
-from validation.figures.sections import caption_of
 from validation.figures.sphere import Globe, draw_gamma
-from validation.figures.view import View
 
 VIEW = View(azimuth=40.0, elevation=25.0)
 DRIFT_FACTS = (

@@ -7,36 +7,36 @@ from matplotlib.figure import Figure
 
 from robotball import ContactMotion, sample_times
 from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.equilibria import fixed_points
-from robotball.qualitative.fixed_circle import fixed_circle
-from robotball.qualitative.fixed_point_formulas import name_of
-from robotball.qualitative.limit_cycles import limit_cycles
-from robotball.qualitative.separatrices import Separatrix, separatrices
+from robotball.qualitative.equilibria import fixed_circle, fixed_points, name_of
+from robotball.qualitative.portraits import Separatrix, limit_cycles, separatrices
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.figures.parts import (
+from validation.figures.sheets import (
     ENGINE_LINE,
     ENGINE_NAME,
     UNBUILDABLE,
+    View,
     draw_paths,
     engine_motion,
     sheet,
     theory_motion,
 )
-from validation.figures.portrait import (
+from validation.figures.sphere import (
     FOLLOWED,
     VIEW,
+    Chart,
+    Globe,
+    Involute,
     counted,
     draw_circle,
     draw_cycles,
     draw_field,
+    draw_gamma,
     draw_points,
     draw_separatrices,
 )
-from validation.figures.sphere import Chart, Globe, Involute, draw_gamma
-from validation.figures.view import View
-from validation.paper.scenes import paper_scene
-from validation.studies.attractors.contact_map import own_start
+from validation.paper.formulas import paper_scene
+from validation.studies.contact_sections import own_start
 
 BALL_LINES = (
     "A = diag(.5, .4, .3) 1/(kg m²)",

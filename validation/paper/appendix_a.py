@@ -8,9 +8,8 @@ from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import INNER, MOTION, RUBBER, largest, rate, seen
-from validation.paper.formulas import Numbers, cross
+from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import Ball, Body, moments
-from validation.paper.scenes import paper_scene
 from validation.paper.section_3_1 import MOMENTUM
 
 MASSES = "point masses"

@@ -10,8 +10,7 @@ from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import NAME, largest, seen
-from validation.paper.formulas import Numbers, cross
-from validation.paper.scenes import paper_scene
+from validation.paper.formulas import Numbers, cross, paper_scene
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ import numpy as np
 
 from robotball import Motion, Scene, sample_times, simulate
 from robotball.engines.mujoco import LABEL
-from robotball.parameters import parameters_of
+from robotball.equations import parameters_of
 from robotball.rotations import Array, rotation_matrix
-from validation.paper.formulas import Numbers, numbers
-from validation.paper.scenes import paper_scene
+from validation.paper.formulas import Numbers, numbers, paper_scene
 
 NAME = LABEL.name
 MOTION = f"{NAME}'s motion"

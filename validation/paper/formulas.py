@@ -2,15 +2,20 @@
 
 Nothing here comes from robotball.equations: these are what its motions are held against. A vector
 is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are corrected where a name says E….
+
+The catalog's scenes of the paper, for what the paper says of them.
 """
 
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from robotball.parameters import Parameters
+from robotball import Scene, SceneWarning, load_scene
+from robotball.equations import Parameters
 from robotball.rotations import Array
 
 Field = Callable[[Array], Array]
@@ -267,3 +272,11 @@ def still(n: Numbers) -> Numbers:
 def level(v: Array, gamma: Array) -> Array:
     """The horizontal part of v."""
     return v - (v @ gamma) * gamma
+
+
+@cache
+def paper_scene(name: str) -> Scene:
+    """A scene of the catalog; that its ball cannot be built is a claim of its own, no warning."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SceneWarning)
+        return load_scene(name)

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from robotball.rotations import Array
-from robotball.start import Start
+from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import DRIVEN, NAME, RUBBER, largest, seen, seen_of
-from validation.paper.formulas import Numbers, cross
-from validation.paper.scenes import paper_scene
+from validation.paper.formulas import Numbers, cross, paper_scene
 
 TIMES = np.linspace(0.0, 20.0, 201)
 GAMMA = np.array([0.6, 0.48, 0.64])

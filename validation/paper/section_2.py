@@ -2,16 +2,40 @@
 
 Point masses leave rounding. MuJoCo at "balanced" leaves 2e-8 in 10 s, and the differences by which
 rates of ω and of the contact point are taken, 1e-6.
+
+Section 2 from the equations of motion on, by point masses and along MuJoCo's motion.
+
+Point masses leave rounding. MuJoCo at "balanced" leaves 2e-8 in 10 s, and the differences by which
+rates of ω and of the contact point are taken, 1e-6 and more.
 """
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from robotball.rotations import Array
+from robotball import sample_times, simulate
+from robotball.robot import Ball, Frame
+from robotball.rotations import Array, from_matrix, multiply
+from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import DRIVEN, EACH, INNER, MOTION, RUBBER, largest, rate, seen
-from validation.paper.formulas import cross
-from validation.paper.point_masses import moments
+from validation.paper.engine import (
+    CLASSICAL,
+    DRIVEN,
+    EACH,
+    INNER,
+    MOTION,
+    RUBBER,
+    Seen,
+    largest,
+    rate,
+    seen,
+    seen_of,
+)
+from validation.paper.formulas import Numbers, cross, paper_scene
+from validation.paper.point_masses import Moment, Rolled, moments, rolled
 
 MASSES = "point masses"
 
@@ -98,7 +122,7 @@ def gyrostatic_momentum(twist: float) -> Residual:
     return Residual(worst, bound=9e-15, unit="kg m²/s")
 
 
-CLAIMS = (
+CLAIMS_KINEMATICS = (
     Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours"),
     Claim(
         "2",
@@ -113,4 +137,211 @@ CLAIMS = (
     Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", no_spin, MOTION, "the sign of Ω"),
     Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", kinetic_energy, MASSES, "the sign of k"),
     Claim("2", "k = Σ jφ̇n - J_sΩ", gyrostatic_momentum, MASSES, "the sign of J_s"),
+)
+
+
+BY_MASSES = "point masses"
+
+
+def plane_force(ball: Seen) -> Array:
+    """λ (n, 3) of MuJoCo's contact, without the part that carries the weight, in frame axes."""
+    in_space = ball.motion.loads.contact_force.copy()
+    in_space[:, 2] = 0.0  # the centre stays at its height, so λ has no vertical part
+    return np.einsum("nij,ni->nj", ball.axes, in_space)
+
+
+def poincare_suslov(twist: float) -> Residual:
+    """(2.3), both lines: the rates of Iω + k and mv against MuJoCo's λ at -aγ and λ₀ about γ."""
+    worst = 0.0
+    for ball in map(seen, EACH):
+        n, force = ball.numbers[0], plane_force(ball)
+        mass, a = n.d / n.a**2, n.a
+        v, turning = mass * ball.centre_velocity, ball.of(lambda n, w, _: n.I @ w + n.k)
+        push = rate(v) + np.cross(ball.omega[INNER][INNER], v[INNER]) - force[INNER][INNER]
+        twisting = ball.motion.loads.spin_torque[:, None] * ball.gamma
+        torque = -twist * a * np.cross(ball.gamma, force) + twisting
+        spun = rate(turning) + (np.cross(ball.omega, turning) - torque)[INNER]
+        worst = max(worst, largest(push), largest(spun))
+    return Residual(worst, bound=2e-4, unit="N, N m")
+
+
+def without_gravity(twist: float) -> Residual:
+    """MuJoCo's path at 9.81 and at 3.7 m/s²; twisted, of a ball whose centre of mass is off."""
+    scene = paper_scene(RUBBER)
+    if twist != 1:
+        ball, off = scene.ball, np.array([0.0, 0.0, 1e-5])
+        frame = Frame(ball.frame.mass, ball.frame.inertia, off)
+        scene = replace(scene, ball=Ball(ball.shell, frame, ball.rotors))
+    times = sample_times(5.0)
+    paths = [simulate(replace(scene, gravity=g), times).contact_point for g in (9.81, 3.7)]
+    return Residual(largest(paths[0] - paths[1]), bound=1e-11, unit="m")
+
+
+def reaction(twist: float) -> Residual:
+    """λ after (2.3), with dω/dt by differences, beside MuJoCo's contact force."""
+    worst = 0.0
+    for ball in map(seen, EACH):
+        omega_rate = rate(ball.omega)
+        states = zip(
+            ball.numbers[INNER], ball.omega[INNER], ball.gamma[INNER], omega_rate, strict=True
+        )
+        found = []
+        for n, w, gamma, w_rate in states:
+            ma, shell, gamma_rate = n.d / n.a, w - n.Omega, cross(gamma, w)
+            found.append(
+                -ma * cross(gamma, w_rate - n.Omega_rate)
+                - ma * cross(gamma_rate, shell)
+                - twist * ma * cross(w, cross(gamma, shell))
+            )
+        worst = max(worst, largest(np.array(found) - plane_force(ball)[INNER]))
+    return Residual(worst, bound=3e-5, unit="N")
+
+
+def by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array, Rolled]]:
+    """Random point-mass balls, their numbers, ω with (2.2) if `rubber`, and how they roll."""
+    for moment in moments(seed):
+        n, omega = moment.ball.numbers, moment.omega
+        if rubber:
+            omega = f.level(omega, moment.gamma) + (n.Omega @ moment.gamma) * moment.gamma
+        yield moment, n, omega, rolled(moment.ball, omega, moment.gamma, rubber)
+
+
+def full_equations(rubber: bool, twist: float) -> Residual:
+    """dω/dt of (2.4), with the λ₀ that Newton and Euler give."""
+    worst = 0.0
+    for moment, n, omega, expected in by_masses(24, rubber):
+        torque = f.gyroscopic_torque(n, omega, moment.gamma)
+        torque = torque + expected.spin_torque * moment.gamma
+        torque = torque + twist * f.drive_torque(n, omega, moment.gamma)
+        off = np.linalg.solve(f.contact_inertia(n, moment.gamma), torque) - expected.omega_rate
+        worst = max(worst, float(np.abs(off).max()))
+    return Residual(worst, bound=2e-13, unit="rad/s²")
+
+
+def driven_equations(twist: float) -> Residual:
+    """dω/dt of (2.4)-(2.5) beside differences of MuJoCo's ω, while the rates swing."""
+    ball = seen(DRIVEN)
+
+    def formula(n: Numbers, omega: Array, gamma: Array) -> Array:
+        return f.acceleration(n, omega, gamma, twist * f.spin_torque(n, omega, gamma))
+
+    return Residual(largest(rate(ball.omega) - ball.of(formula)[INNER]), 3e-5, unit="rad/s²")
+
+
+def multiplier(twist: float) -> Residual:
+    """λ₀ of (2.5) beside the spin torque of Newton and Euler's equations."""
+    worst = 0.0
+    for moment, n, omega, expected in by_masses(25, rubber=True):
+        change = twist * n.Omega_rate
+        found = f.spin_torque(replace(n, Omega_rate=change), omega, moment.gamma)
+        worst = max(worst, abs(found - expected.spin_torque))
+    return Residual(worst, bound=4e-14, unit="N m")
+
+
+def contact_torque(twist: float) -> Residual:
+    """λ₀ of (2.5) beside the torque that MuJoCo's contact feels, while the rates swing."""
+    ball = seen(DRIVEN)
+    off = twist * ball.of(f.spin_torque) - ball.motion.loads.spin_torque
+    return Residual(largest(off), bound=6e-8, unit="N m")
+
+
+def contact_inertia(twist: float) -> Residual:
+    """Ĩ, beside Σ m(r²E - r⊗r) about the contact point; as printed, γ² from each of its entries."""
+    corrected = printed = 0.0
+    for moment in moments(26):
+        ball, n, gamma = moment.ball, moment.ball.numbers, moment.gamma
+        about = ball.inertia(-ball.a * gamma)
+        tilde = n.I + n.d * (twist * gamma @ gamma * f.E - np.outer(gamma, gamma))
+        literal = n.I + n.d * (gamma @ gamma - np.outer(gamma, gamma))
+        corrected = max(corrected, float(np.abs(about - tilde).max()))
+        printed = max(printed, float(np.abs(about - literal).max()))
+    return Residual(corrected, bound=1e-14, printed=printed, unit="kg m²")
+
+
+def constraint_rate(twist: float) -> Residual:
+    """(Ĩω̇, Ĩ⁻¹γ) - (Ω, γ×ω) - (Ω̇, γ) of rubber balls of point masses, and + (Ω̇, γ)."""
+
+    def off(sign: float) -> float:
+        worst = 0.0
+        for moment, n, omega, expected in by_masses(27, rubber=True):
+            tilde, gamma = f.contact_inertia(n, moment.gamma), moment.gamma
+            first = tilde @ expected.omega_rate @ np.linalg.solve(tilde, gamma)
+            rest = first - n.Omega @ cross(gamma, omega)
+            worst = max(worst, abs(float(rest + sign * n.Omega_rate @ gamma)))
+        return worst
+
+    return Residual(off(-twist), bound=4e-14, printed=off(+1.0), unit="rad/s²")
+
+
+def reconstruction(twist: float) -> Residual:
+    """(2.6): the rates of α and β by differences of MuJoCo's attitude, beside α×ω and β×ω."""
+    worst = 0.0
+    for ball in map(seen, EACH):
+        for axis in (ball.axes[:, 0], ball.axes[:, 1]):
+            turning = twist * np.cross(axis, ball.omega)[INNER]
+            worst = max(worst, largest(rate(axis) - turning))
+    return Residual(worst, bound=3e-5, unit="rad/s")
+
+
+def contact_point(twist: float) -> Residual:
+    """(2.7): Ẋ and Ẏ by differences of MuJoCo's path, beside a(β, ω - Ω) and -a(α, ω - Ω)."""
+    worst = 0.0
+    for ball in map(seen, EACH):
+        shell = ball.of(lambda n, w, _: n.a * (w - n.Omega))
+        X = (ball.axes[:, 1] * shell).sum(axis=1)[INNER]
+        Y = -twist * (ball.axes[:, 0] * shell).sum(axis=1)[INNER]
+        worst = max(worst, largest(ball.path_velocity[:, :2] - np.stack([X, Y], axis=1)))
+    return Residual(worst, bound=6e-6, unit="m/s")
+
+
+def plane_symmetry(twist: float) -> Residual:
+    """ω, γ and the path of MuJoCo's ball turned by 0.7 rad about OZ; twisted, about OX."""
+    worst = 0.0
+    for name in (RUBBER, CLASSICAL):
+        scene, ball = paper_scene(name), seen(name)
+        turn = f.turned_about(f.E[2 if twist == 1 else 0], 0.7)
+        turned = Start(
+            multiply(from_matrix(turn), scene.start.attitude), turn @ scene.start.momentum
+        )
+        if name == RUBBER and twist != 1:
+            continue  # its M has to stay horizontal
+        other = seen_of(replace(scene, start=turned), 10.0)
+        path = ball.motion.contact_point @ turn[:2, :2].T
+        worst = max(worst, largest(other.omega - ball.omega), largest(other.gamma - ball.gamma))
+        worst = max(worst, largest(other.motion.contact_point - path))
+    return Residual(worst, bound=3e-10, unit="rad/s, m")
+
+
+CLAIMS_EQUATIONS = (
+    Claim(
+        "(2.3)", "both lines, with the contact's λ and λ₀", poincare_suslov, MOTION, "sign of ∂f/∂ω"
+    ),
+    Claim("Remark 3", "gravity has no part", without_gravity, MOTION, "the centre of mass"),
+    Claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", reaction, MOTION, "the sign of its last term"),
+    Claim("(2.4)", "classical: dω/dt", partial(full_equations, False), BY_MASSES, "the sign of W"),
+    Claim("(2.4)", "rubber: dω/dt", partial(full_equations, True), BY_MASSES, "the sign of W"),
+    Claim("(2.4)", "dω/dt while Ω and k change", driven_equations, MOTION, "the sign of λ₀"),
+    Claim(
+        "E4, (2.4)",
+        "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point",
+        contact_inertia,
+        BY_MASSES,
+        "the sign of γ²",
+        printed="ma²(γ² - γ⊗γ), where I is …",
+    ),
+    Claim("(2.5)", "λ₀, with Ω and k changing", multiplier, BY_MASSES, "the sign of Ω̇"),
+    Claim("(2.5)", "λ₀ is the torque of the contact", contact_torque, MOTION, "the sign of λ₀"),
+    Claim(
+        "E3, (2.5)",
+        "the rate of (2.2): … - (Ω̇, γ) = 0",
+        constraint_rate,
+        BY_MASSES,
+        "the sign of (Ω̇, γ)",
+        printed="… + (Ω̇, γ) = 0",
+    ),
+    Claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω", reconstruction, MOTION, "the sign of both"),
+    Claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)", contact_point, MOTION, "the sign of Ẏ"),
+    Claim(
+        "Remark 4", "turned about OZ, ω and γ stay the same", plane_symmetry, MOTION, "OX for OZ"
+    ),
 )

@@ -6,9 +6,9 @@ from functools import cache, partial
 import numpy as np
 
 from robotball import Scene
-from robotball.engines.reduced.compiled.kernels import kernel_start, orbit
+from robotball.engines.ensembles.orbits import kernel_start, orbit
 from robotball.rotations import Array, rotation_matrix
-from robotball.start import along_momentum, section_state
+from robotball.scene import along_momentum, section_state
 from validation.paper import formulas as f
 from validation.paper.claim import AtLeast, Claim, Residual
 from validation.paper.engine import (
@@ -20,8 +20,7 @@ from validation.paper.engine import (
     seen,
     seen_of,
 )
-from validation.paper.formulas import Numbers, cross
-from validation.paper.scenes import paper_scene
+from validation.paper.formulas import Numbers, cross, paper_scene
 
 MOMENTUM = "kg m²/s"
 ROUTH = "routh_sphere"

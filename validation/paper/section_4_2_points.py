@@ -7,13 +7,12 @@ from numpy import arcsin, arctan2, pi, sqrt
 from scipy.optimize import brentq
 
 from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.limit_cycles import limit_cycles
+from robotball.qualitative.portraits import limit_cycles
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.captions import captioned_motion, starting_axes
 from validation.paper.claim import AtLeast, Claim, Evidence, Residual, Value
-from validation.paper.formulas import Numbers
-from validation.paper.scenes import paper_scene
+from validation.paper.formulas import Numbers, paper_scene
 from validation.paper.section_4_2 import FIG6, balls, growth_in_a_turn
 
 DELTA, THETA = 1, 0  # the index j of the γⱼ that is not zero, beside γ₃

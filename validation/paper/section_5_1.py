@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from robotball.rotations import Array, from_matrix
-from robotball.start import Start
+from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine import MOTION, Seen, largest, seen_of
-from validation.paper.formulas import Numbers, cross
-from validation.paper.scenes import paper_scene
+from validation.paper.formulas import Numbers, cross, paper_scene
 
 BALL = "fig10"
 Polynomial = Callable[[Numbers, Array], Array]

@@ -5,16 +5,15 @@ from numpy import cos, sin, sqrt
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from robotball.engines.reduced.compiled.kernels import kernel_start
+from robotball.engines.ensembles.orbits import kernel_start
 from robotball.qualitative.sections import section
 from robotball.rotations import Array
-from robotball.start import section_state
+from robotball.scene import section_state
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.claim import AtLeast, Claim, Residual, Value
 from validation.paper.engine import MOTION, RUBBER, seen
-from validation.paper.formulas import cross
-from validation.paper.scenes import paper_scene
+from validation.paper.formulas import cross, paper_scene
 
 F = 25.0  # M² of Figs 11 to 14, (kg m²/s)²
 
@@ -46,7 +45,7 @@ def no_lines(twist: float) -> AtLeast:
 
 
 def on_the_level(twist: float) -> Residual:
-    """γ² = 1, (M, γ) = 0 and M² = f by (5.5), and that robotball.start has the same M and γ."""
+    """γ² = 1, (M, γ) = 0 and M² = f by (5.5), and that robotball.scene has the same M and γ."""
     random, worst = np.random.default_rng(71), 0.0
     for _ in range(100):
         L, l, g = random.uniform(-5, 5), *random.uniform(0, 2 * np.pi, 2)

@@ -1,4 +1,10 @@
-"""Orders of convergence: one contact model under every integrator, against two references.
+"""The order of a method, from errors at many steps: a line through logarithms, where it is one.
+
+Errors fall as a power of the step in the middle only. Above, the steps are too long for the
+leading term to rule; below, the error stops falling: at rounding, or at an error of another kind
+that no step makes smaller. Both ends are left out, and the lower one is told.
+
+Orders of convergence: one contact model under every integrator, against two references.
 
 Against the limit that the contact model itself tends to as steps shrink, an error is of the
 integrator alone. Against the reduced equations it is that and the model's own: once steps are
@@ -8,25 +14,112 @@ truly has none, and the two errors are the same down to rounding.
 A run changes nothing but integrator and step. MuJoCo guards soft contacts in silence (refsafe): it
 raises solref's time constant to two steps. Steps that long are left out, as the contact would no
 longer be the same. Steps end on the sample times: MuJoCo's are fractions of the sample interval.
+
+Orders of convergence: tables in the terminal, a picture, and plain data.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS, OWN
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import MOST_STEPS
+from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS, MOST_STEPS, OWN
+from robotball.engines.reduced import LABEL as EQUATIONS
+from robotball.film.looks import INK
 from robotball.motion import path_error
 from robotball.rotations import Array
-from validation.studies.order import Order, fit_order, stalled_at
+from validation.output import in_picture, print_whole, scientific
+
+LEAST = 3  # points that make an order
+STALLED = 0.5  # a fall with less than this power of the step is none
+CLEAR = 5.0  # times the error at which they stall, from where on errors are taken for the line
+STRAIGHT = 0.04  # distance from a line that passes for one, in ln(step), root mean square
+
+
+@dataclass(frozen=True)
+class Order:
+    """error ~ stepᵒʳᵈᵉʳ, over the steps from `shortest` to `longest`.
+
+    stderr: the standard error of the order; ln_step, ln_error: the line's middle; points: how many
+    it comes from.
+    """
+
+    order: float
+    stderr: float
+    ln_step: float
+    ln_error: float
+    shortest: float
+    longest: float
+    points: int
+
+    def error_at(self, step: Array) -> Array:
+        """(n,): the error on the line at steps (n,)."""
+        return np.exp(self.ln_error + self.order * (np.log(step) - self.ln_step))
+
+
+def fit_order(
+    steps: Sequence[float], errors: Sequence[float | None], floor: float = 0.0
+) -> Order | None:
+    """The order over the longest straight part of the errors, or None where there is none.
+
+    steps: (n,) > 0 in any order and unit; errors: (n,), None where a run broke off; floor: what the
+    errors are known to, at least. Among parts of one length the one at shorter steps is taken.
+    """
+    h, e = _sound(steps, errors)
+    clear = e > max(floor, CLEAR * (stalled_at(steps, errors) or 0.0))
+    x, y = np.log(h[clear]), np.log(e[clear])
+    for length in range(len(x), LEAST - 1, -1):
+        for begin in range(len(x) - length, -1, -1):
+            part = slice(begin, begin + length)
+            if (found := _line(x[part], y[part])) is not None:
+                return found
+    return None
+
+
+def stalled_at(steps: Sequence[float], errors: Sequence[float | None]) -> float | None:
+    """The least of the errors, at the shortest steps, that fall no more; None if all fall."""
+    h, e = _sound(steps, errors)
+    for i in range(len(h) - 1):
+        if np.all(e[i + 1 :] > e[i] * (h[i + 1 :] / h[i]) ** STALLED):
+            return float(e[i:].min())
+    return None
+
+
+def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Array, Array]:
+    """Steps, the longest first, and errors of the runs that came to their end and were off."""
+    pairs = sorted(
+        ((h, e) for h, e in zip(steps, errors, strict=True) if e and np.isfinite(e)), reverse=True
+    )
+    h, e = np.array(pairs).reshape(-1, 2).T
+    return h, e
+
+
+def _line(x: Array, y: Array) -> Order | None:
+    """The least-squares line, if the points are near it and it rises."""
+    deviation = x - x.mean()
+    spread = float((deviation**2).sum())
+    slope = float((deviation * y).sum()) / spread
+    residual = y - y.mean() - slope * deviation
+    if slope < STALLED or np.sqrt(np.mean(residual**2)) > STRAIGHT * slope:
+        return None
+    stderr = np.sqrt((residual**2).sum() / (len(x) - 2) / spread)
+    ends = float(np.exp(x.min())), float(np.exp(x.max()))
+    return Order(slope, float(stderr), float(x.mean()), float(y.mean()), *ends, len(x))
+
 
 FIXED = f"{ADAPTIVE} fixed"
 # The order that theory claims for a smooth motion.
@@ -270,3 +363,179 @@ def _trial(runs: _Runs, limit: OwnLimit, before: Method | None, method: Method) 
         path_error(found.motion, runs.theory),
         estimate,
     )
+
+
+NOTE = (
+    "Errors are of the path, over its length. own limit: what the contact model\n"
+    "tends to as steps shrink. Richardson: an estimate of that error from a run and\n"
+    "the one at the next longer step. equations: that error and the model's own.\n"
+    "points: of the line. stalls: where shorter steps make no smaller error.\n"
+    "DOP853 alone chooses its steps: the order is its power of rtol."
+)
+INCHES = (11.0, 6.6)
+TITLES: dict[Reference, str] = {
+    "own": "against the contact model's own limit",
+    "equations": "against the reduced equations",
+}
+NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
+
+
+def show_convergence(study: Convergence, console: Console) -> None:
+    """Print every run, the orders, and the distance of the two references."""
+    print_whole(_runs(study), console)
+    print_whole(_orders(study), console)
+    console.print(NOTE)
+    limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
+    console.print(
+        f"{name}: the own limit is {limit.model_error:.1e} of the path off the equations;\n"
+        f"it is by {limit.method}, and known to {limit.known_to:.1e}."
+    )
+
+
+def _runs(study: Convergence) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    table.add_column("integrator", no_wrap=True)
+    for heading in ("step\n\\[ms]", "rtol", "own limit", "Richardson", "equations"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, trials in study.by_name.items():
+        for trial in trials:
+            table.add_row(
+                name,
+                "-" if trial.step is None else f"{trial.step * 1e3:.3g}",
+                f"{trial.method.rtol:.0e}" if trial.method.step is None else "",
+                scientific(trial.own),
+                "" if trial.richardson is None else scientific(trial.richardson),
+                scientific(trial.equations),
+            )
+        table.add_section()
+    return table
+
+
+def _orders(study: Convergence) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    table.add_column("integrator", no_wrap=True)
+    headings = ["claim", "own limit", "points", "stalls", "equations", "points", "stalls"]
+    for heading in headings:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name in study.by_name:
+        found = [cell for against in REFERENCES for cell in _found(study, name, against)]
+        table.add_row(name, f"{ORDERS[name]}" if name in ORDERS else "rtol", *found)
+    return table
+
+
+def _found(study: Convergence, name: str, against: Reference) -> tuple[str, str, str]:
+    order, stall = study.order(name, against), study.stalled_at(name, against)
+    points = f"{order.points}" if order else ""
+    return order_text(order), points, "" if stall is None else scientific(stall)
+
+
+def order_text(order: Order | None) -> str:
+    """The order with its standard error; a dash where there is none."""
+    return "-" if order is None else f"{order.order:.2f} ± {order.stderr:.2f}"
+
+
+def convergence_picture(study: Convergence) -> Figure:
+    """Two panels of path error over step, with the fitted slopes, and where they cannot go on."""
+    figure = Figure(figsize=INCHES, layout="constrained")
+    title = f"{study.scene.name}, {study.settings.name}: {study.duration:g} s"
+    figure.suptitle(in_picture(title))
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    limit = study.limit
+    lines: tuple[tuple[Reference, float, str], ...] = (
+        ("own", limit.known_to, "the limit is known to this"),
+        ("equations", limit.model_error, "the limit is this far off"),
+    )
+    for axes, (against, level, words) in zip(panels, lines, strict=True):
+        _draw(axes, study, against)
+        axes.axhline(level, color=EQUATIONS.colour, linestyle=":", linewidth=2, label=words)
+        axes.set_title(TITLES[against], loc="left", fontsize=11)
+        axes.set(xscale="log", yscale="log", xlabel="step, or its mean [ms]")
+        axes.grid(alpha=0.3)
+        handles, labels = axes.get_legend_handles_labels()
+        axes.legend(
+            handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=9,
+            frameon=False, title="order: fitted (dashed) ± standard error",
+        )  # fmt: skip
+    panels[0].set_ylabel("largest path error over path length")
+    return figure
+
+
+def _draw(axes: Axes, study: Convergence, against: Reference) -> None:
+    labelled: list[Order] = []
+    for name, trials in study.by_name.items():
+        order = study.order(name, against)
+        drawn = [(p.step * 1e3, e) for p in trials if p.step and (e := p.error(against))]
+        words = f"{name}, of rtol" if name == ADAPTIVE else name
+        label = f"{words}: {order_text(order)}" if order else f"{name}: no order"
+        axes.plot(
+            *np.array(drawn).reshape(-1, 2).T,
+            linestyle="", markerfacecolor="none", label=label, **_mark(name),
+        )  # fmt: skip
+        if order is None or name == ADAPTIVE:
+            continue
+        ends = np.array([order.shortest, order.longest])
+        axes.plot(ends * 1e3, order.error_at(ends), "--", color=_mark(name)["color"], linewidth=1)
+        if not any(_near(order, other) for other in labelled):
+            labelled.append(order)
+            axes.annotate(
+                f"slope {order.order:.2f}",
+                (np.exp(order.ln_step) * 1e3, np.exp(order.ln_error)),
+                xytext=(10, -12),
+                textcoords="offset points",
+                fontsize=9,
+            )
+
+
+def _mark(name: str) -> dict[str, Any]:
+    """The mark of an integrator's trials; of the adaptive one, its fixed steps have its own."""
+    of = INTEGRATORS.get(name, INTEGRATORS[ADAPTIVE])
+    if name == ADAPTIVE:
+        return {"marker": "*", "markersize": 9, "color": INK}
+    colour = LABEL.colour if of.own else INK
+    return {"marker": of.marker, "markersize": of.size, "color": colour}
+
+
+def _near(order: Order, other: Order) -> bool:
+    apart = (order.ln_step - other.ln_step, order.ln_error - other.ln_error)
+    return max(map(abs, apart)) < NEAR
+
+
+def rows(study: Convergence) -> list[dict[str, Any]]:
+    """A row of plain numbers for every run."""
+    return [
+        {
+            "integrator": trial.method.name,
+            "step": trial.step,
+            "rtol": trial.method.rtol if trial.method.step is None else None,
+            "own_error": trial.own,
+            "richardson": trial.richardson,
+            "equations_error": trial.equations,
+        }
+        for trial in study.trials
+    ]
+
+
+def record(study: Convergence) -> dict[str, Any]:
+    """The study as plain data; an order or a stall that there is not is None."""
+    orders = {
+        name: {
+            against: {
+                "order": asdict(order) if (order := study.order(name, against)) else None,
+                "stalled_at": study.stalled_at(name, against),
+            }
+            for against in REFERENCES
+        }
+        for name in study.by_name
+    }
+    return {
+        "scene": study.scene.name,
+        "settings": study.settings.plain(),
+        "duration": study.duration,
+        "limit": {
+            "by": str(study.limit.method),
+            "known_to": study.limit.known_to,
+            "model_error": study.limit.model_error,
+        },
+        "orders": orders,
+        "runs": rows(study),
+    }

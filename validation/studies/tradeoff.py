@@ -1,33 +1,204 @@
-"""What accuracy costs, over many configurations: error against processor time, the Pareto front."""
+"""The configurations of the trade-off: two stars, a line through each, and a random sample.
+
+Every combination would be tens of thousands of runs. The stars change one choice of the recipe, or
+of the naive model, at a time; the lines change the steps alone; the sample has what happens where
+choices meet.
+
+What accuracy costs, over many configurations: error against processor time, the Pareto front.
+
+The trade-off: the Pareto front in the terminal, a picture of all of it, and plain data.
+"""
 
 import hashlib
 import logging
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+import random
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cache
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
 from robotball import PRESETS, Motion, Scene, Settings, integrate, load_scene, sample_times
+from robotball.drives import Servo
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.engine import MUJOCO
-from robotball.engines.mujoco.integrators import FIRST_ORDER, MUJOCOS_DEFAULT
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.files.scene_writer import scene_toml
-from robotball.rotations import Array
-from validation.comparison.agreement import Agreement
-from validation.studies.configurations import (
-    INTERVAL,
-    Options,
-    describe,
-    options_of,
-    settings_with,
+from robotball.engines.mujoco.settings import (
+    ADAPTIVE,
+    FIRST_ORDER,
+    INTEGRATORS,
+    MUJOCOS_DEFAULT,
+    NAIVE,
+    Prescribed,
+    recipe,
+    settings_from,
 )
-from validation.studies.order import fit_order
+from robotball.files.scene_writer import scene_toml
+from robotball.film.looks import ACCENT, FAINT, INK
+from robotball.rotations import Array
+from validation.agreement import Agreement
+from validation.output import in_picture, print_whole, scientific
+from validation.studies.convergence import fit_order
 from validation.studies.timing import measure_costs, simulated_second
 from validation.sweeps import Cell, Result
+
+Options = dict[str, Any]
+
+ALL = ("RK4", *FIRST_ORDER)
+NO_TOLERANCE = 1.0  # an error is what is measured here, so none is a fault
+RECIPE = recipe("recipe", NO_TOLERANCE, timestep=PRESETS["balanced"].timestep)
+INTERVAL = 0.1  # s, between samples; no step is longer
+
+# s; a power of two apart, so that few make a slope. Nothing is left to gain for RK4 below 1 ms.
+LINE = tuple(INTERVAL / 2**k for k in range(10))
+STEPS = (20e-3, 5e-3, 1e-3)
+FINE_STEPS = (5e-3, 1e-3, 0.2e-3)  # where first order has its slope
+RTOLS = tuple(10.0**-k for k in range(4, 14))
+SAMPLE = 120  # random combinations
+SEED = 4
+
+
+def _both(*names: str) -> tuple[Options, Options]:
+    """The recipe's choice and the naive model's, of settings that go together."""
+    return {n: getattr(RECIPE, n) for n in names}, {n: getattr(NAIVE, n) for n in names}
+
+
+_EXACT = {"tolerance": 0.0, "jacobian": "dense"}  # of any solver with hinges of a huge inertia
+CHOICES: Mapping[str, Sequence[Options]] = {
+    "solver": (
+        *_both(
+            "solver", "iterations", "tolerance", "ls_tolerance", "jacobian", "warmstart", "island",
+        ),
+        {"solver": "PGS", "iterations": 1, "warmstart": "disable", **_EXACT},
+        {"solver": "PGS", "iterations": 30, "warmstart": None, **_EXACT},
+        {"solver": "Newton", "iterations": 3, "warmstart": "disable", **_EXACT},
+        {"solver": "CG", "iterations": 10, "warmstart": "disable", **_EXACT},
+    ),
+    "cone": _both("cone"),
+    "impratio": ({"impratio": None}, {"impratio": 1e2}, {"impratio": 1e4}),
+    "noslip": (*_both("noslip_iterations", "noslip_tolerance"), {"noslip_iterations": 5}),
+    "solref": (*_both("solref", "solimp"), {"solref": (0.4, 1.0)}),
+    "solreffriction": (
+        *_both("solreffriction"),
+        {"solreffriction": (-1.0, -0.1)},
+        {"solreffriction": (-1.0, -10.0)},
+    ),
+    "drive": (
+        *_both("drive"),
+        {"drive": Prescribed(armature=1e8)},
+        {"drive": Servo(gain=1e4)},
+    ),
+    "friction": _both("sliding_friction", "torsional_friction"),
+    "start": _both("start_in_equilibrium"),
+}  # fmt: skip
+
+
+def configurations(quick: bool = False) -> list[Settings]:
+    """The study's settings, each once, the presets first; the quick form has a few of each kind."""
+    if quick:
+        every = [*PRESETS.values(), *_lines((RECIPE,), LINE[3:6], ("RK4", "Euler"))]
+        every += [*_line_of_tolerances(RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
+    else:
+        every = [
+            *PRESETS.values(),
+            *_lines((RECIPE, NAIVE), LINE, ALL),
+            *_line_of_tolerances(RTOLS),
+            *_star(RECIPE, STEPS, ("RK4",)),
+            *_star(RECIPE, FINE_STEPS, FIRST_ORDER),
+            *_star(NAIVE, STEPS[1:], ALL),
+            *_sample(),
+        ]
+    distinct: dict[str, Settings] = {}
+    for settings in every:
+        distinct.setdefault(repr(options_of(settings)), settings)
+    return list(distinct.values())
+
+
+def _lines(
+    bases: Sequence[Settings], steps: Sequence[float], integrators: Sequence[str]
+) -> Iterator[Settings]:
+    """The bases at all steps."""
+    for base, integrator, step in product(bases, integrators, steps):
+        yield replace(base, integrator=integrator, timestep=step)
+
+
+def _line_of_tolerances(rtols: Sequence[float]) -> Iterator[Settings]:
+    for rtol in rtols:
+        yield replace(RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol)
+
+
+def _star(base: Settings, steps: Sequence[float], integrators: Sequence[str]) -> Iterator[Settings]:
+    """The base with every single choice made otherwise."""
+    for level in chain.from_iterable(CHOICES.values()):
+        if (changed := replace(base, **level)) != base:
+            yield from _lines((changed,), steps, integrators)
+
+
+def _sample() -> Iterator[Settings]:
+    """Random combinations of all choices."""
+    pick = random.Random(SEED).choice
+    for _ in range(SAMPLE):
+        level = {name: value for levels in CHOICES.values() for name, value in pick(levels).items()}
+        yield replace(RECIPE, integrator=pick(ALL), timestep=pick(STEPS), **level)
+
+
+_NOT_OPTIONS = ("name", "error_tolerance", "stop_at_fault", "max_steps")  # no options of MuJoCo
+_STEPS = (*_NOT_OPTIONS, "integrator", "timestep", "rtol")
+FEW = 3  # changes that are named
+_DEFAULTS = {field.name: field.default for field in fields(Settings)}
+
+
+def options_of(settings: Settings) -> Options:
+    """What the settings have other than MuJoCo's defaults, as JSON would give it back."""
+    return {
+        name: value
+        for name, value in settings.plain().items()
+        if name not in _NOT_OPTIONS and value != _DEFAULTS[name]
+    }
+
+
+def describe(options: Mapping[str, Any]) -> str:
+    """The recipe or the naive model, whichever is nearer, and what is otherwise but the steps."""
+    name, changes = min(
+        ((base.name, _changes(options, options_of(base))) for base in (RECIPE, NAIVE)),
+        key=lambda each: len(each[1]),
+    )
+    return ", ".join([name, *changes]) if len(changes) <= FEW else f"{name}, {len(changes)} changes"
+
+
+def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
+    """What to say of the options that differ."""
+    changed = []
+    for name in _DEFAULTS:
+        value = options.get(name)
+        if name not in _STEPS and value != base.get(name):
+            said = "default" if value is None else value
+            if isinstance(value, dict):  # a drive
+                said = " ".join(f"{key} {number:g}" for key, number in value.items() if number)
+            elif isinstance(value, list):
+                said = " ".join(f"{number:g}" for number in value)
+            elif isinstance(value, float):
+                said = f"{value:g}"
+            changed.append(f"{name} {said}")
+    return changed
+
+
+def settings_with(options: Mapping[str, Any]) -> Settings:
+    """The settings with these options, that go on after a fault; other keys are left out."""
+    known = {key: value for key, value in options.items() if key in _DEFAULTS}
+    named = {"name": describe(options), "error_tolerance": NO_TOLERANCE, "stop_at_fault": False}
+    return settings_from({**known, **named})
+
 
 TARGET = 1e-6  # the path error at which first order and the front are compared
 # A path so much better than the momentum is one whose errors cancelled; sound ones reach 20.
@@ -277,3 +448,206 @@ def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Tradeoff:
         min(good_enough, key=lambda each: each.cost, default=None),
         min(lines, key=lambda line: line.at_target, default=None),
     )
+
+
+NOTE = (
+    "CPU: of a simulated second. × bare: the same, relative to a bare loop of mj_step\n"
+    "on fig12 at 1 ms, the median of rounds in turn (least-most)."
+)
+INCHES = (10.0, 7.2)
+WILD = 1e3  # a path error from where on a run is not drawn
+ABOVE = ("adaptive",)  # its place is the left end of the front
+
+
+def show_tradeoff(study: Tradeoff, console: Console) -> None:
+    """Print the front, the presets, and the ratio at the target."""
+    failed = sum(not each.sound for each in study.configurations)
+    console.print(
+        f"{escape(study.scene.name)}: {len(study.configurations)} configurations, "
+        f"{failed} no result",
+        style="bold",
+    )
+    console.print("The Pareto front: nothing is both cheaper and better.")
+    print_whole(_table(study.pareto_front), console)
+    console.print("The presets.")
+    print_whole(_table(sorted(study.presets.values(), key=lambda p: p.title)), console)
+    console.print(NOTE)
+    console.print(escape(verdict(study)))
+
+
+def verdict(study: Tradeoff) -> str:
+    """What first order costs at the target, beside the front."""
+    if study.best is None:
+        return f"No configuration reaches a path error of {TARGET:g}."
+    best = f"At a path error of {TARGET:g}: {study.best.title} takes {study.best.cost:.2g} s"
+    if study.first_order is None or study.ratio is None:
+        return f"{best}; no first-order integrator has a line to compare it with."
+    line = study.first_order
+    how = (
+        f"extrapolated from {scientific(line.nearest.error)} at order {line.order:.2f}"
+        if line.extrapolated
+        else "measured"
+    )
+    return (
+        f"{best};\nthe best of first order ({line.nearest.title}) "
+        f"{line.at_target:.2g} s, {study.ratio:.2g} times as much ({how})."
+    )
+
+
+def _table(configurations: Iterable[Configuration]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    table.add_column("configuration")
+    for heading in ("path\nerror", "M error", "CPU\n\\[ms]", "× bare"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("first fault")
+    for each in configurations:
+        least, most = each.spread
+        table.add_row(
+            each.title,
+            scientific(known(each.error)),
+            scientific(known(each.momentum_error)),
+            f"{each.cost * 1e3:.2f}",
+            f"{each.ratio:.3f} ({least:.3f}-{most:.3f})",
+            each.trouble.split("; ")[0],
+            style="yellow" if each.trouble else "",
+        )
+    return table
+
+
+def tradeoff_picture(study: Tradeoff) -> Figure:
+    """Every configuration that has an error, the front, the presets, and first order prolonged."""
+    figure = Figure(figsize=INCHES, layout="constrained")
+    name = in_picture(study.scene.name)
+    figure.suptitle(f"{name}: what accuracy costs, {len(study.configurations)} configurations")
+    axes = figure.subplots()
+    axes.set(xscale="log", yscale="log", xlabel="path error, relative to the path's length")
+    axes.set_ylabel("processor time of a simulated second [s]")
+    axes.grid(alpha=0.3)
+    _scatter(axes, study.configurations)
+    errors, costs = zip(*((p.error, p.cost) for p in study.pareto_front), strict=True)
+    axes.plot(errors, costs, color=INK, linewidth=1.6, zorder=3, label="Pareto front")
+    if study.first_order is not None:
+        _prolong(axes, study.first_order)
+    _compare(axes, study)
+    for name, each in study.presets.items():
+        if not math.isnan(each.error):
+            _name(axes, name, (each.error, each.cost))
+    low, high = axes.get_xlim()
+    axes.set_xlim(low / 3, high * 3)
+    axes.set_ylim(axes.get_ylim()[0] / 2.5)
+    figure.legend(loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+    return figure
+
+
+def _scatter(axes: Axes, configurations: Sequence[Configuration]) -> None:
+    faulty = [p for p in configurations if not p.sound and p.error < WILD]
+    axes.plot(
+        [p.error for p in faulty],
+        [p.cost for p in faulty],
+        "x",
+        color=FAINT,
+        markersize=4,
+        zorder=1,
+        label="slips, lifts off or misses a rate",
+    )
+    for integrator in INTEGRATORS.values():
+        mine = [p for p in configurations if p.sound and p.integrator == integrator.name]
+        high = integrator.order > 1  # filled; first order is hollow
+        axes.plot(
+            [p.error for p in mine],
+            [p.cost for p in mine],
+            integrator.marker,
+            color=LABEL.colour,
+            markerfacecolor=LABEL.colour if high else "none",
+            markersize=5 if high else 4.5,
+            linestyle="",
+            zorder=2,
+            label=integrator.name,
+        )
+
+
+def _prolong(axes: Axes, line: Line) -> None:
+    """The best line of first order, on to the target."""
+    configurations = [(p.error, p.cost) for p in line.configurations]
+    axes.plot(
+        *zip(*configurations, strict=True), color=ACCENT, linewidth=1.4, label="first order, best"
+    )
+    if line.extrapolated:
+        axes.plot(
+            [line.nearest.error, TARGET],
+            [line.nearest.cost, line.at_target],
+            color=ACCENT,
+            linewidth=1.4,
+            linestyle="--",
+            label=f"extrapolated, order {line.order:.2f}",
+        )
+
+
+def _compare(axes: Axes, study: Tradeoff) -> None:
+    """The two costs at the target, and how many times one is the other."""
+    axes.axvline(TARGET, color=INK, linewidth=0.8, linestyle=":")
+    if study.best is None or study.first_order is None or study.ratio is None:
+        return
+    low, high = study.best.cost, study.first_order.at_target
+    arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", (TARGET, high), xytext=(TARGET, low), arrowprops=arrow)
+    times = float(f"{study.ratio:.2g}")
+    axes.annotate(
+        f"{times:,.0f}".replace(",", "\u2009") + f" times\nat {TARGET:g}",
+        (TARGET, high / 4),
+        xytext=(-8, 0),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        color=INK,
+    )
+
+
+def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
+    """A preset's ring and its name, on the side where nothing else is."""
+    above = name in ABOVE
+    axes.plot(*place, "o", color=INK, markerfacecolor="none", markersize=11, zorder=4)
+    axes.annotate(
+        name,
+        place,
+        xytext=(0, 10 if above else -12),
+        textcoords="offset points",
+        ha="center",
+        va="bottom" if above else "top",
+        color=INK,
+        zorder=5,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
+    )
+
+
+def record(study: Tradeoff) -> dict[str, Any]:
+    """The study as plain data; what has no number is None."""
+    line = study.first_order
+    return {
+        "scene": study.scene.name,
+        "target": TARGET,
+        "ratio": study.ratio,
+        "baseline": study.baseline,
+        "best": study.best and _record(study.best),
+        "first_order": line
+        and {
+            "order": line.order,
+            "extrapolated": line.extrapolated,
+            "cost_at_target": line.at_target,
+            "nearest": _record(line.nearest),
+        },
+        "pareto_front": [_record(each) for each in study.pareto_front],
+        "configurations": [_record(each) for each in study.configurations],
+    }
+
+
+def _record(of: Configuration) -> dict[str, Any]:
+    names = ("error", "momentum_error", "ratio", "cost")
+    return {
+        "title": of.title,
+        "sound": of.sound,
+        **{name: known(getattr(of, name)) for name in names},
+        "spread": [known(end) for end in of.spread],
+        "trouble": of.trouble,
+        "options": of.options,
+    }

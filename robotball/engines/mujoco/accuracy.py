@@ -12,12 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.mujoco.cost_model import COST_MODEL, scene_rate
-from robotball.engines.mujoco.integrators import ADAPTIVE
-from robotball.engines.mujoco.load import BY_ERROR
-from robotball.engines.mujoco.planned_run import PlannedRun
-from robotball.engines.mujoco.servo_rates import fastest_rate
-from robotball.engines.mujoco.settings import PRESETS, Settings, recipe
+from robotball.engines.mujoco.planned_run import COST_MODEL, PlannedRun, fastest_rate, scene_rate
+from robotball.engines.mujoco.settings import ADAPTIVE, BY_ERROR, PRESETS, Settings, recipe
 from robotball.engines.spans import step_count
 from robotball.errors import warn
 from robotball.motion import ContactMotion, path_error

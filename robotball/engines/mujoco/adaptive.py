@@ -8,11 +8,9 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.engines.dop853 import Compensated, Rate
-from robotball.engines.mujoco.chosen import Chosen
-from robotball.engines.mujoco.control import Control
-from robotball.engines.mujoco.states import read_row, state_of
-from robotball.engines.mujoco.stepping import Portion, Steps
-from robotball.faults import Fault, FaultKind
+from robotball.engines.mujoco.settings import Chosen
+from robotball.engines.mujoco.stepping import Control, Portion, Steps, read_row, state_of
+from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
 
 LOOK = 64  # steps between two looks at the run

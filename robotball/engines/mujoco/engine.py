@@ -4,17 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from robotball.engine import Engine, Ladder, Progress, Request, Runner, as_own
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
+from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.precheck import precheck
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import PRESETS, Settings
-from robotball.engines.protocol import Engine, Ladder, Progress, Request, Runner, as_own
-from robotball.motion import ContactMotion, Label, Loads
+from robotball.motion import ContactMotion, EngineSettings, Label, Loads
 from robotball.rotations import Array
 from robotball.scene import Scene
-from robotball.settings import EngineSettings
 
 LADDERS: Mapping[str, Ladder] = {
     "naive": ("timestep", (2e-3,)),
@@ -25,7 +24,7 @@ LADDERS: Mapping[str, Ladder] = {
 
 @dataclass(frozen=True)
 class MuJoCo(Engine):
-    """The engine, as `robotball.engines.protocol` describes one."""
+    """The engine, as `robotball.engine` describes one."""
 
     label: Label = LABEL
     presets: Mapping[str, EngineSettings] = field(default_factory=lambda: PRESETS)

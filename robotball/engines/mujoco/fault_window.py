@@ -8,17 +8,19 @@ import msgspec
 import mujoco
 import numpy as np
 
-from robotball.engines.mujoco.control import controlled
-from robotball.engines.mujoco.equilibrium import compiled_model
-from robotball.engines.mujoco.hinges import hinges_of
-from robotball.engines.mujoco.integrators import ADAPTIVE
-from robotball.engines.mujoco.model import Model
+from robotball.engines.mujoco.model import Model, compiled_model, hinges_of
 from robotball.engines.mujoco.monitor import Found
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.settings import settings_from
-from robotball.engines.mujoco.states import STATE, read_row, state_of
-from robotball.engines.mujoco.stepping import Portion, Steps
-from robotball.engines.mujoco.switches import switched
+from robotball.engines.mujoco.settings import ADAPTIVE, settings_from
+from robotball.engines.mujoco.stepping import (
+    STATE,
+    Portion,
+    Steps,
+    controlled,
+    read_row,
+    state_of,
+    switched,
+)
 from robotball.errors import InputError
 from robotball.files.reading import contents
 from robotball.files.replacing import replacing

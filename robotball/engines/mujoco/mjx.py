@@ -10,13 +10,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, version_of
+from robotball.engine import Ladder
+from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, version_of
 from robotball.engines.links import State
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
-from robotball.engines.mujoco.states import shell_state
-from robotball.engines.protocol import Ladder
-from robotball.engines.worlds import IDLE_STEPS, World
+from robotball.engines.mujoco.stepping import shell_state
 from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -127,7 +126,7 @@ BEST = MjxSettings(
 
 
 class Mjx(Adapter):
-    """The engine, as `robotball.engines.protocol` describes one."""
+    """The engine, as `robotball.engine` describes one."""
 
     label = LABEL
     package = "mujoco.mjx"

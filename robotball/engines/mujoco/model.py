@@ -1,23 +1,149 @@
-"""Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs."""
+"""Which hinges a model needs, and how each is driven.
 
-from dataclasses import dataclass
+Where a run begins: the coordinates, velocities and controls of a model at a scene's start.
+
+Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs.
+
+The depth at which the contact carries the weight, found in the model itself.
+
+A model dressed to be looked at: its bodies' shapes, floor, lights and a camera that follows it.
+
+Nothing is added that a step depends on, so a dressed model moves as the bare one does.
+
+What a model leaves out because its scene does not need it, and why.
+"""
+
+import contextlib
+import warnings
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
+from scipy.optimize import root_scalar
+from scipy.spatial.transform import Rotation
 
-from robotball.engines.mujoco.chosen import Chosen
-from robotball.engines.mujoco.dress import dress
-from robotball.engines.mujoco.equilibrium import carrying_depth, compiled_model
-from robotball.engines.mujoco.hinges import Hinge, hinges_of
-from robotball.engines.mujoco.settings import Prescribed, Settings
-from robotball.engines.mujoco.start_state import start_state, state_at
-from robotball.files.mjcf import part, text_of
-from robotball.motors import Free, PositionServo, Servo
-from robotball.rotations import Array, z_along
-from robotball.scene import Scene
-from robotball.start import Start
+from robotball import scene as hinges
+from robotball.drives import Drive, Free, Motor, PositionServo, Servo, turns
+from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings
+from robotball.errors import InputError
+from robotball.files.foreign_bodies import part, text_of
+from robotball.film.looks import BLUR, PARTS, Shape, add_materials, add_shapes, looks_of
+from robotball.robot import Ball
+from robotball.rotations import Array, multiply, rotation_matrix, z_along
+from robotball.scene import Scene, Start
+
+RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A hinge of the model.
+
+    index         its place among the scene's hinges
+    joint         the MJCF name of its joint and of the body that hangs on it
+    of            the scene's own words for it
+    actuation     a motor, or the armature that lets its rate be prescribed
+    largest_rate  of the drive during the scene, by which errors are measured [rad/s]
+    """
+
+    index: int
+    joint: str
+    of: hinges.Hinge
+    actuation: Motor | Prescribed
+    largest_rate: float
+
+    @property
+    def body(self) -> str:
+        return self.of.name
+
+    @property
+    def drive(self) -> Drive:
+        return self.of.command
+
+    @property
+    def own_motor(self) -> bool:
+        """Whether the motor is the scene's own, whose errors belong to the motion."""
+        return self.of.motor is not None
+
+    @property
+    def actuated(self) -> bool:
+        """Whether an actuator of the model turns it; a free hinge has none."""
+        return not isinstance(self.actuation, Free)
+
+    @property
+    def torque_limit(self) -> float | None:
+        """Of its servo, if it has one [N m]."""
+        if isinstance(self.actuation, Servo | PositionServo):
+            return self.actuation.torque_limit
+        return None
+
+    @property
+    def follows_rate(self) -> bool:
+        """Whether its command is a rate."""
+        return isinstance(self.actuation, Servo | Prescribed)
+
+    def control(self, t: float) -> float:
+        """Its actuator's control at t [s]: the command or, of a prescribed rate, the slope."""
+        prescribed = isinstance(self.actuation, Prescribed)
+        return float((self.drive.acceleration if prescribed else self.drive.rate)(t))
+
+
+def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
+    """The hinges that turn or stand at an angle; any other body is fixed to its parent."""
+    times = np.linspace(0.0, scene.duration, RATES_SEEN)
+    hung = "frame" if settings.root == "shell" else "shell"
+    return tuple(
+        Hinge(
+            index,
+            each.name if index else hung,
+            each,
+            actuation=each.motor or settings.drive,
+            largest_rate=float(np.abs(each.command.rate(times)).max()) or 1.0,
+        )
+        for index, each in enumerate(scene.hinges)
+        if each.motor or turns(each.command) or each.angle
+    )
+
+
+def start_state(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
+    """The start's qpos, qvel and ctrl."""
+    qpos, qvel = state_at(scene, settings, scene.start, hinges)
+    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
+    return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
+
+
+def state_at(
+    scene: Scene, settings: Settings, start: Start, hinges: tuple[Hinge, ...]
+) -> tuple[Array, Array]:
+    """qpos and qvel of a start on the constraints, with its hinges' angles and rates."""
+    as_started = scene.hinges_at(start)
+    shell, frame = scene.ball.shell, as_started[0]
+    turning = [as_started[hinge.index] for hinge in hinges]
+    # The free joint's angular velocity is local.
+    frame_turning = scene.angular_velocity_at(start)
+    shell_turning = frame_turning - frame.rate * shell.axis
+    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
+    attitude, root_turning = start.attitude, frame_turning
+    if settings.root == "shell":
+        root_turning = shell_turning
+        if frame.angle:
+            back = _turn(shell.axis, -frame.angle)
+            # Seen from the shell, ω - Ω is turned on by the angle.
+            attitude = multiply(attitude, back)
+            root_turning = rotation_matrix(back).T @ shell_turning
+    qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
+    qvel = [*velocity, *root_turning, *(hinge.rate for hinge in turning)]
+    return np.array(qpos), np.array(qvel)
+
+
+def _turn(axis: Array, angle: float) -> Array:
+    """The quaternion (4,) of a turn about a unit axis (3,) [rad]."""
+    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
+
 
 ORIGIN, Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
 SPHERE = "shell_sphere"  # the geom that touches the plane
@@ -230,3 +356,172 @@ def _add_sensors(root: Any, scene: Scene, settings: Settings, hinges: tuple[Hing
         elif hinge.actuated:
             # What the joint carries is less, by what turns the motor's own armature.
             add("jointactuatorfrc", name=f"{hinge.body}_torque", joint=hinge.joint)
+
+
+def compiled_model(xml: str, softness: float = 1.0) -> Any:
+    """The MjModel of an MJCF text, its contact so many times as soft.
+
+    Raises InputError where MuJoCo refuses it.
+    """
+    try:
+        model = mujoco.MjModel.from_xml_string(xml)
+    except (ValueError, mujoco.FatalError) as error:
+        raise InputError(f"MuJoCo refuses the model: {error}") from None
+    # The bodies' inverse weights do nothing but scale the constraints' regulariser, which so gets
+    # as small as an impedance nearer to 1 than MuJoCo's .9999 would make it.
+    model.body_invweight0[:] *= softness
+    return model
+
+
+def carrying_depth(scene: Scene, settings: Settings, xml: str) -> float:
+    """The depth [m] at which the contact carries the weight: as the pair's margin it lets the
+    ball start at rest vertically with its centre at the height of its radius.
+
+    Raises InputError where there is no such depth, for the contact has no stiffness.
+    """
+    model = compiled_model(xml, settings.softness)
+    data = mujoco.MjData(model)
+    if settings.softness < 1:
+        # So hard a contact hardly slips without the noslip solver. That takes the acceleration from
+        # the forces, whose rounding is magnified until no depth is found.
+        model.opt.noslip_iterations = 0
+
+    def vertical_acceleration(margin: float) -> float:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        model.pair_margin[0] = margin
+        mujoco.mj_forward(model, data)
+        return float(data.qacc[2])
+
+    chosen = Chosen(scene, settings)
+    if not 0 < chosen.normal_reference[0] < np.inf:
+        raise InputError(
+            f"the contact cannot carry the ball at any depth: solref {chosen.solref} has no "
+            "stiffness; give another, or start_in_equilibrium off"
+        )
+    # The acceleration is nearly linear in the depth: g is about k times it.
+    scale = settings.softness * scene.gravity / chosen.normal_reference[0]
+    with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
+        warnings.simplefilter("ignore")
+        found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)
+        if found.converged and 0 < found.root < np.inf:
+            return float(found.root)
+    # A ball that slips from the start is thrown up at any depth; the normal force alone has one.
+    return chosen.equilibrium_depth
+
+
+# In radii of the ball.
+CAMERA, EXTENT, SUN, TILE = "0 -5 2", 4.0, 12.0, 0.5
+
+
+def dress(xml: str, ball: Ball) -> str:
+    """The MJCF text of a bare model of `ball`, dressed."""
+    root, unit = ElementTree.fromstring(xml), ball.radius
+    floor = ElementTree.parse(PARTS / "floor.xml").getroot()
+    worldbody, assets = _child(root, "worldbody"), Element("asset")
+    assets.extend(_child(floor, "asset"))
+    _child(assets, "material").set("texrepeat", f"{TILE / unit:g} {TILE / unit:g}")
+    _child(worldbody, "geom").set("material", "floor")
+    add_materials(assets)
+    looks, stands = looks_of(ball), _stands(xml)
+    for body in worldbody.iter("body"):
+        shapes = [each for each in looks[body.attrib["name"]] if each.material != BLUR]
+        if (sphere := body.find("geom")) is not None:  # the shell's, which the model has
+            sphere.set("material", "shell")
+            shapes = [each for each in shapes if each.material != "shell"]
+        stand = stands[body.attrib["name"]]
+        add_shapes(assets, body, [_seen_from(stand, unit, each) for each in shapes], unit)
+    ball_body, sun = _child(worldbody, "body"), _child(_child(floor, "worldbody"), "light")
+    place = " ".join(f"{float(part) * unit:g}" for part in CAMERA.split())
+    SubElement(ball_body, "camera", name="track", mode="trackcom", pos=place, xyaxes="1 0 0 0 2 5")
+    sun.attrib.update(mode="trackcom", pos=f"0 0 {SUN * unit:g}")
+    ball_body.append(sun)
+    size = Element("statistic", center=f"0 0 {unit:g}", extent=f"{EXTENT * unit:g}")
+    place_of_world = list(root).index(worldbody)
+    root[place_of_world:place_of_world] = [size, _child(floor, "visual"), assets]
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _child(element: Element, tag: str) -> Element:
+    found = element.find(tag)
+    assert found is not None
+    return found
+
+
+def _stands(xml: str) -> dict[str, tuple[Array, Rotation]]:
+    """Where each body's own axes are from the sphere's centre [m] as all hinges are at 0."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0
+    data.qpos[3] = 1
+    mujoco.mj_kinematics(model, data)
+    centre = data.body("shell").xpos
+    return {
+        model.body(i).name: (
+            data.xpos[i] - centre,
+            Rotation.from_quat(data.xquat[i], scalar_first=True),
+        )
+        for i in range(1, model.nbody)
+    }
+
+
+def _seen_from(stand: tuple[Array, Rotation], unit: float, shape: Shape) -> Shape:
+    """The shape in a body's own axes."""
+    origin, turn = stand
+    own = turn.inv() * Rotation.from_quat(shape.turn, scalar_first=True)
+    return replace(
+        shape,
+        pos=turn.inv().apply(shape.pos - origin / unit),
+        turn=own.as_quat(scalar_first=True),
+    )
+
+
+DEFAULT_ITERATIONS = 100  # MuJoCo's own
+
+
+def left_out(scene: Scene, settings: Settings) -> list[str]:
+    """One line for each thing that a MuJoCo model of the ball could have and this one has not."""
+    lines, settings = [], Chosen(scene, settings).settings
+    if not scene.ball.rotors:
+        lines.append("rotor bodies: the scene has none")
+    elif len(scene.ball.rotors) == 1:
+        lines.append("more rotor bodies: one along K + (J_s + d)Ω makes the same motion")
+    turning = {hinge.body for hinge in hinges_of(scene, settings)}
+    lines += [
+        f"the hinge of {hinge.name}: its rate is zero for good, so it is fixed to its parent"
+        for hinge in scene.hinges
+        if hinge.name not in turning
+    ]
+    if scene.rolling == "classical":
+        lines.append(
+            "the torsional friction row (condim 4): the classical ball may spin on the spot"
+        )
+    if scene.friction.rolling:
+        lines.append(
+            "rolling friction (condim 6): it acts against an acceleration and shares a cone with "
+            "what holds the ball; a torque on the shell resists the rolling, at every evaluation"
+        )
+    else:
+        lines.append("rolling friction (condim 6): neither rolling model has it; it would eat M")
+    lines.append("collision detection but for one pair: the shell and the plane")
+    lines.append("geoms of frame and rotors, lights, textures, materials: a run is not looked at")
+    lines.append("sensors but for those that a Motion is made of")
+    if settings.solver == "PGS" and settings.iterations is not None:
+        lines.append(
+            f"Newton's solver and {DEFAULT_ITERATIONS} iterations: one contact is solved by PGS in "
+            f"{settings.iterations}"
+        )
+    if settings.softness != 1:
+        lines.append(
+            f"the contact's softness but for {settings.softness:g} of it, as the load varies: once "
+            "the model is compiled its body_invweight0 is scaled, for which MJCF has no word"
+        )
+        lines.append(
+            f"the quicker PGS: a load that varies couples it with friction; {settings.solver} "
+            f"solves both in {settings.iterations} iterations"
+        )
+    if settings.warmstart == "disable":
+        lines.append("the warm start: so few iterations need no guess, and a state has one motion")
+    if settings.island == "disable":
+        lines.append("the search for islands of contacts: there is one contact")
+    return lines

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from robotball.engines.mujoco.limits import allowed
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.readings import Readings, lengths
-from robotball.engines.mujoco.step_limits import allowed
-from robotball.faults import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
+from robotball.motion import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
 from robotball.rotations import Array, Mask
 
 SATURATED = 1 - 1e-6  # of the friction cone: contact solutions on its surface end this near

@@ -8,10 +8,9 @@ import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines.mujoco.hinges import Hinge
-from robotball.engines.mujoco.model import Model
+from robotball.drives import Free
+from robotball.engines.mujoco.model import Hinge, Model
 from robotball.motion import Loads
-from robotball.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 
 STATE_SENSORS = [

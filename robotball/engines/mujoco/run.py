@@ -7,22 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
+from robotball.engine import Progress
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.adaptive import by_forward
-from robotball.engines.mujoco.control import controlled
 from robotball.engines.mujoco.fault_window import Window, window_around, write
+from robotball.engines.mujoco.limits import check_length
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.monitor import Found, Monitor
-from robotball.engines.mujoco.precheck import check_length
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.stepping import Portion, by_steps
-from robotball.engines.protocol import Progress
-from robotball.faults import Fault, FaultKind
+from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
 from robotball.files.replacing import discard
-from robotball.joining import joined
-from robotball.motion import PIECE, ContactMotion, ContactReport
+from robotball.motion import PIECE, ContactMotion, ContactReport, Fault, FaultKind, joined
 from robotball.rotations import Array
-from robotball.start import Start
+from robotball.scene import Start
 
 
 def run(

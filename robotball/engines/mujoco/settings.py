@@ -1,14 +1,79 @@
-"""Settings of a MuJoCo run, and the presets: every number of the recipe, once."""
+"""The integrators of a MuJoCo model: their orders, how far a step may go, and their marks.
+
+Limits are of a rate times the timestep, None where an integrator has none: beyond it a step makes
+grow what should keep its size or die out. The measurements behind them are in step_limits.py.
+
+Settings of a MuJoCo run, and the presets: every number of the recipe, once.
+
+The choice of the recipe by the plane's load, and what it is where the load varies.
+
+The depth at which the contact carries the ball goes with its load. Under a load that is constant
+the start's depth is right for good, however soft the contact; under one that varies the centre
+moves, and the lever arm with it. And a centre of mass off the sphere's centre couples the normal
+force with friction, so that three iterations of PGS no longer solve them.
+
+What settings come to in a model of a scene: MuJoCo's own numbers where they leave it open.
+"""
 
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from functools import cache, cached_property
 from typing import Any, Literal, NamedTuple
 
+import mujoco
+import numpy as np
+
+from robotball.drives import Servo
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
 from robotball.errors import LARGEST, InputError, check_positive, is_number
-from robotball.motors import Servo
-from robotball.settings import EngineSettings, preset_named
+from robotball.motion import EngineSettings, preset_named
+from robotball.scene import Scene
+
+RK4_REAL, RK4_IMAGINARY = 2.785, 2.828  # where |1 + z + z²/2 + z³/6 + z⁴/24| = 1 on the axes
+EXPLICIT_REAL = 2.0  # where |1 - z| = 1
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """One way to step a model.
+
+    order            of its error in the timestep, for a smooth motion
+    rotation_limit   of a rotation's rate
+    friction_limit   of the rate at which slip dies out
+    servo_limit      of a velocity servo's rate, its gain over the inertia
+    momentum_loss    (p, f): of |M|, a step at the rotation θ loses or gains the part f θᵖ
+    marker, size     in plots; a large mark holds the smaller ones of the same error
+    own              whether it is MuJoCo's own; scipy's drives MuJoCo's forward dynamics
+    """
+
+    name: str
+    order: int
+    rotation_limit: float | None = None
+    friction_limit: float | None = None
+    servo_limit: float | None = None
+    momentum_loss: tuple[int, float] | None = None
+    marker: str = "o"
+    size: float = 6.0
+    own: bool = True
+
+
+_FIRST, _FOURTH = (2, 1 / 2), (6, 1 / 144)  # of the momentum lost
+INTEGRATORS = {
+    each.name: each
+    for each in (
+        Integrator("Euler", 1, None, EXPLICIT_REAL, EXPLICIT_REAL, _FIRST, "o", 11.0),
+        Integrator("implicit", 1, None, EXPLICIT_REAL, None, _FIRST, "v"),
+        Integrator("implicitfast", 1, None, EXPLICIT_REAL, None, _FIRST, "s"),
+        Integrator("discrete", 1, None, None, EXPLICIT_REAL, _FIRST, "x", 4.0),
+        Integrator("RK4", 4, RK4_IMAGINARY, RK4_REAL, RK4_REAL, _FOURTH, "D"),
+        Integrator("DOP853", 8, marker="^", size=7.0, own=False),
+    )
+}
+ADAPTIVE = "DOP853"
+OWN = tuple(each.name for each in INTEGRATORS.values() if each.own)
+FIRST_ORDER = tuple(each.name for each in INTEGRATORS.values() if each.order == 1)
+MUJOCOS_DEFAULT = "Euler"
+
 
 BY_LOAD: Any = "by load"
 MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
@@ -296,3 +361,156 @@ def settings_from(plain: Mapping[str, Any]) -> Settings:
         return Settings(**values)
     except (TypeError, KeyError) as error:
         raise InputError(f"these are no settings of a run: {error}") from None
+
+
+# docs/tradeoff.md has what each of them is worth.
+VARYING: dict[str, Any] = {
+    # Three iterations are enough, and ten cost a fifth more.
+    "solver": "Newton",
+    "iterations": 10,
+    # So that MuJoCo's noslip solver takes no contact of 1e6 kg for singular.
+    "sliding_friction": 2000.0,
+    "torsional_friction": Radii(2000.0),
+    # A pendulum's weight acts on its hinge for good: a rate gives way by ∫τ dt over the armature.
+    "drive": Prescribed(armature=1e18),
+}
+# The contact's softness and time constant [s], in steps of one length and in steps chosen by their
+# error. Its depth, which errs, goes as the first and as the square of the second. But Newton is
+# content with 1e-15 m/s², and that over the softness is a force: at 1e-5 it can lift a ball at rest
+# out of its contact. And MuJoCo takes no constant of less than two steps, or twice the 2 ms that
+# the model has where MuJoCo makes no steps itself.
+BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
+
+
+def on_load(settings: Settings, scene: Scene) -> Settings:
+    """The settings on this scene: each value that is BY_LOAD is its recipe's, the others stay."""
+    left = [name for name in CONSTANT if getattr(settings, name) == BY_LOAD]
+    if not left:
+        return settings
+    chosen = varying(settings) if scene.load_varies else CONSTANT
+    return replace(settings, **{name: chosen[name] for name in left})
+
+
+def varying(settings: Settings) -> dict[str, Any]:
+    """The recipe for a varying load, in the steps of these settings."""
+    chosen_steps = settings.adaptive and settings.timestep is None
+    softness, constant = BY_ERROR if chosen_steps else BY_STEPS
+    constant = max(constant, 2 * (settings.timestep or 0.0))
+    return VARYING | {"softness": softness, "solref": (constant, 1.0)}
+
+
+CONES = ("pyramidal", "elliptic")
+SOLVERS = ("PGS", "CG", "Newton")
+
+
+@cache
+def _mujocos_own() -> tuple[Any, Any]:
+    """MuJoCo's own option and contact pair, for what the settings leave open."""
+    return mujoco.MjModel.from_xml_string("<mujoco/>").opt, mujoco.MjSpec().default.pair
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A scene under settings: every number that a model of it has, whoever chose it."""
+
+    scene: Scene
+    settings: Settings  # BY_LOAD is given, and replaced by what the scene's load makes of it
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "settings", on_load(self.settings, self.scene))
+
+    @property
+    def integrator(self) -> Integrator:
+        return INTEGRATORS[self.settings.integrator or MUJOCOS_DEFAULT]
+
+    @property
+    def timestep(self) -> float:
+        """The longest step [s]; infinite where the steps are chosen by their error alone."""
+        if self.settings.timestep is None and self.settings.adaptive:
+            return np.inf
+        return float(self._option("timestep"))
+
+    @property
+    def cone(self) -> str:
+        return self.settings.cone or CONES[self._option("cone")]
+
+    @property
+    def solver(self) -> str:
+        return self.settings.solver or SOLVERS[self._option("solver")]
+
+    @property
+    def tolerance(self) -> float:
+        return float(self._option("tolerance"))
+
+    @property
+    def impratio(self) -> float:
+        return float(self._option("impratio"))
+
+    @property
+    def noslip(self) -> bool:
+        """Whether friction is solved once more without its softness."""
+        return bool(self._option("noslip_iterations"))
+
+    @property
+    def solref(self) -> tuple[float, float]:
+        first, second = self.settings.solref or _mujocos_own()[1].solref
+        return float(first), float(second)
+
+    @property
+    def impedance(self) -> float:
+        """d of a contact pressed in beyond the width of its impedance, as far as MuJoCo goes."""
+        most = (self.settings.solimp or _mujocos_own()[1].solimp)[1]
+        return float(np.clip(most, mujoco.mjMINIMP, mujoco.mjMAXIMP))
+
+    @property
+    def condim(self) -> int:
+        """The contact's dimension: how many directions of force and torque it has."""
+        if self.settings.condim is not None:
+            return self.settings.condim
+        return 4 if self.scene.rolling == "rubber" else 3
+
+    @property
+    def friction(self) -> tuple[float, float, float]:
+        """The coefficients: sliding, torsional [m] and rolling [m]."""
+        own, settings = self.scene.friction, self.settings
+        slide = settings.sliding_friction if own.sliding is None else own.sliding
+        spin = settings.torsional_friction_of(self.scene.ball.radius)
+        if own.torsional is not None:
+            spin = own.torsional
+        return slide, spin, settings.rolling_friction
+
+    def _option(self, name: str) -> Any:
+        value = getattr(self.settings, name, None)
+        return getattr(_mujocos_own()[0], name) if value is None else value
+
+    @cached_property
+    def normal_reference(self) -> tuple[float, float]:
+        """Stiffness [1/s²] and damping [1/s] of the contact's spring, from solref."""
+        return self._reference(self.solref)
+
+    @cached_property
+    def friction_damping(self) -> float:
+        """b [1/s]: the rate at which slip dies out; solref's where solreffriction is not heard."""
+        given = self.settings.solreffriction
+        heard = given is not None and any(given) and self.cone == "elliptic"
+        return self._reference(given if heard and given else self.solref)[1]
+
+    def _reference(self, solref: tuple[float, float]) -> tuple[float, float]:
+        first, second = solref
+        if first <= 0:
+            return -first / self.impedance**2, -second / self.impedance
+        # refsafe: never shorter than two steps.
+        constant = max(first, 2 * self.timestep) if np.isfinite(self.timestep) else first
+        return (
+            1 / (self.impedance * constant * second) ** 2,
+            2 / (self.impedance * constant),
+        )
+
+    @property
+    def equilibrium_depth(self) -> float:
+        """p = g (1 - d)/(d² k) [m], where a contact of impedance d carries the weight at rest."""
+        d, (stiffness, _) = self.impedance, self.normal_reference
+        if stiffness == 0:
+            return np.inf
+        weight = -self.scene.gravity_world[2]
+        return self.settings.softness * weight * (1 - d) / (d * d * stiffness)

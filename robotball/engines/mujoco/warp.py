@@ -6,16 +6,14 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from robotball.engines.adapter import Adapter, StepSettings, version_of
+from robotball.drives import Servo
+from robotball.engine import Ladder
+from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
 from robotball.engines.links import State
-from robotball.engines.mujoco.hinges import Hinge
-from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.model import Hinge, build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
-from robotball.engines.mujoco.states import shell_state
-from robotball.engines.protocol import Ladder
-from robotball.engines.worlds import SteppedWorld, World
+from robotball.engines.mujoco.stepping import shell_state
 from robotball.motion import Label
-from robotball.motors import Servo
 from robotball.scene import Scene
 
 LABEL = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
@@ -89,7 +87,7 @@ BEST = WarpSettings(
 
 
 class Warp(Adapter):
-    """The engine, as `robotball.engines.protocol` describes one."""
+    """The engine, as `robotball.engine` describes one."""
 
     label = LABEL
     package = "mujoco_warp"

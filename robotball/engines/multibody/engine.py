@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from robotball.engine import Engine, Ladder, Progress, Request, as_own
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.multibody import LABEL
-from robotball.engines.multibody.integrate import integrate
-from robotball.engines.protocol import Engine, Ladder, Progress, Request, as_own
-from robotball.motion import ContactMotion, ContactReport, Label, Loads, Motion
+from robotball.engines.multibody.integrate import LABEL, integrate
+from robotball.motion import ContactMotion, ContactReport, EngineSettings, Label, Loads, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene
-from robotball.settings import EngineSettings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +23,7 @@ class MultibodySettings(EngineSettings):
 
 
 class Multibody(Engine):
-    """The engine, as `robotball.engines.protocol` describes one: it neither slips nor spins."""
+    """The engine, as `robotball.engine` describes one: it neither slips nor spins."""
 
     label: Label = LABEL
     presets: Mapping[str, EngineSettings] = {

@@ -1,25 +1,195 @@
-"""A scene as the compiled derivative takes it, and what is told of a state."""
+"""The derivative of a robot's state, by the formulas of robotball.mechanics, compiled.
+
+A state is (q, X, Y, M, loss, angles, h, work): the frame's attitude, the contact point, the
+momentum M in space axes, what rolling resistance has taken, and of every hinge its angle, its
+momentum, where its rate is not given, and what its motor has put in.
+
+A scene as the compiled derivative takes it, and what is told of a state.
+"""
 
 from dataclasses import dataclass, field
+from pathlib import Path
+from types import FunctionType
+from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
+from robotball import equations as eq
+from robotball import mechanics
 from robotball.drives import Constant
-from robotball.engines.multibody.compiled import (
-    FORCE,
-    HINGES,
-    LIMIT,
-    MOMENTUM,
-    MOTOR,
-    OMEGA,
-    PLANE_TORQUE,
-    ROLLING,
-    TOLD,
-    differentiate,
+from robotball.engines.kept import compiled_from
+from robotball.mechanics import (
+    MOVING,
+    PLACED,
+    TURNING,
+    mass_matrix,
+    momentum_rates,
+    move,
+    needed,
+    place,
+    put,
+    solve_rolling,
+    vector,
 )
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene
+
+POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10  # the angles, the momenta, the work: h numbers each
+# What is told of a state besides its derivative.
+FORCE, PLANE_TORQUE, OMEGA, ROLLING, TOLD = 0, 3, 6, 9, 12  # the rates, torques, unlimited torques
+# A motor's row: its law, and its limit.
+PER_COMMAND, PER_ANGLE, PER_RATE, AT_REST, LIMIT, MOTOR = 0, 1, 2, 3, 4, 5
+STANDING = 1e-8  # rad/s: a shell that rolls no faster stands
+
+
+def _sources() -> str:
+    files = (eq.__file__, mechanics.__file__, __file__)
+    return "".join(Path(file).read_text(encoding="utf-8") for file in files)
+
+
+# The compiler finds what the formulas call by name.
+for _module in (eq, mechanics):
+    for _function in vars(_module).values():
+        if isinstance(_function, FunctionType):
+            register_jitable(_function)
+
+SIGNATURE = (
+    "void(f8[::1], f8[:, ::1], f8, f8[::1], f8[:, ::1], b1[::1], i8[::1], f8[::1], f8[::1], "
+    "b1, f8, b1, f8[::1], f8[::1], f8[::1])"
+)
+
+
+@compiled_from(_sources(), SIGNATURE, nogil=True, error_model="numpy")
+def differentiate(
+    state: Any,
+    bodies: Any,
+    radius: float,
+    gravity: Any,
+    motors: Any,
+    given: Any,
+    modes: Any,
+    commands: Any,
+    accelerations: Any,
+    spin_free: bool,
+    resistance: float,
+    standing: bool,
+    toward: Any,
+    rate: Any,
+    told: Any,
+) -> None:
+    """The rate of a state, and what is told of it.
+
+    gravity (3,) m/s², world; motors (h, MOTOR); given (3 + h,): whose rate is, by commands (h,)
+    and their accelerations (h,); modes (h,): -1, 0 or 1, the side of its limit on which a motor is;
+    resistance m, of the plane to rolling; standing: whether that holds the shell; toward (3,)
+    world, which way a shell that stands will roll.
+    """
+    count = len(commands)
+    w, x, y, z = state[0], state[1], state[2], state[3]
+    alpha, beta, gamma = eq.space_axes((w, x, y, z))
+    axes = (alpha, beta, gamma)
+    M = eq.seen_from_frame(vector(state, MOMENTUM), axes)
+    G = eq.seen_from_frame(vector(gravity, 0), axes)
+    angles = state[HINGES : HINGES + count]
+    placed = np.empty((count + 1, PLACED))
+    place(bodies, np.cos(angles), np.sin(angles), placed)
+    matrix = np.empty((3 + count, 3 + count))
+    mass_matrix(bodies, placed, radius, gamma, matrix)
+
+    directions = np.zeros(((2 if standing else 0) + (1 if spin_free else 0), 3))
+    if standing:
+        put(directions[0], 0, alpha)
+        put(directions[1], 0, beta)
+    if spin_free:
+        put(directions[-1], 0, gamma)
+    right, u = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
+    L = eq.cross(M, gamma) if spin_free else M
+    for i in range(3):
+        right[i, 0] = L[i]
+    for j in range(count):
+        right[3 + j, 0] = state[HINGES + count + j]
+        u[3 + j, 0] = commands[j]
+    solve_rolling(matrix, given, directions, right, u)
+    now = u[:, 0]
+    moving = np.empty((count + 1, MOVING))
+    move(bodies, placed, radius, gamma, now, moving)
+
+    torques = told[TOLD + count : TOLD + 2 * count]
+    for j in range(count):
+        motor = motors[j]
+        free = (
+            motor[PER_COMMAND] * commands[j]
+            - motor[PER_ANGLE] * angles[j]
+            - motor[PER_RATE] * now[3 + j]
+            + motor[AT_REST]
+        )
+        told[TOLD + j] = now[3 + j]
+        torques[j] = free if modes[j] == 0 else modes[j] * motor[LIMIT]
+        told[TOLD + 2 * count + j] = free
+
+    # Accelerations: the bias first, for no rates of u at all.
+    u_rate, plane = np.zeros((3 + count, 1)), np.empty(3 + count)
+    needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+    for i in range(3 + count):
+        right[i, 0] = -plane[i]
+    for j in range(count):
+        right[3 + j, 0] += torques[j]
+        u_rate[3 + j, 0] = accelerations[j]
+    solve_rolling(matrix, given, directions, right, u_rate)
+    force = needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+
+    shell = vector(now, 0)
+    rolling = eq.subtract(shell, eq.scale(eq.dot(shell, gamma), gamma))
+    speed = np.sqrt(eq.dot(rolling, rolling))
+    if resistance > 0 and not standing:
+        # The torque -μN along the rolling is linear in N, and N in the torque.
+        # Below STANDING its way turns over from the one where it will roll, without a jump.
+        ahead = eq.seen_from_frame(vector(toward, 0), axes)
+        along = eq.add(rolling, eq.scale(max(STANDING - speed, 0.0), ahead))
+        length = np.sqrt(eq.dot(along, along))
+        along = eq.scale(1 / length if length > STANDING / 2 else 0.0, along)
+        by_torque, resisted = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
+        for i in range(3):
+            resisted[i, 0] = -along[i]
+        solve_rolling(matrix, given, directions, resisted, by_torque)
+        both = u_rate[:, 0] + by_torque[:, 0]
+        normal = eq.dot(gamma, force)
+        changed = needed(bodies, placed, moving, radius, gamma, G, now, both, plane)
+        per_torque = eq.dot(gamma, changed) - normal
+        torque = resistance * normal / (1 - resistance * per_torque)
+        for i in range(3 + count):
+            u_rate[i, 0] += torque * by_torque[i, 0]
+        force = needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+    for j in range(count):
+        if given[3 + j]:
+            torques[j] = plane[3 + j]
+
+    momenta = np.empty(3 + count)
+    momentum_rates(bodies, placed, moving, radius, gamma, G, momenta)
+    L_rate, by_plane = vector(momenta, 0), vector(plane, 0)
+    rate[LOSS] = 0.0
+    if resistance > 0:
+        level = eq.subtract(by_plane, eq.scale(eq.dot(by_plane, gamma), gamma))
+        L_rate = eq.add(L_rate, level)
+        rate[LOSS] = -eq.dot(level, shell)
+    M_rate = eq.cross(gamma, L_rate) if spin_free else L_rate
+    omega = vector(moving[1], TURNING)
+    rate[0], rate[1], rate[2], rate[3] = eq.attitude_rate((w, x, y, z), omega)
+    rate[POINT], rate[POINT + 1] = eq.contact_velocity(alpha, beta, shell, (0.0, 0.0, 0.0), radius)
+    for i in range(3):
+        rate[MOMENTUM + i] = eq.dot(axes[i], M_rate)
+        told[FORCE + i] = eq.dot(axes[i], force)
+        told[PLANE_TORQUE + i] = eq.dot(axes[i], by_plane)
+        told[OMEGA + i] = omega[i]
+        told[ROLLING + i] = eq.dot(axes[i], rolling)
+    if spin_free:
+        rate[MOMENTUM + 2] = 0.0
+    for j in range(count):
+        rate[HINGES + j] = now[3 + j]
+        rate[HINGES + count + j] = 0.0 if given[3 + j] else momenta[3 + j] + torques[j]
+        rate[HINGES + 2 * count + j] = torques[j] * now[3 + j]
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines import OURS
-from robotball.engines.adapter import Adapter
+from robotball.dispatch import OURS
+from robotball.engines.adapter import Adapter, SteppedWorld
 from robotball.engines.links import State
-from robotball.engines.worlds import SteppedWorld
 from robotball.motion import momentum_error, path_error
 
 EXTRAS = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"][

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.motors import Servo
+from robotball.drives import Servo
 from robotball.rotations import Array
 from validation import compare
 from validation.cli import main

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines import OURS
+from robotball.dispatch import OURS, request_of
 from robotball.engines.mujoco.engine import MUJOCO
-from robotball.engines.simulate import request_of
 from tests.off_engine import ERROR, OFF
 from validation import compare
 from validation.cli import main
-from validation.comparison.plots import momentum_picture, path_picture
-from validation.comparison.sheets import sheet_of
+from validation.plots import momentum_picture, path_picture, sheet_of
 
 FIG12 = rb.load_scene("fig12")
 

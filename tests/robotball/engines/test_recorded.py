@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.derivative import rates
-from robotball.engines.recorded import RecordedMotion
-from robotball.files.trajectory_file import Trajectory
+from robotball.engines.recorded import RecordedMotion, sampled_rates
+from robotball.files.trajectories import Trajectory
 from robotball.motion import Motion, momentum_error
 from robotball.rotations import multiply
 
@@ -58,7 +57,7 @@ def test_slip_that_is_there_is_found_beside_the_numerical_error() -> None:
     exact, _ = judged("fig12", 0.02)
     longer = replace(exact, contact_point=1.001 * exact.contact_point)
     motion = rb.recorded(exact.scene, trajectory_of(longer))
-    speed = np.linalg.norm(rates(exact.times, exact.contact_point)[0], axis=1)
+    speed = np.linalg.norm(sampled_rates(exact.times, exact.contact_point)[0], axis=1)
     assert motion.slip == pytest.approx(1e-3 * speed, abs=5e-6)
     assert motion.slip.max() > 10 * motion.slip_error.max()
     assert motion.rolling_radius == pytest.approx(1.001, abs=1e-6)
@@ -100,7 +99,7 @@ def test_rates_of_uneven_samples_are_of_the_same_order() -> None:
     def error(n: int) -> float:
         even = np.linspace(0, 3, n)
         times = even + 0.05 * np.sin(6 * even)
-        slopes, _ = rates(times, np.sin(2 * times)[:, None])
+        slopes, _ = sampled_rates(times, np.sin(2 * times)[:, None])
         return float(np.abs(slopes[8:-8, 0] - 2 * np.cos(2 * times[8:-8])).max())
 
     assert np.log2(error(100) / error(200)) == pytest.approx(6, abs=0.3)
@@ -108,5 +107,5 @@ def test_rates_of_uneven_samples_are_of_the_same_order() -> None:
 
 def test_two_samples_have_a_rate_too() -> None:
     """A line through both, whose error nothing tells."""
-    slopes, _ = rates(np.array([0.0, 2.0]), np.array([[1.0], [5.0]]))
+    slopes, _ = sampled_rates(np.array([0.0, 2.0]), np.array([[1.0], [5.0]]))
     assert slopes.tolist() == [[2.0], [2.0]]

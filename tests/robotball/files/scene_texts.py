@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
-from robotball.files.catalog import CATALOG
+from robotball.files.scene_file import CATALOG
 
 FIG12 = (CATALOG / "fig12.toml").read_text()
 CLASSICAL = (CATALOG / "classical_regular.toml").read_text()

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.files.catalog import CATALOG
+from robotball.files.scene_file import CATALOG
 from tests.robotball.files.scene_texts import FIG12
 
 BASES = [

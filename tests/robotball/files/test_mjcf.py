@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
-from robotball.files.mjcf import solid_of_mjcf
+from robotball.files.foreign_bodies import solid_of_mjcf
 
 
 def mjcf(inside: str = "", before: str = "") -> str:

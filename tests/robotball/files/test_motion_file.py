@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.csv_text import read_csv
+from robotball.files.columns import read_csv
 from robotball.motion import Motion, arrays_of
 
 KINDS = ("csv", "npz", "parquet")

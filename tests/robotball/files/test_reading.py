@@ -10,12 +10,11 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import fault_window
-from robotball.files import reading, table_file
-from robotball.files.mjcf import solid_of_mjcf
-from robotball.files.samples_file import read_samples
-from robotball.files.table_file import read_table
-from robotball.files.urdf import solid_of_urdf
-from validation.report.study import study_report
+from robotball.files import columns as table_file
+from robotball.files import reading
+from robotball.files.columns import read_samples, read_table
+from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
+from validation.report.study_report import study_report
 
 READERS: dict[str, Callable[[Path], object]] = {
     "scene.toml": rb.load_scene,

@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 import robotball as rb
-from robotball.files.catalog import CATALOG
+from robotball.files.scene_file import CATALOG
 from tests.robotball.files.scene_texts import FIG12, Write, edited
 from tests.scenes import FOUR
 

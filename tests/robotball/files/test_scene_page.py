@@ -11,9 +11,9 @@ import pytest
 from msgspec import inspect
 
 import robotball as rb
-from robotball.files.explained import tables_at, tables_in
+from robotball.files.scene_file import tables_at, tables_in
 from robotball.files.scene_page import page
-from robotball.files.scene_table import SceneTable
+from robotball.files.scene_tables import SceneTable
 from tests.imports import PROJECT
 from tests.robotball.files.robot_tables import URDF
 

@@ -11,13 +11,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball.bodies import Ball, Frame, Pendulum, Rotor, Shell, thin_shell_inertia
-from robotball.contact import Friction
-from robotball.motors import Free, PositionServo, Servo, Torque
-from robotball.parameters import Rolling
-from robotball.rates import Ramp, Sine
+from robotball.drives import Free, PositionServo, Ramp, Servo, Sine, Torque
+from robotball.equations import Rolling
+from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell, thin_shell_inertia
 from robotball.rotations import Array
-from robotball.start import Start
+from robotball.scene import Friction, Start
 
 
 def same(a: Any, b: Any) -> bool:

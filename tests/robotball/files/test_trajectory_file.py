@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.csv_text import read_csv
-from robotball.files.trajectory_file import Trajectory, read_trajectory
+from robotball.files.columns import read_csv
+from robotball.files.trajectories import Trajectory, read_trajectory
 
 ROWS = """0,0,0,1,0,0,0
 0.5,1,2,0.6,0.8,0,0

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.mjcf import solid_of_mjcf
-from robotball.files.urdf import solid_of_urdf
+from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
 from tests.robotball.files.robot_tables import PENDULUM, URDF, Load
 
 

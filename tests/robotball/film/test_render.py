@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball import palette
+from robotball.cores import at_most
 from robotball.engines.mujoco import LABEL, model
 from robotball.film import gl
+from robotball.film import looks as palette
 from robotball.film.canvas import Pixels
+from robotball.film.looks import PARTS
 from robotball.film.render import Film, frames
 from robotball.film.write import write_video
-from robotball.looks import PARTS
 from robotball.motion import Loads
 from robotball.rotations import multiply
-from robotball.threads import at_most
 from tests.scenes import FOUR
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s

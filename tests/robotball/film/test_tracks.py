@@ -8,7 +8,7 @@ import pytest
 import robotball as rb
 from robotball.film import tracks
 from robotball.film.tracks import track_of
-from robotball.mechanics.poses import poses
+from robotball.poses import poses
 from robotball.rotations import rotation_matrix
 from tests.robots import worked
 

@@ -5,11 +5,21 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.film.stage import build_stage, pose
+from robotball.film.looks import looks_of
 from robotball.film.tracks import track_of
-from robotball.film.viewer import DOWN, HOME, LEFT, RIGHT, SPACE, UP, Clock, check_display
-from robotball.looks import looks_of
-from robotball.mechanics.poses import poses
+from robotball.film.viewer import (
+    DOWN,
+    HOME,
+    LEFT,
+    RIGHT,
+    SPACE,
+    UP,
+    Clock,
+    build_stage,
+    check_display,
+    pose,
+)
+from robotball.poses import poses
 from robotball.rotations import rotation_matrix
 from tests.robots import worked
 

@@ -11,7 +11,7 @@ import pytest
 
 import robotball as rb
 from robotball.film.web import MOST, STEP, view_data, view_fragment, view_page
-from robotball.mechanics.poses import poses
+from robotball.poses import poses
 from robotball.rotations import rotation_matrix
 from tests.browser import needs_browser, opened
 

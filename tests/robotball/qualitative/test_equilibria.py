@@ -8,10 +8,9 @@ import pytest
 from scipy.optimize import root
 
 from robotball import integrate, load_scene
-from robotball.engines.reduced.compiled.kernels import orbit
-from robotball.equations import Vector
+from robotball.engines.ensembles.orbits import orbit
+from robotball.equations import Parameters, Vector, as_vector
 from robotball.errors import InputError
-from robotball.parameters import Parameters, as_vector
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import (
     ContactPath,
@@ -25,9 +24,9 @@ from robotball.qualitative.equilibria import (
     rate_scale,
     tangents,
 )
-from robotball.qualitative.limit_cycles import limit_cycles, reversed_in_time, spread_points
+from robotball.qualitative.portraits import limit_cycles, reversed_in_time, spread_points
 from robotball.rotations import Array, rotation_matrix
-from robotball.start import Start
+from robotball.scene import Start
 from tests.figures import CLASSICAL, ball, from_rest
 
 

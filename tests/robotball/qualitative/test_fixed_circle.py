@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 from robotball import load_scene
-from robotball.engines.reduced.compiled.kernels import orbits
-from robotball.equations import Vector
+from robotball.engines.ensembles.orbits import orbits
+from robotball.equations import Parameters, Vector
 from robotball.errors import InputError
-from robotball.parameters import Parameters
 from robotball.qualitative.equilibria import (
+    FixedCircle,
     attitude_at,
+    fixed_circle,
     fixed_points,
     flow,
     index_sum,
     jacobian,
     rate_scale,
 )
-from robotball.qualitative.fixed_circle import FixedCircle, fixed_circle
-from robotball.qualitative.limit_cycles import spread_points
+from robotball.qualitative.portraits import spread_points
 from robotball.rotations import Array, rotation_matrix
 from tests.figures import CLASSICAL, ball, from_rest
 

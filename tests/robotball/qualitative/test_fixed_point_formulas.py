@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
-from robotball.parameters import Parameters, as_vector
-from robotball.qualitative.equilibria import fixed_points, flow
-from robotball.qualitative.fixed_point_formulas import closed_form_points, kappa, name_of
+from robotball.qualitative.equilibria import closed_form_points, fixed_points, flow, kappa, name_of
 from tests.figures import CLASSICAL, ball, from_rest
 
 

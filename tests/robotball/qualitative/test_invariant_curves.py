@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from robotball.equations import Parameters
 from robotball.errors import InputError
-from robotball.parameters import Parameters
 from robotball.qualitative.basins import level_points
-from robotball.qualitative.invariant_curves import invariant_curve
+from robotball.qualitative.cycles import invariant_curve
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array
 from tests.figures import CHAOTIC, F, ball

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from robotball.engines.reduced.compiled.kernels import Starts
-from robotball.engines.reduced.compiled.systems import DEVIATION
+from robotball.engines.ensembles.orbits import Starts
+from robotball.engines.ensembles.systems import DEVIATION
+from robotball.equations import Parameters
 from robotball.errors import InputError
-from robotball.parameters import Parameters
-from robotball.qualitative.lyapunov import exponents, kaplan_yorke
+from robotball.qualitative.exponents import exponents, kaplan_yorke
 from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array, rotation_matrix
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F
@@ -30,7 +30,7 @@ def level_state(attitude: Array, momentum: Array) -> Array:
 def propagator(ball: Parameters, state: Array, times: Array) -> Array:
     """States with their 6×6 derivatives by the start (m, 42), by heyoka, from the 6 numbers."""
     hy = pytest.importorskip("heyoka")
-    from validation.bench.heyoka_forms import level_equations
+    from validation.bench.kernels import level_equations
 
     equations = hy.var_ode_sys(level_equations(ball), hy.var_args.vars, order=1)
     ta = hy.taylor_adaptive(equations, state, compact_mode=True, tol=1e-16)
@@ -65,7 +65,7 @@ def test_the_full_spectrum_is_the_reduced_one(ball: Parameters, c: float) -> Non
     attitudes, momenta = some_starts(8, c)
     state, basis, logs, steps = level_state(attitudes[0], momenta[0]), np.eye(6), np.zeros(6), 500
     hy = pytest.importorskip("heyoka")
-    from validation.bench.heyoka_forms import level_equations
+    from validation.bench.kernels import level_equations
 
     equations = hy.var_ode_sys(level_equations(ball), hy.var_args.vars, order=1)
     ta = hy.taylor_adaptive(equations, state, compact_mode=True, tol=1e-10)

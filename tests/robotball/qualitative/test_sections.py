@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from robotball.engines.reduced.compiled.kernels import Starts, orbit
-from robotball.engines.reduced.compiled.marching import TOO_MANY_STEPS
+from robotball.engines.ensembles.orbits import TOO_MANY_STEPS, Starts, orbit
+from robotball.equations import Parameters
 from robotball.errors import InputError
-from robotball.parameters import Parameters
+from robotball.qualitative.basins import drift
 from robotball.qualitative.cycles import close
-from robotball.qualitative.drift import drift
 from robotball.qualitative.sections import fixed_point, section, section_starts
 from robotball.rotations import Array, rotation_matrix
-from robotball.start import section_state
+from robotball.scene import section_state
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F, ball
 
 BALLS = [pytest.param(CHAOTIC, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
@@ -71,7 +70,7 @@ def test_no_crossing_is_missed_or_invented(ball: Parameters, c: float, horizon: 
     As long as the two integrators agree: times to 2e-10, by the growth of round-off.
     """
     hy = pytest.importorskip("heyoka")
-    from validation.bench.heyoka_forms import batch, level_equations
+    from validation.bench.kernels import batch, level_equations
 
     n = 64
     attitudes, momenta = some_starts(n, c)

@@ -4,9 +4,8 @@ from collections import Counter
 
 import numpy as np
 
-from robotball.qualitative.equilibria import fixed_points, flow
-from robotball.qualitative.fixed_point_formulas import name_of
-from robotball.qualitative.separatrices import Separatrix, separatrices
+from robotball.qualitative.equilibria import fixed_points, flow, name_of
+from robotball.qualitative.portraits import Separatrix, separatrices
 from tests.figures import from_rest
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from robotball import equations as eq
 from robotball import load_scene
-from robotball.engines.reduced.compiled.kernels import orbits
-from robotball.parameters import Parameters, as_vector
-from robotball.qualitative.shared_tori import shared_integral
+from robotball.engines.ensembles.orbits import orbits
+from robotball.equations import Parameters, as_vector
+from robotball.qualitative.cycles import shared_integral
 from robotball.rotations import Array, rotation_matrix
-from robotball.start import along_momentum, section_state
+from robotball.scene import along_momentum, section_state
 from tests.figures import ball
 
 RUBBER = ball((0.8, 0.6, 0.7), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from robotball.engines.reduced.compiled.kernels import orbit
-from robotball.equations import Vector
+from robotball.engines.ensembles.orbits import orbit
+from robotball.equations import Parameters, Vector, as_vector
 from robotball.errors import InputError
-from robotball.parameters import Parameters, as_vector
 from robotball.qualitative.straight_motions import (
     StraightMotion,
     stability_limit,
@@ -17,7 +16,7 @@ from robotball.qualitative.straight_motions import (
     straight_motions,
 )
 from robotball.rotations import Array
-from robotball.start import along_momentum
+from robotball.scene import along_momentum
 from tests.figures import CLASSICAL, ball, from_rest
 
 FIG10 = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0), d=0.1)

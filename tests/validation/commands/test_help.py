@@ -14,8 +14,8 @@ import pytest
 import robotball as rb
 from validation.cli import COMMANDS, main
 from validation.studies.ablation import CHOICES
-from validation.studies.extremes.maps import MAPS
-from validation.studies.portraits.measure import PLANES
+from validation.studies.extremes import MAPS
+from validation.studies.portrait_maps import PLANES
 
 
 def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:

@@ -10,21 +10,24 @@ from matplotlib.image import imread
 
 import robotball as rb
 from robotball.engines.mujoco.model import build
+from robotball.qualitative.cycles import invariant_curve
 from robotball.qualitative.equilibria import fixed_points
-from robotball.qualitative.invariant_curves import invariant_curve
-from robotball.qualitative.separatrices import separatrices
+from robotball.qualitative.portraits import separatrices
 from robotball.rotations import rotation_matrix
+from validation.figures import attractor_sections as figures_sections
+from validation.figures import attractor_sections as figures_tori
 from validation.figures import lines as figures_lines
 from validation.figures import rest as figures_rest
-from validation.figures import sections as figures_sections
-from validation.figures import tori as figures_tori
-from validation.figures.figures import FIGURES, draw_figures
 from validation.figures.lines import LINE_K, growth_rate, line_verticals
-from validation.figures.parts import theory_motion
+from validation.figures.paper_figures import FIGURES, draw_figures
 from validation.figures.rest import both, closed_contour
-from validation.paper.scenes import paper_scene
-from validation.studies.attractors.clouds import distance_to_curve
-from validation.studies.attractors.sampling import cloud_by_contact, cloud_by_equations
+from validation.figures.sheets import theory_motion
+from validation.paper.formulas import paper_scene
+from validation.studies.contact_sections import (
+    cloud_by_contact,
+    cloud_by_equations,
+    distance_to_curve,
+)
 
 
 @pytest.fixture

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from robotball.looks import Shape
-from robotball.qualitative.fixed_point_formulas import closed_form_points
+from robotball.film.looks import Shape
+from robotball.qualitative.equilibria import closed_form_points
 from robotball.rotations import rotation_matrix
 from tests.figures import from_rest
-from validation.figures.solids import solid_of
+from validation.figures.sheets import View
 from validation.figures.sphere import Globe, Involute
-from validation.figures.structure import APART, spread, widest_gap
-from validation.figures.view import View
+from validation.figures.structure import APART, solid_of, spread, widest_gap
 
 
 def test_a_view_is_a_right_handed_frame() -> None:

@@ -7,15 +7,14 @@ import pytest
 
 from robotball import equations as eq
 from robotball import load_scene
-from robotball.parameters import Parameters, Rolling, as_vector
+from robotball.equations import Parameters, Rolling, as_vector
 from robotball.rotations import rotation_matrix
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.formulas import Numbers
 from validation.paper.point_masses import moments
-from validation.paper.section_4_1 import FIG5
-from validation.paper.section_5_3 import ensemble
-from validation.paper.six_exponents import six_exponents
+from validation.paper.section_4 import FIG5
+from validation.paper.section_5_3 import ensemble, six_exponents
 
 
 def parameters_of(n: Numbers, rolling: Rolling) -> Parameters:

@@ -19,13 +19,14 @@ from validation.paper.claim import (
     AtLeast,
     Claim,
     Evidence,
+    Part,
     Residual,
     Section,
     Value,
     examine,
+    show_findings,
     verdict_on,
 )
-from validation.paper.report import Part, show_findings
 
 finding = cache(examine)
 

@@ -11,8 +11,8 @@ import robotball as rb
 from tests.browser import needs_browser, opened
 from tests.validation.conftest import Robotball
 from validation import Agreement, compare
-from validation.report.scenes import friction_words, report, sentence
-from validation.report.study import study_report
+from validation.report.scene_report import friction_words, report, sentence
+from validation.report.study_report import study_report
 
 TIMES = rb.sample_times(1.0)
 COMMAND = "robotball report fig12 --preset naive,fast"

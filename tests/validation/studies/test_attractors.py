@@ -13,23 +13,21 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
-from robotball.qualitative.motion_section import crossings
-from robotball.qualitative.sections import fixed_point, section
+from robotball.qualitative.sections import crossings_of_motion, fixed_point, section
 from robotball.rotations import Array, multiply
-from robotball.start import Start
-from validation.studies.attractors.clouds import (
-    distance,
-    distance_to_curve,
-    rank_probability,
-)
-from validation.studies.attractors.contact_exponent import contact_exponent, growth_by_equations
-from validation.studies.attractors.contact_map import contact_cycle, own_start
-from validation.studies.attractors.sampling import (
+from robotball.scene import Start
+from validation.studies.attractors import contact_exponent, growth_by_equations
+from validation.studies.contact_sections import (
     COARSE,
     Recipe,
     Torus,
     cloud_by_contact,
     cloud_by_equations,
+    contact_cycle,
+    distance,
+    distance_to_curve,
+    own_start,
+    rank_probability,
 )
 
 F = 25.0  # (kg m²/s)²
@@ -49,7 +47,7 @@ def test_a_sampled_motion_crosses_where_the_equations_do(name: str, g: float) ->
     Their error is that of the cubics, h⁴/384 of a fourth derivative of some 1000 1/s⁴.
     """
     scene = rb.load_scene(name)
-    found = crossings(rb.integrate(scene, rb.sample_times(20.0, 5e-3)), scene, g)
+    found = crossings_of_motion(rb.integrate(scene, rb.sample_times(20.0, 5e-3)), scene, g)
     attitude = multiply(scene.start.attitude, scene.principal_quaternion)
     momentum = scene.start.momentum
     exact = section(scene.parameters, attitude[None], momentum[None], len(found.times), g)

@@ -10,15 +10,16 @@ import pytest
 
 import robotball as rb
 from robotball.engines.dop853 import LEAST_RTOL
-from validation.studies.engines.environments import (
+from validation.studies.engine_runs import (
+    LOOSEST,
     OLDER,
     Contestant,
     contestants,
     install,
     python_of,
+    settings_of,
 )
-from validation.studies.engines.measure import Run, cells_of, measure, study_of
-from validation.studies.engines.process import LOOSEST, settings_of
+from validation.studies.engine_study import Run, cells_of, measure, study_of
 from validation.sweeps import Result
 
 FIG12 = rb.load_scene("fig12")

@@ -12,15 +12,32 @@ import pytest
 
 import robotball as rb
 from robotball import FaultKind
-from robotball.engines.mujoco.integrators import ADAPTIVE, INTEGRATORS
+from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS
 from validation import compare
 from validation.cli import main
-from validation.studies.extremes.balls import gyrostat, momentum_of, redistributed, scaled
-from validation.studies.extremes.cells import QUICK, Cut, cells_of
-from validation.studies.extremes.maps import MAPS, TIMESTEPS, base, cell_run
-from validation.studies.extremes.measure import Outcome, classify, measure, reference
-from validation.studies.extremes.random_runs import extreme, ordinary
-from validation.studies.extremes.report import measured_limits, missed, totals
+from validation.studies.atlas import (
+    Outcome,
+    classify,
+    measure,
+    measured_limits,
+    missed,
+    reference,
+    totals,
+)
+from validation.studies.extremes import (
+    MAPS,
+    QUICK,
+    TIMESTEPS,
+    Cut,
+    base,
+    cell_run,
+    cells_of,
+    gyrostat,
+    momentum_of,
+    redistributed,
+    scaled,
+)
+from validation.studies.random_runs import extreme, ordinary
 from validation.sweeps import Result
 
 ROLLINGS = ("rubber", "classical")
@@ -233,7 +250,7 @@ def test_the_command_draws_a_map_and_goes_on_where_it_was(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A picture, the table of its cells and the summary; the second time nothing is run again."""
-    monkeypatch.setattr("validation.studies.extremes.cells.QUICK", Cut(("Euler", "RK4"), 2))
+    monkeypatch.setattr("validation.studies.extremes.QUICK", Cut(("Euler", "RK4"), 2))
     arguments = ["extremes", "friction", "--quick", "--workers", "1", "--out", str(tmp_path)]
     for _ in range(2):
         with pytest.raises(SystemExit) as leaving:

@@ -9,14 +9,11 @@ import pytest
 from matplotlib.image import imread
 
 from robotball.errors import InputError
-from robotball.qualitative.equilibria import fixed_points
-from robotball.qualitative.fixed_point_formulas import proposition_2
-from robotball.qualitative.limit_cycles import limit_cycles
-from robotball.qualitative.phase_portrait import basin_shares, phase_portrait
+from robotball.qualitative.equilibria import fixed_points, proposition_2
+from robotball.qualitative.portraits import basin_shares, limit_cycles, phase_portrait
 from tests.figures import ball, from_rest
 from tests.validation.conftest import Robotball
-from validation.studies.portraits.measure import PLANES, cells_of, chosen, measure
-from validation.studies.portraits.report import as_predicted
+from validation.studies.portrait_maps import PLANES, as_predicted, cells_of, chosen, measure
 
 
 @pytest.mark.slow

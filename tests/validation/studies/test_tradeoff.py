@@ -14,32 +14,28 @@ from hypothesis import strategies as st
 
 import robotball as rb
 from robotball import Settings
-from robotball.engines.mujoco.explain import left_out
-from robotball.engines.mujoco.integrators import FIRST_ORDER
-from robotball.engines.mujoco.model import build
+from robotball.drives import Servo
+from robotball.engines.mujoco.model import build, left_out
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import BY_LOAD, NAIVE, Prescribed, recipe
-from robotball.motors import Servo
+from robotball.engines.mujoco.settings import BY_LOAD, FIRST_ORDER, NAIVE, Prescribed, recipe
 from validation.bench.gallery import numbers_of_tradeoff
 from validation.cli import main
-from validation.studies.configurations import (
-    configurations,
-    describe,
-    options_of,
-    settings_with,
-)
-from validation.studies.parts import parts_of, split
+from validation.studies.parts_cost import parts_of, split
 from validation.studies.tradeoff import (
     TARGET,
     Configuration,
     cells_of,
+    configurations,
+    describe,
     first_order_lines,
     measure,
+    options_of,
     pareto_front,
+    record,
+    settings_with,
     sound_pareto_front,
     tradeoff_of,
 )
-from validation.studies.tradeoff_report import record
 from validation.sweeps import Result
 
 CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=40)

@@ -9,15 +9,15 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
-from robotball.engines.mujoco.cost_model import scene_rate
 from robotball.engines.mujoco.engine import own_settings
+from robotball.engines.mujoco.planned_run import scene_rate
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
 from tests.motions import as_contact
 from tests.robots import ENDINGS, worked
 from validation import Agreement, compare
 from validation.cli import main
-from validation.studies.random_scenes import random_scene
+from validation.studies.random_runs import random_scene
 
 TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
 FIG12 = rb.load_scene("fig12")

@@ -12,20 +12,18 @@ import pytest
 from scipy.optimize import brentq
 
 import robotball as rb
-from robotball.bodies import Ball, Frame, Shell, thin_shell_inertia
-from robotball.contact import Friction
+from robotball.drives import Servo
 from robotball.engines.mujoco import stepping
+from robotball.engines.mujoco.export import write_model
 from robotball.engines.mujoco.fault_window import load, replay
-from robotball.engines.mujoco.load import VARYING, on_load
+from robotball.engines.mujoco.limits import exceeded, servo_gain
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.planned_run import PlannedRun
-from robotball.engines.mujoco.precheck import exceeded
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import CONSTANT
-from robotball.engines.mujoco.step_limits import servo_gain
-from robotball.engines.mujoco.written import write_model
+from robotball.engines.mujoco.settings import CONSTANT, VARYING, on_load
 from robotball.motion import ContactMotion
-from robotball.motors import Servo
+from robotball.robot import Ball, Frame, Shell, thin_shell_inertia
+from robotball.scene import Friction
 from tests.random_robots import random_scene
 from tests.robots import ENDINGS, Y, box_inertia, pendulum_ball, robot, swing, worked
 from validation import compare

@@ -8,13 +8,12 @@ from typing import Any
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import contact_limits
-from robotball.engines.mujoco.chosen import Chosen
+from robotball.engines.mujoco import limits as contact_limits
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.planned_run import LimitCheck, PlannedRun
-from robotball.engines.mujoco.settings import Radii, settings_from
+from robotball.engines.mujoco.settings import Chosen, Radii, settings_from
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, error, run, the_limit
-from validation.studies.extremes.balls import scaled
+from validation.studies.extremes import scaled
 
 
 @pytest.mark.parametrize(

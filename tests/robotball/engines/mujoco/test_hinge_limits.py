@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import hinge_limits, step_limits
+from robotball.engines.mujoco import limits as hinge_limits
+from robotball.engines.mujoco import limits as step_limits
 from robotball.engines.mujoco.planned_run import PlannedRun
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, error, run, the_limit
 from validation import compare
-from validation.studies.extremes.balls import scaled
+from validation.studies.extremes import scaled
 
 SERVO = replace(FAST, timestep=2e-3, drive=rb.Servo(gain=1.0))
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import precheck
+from robotball.engines.mujoco import limits as precheck
+from robotball.engines.mujoco.limits import exceeded, limit_checks
 from robotball.engines.mujoco.planned_run import LimitCheck
-from robotball.engines.mujoco.precheck import exceeded, limit_checks
 from robotball.engines.mujoco.settings import Prescribed, recipe
 from tests.robotball.engines.mujoco.limits import FAST, FIG12
 from validation import compare
-from validation.studies.random_scenes import random_scene
+from validation.studies.random_runs import random_scene
 
 
 @pytest.mark.slow

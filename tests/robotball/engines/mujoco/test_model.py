@@ -9,10 +9,9 @@ import pytest
 from dm_control import mjcf
 
 import robotball as rb
-from robotball.bodies import Ball, Frame, Rotor
-from robotball.engines.mujoco.chosen import Chosen
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.settings import Prescribed
+from robotball.engines.mujoco.settings import Chosen, Prescribed
+from robotball.robot import Ball, Frame, Rotor
 from tests.scenes import FOUR
 
 BALANCED = rb.preset("balanced")

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import step_limits
-from robotball.engines.mujoco.momentum_loss import measured_loss
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco import limits as step_limits
+from robotball.engines.mujoco.planned_run import PlannedRun, measured_loss
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, of_momentum, run, the_limit
 from tests.scenes import FOUR
 from validation import compare
-from validation.studies.random_scenes import random_scene
+from validation.studies.random_runs import random_scene
 
 
 @pytest.mark.slow

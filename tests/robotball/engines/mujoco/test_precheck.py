@@ -10,15 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.engines.mujoco.integrators import ADAPTIVE, OWN
+from robotball.drives import Servo
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.monitor import Monitor
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.settings import RULES, Prescribed, Settings
-from robotball.motors import Servo
+from robotball.engines.mujoco.settings import ADAPTIVE, OWN, RULES, Prescribed, Settings
 from validation import compare
-from validation.studies.extremes.detection import judged
-from validation.studies.extremes.random_runs import extreme, ordinary
+from validation.studies.random_runs import extreme, judged, ordinary
 
 FIG12 = rb.load_scene("fig12")
 FAST = rb.preset("fast")
@@ -79,8 +77,7 @@ def test_slip_counts_from_look_to_look() -> None:
 
 
 def _rows(model: Any, steps: int) -> list[Any]:
-    from robotball.engines.mujoco.control import controlled
-    from robotball.engines.mujoco.stepping import by_steps
+    from robotball.engines.mujoco.stepping import by_steps, controlled
 
     with controlled(model) as control:
         return [
@@ -168,7 +165,7 @@ def test_every_field_is_checked() -> None:
 
 def test_what_mujoco_refuses_is_one_line() -> None:
     """A ball too light for MuJoCo, and a contact that carries nothing."""
-    from validation.studies.extremes.random_runs import rescaled
+    from validation.studies.random_runs import rescaled
 
     with pytest.raises(rb.InputError, match="MuJoCo refuses the model: "):
         rb.simulate(rescaled(FIG12, length=1e-9), settings="fast")

@@ -9,7 +9,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import recipe
-from robotball.loads import loads_of
+from robotball.motion import loads_of
 from robotball.rotations import multiply, rotation_matrix
 from tests.scenes import FOUR
 from validation import Agreement, compare

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import contact_limits
+from robotball.engines.mujoco import limits as contact_limits
 from robotball.engines.mujoco.planned_run import PlannedRun
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, error, run, the_limit
-from validation.studies.extremes.random_runs import rescaled
+from validation.studies.random_runs import rescaled
 
 
 @pytest.mark.parametrize(

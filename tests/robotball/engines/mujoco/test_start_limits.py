@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import contact_limits
+from robotball.engines.mujoco import limits as contact_limits
 from robotball.engines.mujoco.planned_run import PlannedRun
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, error, run, the_limit
 from validation import compare

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco import step_limits
+from robotball.engines.mujoco import limits as step_limits
 from robotball.engines.mujoco.planned_run import PlannedRun
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, error, run, the_limit
 

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from robotball.bodies import Frame, Pendulum, Rotor
+from robotball.robot import Frame, Pendulum, Rotor
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene
 

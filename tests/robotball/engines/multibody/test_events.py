@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from robotball import InputError, Scene, integrate
-from robotball.bodies import Ball, Frame, Shell
-from robotball.contact import Friction
-from robotball.mechanics.energy import energy
-from robotball.motors import Servo
-from robotball.rates import Sine
+from robotball.drives import Servo, Sine
+from robotball.poses import energy
+from robotball.robot import Ball, Frame, Shell
+from robotball.scene import Friction
 from tests.robots import Y, robot, worked
 
 RADIUS, MASS, MOMENT = 0.3, 2.0, 0.09

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from robotball import Motion, Scene, integrate
-from robotball.bodies import Ball, Frame, Pendulum, Rotor, Shell
-from robotball.mechanics.energy import energy
-from robotball.motors import Free
-from robotball.parameters import Rolling
+from robotball.drives import Free
+from robotball.equations import Rolling
+from robotball.poses import energy
+from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array, perpendicular
 from tests.random_balls import random_axis
 from tests.random_robots import random_robot

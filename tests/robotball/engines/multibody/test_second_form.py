@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from robotball import integrate
-from robotball.engines.multibody.compiled import HINGES, MOMENTUM, POINT
-from robotball.engines.multibody.marching import March
-from robotball.engines.multibody.system import System
+from robotball.engines.multibody.integrate import March
+from robotball.engines.multibody.system import HINGES, MOMENTUM, POINT, System
 from tests.random_robots import random_scene
 from tests.robotball.engines.multibody.second_form import SecondForm
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from robotball import Scene, integrate
-from robotball.engines.multibody.marching import March
+from robotball.drives import Servo
+from robotball.engines.multibody.integrate import March
 from robotball.engines.multibody.system import System
-from robotball.mechanics.energy import energy
-from robotball.motors import Servo
+from robotball.poses import energy
 from tests.robots import ENDINGS, worked
 
 TIMES = np.linspace(0.0, 10.0, 201)

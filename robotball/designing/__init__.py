@@ -1,1 +1,0 @@
-"""From requested numbers of the equations to bodies that have them."""

@@ -1,0 +1,247 @@
+"""The engines there are: our own, and those that other packages bring.
+
+A package adds an engine by an entry point of the group `robotball.engines`, whose name is the
+engine's and whose object is an Engine.
+
+Scene + request → Motion by a contact engine.
+
+Scene → ReferenceMotion, by the smallest equations that describe it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from robotball.drives import Servo
+from robotball.engine import Engine, Progress, Request
+from robotball.engines import reduced
+from robotball.engines.dop853 import LEAST_RTOL
+from robotball.errors import InputError, unknown, warn
+from robotball.motion import ContactMotion, EngineSettings, Loads, ReferenceMotion, preset_named
+from robotball.room import let_go
+from robotball.rotations import Array
+from robotball.scene import Scene, check_times
+
+GROUP = "robotball.engines"
+DEFAULT = "mujoco"
+OURS = {
+    "mujoco": "robotball.engines.mujoco.engine:MUJOCO",
+    "multibody": "robotball.engines.multibody.engine:MULTIBODY",
+    "bullet": "robotball.engines.bullet:BULLET",
+    "dart": "robotball.engines.dart:DART",
+    "drake": "robotball.engines.drake:DRAKE",
+    "exudyn": "robotball.engines.exudyn:EXUDYN",
+    "genesis": "robotball.engines.genesis:GENESIS",
+    "mjx": "robotball.engines.mujoco.mjx:MJX",
+    "mujoco-warp": "robotball.engines.mujoco.warp:WARP",
+    "newton": "robotball.engines.newton:NEWTON",
+    "physx": "robotball.engines.physx:PHYSX",
+    "pinocchio": "robotball.engines.pinocchio:PINOCCHIO",
+}
+
+
+def engine_names() -> list[str]:
+    """The names of all engines, ours first."""
+    return [*OURS, *sorted({point.name for point in entry_points(group=GROUP)} - OURS.keys())]
+
+
+def engine_named(name: str) -> Engine:
+    """The engine of this name; raises InputError where there is none, or it cannot be loaded."""
+    if name in OURS:
+        module, attribute = OURS[name].split(":")
+        return getattr(import_module(module), attribute)
+    for point in entry_points(group=GROUP, name=name):
+        try:
+            return point.load()
+        except (ImportError, AttributeError) as error:
+            raise InputError(f"the engine {name!r} of {point.value} fails: {error}") from None
+    raise unknown("engine", name, engine_names())
+
+
+LARGEST_RADIUS = 10.0  # m; balls that people ride in have 1.5
+STILL = 10.0  # s, in which a ball that rolls at all rolls farther than its radius
+SAMPLED = 100  # samples of a path at least, by which its length is known
+# Times torque_limit/kv, which is a motor's rate without load where the limit is its stall torque;
+# electronics may limit it to less, but seldom to a fifth.
+NO_LOAD = 5.0
+
+
+def simulate(
+    scene: Scene,
+    times: Array | None = None,
+    settings: EngineSettings | str | None = None,
+    *,
+    engine: Engine | str = DEFAULT,
+    accuracy: float | None = None,
+    strict: bool = False,
+    fault_window: Path | None = None,
+    progress: Progress | None = None,
+) -> ContactMotion:
+    """The motion of the ball as a contact engine rolls it, with a report.
+
+    times: (n,) s, increasing from 0; the scene's own if None. settings: a preset's name or the
+    engine's settings, its default preset if None. engine: its name or itself. accuracy: instead of
+    settings, the path error to reach, relative to the path's length. A run that faults ends there,
+    with fewer times; with stop_at_fault off, only one that has no state any more does.
+    fault_window: where the states around the first fault go, for `robotball replay`; without a
+    fault the file of a former run is taken away. progress is called with the simulated fraction.
+
+    Warns of an accuracy that is not reached, of a ball or a motion that can hardly be what was
+    meant, and of settings that are predicted to fail, which are an InputError if `strict`. Raises
+    InputError on unusable times, an unknown engine or preset, a scene that the engine cannot
+    express, an accuracy that rounding forbids and a run of more steps than the settings allow.
+    """
+    return run_request(
+        scene,
+        times,
+        request_of(engine, settings, accuracy),
+        strict=strict,
+        fault_window=fault_window,
+        progress=progress,
+    )
+
+
+def request_of(
+    of: Engine | str = DEFAULT,
+    settings: EngineSettings | str | None = None,
+    accuracy: float | None = None,
+    *,
+    keep_going: bool = False,
+) -> Request:
+    """The request that a user's choices make.
+
+    keep_going: not to end at the first fault. Raises InputError for an unknown engine or preset,
+    for both settings and accuracy, and for an accuracy that the engine cannot reach.
+    """
+    chosen = engine_named(of) if isinstance(of, str) else of
+    if accuracy is not None:
+        _check_accuracy(chosen, settings, accuracy, keep_going)
+        return Request(chosen, None, float(accuracy))
+    if not isinstance(settings, EngineSettings):
+        settings = preset_named(chosen.presets, settings or chosen.default)
+    return Request(chosen, replace(settings, stop_at_fault=False) if keep_going else settings)
+
+
+def run_request(
+    scene: Scene,
+    times: Array | None,
+    request: Request,
+    *,
+    loads: Loads | None = None,
+    strict: bool = False,
+    fault_window: Path | None = None,
+    progress: Progress | None = None,
+) -> ContactMotion:
+    """`simulate` by a request; loads: of the whole motion, where a reference knows them."""
+    if why := request.engine.cannot_express(scene):
+        raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
+    times = scene.times if times is None else check_times(times)
+    motion = request.engine.run(
+        scene.until(float(times[-1])),
+        times,
+        request,
+        loads=loads,
+        strict=strict,
+        fault_window=fault_window,
+        progress=progress,
+    )
+    for line in _doubts(motion):
+        warn(f"{scene.name}: {line}")
+    return replace(motion, scene=scene)
+
+
+def _doubts(motion: ContactMotion) -> Iterator[str]:
+    """Why the motion can hardly be what was meant, a line each; wrong units are the usual cause."""
+    scene, radius = motion.scene, motion.scene.ball.radius
+    if radius > LARGEST_RADIUS:
+        yield f"a radius of {radius:g} m is beyond any robot's; lengths are in m, 150 mm is 0.15"
+    if motion.report.faults or len(motion.times) < SAMPLED:
+        return
+    if motion.times[-1] >= STILL and motion.path_length < radius:
+        yield (
+            f"the ball rolls {motion.path_length:.2g} m in {motion.times[-1]:g} s, less than its "
+            f"radius of {radius:g} m; check the start, the rates [rad/s] and the masses [kg]"
+        )
+    for i, motor in enumerate(scene.motors):
+        if isinstance(motor, Servo) and motor.torque_limit is not None:
+            rate, no_load = np.abs(motion.hinge_rates[:, i]).max(), motor.torque_limit / motor.gain
+            if rate > NO_LOAD * no_load:
+                yield (
+                    f"{scene.hinges[i].name}'s motor turns at {rate:.3g} rad/s, but without load "
+                    f"at {no_load:.3g} = torque_limit/kv if it stalls at its limit; check rate "
+                    "(1 rpm is 0.105 rad/s), kv and torque_limit"
+                )
+
+
+def _check_accuracy(
+    of: Engine, settings: EngineSettings | str | None, accuracy: float, keep_going: bool
+) -> None:
+    if settings is not None:
+        raise InputError("give settings or an accuracy, not both: an accuracy chooses its own")
+    if keep_going:
+        raise InputError("a run with a fault reaches no accuracy: give --keep-going with a preset")
+    if of.least_accuracy is None:
+        raise InputError(f"{of.label.name} has no settings for an accuracy: give a preset")
+    if not of.least_accuracy <= accuracy < 1:
+        raise InputError(
+            f"an accuracy must be at least {of.least_accuracy:g}, where rounding ends it, and "
+            f"below 1, not {accuracy:g}"
+        )
+
+
+Equations = Literal["reduced", "multibody"]
+
+
+def integrate(
+    scene: Scene,
+    times: Array | None = None,
+    rtol: float = LEAST_RTOL,
+    max_steps: int | None = None,
+    *,
+    equations: Equations | None = None,
+) -> ReferenceMotion:
+    """The scene's motion by equations, with an estimate of its own error; its label says by which.
+
+    times: (n,) s, increasing from 0; the scene's own if None. rtol: the error allowed in one step,
+    from 1e-15 on; max_steps: a limit for motions that turn too often, some minutes' work if None.
+    equations: (3.2)/(3.3) where they describe the scene, if None, else those of any robot; both
+    can be asked for by name. Raises InputError on unusable times, for a scene that the equations
+    asked for do not describe, where the ball lifts off, where the limit is met or a step shrinks to
+    nothing, and where a number would overflow: a motion that is returned is finite.
+    """
+    times = scene.times if times is None else check_times(times)
+    if not LEAST_RTOL <= rtol < 1:
+        raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
+    if equations not in (None, *get_args(Equations)):
+        raise unknown("set of equations", equations, get_args(Equations))
+    chosen = equations or ("multibody" if scene.not_reduced else "reduced")
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        if chosen == "reduced":
+            motion = reduced.integrate(scene, times, rtol, max_steps)
+        else:
+            # Its compiled code takes a while to come.
+            from robotball.engines.multibody import integrate as multibody
+
+            motion = multibody.integrate(scene, times, rtol, max_steps)
+    _check_finite(motion)
+    return motion
+
+
+def _check_finite(motion: ReferenceMotion) -> None:
+    """Raises InputError, with the first number that overflowed, unless all are finite."""
+    for part in (motion, motion.loads):
+        for field in fields(part):
+            let_go()
+            value = getattr(part, field.name)
+            if isinstance(value, np.ndarray) and not np.isfinite(value).all():
+                i = int(np.argmin(np.isfinite(value).reshape(len(value), -1).all(axis=1)))
+                raise InputError(
+                    f"{motion.scene.name}: the {field.name.replace('_', ' ')} exceeds "
+                    f"{np.finfo(float).max:.2g}, the largest number that there is, at "
+                    f"t = {motion.times[i]:g} s; bring the bodies or the rates nearer to 1"
+                )

@@ -1,0 +1,425 @@
+"""The compiled loops that drive a step: many orbits in lanes, or one orbit closely sampled.
+
+Each lane has an orbit of its own, with its own step length and acceptance, and takes the next
+orbit of the queue when it is done; threads share a queue. A step has no memory: a state asked for
+within a step is found by a shorter step from the same start, so no interpolant is needed and every
+output has the full order.
+
+Many motions at once, or one closely sampled, by the compiled stepper.
+
+All axes named "frame" here are the principal axes of the ball's inertia, as in Parameters.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from robotball import equations as eq
+from robotball.cores import Queue, in_threads
+from robotball.engines.ensembles.flatten import FEW, LANES
+from robotball.engines.ensembles.steppers import (
+    ALLOWED,
+    BALL,
+    LENGTH,
+    LEVEL,
+    LOOKED,
+    MARCHED,
+    REJECTED,
+    SECTION,
+    STATE,
+    TARGET,
+    TIME,
+    level_of,
+    places,
+    row_of,
+    stepper,
+)
+from robotball.engines.ensembles.systems import PATH, System
+from robotball.engines.kept import Function, compiled_from
+from robotball.equations import Parameters, as_vector, check_speed
+from robotball.errors import InputError, too_many_steps
+from robotball.motion import pieces
+from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.scene import Scene, check_times
+
+DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2
+STEP = "FunctionType(void(f8[::1]))"
+COMPILED_FROM = ("flatten", "steppers", "orbits", "crossings")
+
+
+@cache
+def sources() -> str:
+    """All the source that the loops are compiled from."""
+    folder = Path(__file__).parent
+    return "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in COMPILED_FROM)
+
+
+def compiled(signature: str) -> Callable[[Function], Function]:
+    """Numba's njit with what every loop here wants."""
+    return compiled_from(sources(), signature, nogil=True, error_model="numpy")
+
+
+def _take(_: Any, queue: Any) -> Any:
+    """The number that a queue (1,) holds, which then holds the next; no other thread gets it."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, arguments[0])
+        one = context.get_constant(types.int64, 1)
+        return builder.atomic_rmw("add", array.data, one, "monotonic")
+
+    return types.int64(queue), generate
+
+
+take: Any = intrinsic(_take)
+
+
+@compiled("void(f8[::1], i8, i8, f8[::1], f8, f8)")
+def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: float) -> None:
+    """Put an orbit into one of so many lanes; row: the rows from BALL on, up to its slope's end."""
+    w[LENGTH * lanes + lane] = length
+    w[ALLOWED * lanes + lane] = tolerance
+    w[TIME * lanes + lane] = 0.0
+    w[TARGET * lanes + lane] = np.inf
+    for j in range(len(row)):
+        w[(BALL + j) * lanes + lane] = row[j]
+
+
+@compiled("b1(f8[::1], i8, i8)")
+def collapsed(w: Any, lanes: int, lane: int) -> bool:
+    """Whether a lane's step is too short to move its time."""
+    time = w[TIME * lanes + lane]
+    return time + w[LENGTH * lanes + lane] == time
+
+
+@compiled(f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
+def march_lanes(
+    step: Any,
+    queue: Any,
+    rows: Any,
+    lengths: Any,
+    times: Any,
+    tolerance: float,
+    step_limit: int,
+    states: Any,
+    status: Any,
+) -> None:
+    """States (n, m, size) of n orbits at m times, all after 0 and increasing.
+
+    queue: for `take`, of the orbits that are still to be done; rows: (n, k) as `load` takes them;
+    lengths: (n,) s, of each orbit's first step. Writes states and status (n,) of those that it
+    takes; the states of an orbit that is given up stay as they were.
+    """
+    size = states.shape[2]
+    _, new, flag, total = places(size)
+    w = np.zeros(total * LANES)
+    orbit = np.full(LANES, -1)
+    sample, steps = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
+    running = 0
+    for lane in range(LANES):
+        load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
+        waiting = take(queue)
+        if waiting < len(rows):
+            load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
+            w[TARGET * LANES + lane] = times[0]
+            orbit[lane] = waiting
+            running += 1
+    while running > 0:
+        step(w)
+        for lane in range(LANES):
+            i = orbit[lane]
+            if i < 0:
+                continue
+            steps[lane] += 1
+            if w[flag * LANES + lane] == LOOKED:
+                for j in range(size):
+                    states[i, sample[lane], j] = w[(new + j) * LANES + lane]
+                sample[lane] += 1
+                if sample[lane] < len(times):
+                    w[TARGET * LANES + lane] = times[sample[lane]]
+                    continue
+                status[i] = DONE
+            elif steps[lane] >= step_limit:
+                status[i] = TOO_MANY_STEPS
+            elif w[flag * LANES + lane] == REJECTED and collapsed(w, LANES, lane):
+                status[i] = COLLAPSED
+            else:
+                continue
+            waiting = take(queue)
+            if waiting < len(rows):
+                load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
+                w[TARGET * LANES + lane] = times[0]
+                orbit[lane], sample[lane], steps[lane] = waiting, 0, 0
+            else:
+                orbit[lane] = -1
+                running -= 1
+
+
+@compiled(f"Tuple((i8, f8))({STEP}, f8[::1], f8, f8[::1], f8, i8, f8[:, ::1])")
+def follow(
+    step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, states: Any
+) -> tuple[int, float]:
+    """States (m, size) of one orbit at m times, all after 0 and increasing.
+
+    step: of FEW lanes. Returns the status and the time that it reached.
+    Lane 0 marches; the others look for the outputs within the step that it took before.
+    """
+    size = states.shape[1]
+    _, new, flag, total = places(size)
+    w, old = np.zeros(total * FEW), np.zeros(new - STATE)
+    for lane in range(FEW):
+        load(w, FEW, lane, row, length, tolerance)
+    sample, reached = 0, 0  # outputs found, and outputs that lane 0 has passed
+    for _ in range(step_limit):
+        helping = min(reached - sample, FEW - 1)
+        for k in range(helping):
+            w[LENGTH * FEW + 1 + k] = np.inf
+            w[TARGET * FEW + 1 + k] = times[sample + k]
+        # With more outputs than lanes, lane 0 waits: it looks at where it stands.
+        waits = sample + helping < reached
+        w[TARGET * FEW] = w[TIME * FEW] if waits else np.inf
+        before = w[TIME * FEW]
+        for j in range(len(old)):
+            old[j] = w[(STATE + j) * FEW]
+        step(w)
+        for k in range(helping):
+            for j in range(size):
+                states[sample + k, j] = w[(new + j) * FEW + 1 + k]
+        sample += helping
+        if sample == len(times):
+            return DONE, w[TIME * FEW]
+        if w[flag * FEW] == MARCHED:
+            for lane in range(1, FEW):
+                w[TIME * FEW + lane] = before
+            for j in range(len(old)):
+                for lane in range(1, FEW):
+                    w[(STATE + j) * FEW + lane] = old[j]
+            while reached < len(times) and times[reached] <= w[TIME * FEW]:
+                reached += 1
+        elif w[flag * FEW] == REJECTED and collapsed(w, FEW, 0):
+            return COLLAPSED, w[TIME * FEW]
+    return TOO_MANY_STEPS, w[TIME * FEW]
+
+
+# Of one step, in the unit quaternion: near the least that double precision can judge.
+STEP_TOLERANCE = 1e-14
+# The same where the long run counts: an attractor forgives what a path does not.
+LONG_RUN_TOLERANCE = 1e-9
+STATUS = {
+    DONE: "done",
+    TOO_MANY_STEPS: "given up: too many steps",
+    COLLAPSED: "given up: the step length fell to nothing",
+}
+STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
+MOST_STEPS = 2**62  # what a counter holds
+
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Orbits:
+    """Motions of n starts at m times.
+
+    times (m,) s; attitudes (n, m, 4) quaternions, frame to world; contact_points (n, m, 2) m,
+    world, from (0, 0); status (n,): a key of STATUS. What was given up is NaN from there on.
+    """
+
+    times: Array
+    attitudes: Array
+    contact_points: Array
+    status: Integers
+
+
+def orbits(
+    parameters: Parameters,
+    attitudes: Array,
+    momenta: Array,
+    times: Array,
+    tolerance: float = STEP_TOLERANCE,
+) -> Orbits:
+    """The motions of (3.2) or (3.3) from many starts, on all cores.
+
+    attitudes: (n, 4) unit quaternions, frame to world; momenta: (n, 3) kg m²/s, world, horizontal
+    in the rubber model; times: (m,) s, increasing from 0; tolerance: the error of the quaternion
+    allowed in one step. Raises InputError on unusable starts or times.
+    """
+    times = check_times(times)
+    starts = Starts(parameters, attitudes, momenta)
+    states, status = starts.march(PATH, np.zeros((len(starts.turns), 2)), times[1:], tolerance)
+    first = np.concatenate([starts.attitudes, np.zeros((len(states), 2))], axis=1)
+    states = np.concatenate([first[:, None], states], axis=1)
+    return Orbits(
+        times=times,
+        attitudes=starts.to_world(states[..., :4]),
+        contact_points=starts.turned_back(states[..., 4:]),
+        status=status,
+    )
+
+
+def orbit(
+    parameters: Parameters,
+    attitude: Array,
+    momentum: Array,
+    times: Array,
+    tolerance: float = STEP_TOLERANCE,
+    max_steps: int | None = None,
+) -> tuple[Array, Array]:
+    """Attitudes (m, 4) and contact points (m, 2) of one motion, for times (m,) close together.
+
+    As `orbits`, for a single start (4,) and (3,); raises InputError where it would be given up,
+    or needs more than max_steps.
+    """
+    states = orbit_states(parameters, attitude, momentum, times, tolerance, max_steps)
+    return states[:, :4], states[:, 4:]
+
+
+def orbit_states(
+    parameters: Parameters,
+    attitude: Array,
+    momentum: Array,
+    times: Array,
+    tolerance: float = STEP_TOLERANCE,
+    max_steps: int | None = None,
+) -> Array:
+    """The same side by side (m, 6)."""
+    times = check_times(times)
+    starts = Starts(parameters, attitude[None], momentum[None])
+    states = np.empty((len(times), PATH.size))
+    states[0] = (*starts.attitudes[0], 0.0, 0.0)
+    length = starts.first_lengths(times[-1], tolerance)[0]
+    limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
+    step, row = stepper(PATH, parameters.rolling, FEW), starts.rows_of(PATH, np.zeros((1, 2)))[0]
+    status, reached = follow(
+        step, row, length, times[1:], tolerance, limit + len(times), states[1:]
+    )
+    if status == TOO_MANY_STEPS:
+        to_frame = rotation_matrix(attitude).T
+        M, gamma = as_vector(to_frame @ momentum), as_vector(to_frame[:, 2])
+        speed = math.hypot(*parameters.angular_velocity(M, gamma))
+        raise too_many_steps(limit, reached, times[-1], speed)
+    if status != DONE:
+        raise InputError(f"the orbit was {STATUS[status]} at t = {reached:g} s")
+    for piece in pieces(len(times)):
+        states[piece, :4] = starts.to_world(states[None, piece, :4])[0]
+        states[piece, 4:] = starts.turned_back(states[None, piece, 4:])[0]
+    return states
+
+
+def kernel_start(scene: Scene) -> tuple[Parameters, Array, Array]:
+    """A scene as the functions here take it: its Parameters, attitudes (1, 4), momenta (1, 3).
+
+    The attitude is that of the principal axes, in which Parameters are.
+    """
+    attitude = multiply(scene.start.attitude, scene.principal_quaternion)
+    return scene.parameters, attitude[None], scene.start.momentum[None]
+
+
+class Starts:
+    """Starts as the stepper takes them: turned about the vertical until M = -mα + cγ.
+
+    attitudes: (n, 4) so turned; rows: (n, k), the constants of each orbit; turns: (n,) rad;
+    size: (n,) |M| kg m²/s; fastest: (n,) rad/s, what |ω| cannot exceed.
+    """
+
+    def __init__(self, parameters: Parameters, attitudes: Array, momenta: Array) -> None:
+        attitudes = np.atleast_2d(np.asarray(attitudes, dtype=float))
+        momenta = np.atleast_2d(np.asarray(momenta, dtype=float))
+        check_starts(parameters, attitudes, momenta)
+        self.parameters = parameters
+        self.size = np.linalg.norm(momenta, axis=1)
+        self.fastest = check_speed(parameters, self.size)
+        across = np.hypot(momenta[:, 0], momenta[:, 1])
+        self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
+        unit = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
+        self.attitudes = turned(-self.turns, unit)
+        ball = np.array(row_of(parameters))
+        level = np.stack([across, momenta[:, 2]], axis=1)
+        no_section = np.zeros((len(level), STATE - SECTION))
+        self.rows = np.concatenate([np.tile(ball, (len(level), 1)), level, no_section], axis=1)
+
+    def rows_of(self, system: System, rest: Array) -> Array:
+        """Constants, states and their slopes (n, k), side by side, as `load` takes them.
+
+        rest: (n, size - 4), what the state starts with after the quaternion.
+        """
+        rolling = self.parameters.rolling
+        level = level_of(rolling, list(self.rows.T[LEVEL - BALL : SECTION - BALL]))
+        states = np.concatenate([self.attitudes, rest], axis=1)
+        slopes = system.rate(tuple(states.T), self.parameters, level)
+        return np.concatenate([self.rows, states, np.stack(slopes, axis=1)], axis=1)
+
+    def march(
+        self, system: System, rest: Array, times: Array, tolerance: float
+    ) -> tuple[Array, Integers]:
+        """States (n, m, size), in turned axes, and status (n,) of a system at times (m,) > 0.
+
+        rest: as in `rows_of`.
+        """
+        n = len(self.rows)
+        states, status = np.full((n, len(times), system.size), np.nan), np.zeros(n, np.int64)
+        step = stepper(system, self.parameters.rolling)
+        rows = self.rows_of(system, rest)
+        lengths = self.first_lengths(times[-1], tolerance)
+        stops, limit = np.ascontiguousarray(times), self.step_limit(times[-1]) + len(times)
+
+        def march(queue: Queue) -> None:
+            march_lanes(step, queue, rows, lengths, stops, tolerance, limit, states, status)
+
+        in_threads(march, math.ceil(n / LANES))
+        return states, status
+
+    def first_lengths(self, duration: float, tolerance: float) -> Array:
+        """A first step (n,) for each orbit, rather short; it grows by itself [s]."""
+        return np.minimum(duration, tolerance**0.125 / np.maximum(self.fastest, 1e-300))
+
+    def step_limit(self, duration: float) -> int:
+        """More steps than any orbit needs, so that none can hang the others."""
+        turns = float(self.fastest.max()) * duration / (2 * np.pi)
+        return int(min(1000 + STEPS_PER_TURN * turns, MOST_STEPS))
+
+    def to_world(self, attitudes: Array) -> Array:
+        """Attitudes (n, m, 4) in world axes."""
+        return turned(self.turns[:, None], attitudes)
+
+    def turned_back(self, points: Array) -> Array:
+        """Points (n, m, 2) of the plane in world axes."""
+        cos, sin = np.cos(self.turns)[:, None], np.sin(self.turns)[:, None]
+        X, Y = points[..., 0], points[..., 1]
+        return np.stack([cos * X - sin * Y, sin * X + cos * Y], axis=-1)
+
+
+def turned(angles: Array, attitudes: Array) -> Array:
+    """Attitudes (..., 4) after turns (...) about the vertical [rad]."""
+    turns = (np.cos(angles / 2), 0.0, 0.0, np.sin(angles / 2))
+    return np.stack(eq.quaternion_product(turns, components(attitudes)), axis=-1)
+
+
+def components(q: Array) -> eq.Quaternion:
+    """Quaternions (..., 4) as four columns (...)."""
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    return (w, x, y, z)
+
+
+def check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:
+    """Raises InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
+    if not np.isfinite(row_of(parameters)).all():
+        raise InputError(f"the numbers of the ball are not finite: {parameters}")
+    if attitudes.shape[1:] != (4,) or momenta.shape != (len(attitudes), 3):
+        raise InputError(
+            f"n starts are attitudes (n, 4) and momenta (n, 3), not {attitudes.shape} and "
+            f"{momenta.shape}"
+        )
+    if len(attitudes) == 0 or not (np.isfinite(attitudes).all() and np.isfinite(momenta).all()):
+        raise InputError("starts must be at least one, and finite")
+    if np.abs(np.linalg.norm(attitudes, axis=1) - 1).max() > 1e-9:
+        raise InputError("attitudes must be unit quaternions")
+    vertical = np.abs(momenta[:, 2])
+    if parameters.rolling == "rubber" and (vertical > 1e-9 * np.linalg.norm(momenta, axis=1)).any():
+        raise InputError("momenta must be horizontal in the rubber model, by (3.1)")

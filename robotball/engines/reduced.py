@@ -1,0 +1,185 @@
+"""The paper's reduced equations: Scene → Motion, and many motions at once by compiled steps.
+
+Scene → Motion by the paper's equations: one rotation, integrated to round-off.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+from importlib.metadata import version
+
+import numpy as np
+
+from robotball import equations as eq
+from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate
+from robotball.equations import as_vector, check_speed
+from robotball.errors import InputError, too_many_steps
+from robotball.motion import Label, Motion, ReferenceMotion, joined, loads_of, pieces
+from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.scene import Scene
+
+LABEL = Label("equations", version("robotball"), "#D55E00")  # vermillion of Okabe and Ito's set
+
+
+# Longer motions at steady rates, in rad by the bound on |ω|, are left to the compiled step, which
+# takes a hundredth of the time: so much takes some seconds here.
+LONG = 1e4
+# What takes one to three minutes: at the usual rates a day here, and a month by compiled steps.
+MAX_STEPS, MAX_COMPILED_STEPS = 1_000_000, 100_000_000
+ASTRAY = 1e100  # a step that tries a quaternion so long leads nowhere, and its square to infinity
+COARSER = 4.0  # times the error of a step, of the motion by which its own error is estimated
+
+
+def integrate(
+    scene: Scene, times: Array, rtol: float = LEAST_RTOL, max_steps: int | None = None
+) -> ReferenceMotion:
+    """The motion of the ball by (3.2) or (3.3), with an estimate of its own error.
+
+    M is constant in space, so the state is one unit quaternion q and the contact point:
+    dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; rtol: the error allowed in
+    one step; max_steps: a limit for motions that turn too often. Raises InputError for a scene
+    that these equations do not describe, where the limit is met or a step shrinks to nothing.
+    """
+    scene.check_reduced()
+    ours = scene.until(float(times[-1]))
+    motion = replace(motion_of(ours, times, _states(ours, times, rtol, max_steps)), scene=scene)
+    values = {each.name: getattr(motion, each.name) for each in fields(motion)}
+    return ReferenceMotion(
+        **values, again=lambda: _states(ours, times, rtol, max_steps, COARSER)[:, 4:]
+    )
+
+
+def motion_of(scene: Scene, times: Array, states: Array) -> Motion:
+    """The motion of states (n, 6) = (q, X, Y), q from principal axes to world, of any length."""
+    parts = (_part(scene, times[piece], states[piece]) for piece in pieces(len(times)))
+    return replace(joined(parts, len(times)), times=times)
+
+
+def _part(scene: Scene, times: Array, states: Array) -> Motion:
+    attitude = states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True)
+    axes = rotation_matrix(attitude)
+    M = axes.transpose(0, 2, 1) @ scene.start.momentum
+    omega = _angular_velocity(scene, times, M, axes[:, 2])
+    return Motion(
+        scene=scene,
+        engine=LABEL,
+        times=times,
+        contact_point=states[:, 4:],
+        attitude=multiply(attitude, conjugate(scene.principal_quaternion)),
+        momentum=np.einsum("nij,nj->ni", axes, M),
+        angular_velocity=omega @ scene.principal_axes.T,
+        hinge_angles=np.stack([drive.angle(times) for drive in scene.drives], axis=1),
+        hinge_rates=np.stack([drive.rate(times) for drive in scene.drives], axis=1),
+        loads=loads_of(scene, times, axes, omega),
+    )
+
+
+def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Array:
+    """ω (n, 3) at n times, all in principal axes."""
+    if scene.steady:
+        return np.stack(scene.parameters.angular_velocity(tuple(M.T), tuple(gamma.T)), axis=1)
+    return np.array(
+        [
+            scene.parameters_at(t).angular_velocity(as_vector(M_now), as_vector(gamma_now))
+            for t, M_now, gamma_now in zip(times.tolist(), M, gamma, strict=True)
+        ]
+    )
+
+
+def right_hand_side(scene: Scene) -> Rate:
+    """d/dt of (q, X, Y): (6,) at time t, with q from principal axes to world, of any length."""
+    momentum = as_vector(scene.start.momentum)
+    parameters_at = (lambda _: scene.parameters) if scene.steady else scene.parameters_at
+
+    def rate(t: float, state: Array) -> Array:
+        w, x, y, z, _X, _Y = state.tolist()
+        if not math.hypot(w, x, y, z) < ASTRAY:
+            return np.full(6, np.nan)
+        q = (w, x, y, z)
+        parameters = parameters_at(t)
+        alpha, beta, gamma = axes = eq.space_axes(q)
+        M = eq.seen_from_frame(momentum, axes)
+        omega = parameters.angular_velocity(M, gamma)
+        velocity = eq.contact_velocity(alpha, beta, omega, parameters.Omega, parameters.a)
+        return np.array([*eq.attitude_rate(q, omega), *velocity])
+
+    return rate
+
+
+def _states(
+    scene: Scene, times: Array, rtol: float, max_steps: int | None, coarser: float = 1.0
+) -> Array:
+    """States (n, 6) at the times, with q from principal axes to world.
+
+    coarser: times the error that a step may have.
+    """
+    at_start = scene.parameters_at(0.0)
+    size = np.array([math.hypot(*scene.start.momentum.tolist())])
+    fastest = check_speed(at_start, size)[0]
+    if scene.steady and fastest * times[-1] > LONG:
+        limit = MAX_COMPILED_STEPS if max_steps is None else max_steps
+        return compiled_states(scene, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
+    return _solve(scene, times, coarser * rtol, MAX_STEPS if max_steps is None else max_steps)
+
+
+def compiled_states(
+    scene: Scene, times: Array, tolerance: float | None = None, max_steps: int | None = None
+) -> Array:
+    """The states (n, 6) that `motion_of` takes, for steady drives, by the compiled step.
+
+    tolerance: of one step, its own if None. Raises InputError where the motion is given up.
+    """
+    # numba takes a while to come.
+    from robotball.engines.ensembles.orbits import STEP_TOLERANCE, kernel_start, orbit_states
+
+    parameters, attitudes, momenta = kernel_start(scene)
+    allowed = STEP_TOLERANCE if tolerance is None else tolerance
+    return orbit_states(parameters, attitudes[0], momenta[0], times, allowed, max_steps)
+
+
+@dataclass
+class _Stepper:
+    """DOP853 along a motion, which may have so many steps in all."""
+
+    rate: Rate
+    rtol: float
+    scale: Array
+    end: float
+    max_steps: int
+    steps: int = 0
+
+    def piece(self, span: tuple[float, float], state: Array, times: Array) -> tuple[Array, Array]:
+        """The state (6,) at the end of a smooth span and those (n, 6) at times in it."""
+        states = np.empty((len(times), 6))
+        solver = Compensated(self.rate, span, state, self.rtol, self.scale)
+        done = 0
+        while solver.running:
+            if self.steps >= self.max_steps:
+                speed = 2 * math.hypot(*solver.derivative[:4].tolist())  # dq/dt = q∘ω/2
+                raise too_many_steps(self.max_steps, solver.t, self.end, speed)
+            message = solver.step()
+            self.steps += 1
+            if message is not None:
+                raise InputError(
+                    f"the equations could not be integrated past t = {solver.t:g} s: {message}"
+                )
+            reached = int(np.searchsorted(times, solver.t, side="right"))
+            if reached > done:
+                states[done:reached] = solver.within(times[done:reached])
+                done = reached
+        return solver.state, states
+
+
+def _solve(scene: Scene, times: Array, rtol: float, max_steps: int) -> Array:
+    """States (n, 6) at the times, integrated anew from every breakpoint of the drives."""
+    # X and Y are only quadratures of q: a scale of their own keeps them from setting the step where
+    # they pass zero.
+    scale = np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
+    stepper = _Stepper(right_hand_side(scene), rtol, scale, float(times[-1]), max_steps)
+    states = np.empty((len(times), 6))
+    states[0] = (*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0)
+    state, begin = states[0], 0.0
+    for end in (*(t for t in scene.breakpoints if t < times[-1]), times[-1]):
+        inside = (times > begin) & (times <= end)
+        state, states[inside] = stepper.piece((begin, end), state, times[inside])
+        begin = end
+    return states

@@ -1,0 +1,366 @@
+"""CSV as simulators write it: any delimiter, comments, a line of units, a byte order mark.
+
+Tables of numbers with a header, as CSV, NPZ or Parquet; columns come back to the last bit.
+
+Samples of a command from a table of numbers.
+"""
+
+import codecs
+import contextlib
+import io
+import json
+import re
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from robotball.drives import Samples
+from robotball.errors import InputError
+from robotball.files.reading import MB, opened
+from robotball.files.replacing import replacing
+from robotball.rotations import Array
+
+COMMENT = ("#", "%", "//")
+MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
+UNITS_LINE = "units"  # the header's line of them, as JSON
+Line = tuple[int, str]  # its number in the file, from 1, and its text
+
+
+def write_csv(
+    columns: Mapping[str, Array], units: Mapping[str, str], header: Mapping[str, str]
+) -> str:
+    """The text of a CSV file, its header in comment lines `# name: text`, a line of text each."""
+    texts = {**header, UNITS_LINE: json.dumps(dict(units), ensure_ascii=False)}
+    lines = [f"# {name}: {line}" for name, text in texts.items() for line in text.split("\n")]
+    lines.append(",".join(columns))
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    lines += [",".join(map(repr, row)) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def read_csv(
+    file: BinaryIO,
+) -> tuple[dict[str, Array], dict[str, str], dict[str, str], tuple[str, ...]]:
+    """Columns, units, header and notes of a file; raises InputError for what is no table.
+
+    The line of names may be a comment, and a line of units may follow it. Numbers may have decimal
+    commas where another character is between them.
+    """
+    start = file.read(len(codecs.BOM_UTF8))
+    encoding = next((MARKS[mark] for mark in MARKS if start.startswith(mark)), None)
+    file.seek(0)
+    notes = ("it begins with a byte order mark, which is skipped",) if encoding else ()
+    lines = enumerate(io.TextIOWrapper(file, encoding or "utf-8"), 1)
+    try:
+        return *_table(lines), notes
+    except UnicodeDecodeError:
+        raise InputError("it is no text in UTF-8 or UTF-16") from None
+
+
+def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dict[str, str]]:
+    """Columns, units and header."""
+    comments: list[str] = []
+    rows = _rows(lines, comments)
+    begun = [*islice(rows, 1)]
+    if not begun:
+        raise InputError("the file holds no numbers")
+    delimiter = _delimiter(begun[0][1])
+    first = _cells(begun[0][1], delimiter)
+    below: dict[str, str] = {}
+    if all(map(_is_number, first)):
+        names = _cells(comments[-1].strip(), _delimiter(comments[-1])) if comments else []
+        if len(names) != len(first):
+            raise InputError("there is no line with the columns' names, as t,x,y,qw,qx,qy,qz")
+    else:
+        names, begun = first, [*islice(rows, 1)]
+        if begun and not any(map(_is_number, _cells(begun[0][1], delimiter))):
+            below = dict(zip(names, _cells(begun.pop()[1], delimiter), strict=False))
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"two columns are called {twice!r}")
+    parts = [_numbers(names, begun, delimiter, comments)]
+    while piece := [*islice(lines, LINES)]:
+        parts.append(_numbers(names, piece, delimiter, comments))
+    if not any(map(len, parts)):
+        raise InputError("there are no rows of numbers below the columns' names")
+    header = _header(comments)
+    units = below | _units_of(header.pop(UNITS_LINE, ""))
+    return dict(zip(names, np.concatenate(parts).T, strict=True)), units, header
+
+
+def _rows(lines: Iterable[Line], comments: list[str]) -> Iterator[Line]:
+    """The lines that are neither empty nor a comment; comments are added to the others."""
+    for number, line in lines:
+        stripped = line.strip()
+        if stripped.startswith(COMMENT):
+            comments.append(line.strip("\n").lstrip().lstrip("#%/").removeprefix(" "))
+        elif stripped:
+            yield number, stripped
+
+
+def _header(comments: list[str]) -> dict[str, str]:
+    """The comments of the form `name: text`; those of one name are the lines of one text."""
+    found: dict[str, list[str]] = {}
+    for line in comments:
+        match = re.match(r"(\w+):(?: (.*))?$", line)
+        if match:
+            found.setdefault(match[1], []).append(match[2] or "")
+    return {name: "\n".join(lines) for name, lines in found.items()}
+
+
+def _units_of(text: str) -> dict[str, str]:
+    """Units by JSON, or as `t s, x mm`."""
+    try:
+        given: Any = json.loads(text)
+    except ValueError:
+        pairs = (part.replace(":", " ").replace("=", " ").split() for part in text.split(","))
+        return {pair[0]: pair[1] for pair in pairs if len(pair) == 2}
+    return {str(k): str(v) for k, v in given.items()} if isinstance(given, dict) else {}
+
+
+def _delimiter(line: str) -> str | None:
+    """What is between the cells of a line; None is white space."""
+    return next((each for each in (";", "\t", ",") if each in line), None)
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    return [cell.strip().strip('"').strip() for cell in line.split(delimiter)]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(
+    names: list[str], lines: list[Line], delimiter: str | None, comments: list[str]
+) -> Array:
+    """The numbers (n, columns) of some lines; their comments are added to the others."""
+    texts = [line if delimiter == "," else line.replace(",", ".") for _, line in lines]
+    with contextlib.suppress(ValueError):  # by a comment, a cell in quotes, or what is no number
+        if any(map(str.strip, texts)):
+            numbers = np.loadtxt(texts, delimiter=delimiter, comments=None, ndmin=2)
+            if numbers.shape[1] == len(names):
+                return numbers
+    checked = list(_checked(names, _rows(lines, comments), delimiter))
+    return np.array(checked).reshape(-1, len(names))
+
+
+def _checked(
+    names: list[str], rows: Iterable[Line], delimiter: str | None
+) -> Iterator[list[float]]:
+    for number, line in rows:
+        cells = _cells(line if delimiter == "," else line.replace(",", "."), delimiter)
+        if len(cells) != len(names):
+            raise InputError(
+                f"line {number} has {len(cells)} values, and there are {len(names)} columns"
+            )
+        try:
+            yield [float(cell) for cell in cells]
+        except ValueError:
+            i = next(i for i, cell in enumerate(cells) if not _is_number(cell))
+            what = f"is {cells[i]!r}" if cells[i] else "is empty"
+            raise InputError(f"line {number}: {names[i]} {what}, and must be a number") from None
+
+
+LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
+WORD = 8  # bytes of a number
+HEADER, UNITS = "header", "units"  # of an NPZ's own members, and of a Parquet's metadata
+# What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file,
+# OSError where a member is said to begin before the file.
+UNREADABLE = (
+    ValueError, TypeError, EOFError, OSError, KeyError, RuntimeError, zipfile.BadZipFile,
+    zlib.error,
+)  # fmt: skip
+PARQUET_EXTRA = (
+    "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """columns: names → numbers, all of one length; units, of columns; header: names → texts.
+
+    notes: what had to be understood on reading, a line each.
+    """
+
+    columns: Mapping[str, Array]
+    units: Mapping[str, str]
+    header: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+
+
+def write_table(path: Path, table: Table) -> None:
+    """The table as a file of the kind that its suffix says; raises InputError for another one."""
+    writers: dict[str, Callable[[Path, Table], None]] = {
+        ".csv": _write_csv,
+        ".npz": _write_npz,
+        ".parquet": _write_parquet,
+    }
+    write = _of_suffix(path, writers)
+    with replacing(path) as temporary:
+        write(temporary, table)
+
+
+def read_table(path: Path) -> Table:
+    """The table of a file; raises InputError, with the file, where it holds none."""
+    readers: dict[str, Callable[[BinaryIO], Table]] = {
+        ".csv": _read_csv,
+        ".tsv": _read_csv,
+        ".txt": _read_csv,
+        ".npz": _read_npz,
+        ".parquet": _read_parquet,
+    }
+    read = _of_suffix(path, readers)
+    with opened(path, LONGEST) as file:
+        try:
+            table = read(file)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+    lengths = {name: len(column) for name, column in table.columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"{path}: columns are of different lengths: {lengths}")
+    return table
+
+
+def _of_suffix(path: Path, by_suffix: Mapping[str, Any]) -> Any:
+    suffix = path.suffix.lower()
+    if suffix not in by_suffix:
+        kinds = ", ".join(by_suffix)
+        raise InputError(f"{path}: a trajectory's file is one of {kinds}, not {suffix!r}")
+    return by_suffix[suffix]
+
+
+def _write_csv(path: Path, table: Table) -> None:
+    path.write_text(write_csv(table.columns, table.units, table.header), encoding="utf-8")
+
+
+def _read_csv(file: BinaryIO) -> Table:
+    return Table(*read_csv(file))
+
+
+def _write_npz(path: Path, table: Table) -> None:
+    own: dict[str, Any] = {
+        HEADER: np.array(json.dumps(dict(table.header))),
+        UNITS: np.array(json.dumps(dict(table.units))),
+    }
+    with path.open("wb") as file:  # by its name, NumPy would add a suffix of its own
+        np.savez(file, allow_pickle=False, **own, **dict(table.columns))
+
+
+def _read_npz(file: BinaryIO) -> Table:
+    try:
+        with np.load(file, allow_pickle=False) as members:
+            _check_unpacked(sum(each.file_size for each in members.zip.filelist))
+            arrays = {name: members[name] for name in members.files}
+    except UNREADABLE as error:
+        raise InputError(f"it is no NPZ file that can be read: {error}") from None
+    header = _texts(arrays.pop(HEADER, None))
+    units = _texts(arrays.pop(UNITS, None))
+    return Table(dict(_columns(arrays)), units, header)
+
+
+def _check_unpacked(size: int) -> None:
+    """Raises InputError where so many bytes come of a compressed file."""
+    if size > LONGEST:
+        raise InputError(f"it unpacks to {size / MB:.4g} MB, and may to {LONGEST / MB:g}")
+
+
+def _texts(member: Any) -> dict[str, str]:
+    """The names and texts of a member that holds JSON; none where it holds anything else."""
+    try:
+        found = json.loads(str(member))
+    except ValueError:
+        return {}
+    if not isinstance(found, dict):
+        return {}
+    return {str(name): str(text) for name, text in found.items()}
+
+
+def _columns(arrays: Mapping[str, Any]) -> list[tuple[str, Array]]:
+    """Columns (n,) as they are; those of an array (n, k) are `name.0`, `name.1` and so on."""
+    columns = []
+    for name, array in arrays.items():
+        if array.dtype.kind not in "fiub" or array.ndim not in (1, 2):
+            continue  # what a simulator keeps beside its trajectory
+        numbers = np.asarray(array, dtype=float)
+        if array.ndim == 1:
+            columns.append((name, numbers))
+        else:
+            columns += [(f"{name}.{i}", column) for i, column in enumerate(numbers.T)]
+    return columns
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise InputError(PARQUET_EXTRA) from None
+    return pyarrow, parquet
+
+
+def _write_parquet(path: Path, table: Table) -> None:
+    pyarrow, parquet = _pyarrow()
+    metadata = {HEADER: json.dumps(dict(table.header)), UNITS: json.dumps(dict(table.units))}
+    whole = pyarrow.table({name: np.asarray(each) for name, each in table.columns.items()})
+    parquet.write_table(whole.replace_schema_metadata(metadata), path)
+
+
+def _read_parquet(file: BinaryIO) -> Table:
+    pyarrow, parquet = _pyarrow()
+    try:
+        packed = parquet.ParquetFile(file)
+        _check_unpacked(packed.metadata.num_rows * packed.metadata.num_columns * WORD)
+        whole = packed.read()
+        types = pyarrow.types
+        arrays = {
+            name: column.to_numpy()
+            for name, column in zip(whole.column_names, whole.columns, strict=True)
+            if types.is_floating(column.type) or types.is_integer(column.type)
+        }
+    except (pyarrow.ArrowException, ValueError, OSError) as error:
+        raise InputError(f"it is no Parquet file that can be read: {error}") from None
+    metadata = {
+        key.decode(errors="replace"): text.decode(errors="replace")
+        for key, text in (whole.schema.metadata or {}).items()
+    }
+    columns = dict(_columns(arrays))
+    return Table(columns, _texts(metadata.get(UNITS)), _texts(metadata.get(HEADER)))
+
+
+TIME, VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
+
+
+def read_samples(path: Path) -> Samples:
+    """The samples of a file of two columns, a time [s] and a value.
+
+    Raises InputError, with the file, where it holds none, or a unit that is not SI's.
+    """
+    table = read_table(path)
+    if len(table.columns) != 2:
+        raise InputError(
+            f"{path}: samples take two columns, time and value, not {', '.join(table.columns)}"
+        )
+    for name, known in zip(table.columns, (TIME, VALUE), strict=True):
+        if (unit := table.units.get(name)) and unit not in known:
+            raise InputError(f"{path}: {name} is in {unit}; samples take {', '.join(known[:3])}")
+    times, values = (tuple(column.tolist()) for column in table.columns.values())
+    try:
+        return Samples(times=times, values=values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None

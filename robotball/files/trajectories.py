@@ -1,0 +1,305 @@
+"""A motion's arrays as named columns, and the header that says whose they are.
+
+A trajectory from a file, its columns known by many names and in many units.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from robotball.errors import InputError
+from robotball.files.columns import Table, read_table, write_table
+from robotball.files.scene_writer import scene_toml
+from robotball.rotations import Array
+from robotball.scene import Scene
+
+FORMAT = "robotball motion 1"
+Place = tuple[str, ...]
+
+
+def layout(scene: Scene) -> Iterator[tuple[Place, tuple[str, ...], str]]:
+    """Where each array of a motion stands, the names of its columns, and their unit."""
+    hinges = [hinge.name for hinge in scene.hinges]
+    yield ("times",), ("t",), "s"
+    yield ("contact_point",), ("x", "y"), "m"
+    yield ("attitude",), ("qw", "qx", "qy", "qz"), "1"
+    yield ("angular_velocity",), ("wx", "wy", "wz"), "rad/s"
+    yield ("momentum",), ("Mx", "My", "Mz"), "kg m²/s"
+    yield ("hinge_angles",), tuple(f"{name}_angle" for name in hinges), "rad"
+    yield ("hinge_rates",), tuple(f"{name}_rate" for name in hinges), "rad/s"
+    yield ("loads", "contact_force"), ("force_x", "force_y", "force_z"), "N"
+    yield ("loads", "spin_torque"), ("spin_torque",), "N m"
+    yield ("loads", "motor_torques"), tuple(f"{name}_torque" for name in hinges), "N m"
+
+
+def write_motion(
+    path: Path,
+    scene: Scene,
+    engine: Mapping[str, str],
+    arrays: Mapping[Place, Array],
+    timestep: float | None = None,
+) -> None:
+    """A motion of a scene, by the places of its arrays, with the label of its engine.
+
+    timestep: of a contact engine [s]. Raises InputError where the file cannot be written.
+    """
+    columns: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    for place, names, unit in layout(scene):
+        array = arrays[place]
+        columns.update(zip(names, array.reshape(len(array), -1).T, strict=True))
+        units.update(dict.fromkeys(names, unit))
+    header = {"format": FORMAT, "engine": json.dumps(dict(engine), ensure_ascii=False)}
+    if timestep is not None:
+        header["timestep"] = repr(float(timestep))
+    header["scene"] = scene.name
+    try:
+        header["scene_toml"] = scene_toml(scene)
+    except InputError as error:
+        header["scene_toml_missing"] = str(error)
+    write_table(path, Table(columns, units, header))
+
+
+def arrays_of(table: Table, scene: Scene) -> dict[Place, Array]:
+    """A motion's arrays by their places; raises InputError where columns of the scene are missing.
+
+    The shapes are those that a motion of the scene has.
+    """
+    arrays: dict[Place, Array] = {}
+    for place, names, _ in layout(scene):
+        missing = [name for name in names if name not in table.columns]
+        if missing:
+            raise InputError(f"{', '.join(missing)} are missing: it is no motion of {scene.name}")
+        columns = [table.columns[name] for name in names]
+        single = place in (("times",), ("loads", "spin_torque"))
+        arrays[place] = columns[0] if single else np.stack(columns, axis=1)
+    return arrays
+
+
+# Column names without units, brackets, capitals and separators → what they hold. An array (n, k)
+# of an NPZ has its columns as name.0, name.1, …
+NAMES = {
+    "t": ("t", "time", "times", "timestamp", "stamp", "sec", "seconds", "simtime"),
+    "x": ("x", "px", "posx", "xpos", "positionx", "contactx", "posepositionx"),
+    "y": ("y", "py", "posy", "ypos", "positiony", "contacty", "posepositiony"),
+    "z": ("z", "pz", "posz", "zpos", "positionz", "height", "posepositionz"),
+    "qw": ("qw", "quatw", "quaternionw", "orientationw", "rotw", "poseorientationw"),
+    "qx": ("qx", "quatx", "quaternionx", "orientationx", "rotx", "poseorientationx"),
+    "qy": ("qy", "quaty", "quaterniony", "orientationy", "roty", "poseorientationy"),
+    "qz": ("qz", "quatz", "quaternionz", "orientationz", "rotz", "poseorientationz"),
+    "wx": ("wx", "omegax", "angvelx", "angularvelocityx", "gyrox", "ωx", "twistangularx"),
+    "wy": ("wy", "omegay", "angvely", "angularvelocityy", "gyroy", "ωy", "twistangulary"),
+    "wz": ("wz", "omegaz", "angvelz", "angularvelocityz", "gyroz", "ωz", "twistangularz"),
+    "Mx": ("mx", "momentumx"),
+    "My": ("my", "momentumy"),
+    "Mz": ("mz", "momentumz"),
+}
+ARRAYS = {
+    ("x", "y", "z"): ("position", "positions", "pos", "xyz", "contactpoint"),
+    ("qw", "qx", "qy", "qz"): ("attitude", "quaternion", "quat", "q", "orientation"),
+    ("wx", "wy", "wz"): ("angularvelocity", "omega", "w", "angvel"),
+    ("Mx", "My", "Mz"): ("momentum", "m"),
+}
+KNOWN = {
+    **{alias: name for name, aliases in NAMES.items() for alias in aliases},
+    **{
+        f"{alias}{i}": name
+        for names, aliases in ARRAYS.items()
+        for alias in aliases
+        for i, name in enumerate(names)
+    },
+}
+NEEDED = ("t", "x", "y", "qw", "qx", "qy", "qz")
+WRITTEN = ",".join(NEEDED)
+LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
+TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+TURN = 2 * np.pi
+RATES = {"rad/s": 1.0, "1/s": 1.0, "deg/s": TURN / 360, "rpm": TURN / 60, "rev/s": TURN}
+UNITS = {"t": TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("wx", "wy", "wz"), RATES)}
+AS_WRITTEN = {"°/s": "deg/s", "µm": "um", "μm": "um", "rad/sec": "rad/s", "rad s^-1": "rad/s"}
+NO_QUATERNION = 0.02  # off length one: more is no rounding
+ROUNDED = 1e-6
+NO_UNIT = ("", "-", "1")
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What a file says of a ball, in SI units, and otherwise in whatever conventions it has.
+
+    times             (n,)    s, increasing
+    position          (n, 3)  m; z is nan where the file has none
+    attitude          (n, 4)  unit quaternion
+    angular_velocity  (n, 3)  rad/s, or None
+    momentum          (n, 3)  kg m²/s, or None
+    others            columns of other names
+    header            of the file
+    notes             what had to be understood on reading, a line each
+    """
+
+    name: str
+    times: Array
+    position: Array
+    attitude: Array
+    angular_velocity: Array | None = None
+    momentum: Array | None = None
+    others: Mapping[str, Array] | None = None
+    header: Mapping[str, str] | None = None
+    notes: tuple[str, ...] = ()
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """The trajectory of a CSV, NPZ or Parquet file.
+
+    Raises InputError, with the file, for missing columns, unknown units, numbers that are not
+    finite, times that do not increase, and quaternions that are none.
+    """
+    table = read_table(path)
+    try:
+        return trajectory_of(table, path.name)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def trajectory_of(table: Table, name: str) -> Trajectory:
+    """The trajectory of a table; raises InputError as `read_trajectory` does."""
+    columns, units, others = _named(table)
+    missing = [each for each in NEEDED if each not in columns]
+    if missing:
+        there = ", ".join(table.columns) or "none"
+        raise InputError(
+            f"the columns {','.join(missing)} are missing; there are {there}, and needed {WRITTEN}"
+        )
+    notes = list(table.notes)
+    for group in ("t", "xyz", ("wx", "wy", "wz")):
+        notes += _made_si(columns, units, group)
+    for each, column in columns.items():
+        _check_finite(each, column, columns["t"])
+    times = columns["t"]
+    _check_increasing(times)
+    attitude = np.stack([columns[each] for each in ("qw", "qx", "qy", "qz")], axis=1)
+    attitude, rounded = _unit(attitude, times)
+    height = columns.get("z", np.full(len(times), np.nan))
+    return Trajectory(
+        name=name,
+        times=times,
+        position=np.stack([columns["x"], columns["y"], height], axis=1),
+        attitude=attitude,
+        angular_velocity=_triple(columns, ("wx", "wy", "wz")),
+        momentum=_triple(columns, ("Mx", "My", "Mz")),
+        others=others,
+        header=table.header,
+        notes=(*notes, *rounded),
+    )
+
+
+def _named(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Array]]:
+    """The columns that are known and their units, by our names; and the others, by their own."""
+    columns: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    others: dict[str, Array] = {}
+    came_as: dict[str, str] = {}
+    for title, column in table.columns.items():
+        name, unit = _parsed(title)
+        if name is None:
+            others[title] = column
+            continue
+        if name in columns:
+            raise InputError(f"{came_as[name]!r} and {title!r} are both the column {name}")
+        columns[name], came_as[name] = column, title
+        unit = unit or table.units.get(title)
+        if unit:
+            units[name] = unit
+    return columns, units, others
+
+
+def _parsed(title: str) -> tuple[str | None, str | None]:
+    """Our name of a column and the unit in its title: `x`, `x [mm]`, `x_mm`, `pos.x (mm)`."""
+    found = re.match(r"(.*?)\s*[\[(](.*?)[\])]\s*$", title)
+    bare, unit = (found[1], found[2]) if found else (title, None)
+    name = KNOWN.get(_plain(bare))
+    if name is None and "_" in bare:
+        first, _, last = bare.rpartition("_")
+        name = KNOWN.get(_plain(first))
+        if name is None or _unit_name(last) not in UNITS.get(name, {}):
+            return None, None
+        unit = last
+    return name, unit
+
+
+def _plain(title: str) -> str:
+    return re.sub(r"[\s_./:\-]", "", title).lower()
+
+
+def _unit_name(unit: str) -> str:
+    return AS_WRITTEN.get(unit.strip(), unit.strip())
+
+
+def _made_si(columns: dict[str, Array], units: Mapping[str, str], group: object) -> list[str]:
+    """Turns columns of a group into SI units, in place; says of what other units they were."""
+    changed: dict[str, list[str]] = {}
+    for name in group if isinstance(group, tuple) else str(group):
+        unit, known = _unit_name(units.get(name, "")), UNITS[name]
+        if name not in columns or unit in NO_UNIT:
+            continue
+        if unit not in known:
+            raise InputError(f"{name} is in {unit!r}; it can be in {', '.join(known)}")
+        if known[unit] != 1.0:
+            columns[name] = columns[name] * known[unit]
+            changed.setdefault(unit, []).append(name)
+    return [
+        f"{', '.join(names)}: in {unit}, as the file says, and taken so"
+        for unit, names in changed.items()
+    ]
+
+
+def _check_finite(name: str, column: Array, times: Array) -> None:
+    bad = np.flatnonzero(~np.isfinite(column))
+    if len(bad):
+        i = int(bad[0])
+        more = f", and in {len(bad) - 1} more" if len(bad) > 1 else ""
+        at = f" (t = {times[i]:g} s)" if name != "t" else ""
+        raise InputError(f"{name} is {column[i]} in row {i + 1}{at}{more}; it must be finite")
+
+
+def _check_increasing(times: Array) -> None:
+    if len(times) < 2:
+        raise InputError(f"it has {len(times)} row of numbers, and at least two are needed")
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        i = int(late[0])
+        if times[i + 1] == times[i]:
+            raise InputError(
+                f"t = {times[i]:g} s comes twice, in rows {i + 1} and {i + 2}; times must increase"
+            )
+        raise InputError(
+            f"times must increase: t = {times[i + 1]:g} s in row {i + 2} follows {times[i]:g} s"
+        )
+    if times[0] < 0:
+        raise InputError(f"times must start at 0 s or later, not at {times[0]:g} s")
+
+
+def _unit(attitude: Array, times: Array) -> tuple[Array, list[str]]:
+    length = np.linalg.norm(attitude, axis=1)
+    off = np.abs(length - 1)
+    worst = int(off.argmax())
+    if off[worst] > NO_QUATERNION:
+        raise InputError(
+            f"the quaternion in row {worst + 1} (t = {times[worst]:g} s) has length "
+            f"{length[worst]:.6g}, and must have 1"
+        )
+    if off[worst] <= ROUNDED:
+        # Those of length one but for rounding stay as they are, to the last bit.
+        return np.where(off[:, None] <= 1e-15, attitude, attitude / length[:, None]), []
+    note = f"quaternions are off length 1 by up to {off[worst]:.1g}; they are made so"
+    return attitude / length[:, None], [note]
+
+
+def _triple(columns: Mapping[str, Array], names: tuple[str, ...]) -> Array | None:
+    there = [name for name in names if name in columns]
+    if there and len(there) < len(names):
+        raise InputError(f"of {', '.join(names)} there is only {', '.join(there)}")
+    return np.stack([columns[name] for name in names], axis=1) if there else None

@@ -1,0 +1,269 @@
+"""The colours of what is drawn; each engine has its own in its label.
+
+From Okabe and Ito's set, which stays apart for colour-blind eyes and in grey.
+
+What a ball looks like: simple shapes for each body, the same in films, models and pages.
+
+Shell, frame and rotors are the hand-written parts of mjcf/; a pendulum is drawn from its numbers.
+Sizes are chosen so that nothing runs into anything else: the frame's hoop is near the shell, what
+turns inside it stays inside, and rotors with one centre are rings within rings. A frame off balance
+has a weight on the side of its centre of mass.
+
+The shapes of a ball as MJCF: materials, meshes and geoms that only pictures see.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Literal, cast
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robotball.robot import Ball, Pendulum
+from robotball.rotations import Array, z_along
+
+INK = "#22262B"  # text
+ACCENT = "#D55E00"  # what the rest is held against
+FAINT = "#B4B9BF"  # what stands behind
+
+
+def rgb(colour: str) -> tuple[float, float, float]:
+    """(red, green, blue), each 0 to 1, of "#rrggbb"."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red / 255, green / 255, blue / 255
+
+
+PARTS = Path(__file__).parents[2] / "mjcf"
+MARKS, BLUR = "spoke", "blur"  # the materials that show a rotor's angle, or stand for its speed
+HUB = ("capsule", "cylinder")  # of a rotor: what is inside its rim
+
+# Lengths in radii of the ball.
+INSIDE = 0.75  # what turns in the frame's hoop stays within it
+RIM = 0.61  # how far the part "rotor" reaches
+RING = 0.7  # of a rotor, the next one inside it
+LEAST = 0.06  # of a rotor, or of a pendulum's bob
+CORE = 0.28  # of rotors at the centre, where a pendulum swings around them
+BOB, ARM = 0.17, 0.035  # radii of a pendulum's
+HOOP, OUTSIDE = 0.82, 0.96  # the frame's hoop, and how far out a weight on it reaches
+BALANCED = 0.01  # a frame's centre of mass that is nearer has no weight
+TOGETHER = 0.05  # rotors whose centres are nearer than that have one centre
+
+ORIGIN, AS_IT_IS = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+
+Kind = Literal["torus", "sphere", "capsule", "cylinder", "box"]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A shape of a body where it is at its hinge's angle 0: lengths in radii, the frame's axes.
+
+    size      (3,)  as in MJCF; of a torus about z its radius and its tube's, then 0
+    pos       (3,)  from the sphere's centre
+    turn      (4,)  quaternion
+    material  its name
+    profile   of a torus: the exponent of its section, 1 for a round one
+    """
+
+    kind: Kind
+    size: Array
+    pos: Array
+    turn: Array
+    material: str
+    profile: float = 1.0
+
+
+def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
+    """The shapes of each body, by the bodies' names."""
+    axis = ball.shell.axis
+    looks = {"shell": _placed(_part("shell"), axis), "frame": _frame(ball)}
+    for (name, rotor), (size, inmost) in zip(ball.named_rotors, _rings(ball), strict=True):
+        shapes = [each for each in _part("rotor") if inmost or each.kind not in HUB]
+        looks[name] = _placed(shapes, rotor.axis, size, rotor.centre / ball.radius)
+    for name, pendulum in ball.named_pendulums:
+        looks[name] = tuple(_pendulum(ball, pendulum))
+    return looks
+
+
+@cache
+def colours() -> dict[str, tuple[float, ...]]:
+    """The parts' materials: red, green, blue and opacity, each 0 to 1."""
+    return {
+        material.attrib["name"]: tuple(map(float, material.attrib["rgba"].split()))
+        for part in ("shell", "frame", "rotor")
+        for material in ElementTree.parse(PARTS / f"{part}.xml").iter("material")
+    }
+
+
+def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
+    """Of each rotor: its size, 1 for the part's own, and whether no other is inside it."""
+    centres = [rotor.centre / ball.radius for rotor in ball.rotors]
+    for i, centre in enumerate(centres):
+        away = [float(np.linalg.norm(centre - other)) for other in centres]
+        before = sum(distance < TOGETHER for distance in away[:i])
+        after = sum(distance < TOGETHER for distance in away[i + 1 :])
+        room = [RIM, INSIDE - float(np.linalg.norm(centre))]
+        room += [distance / 2 for distance in away if distance >= TOGETHER]
+        if ball.pendulums:
+            room.append(CORE)
+        yield max(LEAST, min(room)) / RIM * RING**before, after == 0
+
+
+def _frame(ball: Ball) -> tuple[Shape, ...]:
+    """The frame's part; off balance, its hoop is turned to carry a weight there."""
+    part, axis, centre = _part("frame"), ball.shell.axis, ball.frame.centre / ball.radius
+    off = float(np.linalg.norm(centre))
+    if off < BALANCED:
+        return _placed(part, axis)
+    across = Rotation.from_quat(z_along(axis), scalar_first=True).inv().apply(centre)
+    hoop = _placed(part, axis, spin=float(np.arctan2(across[1], across[0])))
+    return (*hoop, *_weight(ball, centre / off, off))
+
+
+def _weight(ball: Ball, side: Array, off: float) -> Iterator[Shape]:
+    """On an arm at the frame's centre of mass, or on the hoop where something turns inside."""
+    reach = INSIDE if ball.pendulums else 0.0
+    for rotor, (size, _) in zip(ball.rotors, _rings(ball), strict=True):
+        reach = max(reach, float(np.linalg.norm(rotor.centre)) / ball.radius + RIM * size)
+    radius = min(BOB, (OUTSIDE - reach) / 2)
+    place = OUTSIDE - radius if reach else min(off, INSIDE - radius)
+    yield Shape("sphere", np.array([radius, 0, 0]), place * side, AS_IT_IS, "rotor")
+    if not reach:
+        arm = np.array([ARM, (HOOP - place) / 2, 0.0])
+        yield Shape("capsule", arm, side * (place + HOOP) / 2, z_along(side), "frame")
+
+
+def _pendulum(ball: Ball, pendulum: Pendulum) -> Iterator[Shape]:
+    """An arm from the hinge to a bob at the centre of mass, and the hinge's own axle."""
+    pivot, arm = pendulum.pivot / ball.radius, (pendulum.centre - pendulum.pivot) / ball.radius
+    along = float(pivot @ pendulum.axis) * pendulum.axis
+    reach = float(np.linalg.norm(along) + np.linalg.norm(pivot - along) + np.linalg.norm(arm))
+    arm = arm * min(1.0, (INSIDE - LEAST) / reach) if reach > 0 else arm
+    length = float(np.linalg.norm(arm))
+    bob = float(np.clip(INSIDE - reach, LEAST, BOB))
+    yield Shape("sphere", np.array([bob, 0, 0]), pivot + arm, AS_IT_IS, "rotor")
+    axle = np.array([1.4 * ARM, 4 * ARM, 0.0])
+    yield Shape("capsule", axle, pivot, z_along(pendulum.axis), "frame")
+    begin = CORE if ball.rotors else 0.0  # the rotors are in the way
+    if length > begin:
+        unit = arm / length
+        size = np.array([ARM, (length - begin) / 2, 0.0])
+        yield Shape("capsule", size, pivot + unit * (begin + length) / 2, z_along(unit), "frame")
+
+
+def _placed(
+    shapes: Sequence[Shape],
+    axis: Array,
+    size: float = 1.0,
+    centre: Array = ORIGIN,
+    spin: float = 0.0,
+) -> tuple[Shape, ...]:
+    """Shapes of a part, about z and in the part's own size, as they stand about an axis (3,).
+
+    spin: by which they are turned about it [rad].
+    """
+    turn = Rotation.from_quat(z_along(axis), scalar_first=True) * Rotation.from_rotvec([0, 0, spin])
+    return tuple(
+        replace(
+            shape,
+            size=shape.size * size,
+            pos=centre + turn.apply(shape.pos * size),
+            turn=(turn * Rotation.from_quat(shape.turn, scalar_first=True)).as_quat(
+                scalar_first=True
+            ),
+        )
+        for shape in shapes
+    )
+
+
+@cache
+def _part(name: str) -> tuple[Shape, ...]:
+    """The shapes of a hand-written part."""
+    root = ElementTree.parse(PARTS / f"{name}.xml").getroot()
+    meshes = {mesh.attrib["name"]: mesh for mesh in root.iter("mesh")}
+    return tuple(_shape(geom, meshes) for geom in root.iterfind("worldbody/geom"))
+
+
+def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) -> Shape:
+    kind, material = geom.get("type", "sphere"), geom.attrib["material"]
+    numbers = {
+        name: np.array([float(number) for number in geom.get(name, "0 0 0").split()])
+        for name in ("size", "pos", "euler", "fromto")
+    }
+    size, pos = np.zeros(3), numbers["pos"]
+    size[: len(numbers["size"])] = numbers["size"]
+    turn = Rotation.from_euler("XYZ", numbers["euler"], degrees=True).as_quat(scalar_first=True)
+    if "fromto" in geom.attrib:
+        begin, end = numbers["fromto"].reshape(2, 3)
+        length = float(np.linalg.norm(end - begin))
+        size[1], pos, turn = length / 2, (begin + end) / 2, z_along((end - begin) / length)
+    if kind == "mesh":
+        mesh = meshes[geom.attrib["mesh"]]
+        _, tube, profile, _ = (float(number) for number in mesh.attrib["params"].split())
+        radius = float(mesh.get("scale", "1").split()[0])
+        return Shape("torus", np.array([1, tube, 0]) * radius, pos, turn, material, profile)
+    return Shape(cast(Kind, kind), size, pos, turn, material)
+
+
+RESOLUTION = 48  # of a torus: points around it, and around its tube
+BLUR_GROUP = "3"  # hidden until a picture asks for it
+
+
+def add_materials(
+    assets: Element,
+    own: Mapping[str, str] | None = None,
+    prefix: str = "",
+    opacity: float = 1.0,
+) -> None:
+    """Adds the parts' materials; own: "r g b" of those that have another colour here."""
+    for name, (red, green, blue, solid) in colours().items():
+        rgb = (own or {}).get(name, f"{red:g} {green:g} {blue:g}")
+        SubElement(
+            assets,
+            "material",
+            name=f"{prefix}{name}",
+            rgba=f"{rgb} {solid * opacity:g}",
+            specular="0.4",
+            shininess="0.6",
+        )
+
+
+def add_shapes(
+    assets: Element,
+    body: Element,
+    shapes: Iterable[Shape],
+    unit: float = 1.0,
+    prefix: str = "",
+) -> None:
+    """Adds shapes to a body whose axes are theirs; unit: the ball's radius [m]."""
+    for shape in shapes:
+        geom = SubElement(body, "geom", contype="0", conaffinity="0", mass="0")
+        if shape.kind == "torus":
+            radius, tube, _ = shape.size
+            name = f"ring_{radius:.4g}_{tube:.4g}"
+            if assets.find(f"mesh[@name='{name}']") is None:
+                SubElement(
+                    assets,
+                    "mesh",
+                    name=name,
+                    builtin="supertorus",
+                    params=f"{RESOLUTION} {tube / radius:.6g} {shape.profile:g} 1",
+                    scale=_text(np.full(3, radius * unit)),
+                )
+            geom.attrib.update(type="mesh", mesh=name)
+        else:
+            geom.attrib.update(type=shape.kind, size=_text(shape.size * unit))
+        geom.attrib.update(
+            pos=_text(shape.pos * unit),
+            quat=_text(shape.turn),
+            material=f"{prefix}{shape.material}",
+        )
+        if shape.material == BLUR:
+            geom.set("group", BLUR_GROUP)
+
+
+def _text(numbers: Array) -> str:
+    return " ".join(f"{number:.9g}" for number in numbers)

@@ -1,0 +1,461 @@
+"""Rolling of any robot in the shell, once, in plain arithmetic.
+
+As in equations.py there is nothing here but ``+ - * /`` on scalars, so the same functions run on
+floats, on NumPy columns, on symbols and inside numba. Vectors are 3-tuples in frame axes, but
+velocities and accelerations are rates in space. Row 0 of the bodies is the shell, row 1 the frame,
+the others are hinged on the frame; hinge j turns body j + 1. Arrays that end in `...` have there
+the shape of the scalars, () or (n,); those that are named last are written.
+
+u = (ω_s, Ω, φ̇): the shell's angular velocity, then the rates of the hinges. (L, h) = 𝓜u: the
+angular momentum about the contact point, then the momenta along the hinges.
+
+The solution of (L, h) = 𝓜u where some rates are given and the shell may not turn as it likes.
+
+Like formulas.py on floats, on columns and inside numba: `...` is the shape of the scalars.
+
+A robot's numbers, and what its states tell: many at once, by the formulas on columns.
+
+Of n states: gamma (n, 3) in frame axes; angles and rates (n, h) of the hinges, as in
+`Scene.hinges` [rad, rad/s]; omega (n, 3) of the frame, in frame axes [rad/s]. SI units.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robotball.equations import Rolling, Scalar, Vector, add, cross, dot, scale, subtract
+from robotball.robot import Ball, Frame
+from robotball.rotations import Array, rotation_matrix
+
+Numbers = Any  # an array, or its row
+
+# A body's row: as it is at its hinge's angle 0.
+MASS, CENTRE, AXIS, PIVOT, INERTIA, ARMATURE, ROW = 0, 1, 4, 7, 10, 19, 20
+# A placed body's row: its centre of mass from the sphere's centre and from its hinge's pivot, its
+# tensor about it.
+FROM_CENTRE, ARM, TENSOR, PLACED = 0, 3, 6, 15
+# A moving body's row: its angular velocity, and its centre of mass's velocity.
+TURNING, VELOCITY, MOVING = 0, 3, 6
+
+
+def vector(row: Numbers, at: int) -> Vector:
+    """Three numbers of a row."""
+    return (row[at], row[at + 1], row[at + 2])
+
+
+def put(row: Numbers, at: int, v: Vector) -> None:
+    """Write a vector into a row."""
+    row[at] = v[0]
+    row[at + 1] = v[1]
+    row[at + 2] = v[2]
+
+
+def applied(row: Numbers, at: int, v: Vector) -> Vector:
+    """The tensor that a row holds, times v."""
+    return (
+        dot(vector(row, at), v),
+        dot(vector(row, at + 3), v),
+        dot(vector(row, at + 6), v),
+    )
+
+
+def turned(v: Vector, axis: Vector, cosine: Scalar, sine: Scalar) -> Vector:
+    """v turned about a unit vector."""
+    along = scale((1 - cosine) * dot(axis, v), axis)
+    return add(add(scale(cosine, v), scale(sine, cross(axis, v))), along)
+
+
+def place(bodies: Numbers, cosines: Numbers, sines: Numbers, placed: Numbers) -> None:
+    """Where the bodies are: placed (b, PLACED, ...), for the cosines and sines (h, ...)."""
+    for b in range(len(bodies)):
+        body, row = bodies[b], placed[b]
+        axis, pivot = vector(body, AXIS), vector(body, PIVOT)
+        arm = subtract(vector(body, CENTRE), pivot)
+        if b < 2:  # the frame's axes are its own, and the shell is symmetric about its hinge
+            put(row, ARM, arm)
+            for k in range(0, 9, 3):
+                put(row, TENSOR + k, vector(body, INERTIA + k))
+        else:
+            c, s = cosines[b - 1], sines[b - 1]
+            put(row, ARM, turned(arm, axis, c, s))
+            # QJ, column by column, and then (QJ)Qᵀ, row by row.
+            x = turned(vector(body, INERTIA), axis, c, s)
+            y = turned(vector(body, INERTIA + 3), axis, c, s)
+            z = turned(vector(body, INERTIA + 6), axis, c, s)
+            put(row, TENSOR, turned((x[0], y[0], z[0]), axis, c, s))
+            put(row, TENSOR + 3, turned((x[1], y[1], z[1]), axis, c, s))
+            put(row, TENSOR + 6, turned((x[2], y[2], z[2]), axis, c, s))
+        put(row, FROM_CENTRE, add(pivot, vector(row, ARM)))
+
+
+def mass_matrix(
+    bodies: Numbers, placed: Numbers, radius: float, gamma: Vector, matrix: Numbers
+) -> None:
+    """𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures."""
+    matrix[:] = 0.0
+    e = vector(bodies[1], AXIS)
+    for b in range(len(bodies)):
+        row, m = placed[b], bodies[b][MASS]
+        r = vector(row, FROM_CENTRE)
+        x = add(r, scale(radius, gamma))
+        m_x_x = m * dot(x, x)
+        for i in range(3):
+            for j in range(3):
+                matrix[i, j] += row[TENSOR + 3 * i + j] - m * x[i] * x[j]
+            matrix[i, i] += m_x_x
+        if b > 0:
+            _add_hinge(row, m, x, e, cross(e, r), 3, matrix)
+        if b > 1:
+            n = vector(bodies[b], AXIS)
+            by_n = cross(n, vector(row, ARM))
+            _add_hinge(row, m, x, n, by_n, 2 + b, matrix)
+            shared = dot(e, applied(row, TENSOR, n)) + m * dot(cross(e, r), by_n)
+            matrix[3, 2 + b] += shared
+            matrix[2 + b, 3] += shared
+        if b > 0:
+            matrix[2 + b, 2 + b] += bodies[b][ARMATURE]
+
+
+def _add_hinge(
+    row: Numbers, m: float, x: Vector, axis: Vector, velocity: Vector, at: int, matrix: Numbers
+) -> None:
+    """Add what a body has of a hinge of unit rate, which gives it a velocity, to 𝓜."""
+    spin = applied(row, TENSOR, axis)
+    momentum = add(spin, scale(m, cross(x, velocity)))
+    for i in range(3):
+        matrix[i, at] += momentum[i]
+        matrix[at, i] += momentum[i]
+    matrix[at, at] += dot(axis, spin) + m * dot(velocity, velocity)
+
+
+def move(
+    bodies: Numbers, placed: Numbers, radius: float, gamma: Vector, u: Numbers, moving: Numbers
+) -> None:
+    """How the bodies move: moving (b, MOVING, ...), by u (3 + h, ...)."""
+    e, shell = vector(bodies[1], AXIS), vector(u, 0)
+    frame = add(shell, scale(u[3], e))
+    of_centre = scale(radius, cross(shell, gamma))
+    for b in range(len(bodies)):
+        row = placed[b]
+        if b == 0:
+            put(moving[b], TURNING, shell)
+            put(moving[b], VELOCITY, add(of_centre, cross(shell, vector(row, FROM_CENTRE))))
+            continue
+        turning = frame if b == 1 else add(frame, scale(u[2 + b], vector(bodies[b], AXIS)))
+        of_pivot = add(of_centre, cross(frame, vector(bodies[b], PIVOT)))
+        put(moving[b], TURNING, turning)
+        put(moving[b], VELOCITY, add(of_pivot, cross(turning, vector(row, ARM))))
+
+
+def product(matrix: Numbers, u: Numbers, momenta: Numbers) -> None:
+    """(L, h) = 𝓜u (3 + h, ...)."""
+    for i in range(len(u)):
+        momenta[i] = 0.0
+        for j in range(len(u)):
+            momenta[i] += matrix[i, j] * u[j]
+
+
+def momentum_rates(
+    bodies: Numbers,
+    placed: Numbers,
+    moving: Numbers,
+    radius: float,
+    gamma: Vector,
+    gravity: Vector,
+    rates: Numbers,
+) -> None:
+    """Of (L, h) in space (3 + h, ...), but for the torques of the motors and of the plane.
+
+    L̇ = Ṡ×v + (S + maγ)×G,  ḣ_0 = (ω×e, N′) + (e, Σ′ m v_b×v + m r_b×G),
+    ḣ_i = (ω×n, N) + (n, m v_i×(v + ω×p) + m ρ×G).
+    """
+    e, shell, omega = (
+        vector(bodies[1], AXIS),
+        vector(moving[0], TURNING),
+        vector(moving[1], TURNING),
+    )
+    v, e_rate = scale(radius, cross(shell, gamma)), cross(omega, e)
+    L_rate, h_rate = scale(0.0, gamma), 0.0 * gamma[0]
+    for b in range(len(bodies)):
+        row, m, axis = placed[b], bodies[b][MASS], vector(bodies[b], AXIS)
+        r, v_b = vector(row, FROM_CENTRE), vector(moving[b], VELOCITY)
+        # Ṡ×v = Σ m v_b×v, for v×v = 0.
+        carried = add(cross(v_b, v), cross(r, gravity))
+        L_rate = add(L_rate, scale(m, add(carried, cross(scale(radius, gamma), gravity))))
+        spin = applied(row, TENSOR, vector(moving[b], TURNING))
+        if b > 0:
+            N = add(spin, scale(m, cross(r, v_b)))
+            h_rate = h_rate + dot(e_rate, N) + m * dot(e, carried)
+        if b > 1:
+            rho = vector(row, ARM)
+            N = add(spin, scale(m, cross(rho, v_b)))
+            of_pivot = add(v, cross(omega, vector(bodies[b], PIVOT)))
+            around = add(cross(v_b, of_pivot), cross(rho, gravity))
+            rates[2 + b] = dot(cross(omega, axis), N) + m * dot(axis, around)
+    put(rates, 0, L_rate)
+    rates[3] = h_rate
+
+
+def needed(
+    bodies: Numbers,
+    placed: Numbers,
+    moving: Numbers,
+    radius: float,
+    gamma: Vector,
+    gravity: Vector,
+    u: Numbers,
+    u_rate: Numbers,
+    torques: Numbers,
+) -> Vector:
+    """What it takes that u has a rate in space (3 + h, ...), by Newton and Euler.
+
+    torques (3 + h, ...): that of the plane about the contact point, then those of the motors.
+    Returns the plane's force. In space n has the rate ω×n, so a hinge gives φ̈n + φ̇ω×n.
+    """
+    e, shell, omega = (
+        vector(bodies[1], AXIS),
+        vector(moving[0], TURNING),
+        vector(moving[1], TURNING),
+    )
+    shell_rate = vector(u_rate, 0)
+    frame_rate = add(shell_rate, add(scale(u_rate[3], e), scale(u[3], cross(omega, e))))
+    of_centre = scale(radius, cross(shell_rate, gamma))
+    force, torque = scale(0.0, gamma), scale(0.0, gamma)
+    torques[3] = bodies[1][ARMATURE] * u_rate[3]
+    for b in range(len(bodies)):
+        row, m, axis, pivot = (
+            placed[b],
+            bodies[b][MASS],
+            vector(bodies[b], AXIS),
+            vector(bodies[b], PIVOT),
+        )
+        turning, rate, of_pivot = shell, shell_rate, of_centre
+        if b > 0:
+            turning, rate = vector(moving[b], TURNING), frame_rate
+            of_pivot = add(of_centre, acceleration(frame_rate, omega, pivot))
+        if b > 1:
+            own = add(scale(u_rate[2 + b], axis), scale(u[2 + b], cross(omega, axis)))
+            rate = add(frame_rate, own)
+        r, rho = vector(row, FROM_CENTRE), vector(row, ARM)
+        a_b = add(of_pivot, acceleration(rate, turning, rho))
+        f = scale(m, subtract(a_b, gravity))
+        spin_rate = add(applied(row, TENSOR, rate), cross(turning, applied(row, TENSOR, turning)))
+        about_centre = add(spin_rate, cross(r, f))
+        force, torque = add(force, f), add(torque, about_centre)
+        if b > 0:
+            torques[3] += dot(e, about_centre)
+        if b > 1:
+            own_torque = dot(axis, add(spin_rate, cross(rho, f)))
+            torques[2 + b] = own_torque + bodies[b][ARMATURE] * u_rate[2 + b]
+    put(torques, 0, add(torque, cross(scale(radius, gamma), force)))
+    return force
+
+
+def acceleration(rate: Vector, turning: Vector, r: Vector) -> Vector:
+    """Of a point r of a turning body, against that of its origin."""
+    return add(cross(rate, r), cross(turning, cross(turning, r)))
+
+
+def solve(matrix: Numbers, given: Numbers, right: Numbers, u: Numbers) -> None:
+    """u (k, c, ...) of 𝓜u = right in the rows whose u is not given (k,); there u is what it is.
+
+    𝓜 is positive, so that no rows need to be exchanged.
+    """
+    k, columns = right.shape[0], right.shape[1]
+    left = np.copy(matrix)
+    for i in range(k):
+        if not given[i]:
+            for c in range(columns):
+                u[i, c] = right[i, c]
+                for j in range(k):
+                    if given[j]:
+                        u[i, c] -= matrix[i, j] * u[j, c]
+    for i in range(k):
+        for j in range(i + 1, k):
+            if not (given[i] or given[j]):
+                factor = left[j, i] / left[i, i]
+                for l in range(i + 1, k):
+                    left[j, l] -= factor * left[i, l]
+                for c in range(columns):
+                    u[j, c] -= factor * u[i, c]
+    for i in range(k - 1, -1, -1):
+        if not given[i]:
+            for c in range(columns):
+                for j in range(i + 1, k):
+                    if not given[j]:
+                        u[i, c] -= left[i, j] * u[j, c]
+                u[i, c] = u[i, c] / left[i, i]
+
+
+def solve_rolling(
+    matrix: Numbers, given: Numbers, directions: Numbers, right: Numbers, u: Numbers
+) -> None:
+    """u (k, 1, ...) as `solve` gives it, where torques along D_k (c, 3, ...) make (D_k, ω_s) = 0.
+
+    For the rates of momenta these are L's parts along D_k, which the momenta do not tell.
+    """
+    k, count = len(matrix), len(directions)
+    columns = np.zeros_like(matrix[:, : 1 + count])
+    answers = np.zeros_like(columns)
+    for i in range(k):
+        columns[i, 0] = right[i, 0]
+        answers[i, 0] = u[i, 0]
+    for c in range(count):
+        for i in range(3):
+            columns[i, 1 + c] = directions[c, i]
+    solve(matrix, given, columns, answers)
+    small = np.zeros_like(matrix[:count, :count])
+    off = np.zeros_like(matrix[:count, :1])
+    torques = np.zeros_like(off)
+    for c in range(count):
+        for i in range(3):
+            off[c, 0] -= directions[c, i] * answers[i, 0]
+            for other in range(count):
+                small[c, other] += directions[c, i] * answers[i, 1 + other]
+    solve(small, np.zeros(count, dtype=np.bool_), off, torques)
+    for i in range(k):
+        u[i, 0] = answers[i, 0]
+        for c in range(count):
+            u[i, 0] += torques[c, 0] * answers[i, 1 + c]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The numbers of a ball's bodies, in rows (b, ROW) as the formulas take them, and a [m]."""
+
+    bodies: Array
+    radius: float
+
+    @property
+    def hinges(self) -> int:
+        return len(self.bodies) - 1
+
+    @property
+    def mass(self) -> float:
+        return float(self.bodies[:, MASS].sum())
+
+    def states(self, gamma: Array, angles: Array, omega: Array, rates: Array) -> "States":
+        """The robot in n states of motion."""
+        axis = self.bodies[0, AXIS:PIVOT, None]
+        u = np.concatenate([omega.T - rates[:, 0] * axis, rates.T])
+        placed = self.placed(angles)
+        moving = np.empty((len(self.bodies), MOVING, len(gamma)))
+        move(self.bodies, placed, self.radius, tuple(gamma.T), u, moving)
+        return States(self, gamma.T, placed, u, moving)
+
+    def placed(self, angles: Array) -> Array:
+        """Where the bodies are at angles (n, h): (b, PLACED, n), in frame axes."""
+        placed = np.empty((len(self.bodies), PLACED, len(angles)))
+        place(self.bodies, np.cos(angles.T), np.sin(angles.T), placed)
+        return placed
+
+    def angular_velocity(
+        self, gamma: Array, angles: Array, M: Array, rates: Array, rolling: Rolling
+    ) -> Array:
+        """ω (n, 3) of the frame from the momentum M (n, 3), both in frame axes."""
+        vertical, given = gamma.T[None], np.arange(3 + self.hinges) > 2
+        matrix, right = self._matrix(gamma, angles), np.zeros((3 + self.hinges, 1, len(gamma)))
+        right[:3, 0] = (np.cross(M, gamma) if rolling == "rubber" else M).T
+        u = np.zeros_like(right)
+        u[3:, 0] = rates.T
+        solve_rolling(matrix, given, still(vertical, rolling), right, u)
+        axis = self.bodies[0, AXIS:PIVOT]
+        return u[:3, 0].T + np.outer(rates[:, 0], axis)
+
+    def _matrix(self, gamma: Array, angles: Array) -> Array:
+        matrix = np.empty((3 + self.hinges, 3 + self.hinges, len(gamma)))
+        placed = self.placed(angles)
+        mass_matrix(self.bodies, placed, self.radius, tuple(gamma.T), matrix)
+        return matrix
+
+
+def still(vertical: Array, rolling: Rolling) -> Array:
+    """The directions (c, 3, n) about which the shell may not turn, of the vertical (1, 3, n)."""
+    return vertical if rolling == "rubber" else vertical[:0]
+
+
+def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:
+    """A ball's robot; armatures [kg m²] of its hinges, 0 where none are given."""
+    rows = np.zeros((len(ball.named_bodies), ROW))
+    for row, (_, body) in zip(rows, ball.named_bodies, strict=True):
+        row[MASS] = body.mass
+        row[CENTRE:AXIS] = body.centre
+        axis = ball.shell.axis if isinstance(body, Frame) else body.axis
+        row[AXIS:PIVOT] = axis
+        row[INERTIA:ARMATURE] = body.inertia.ravel()
+    for row, rotor in zip(rows[2:], ball.rotors, strict=False):
+        row[PIVOT:INERTIA] = rotor.centre
+    for row, pendulum in zip(rows[2 + len(ball.rotors) :], ball.pendulums, strict=True):
+        row[PIVOT:INERTIA] = pendulum.pivot
+    if armatures:
+        rows[1:, ARMATURE] = armatures
+    return Robot(rows, ball.radius)
+
+
+@dataclass(frozen=True)
+class States:
+    """n states of a robot in motion, as the formulas have them: the last index counts them.
+
+    gamma (3, n), placed (b, PLACED, n), u (3 + h, n), moving (b, MOVING, n).
+    """
+
+    robot: Robot
+    gamma: Array
+    placed: Array
+    u: Array
+    moving: Array
+
+    @cached_property
+    def matrix(self) -> Array:
+        """𝓜 (3 + h, 3 + h, n)."""
+        matrix = np.empty((len(self.u), *self.u.shape))
+        mass_matrix(self.robot.bodies, self.placed, self.robot.radius, tuple(self.gamma), matrix)
+        return matrix
+
+    @cached_property
+    def momenta(self) -> Array:
+        """(L, h) (3 + h, n): about the contact point, in frame axes, and along the hinges."""
+        found = np.empty_like(self.u)
+        product(self.matrix, self.u, found)
+        return found
+
+    def momentum(self, rolling: Rolling) -> Array:
+        """M (n, 3) in frame axes: γ×L in the rubber model, L in the classical one."""
+        L = self.momenta[:3]
+        return (np.cross(self.gamma, L, axis=0) if rolling == "rubber" else L).T
+
+    @property
+    def kinetic_energy(self) -> Array:
+        """(n,) J, with that of the armatures."""
+        return np.asarray((self.u * self.momenta).sum(axis=0) / 2)
+
+    @property
+    def centre_of_mass(self) -> Array:
+        """(n, 3) m, from the centre of the sphere, frame axes."""
+        masses = self.robot.bodies[:, MASS]
+        return np.asarray(np.einsum("b,bin->ni", masses, self.placed[:, :3])) / self.robot.mass
+
+    @property
+    def turning(self) -> Array:
+        """(b, n, 3) rad/s, the bodies' angular velocities, frame axes."""
+        return self.moving[:, TURNING:VELOCITY].transpose(0, 2, 1)
+
+    @property
+    def velocities(self) -> Array:
+        """(b, n, 3) m/s, of the bodies' centres of mass, frame axes."""
+        return self.moving[:, VELOCITY:].transpose(0, 2, 1)
+
+
+def momentum_at(
+    ball: Ball, rolling: Rolling, attitude: Array, omega: Array, angles: Array, rates: Array
+) -> Array:
+    """M (3,) in world axes of a ball in one state [kg m²/s].
+
+    attitude (4,), frame to world; omega (3,) of the frame, in frame axes [rad/s]; angles and rates
+    (h,) of the hinges [rad, rad/s]. In the rubber model the shell must not spin.
+    """
+    to_world = rotation_matrix(attitude)
+    one = robot_of(ball).states(to_world[None, 2], angles[None], omega[None], rates[None])
+    return np.asarray(to_world @ one.momentum(rolling)[0])

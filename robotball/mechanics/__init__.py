@@ -1,1 +1,0 @@
-"""The mechanics of any robot in the shell: its bodies, momenta, energy and loads."""

@@ -1,0 +1,344 @@
+"""Limit cycles of the motion from rest, section 4: found by returns to an arc, then closed.
+
+A closed orbit C of (4.1) parts the sphere in two. The flow is the same at γ and -γ, so -C is one,
+too, and by Brouwer's theorem a side of C that held its own opposite would hold a γ = -γ. So either
+C = -C, and any point is parted by it from its opposite, or C and -C bound two sides without common
+points, each with a fixed point of index 1 whose opposite is in the other. Either way C crosses the
+half of a great circle from some fixed point of index 1 to its opposite: the cycles are where an
+orbit that starts on such an arc comes back to where it started.
+
+The stable and unstable manifolds of the saddles of (4.1): they part the basins on the sphere.
+
+The phase portrait of motion from rest (4.1): fixed points, limit cycles, basins.
+
+With M = 0 chaos is impossible: on the sphere every motion ends at a fixed point or on a cycle.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotball import equations as eq
+from robotball.engines.ensembles.orbits import Starts, components, orbit, orbits
+from robotball.engines.ensembles.systems import ARC
+from robotball.equations import Parameters, as_vector
+from robotball.errors import InputError
+from robotball.qualitative.cycles import Cycle, close
+from robotball.qualitative.equilibria import (
+    FixedPoint,
+    attitude_at,
+    fixed_points,
+    flow,
+    jacobian,
+    name_of,
+    rate_scale,
+    tangents,
+)
+from robotball.qualitative.sections import crossings
+from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.scene import sample_times
+
+NO_MOMENTUM = np.zeros(3)
+SAMPLES = 4000  # of a closed curve
+RETURN_TOLERANCE = 1e-9  # of a step of an orbit that is to come back
+NOISE = 1e-6  # rad: what the returns may be off by, after many such steps
+CLOSER = 16  # starts between two neighbours
+AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
+SAME = 1e-6  # of unit vectors: two cycles so near are one
+# Of a multiplier from 1: an orbit round a centre closes, too.
+HYPERBOLIC = 1e-5
+
+
+def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 64) -> list[Cycle]:
+    """The limit cycles of (4.1), stable and unstable, with periods up to `longest` [s].
+
+    One of each pair C, -C. From `starts` points of each arc orbits are followed until they come
+    back: of two cycles that cross it between neighbouring points neither is found. Raises
+    InputError for a classical ball, and where fixed points are not isolated.
+    """
+    if parameters.rolling != "rubber":
+        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
+    cycles: list[Cycle] = []
+    curves: list[Array] = []
+    points = fixed_points(parameters)
+    centres = of_index_one(points)
+    # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
+    for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
+        # Two arcs each: where one has a cycle close to the end of what comes back, another has not.
+        for arc in (Arc(gamma, side) for gamma in centres for side in tangents(gamma)):
+            for gamma, period in returning(ball, arc, longest, starts):
+                if any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1)):
+                    continue
+                cycle = closed(ball, gamma, period)
+                if cycle is None or cycle.period > longest:
+                    continue
+                if any(lies_on(sign * cycle.gamma, curve) for curve in curves for sign in (1, -1)):
+                    continue
+                cycles.append(replace(cycle, multipliers=cycle.multipliers**sense))
+                curves.append(curve_of(ball, cycle.gamma, cycle.period))
+    return cycles
+
+
+def of_index_one(points: list[FixedPoint]) -> list[Array]:
+    """γ (3,) of the fixed points of index 1, one of each pair ±γ."""
+    found: list[Array] = []
+    for point in points:
+        if point.kind not in ("saddle", "degenerate") and not any(
+            np.abs(point.gamma + known).max() < 1e-6 for known in found
+        ):
+            found.append(point.gamma)
+    return found
+
+
+@dataclass(frozen=True)
+class Arc:
+    """Half a great circle: cos s `centre` + sin s `across`, 0 < s < π, of two unit vectors (3,)."""
+
+    centre: Array
+    across: Array
+
+    def at(self, angles: Array) -> Array:
+        """Its points (n, 3) at angles s (n,)."""
+        return np.outer(np.cos(angles), self.centre) + np.outer(np.sin(angles), self.across)
+
+    def attitudes(self, angles: Array) -> Array:
+        """Some attitudes (n, 4) with these verticals."""
+        gamma = self.at(angles)
+        normal = np.broadcast_to(np.cross(self.centre, self.across), gamma.shape)
+        return from_matrix(np.stack([normal, np.cross(gamma, normal), gamma], axis=1))
+
+
+def returning(
+    parameters: Parameters,
+    arc: Arc,
+    longest: float,
+    starts: int,
+    part: tuple[float, float] = (0.0, np.pi),
+) -> Iterator[tuple[Array, float]]:
+    """Where attracting cycles cross a part of an arc: γ (3,) near each, and about its period [s].
+
+    There the return falls behind the start. As orbits do not cross each other, returns keep their
+    order as long as they go on continuously: a fall by more than the starts are apart is a jump.
+    At a jump, or where the last of the starts comes back, it is looked closer, once.
+    """
+    apart = (part[1] - part[0]) / starts
+    angles = np.linspace(*part, 2 * starts + 1)[1::2]
+    ahead, times = first_returns(parameters, arc, angles, longest)
+    gap = ahead - angles
+    gap[np.abs(gap) < NOISE] = 0.0
+    fall = gap[:-1] - gap[1:]
+    for i in range(starts - 1):
+        if np.abs(fall[i]) <= apart + NOISE:  # and not NaN
+            if gap[i] >= 0 >= gap[i + 1] and fall[i] > 0:
+                at = np.array([angles[i] + gap[i] / fall[i] * apart])
+                yield arc.at(at)[0], float(times[i])
+        elif part == (0.0, np.pi) and min(abs(gap[i]), abs(gap[i + 1])) < 2 * apart:
+            between = float(angles[i]), float(angles[i + 1])
+            yield from returning(parameters, arc, longest, CLOSER, between)
+
+
+def first_returns(
+    parameters: Parameters, arc: Arc, angles: Array, longest: float
+) -> tuple[Array, Array]:
+    """At which angles (n,) orbits from angles (n,) on an arc come back to it, crossing it the same
+    way, and when [s]; NaN where they do not within `longest`.
+    """
+    normal = np.cross(arc.centre, arc.across)
+    way = np.sign(normal @ np.stack(flow(parameters, tuple(arc.at(angles).T))))
+    starts = Starts(parameters, arc.attitudes(angles), np.zeros((len(angles), 3)))
+    numbers = np.concatenate([np.outer(way, normal), np.tile(arc.across, (len(way), 1))], axis=1)
+    times, states, *_ = crossings(starts, ARC, numbers, 1, 1, RETURN_TOLERANCE, longest)
+    gamma = np.stack(eq.space_axes(components(states[:, 0]))[2], axis=-1)
+    return np.arctan2(gamma @ arc.across, gamma @ arc.centre), times[:, 0]
+
+
+def closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
+    """The cycle that passes near γ (3,) with about this period [s] or half of it, if there is one.
+
+    Half: an orbit may pass the end of an arc once, and come back to the arc the second time.
+    """
+    cycle = _closed(parameters, gamma, period)
+    if cycle is None:
+        return None
+    half = _closed(parameters, cycle.gamma, cycle.period / 2)
+    same = half is not None and np.linalg.norm(half.gamma - cycle.gamma) < SAME
+    return half if same else cycle
+
+
+def _closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
+    try:
+        cycle = close(parameters, attitude_at(gamma), NO_MOMENTUM, period)
+    except InputError:
+        return None
+    # A fixed point, too, is where it was after any time.
+    rate = np.linalg.norm(flow(parameters, as_vector(cycle.gamma)))
+    moves = rate > AT_REST * rate_scale(parameters)
+    return cycle if moves and abs(cycle.multipliers[0] - 1) > HYPERBOLIC else None
+
+
+def reversed_in_time(parameters: Parameters) -> Parameters:
+    """The ball that goes through the motions backwards: ω is linear in M, K and Ω together."""
+    return replace(
+        parameters, Omega=eq.scale(-1.0, parameters.Omega), K=eq.scale(-1.0, parameters.K)
+    )
+
+
+def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:
+    """γ (SAMPLES, 3) over a period from γ (3,)."""
+    times = np.linspace(0.0, period, SAMPLES)
+    return rotation_matrix(orbit(parameters, attitude_at(gamma), NO_MOMENTUM, times)[0])[:, 2]
+
+
+def lies_on(gamma: Array, curve: Array) -> bool:
+    """Whether γ (3,) is as near to a closed curve (n, 3) as its samples are to each other."""
+    spacing = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()
+    return bool(np.linalg.norm(curve - gamma, axis=1).min() < spacing)
+
+
+def spread_points(count: int) -> Array:
+    """Points (count, 3) spread evenly over the unit sphere, along Fibonacci's spiral."""
+    i = np.arange(count) + 0.5
+    z, turn = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
+    across = np.sqrt(1 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
+
+
+OFFSET = 1e-4  # of the first point from the saddle
+REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there
+INTERVAL = 0.05  # s, at most, between two samples
+
+
+@dataclass(frozen=True)
+class Separatrix:
+    """Half of a saddle's manifold: γ (n, 3) from the saddle on, back in time where it is stable.
+
+    end: the fixed point that it reaches; None where it reaches none in the time allowed.
+    """
+
+    saddle: FixedPoint
+    stable: bool
+    path: Array
+    end: FixedPoint | None
+
+
+def separatrices(
+    parameters: Parameters, points: Sequence[FixedPoint], duration: float
+) -> list[Separatrix]:
+    """All four of every saddle among the fixed points, each followed for a duration [s]."""
+    times = sample_times(duration, INTERVAL)
+    found = []
+    for stable, ball in ((False, parameters), (True, reversed_in_time(parameters))):
+        saddles = [point for point in points if point.kind == "saddle" for _ in range(2)]
+        if not saddles:
+            return []
+        starts = [
+            near(ball, point.gamma, sign)
+            for point, sign in zip(saddles, (1, -1) * (len(saddles) // 2), strict=True)
+        ]
+        attitudes = attitude_at(np.array(starts))
+        runs = orbits(ball, attitudes, np.zeros((len(starts), 3)), times)
+        for saddle, each in zip(saddles, runs.attitudes, strict=True):
+            path = rotation_matrix(each)[:, 2]
+            found.append(Separatrix(saddle, stable, path, reached(path[-1], points)))
+    return found
+
+
+def near(parameters: Parameters, gamma: Array, sign: int) -> Array:
+    """A point (3,) beside the saddle γ (3,), in the direction in which the flow leaves it."""
+    values, vectors = np.linalg.eig(jacobian(parameters, gamma))
+    out = vectors[:, np.argmax(values.real)].real @ tangents(gamma)
+    beside = gamma + sign * OFFSET * out
+    return beside / np.linalg.norm(beside)
+
+
+def reached(gamma: Array, points: Sequence[FixedPoint]) -> FixedPoint | None:
+    """The fixed point that γ (3,) is at, if any."""
+    nearest = min(points, key=lambda point: float(np.linalg.norm(point.gamma - gamma)))
+    return nearest if np.linalg.norm(nearest.gamma - gamma) < REACHED else None
+
+
+LONGEST = 300.0  # rad, by the rates of the flow, of a cycle's period
+TRIES = 5  # each four times as long, while something that must be there is not
+SETTLING = 5000.0  # rad, that every start is given
+STARTS = 120
+TOLERANCE = 1e-9  # of a step: an attractor forgives what a path does not
+
+
+@dataclass(frozen=True)
+class PhasePortrait:
+    """All of it for one ball.
+
+    points; cycles, one of each pair C, -C; basins: the share of the sphere that each attractor has,
+    by the name of its point, or "cycle" and its number; γ and -γ count as one.
+    """
+
+    points: tuple[FixedPoint, ...]
+    cycles: tuple[Cycle, ...]
+    basins: dict[str, float]
+
+
+def phase_portrait(parameters: Parameters, starts: int = STARTS) -> PhasePortrait:
+    """The phase portrait of a rubber ball; raises InputError where it is degenerate.
+
+    Something must attract and something repel. Where no fixed point does, slower cycles are looked
+    for; else those slower than LONGEST are not.
+    """
+    points = fixed_points(parameters)
+    for attempt in range(TRIES):
+        cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
+        if complete(points, cycles):
+            break
+    return PhasePortrait(
+        tuple(points), tuple(cycles), basin_shares(parameters, points, cycles, starts)
+    )
+
+
+def complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
+    """Whether there is something that attracts and something that repels; a centre is both."""
+    kinds = " ".join(f" {point.kind}" for point in points)
+    attracts = any(abs(cycle.multipliers[0]) < 1 for cycle in cycles)
+    repels = any(abs(cycle.multipliers[0]) > 1 for cycle in cycles)
+    centre = "centre" in kinds
+    return (attracts or centre or " stable" in kinds) and (repels or centre or "unstable" in kinds)
+
+
+def basin_shares(
+    parameters: Parameters, points: Sequence[FixedPoint], cycles: Sequence[Cycle], starts: int
+) -> dict[str, float]:
+    """The share of starts, spread over the sphere, that end nearest to each attractor.
+
+    All of them end at some attractor; near a slow focus that takes longer than anyone waits, so
+    they are not asked to have arrived.
+    """
+    attractors: dict[str, list[Array]] = {}
+    for point in points:
+        if point.kind in ("stable node", "stable focus", "slow stable focus"):
+            attractors.setdefault(pair_name(parameters, point), []).append(point.gamma[None])
+    for number, cycle in enumerate(cycles):
+        if abs(cycle.multipliers[0]) < 1:
+            curve = curve_of(parameters, cycle.gamma, cycle.period)[::8]
+            attractors[f"cycle {number}"] = [curve, -curve]
+    if not attractors:
+        return {}
+    attitudes = attitude_at(spread_points(starts))
+    times = np.array([0.0, SETTLING / rate_scale(parameters)])
+    ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, TOLERANCE).attitudes[:, 1]
+    gamma = rotation_matrix(ends)[:, 2]
+    distances = np.array([distance(gamma, np.concatenate(each)) for each in attractors.values()])
+    reached = distances.argmin(axis=0)
+    return {name: float(np.mean(reached == i)) for i, name in enumerate(attractors)}
+
+
+def pair_name(parameters: Parameters, point: FixedPoint) -> str:
+    """The name of a fixed point and its opposite together, such as "θ₃,₄"."""
+    names = sorted(filter(None, (name_of(parameters, s * point.gamma) for s in (1.0, -1.0))))
+    if len(names) < 2:
+        return "unnamed"
+    return f"{names[0]},{names[1][-1]}"
+
+
+def distance(gamma: Array, curve: Array) -> Array:
+    """How far each γ (n, 3) is from the nearest point of a curve (m, 3): (n,)."""
+    nearest: Array = (gamma @ curve.T).max(axis=1)
+    return np.sqrt(np.maximum(2 - 2 * nearest, 0.0))

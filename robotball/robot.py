@@ -1,0 +1,339 @@
+"""Records with arrays in them, compared by what they hold.
+
+The ball's bodies and the few numbers of them that the equations know (Appendix A).
+"""
+
+import math
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robotball.errors import LARGEST, InputError, check_positive, check_size
+from robotball.rotations import Array
+
+
+class Value:
+    """A dataclass of this kind equals another of its type whose fields all have the same values.
+
+    Arrays are the same where each number is, nan with nan; fields with compare=False do not count.
+    As any record with an array in it, it has no hash.
+    """
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        # In the class itself, so that its dataclass makes no other.
+        cls.__eq__ = _equal  # type: ignore[method-assign]
+
+
+def _equal(one: Any, other: Any) -> Any:
+    if type(one) is not type(other):
+        return NotImplemented
+    return all(
+        same(getattr(one, each.name), getattr(other, each.name))
+        for each in fields(one)
+        if each.compare
+    )
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two values are equal; arrays, and those in tuples, number by number."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        if np.shape(one) != np.shape(other):
+            return False
+        one, other = np.asarray(one), np.asarray(other)
+        return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    try:
+        return bool(one == other)
+    except ValueError:  # of a user's own record with an array in it
+        return one is other
+
+
+# How far, relative to its largest part, an inertia may miss a condition by rounding alone.
+ROUNDING = 1e-12
+LARGEST_MOMENT = LARGEST**3  # kg m²; the least is as far below 1
+
+
+def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
+    """The inertia tensor (3, 3) of a body with a symmetry axis (3,) [kg m²]."""
+    return transverse * np.eye(3) + (axial - transverse) * np.outer(axis, axis)
+
+
+def thin_shell_inertia(radius: float, mass: float) -> float:
+    """2/3 m a², the inertia of a spherical shell of no thickness about any diameter [kg m²]."""
+    return 2 / 3 * mass * radius * radius
+
+
+def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
+    """2/5 m (a⁵ - b⁵)/(a³ - b³) of a homogeneous shell between b = a - thickness and a [kg m²].
+
+    Raises InputError unless 0 < thickness <= radius.
+    """
+    if not 0 < thickness <= radius:
+        raise InputError(
+            f"a shell's thickness must be positive and at most its radius {radius:g}, not "
+            f"{thickness:g} m"
+        )
+    b = 1 - thickness / radius
+    # (1 - b⁵)/(1 - b³) without the 1 - b that both have.
+    ratio = (1 + b + b**2 + b**3 + b**4) / (1 + b + b**2)
+    return 2 / 5 * mass * radius * radius * ratio
+
+
+@dataclass(frozen=True)
+class Shell(Value):
+    """The sphere that rolls: symmetric about `axis` (3,), about which the frame turns in it.
+
+    SI units; `axis` is a unit vector in frame axes. offset [m]: how far along it the shell's
+    centre of mass is from its centre, σ; the moments are about the centre of mass.
+    """
+
+    radius: float
+    mass: float
+    axial_inertia: float
+    transverse_inertia: float
+    axis: Array
+    offset: float = 0.0
+
+    @property
+    def centre(self) -> Array:
+        """The centre of mass (3,) from the sphere's centre, frame axes [m]."""
+        return self.offset * self.axis
+
+    @property
+    def inertia(self) -> Array:
+        return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
+
+
+@dataclass(frozen=True)
+class Frame(Value):
+    """What turns inside the shell and carries the rotors.
+
+    mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
+    shell's.
+    """
+
+    mass: float
+    inertia: Array
+    centre: Array = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True)
+class Rotor(Value):
+    """A symmetric body turning on the frame about its own axis (3,), a unit vector.
+
+    Its moments are about its own centre of mass; centre (3,) m, that centre from the shell's.
+    """
+
+    mass: float
+    axial_inertia: float
+    transverse_inertia: float
+    axis: Array
+    centre: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def inertia(self) -> Array:
+        return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
+
+
+@dataclass(frozen=True)
+class Pendulum(Value):
+    """Any body on a hinge of the frame, as it is at the hinge's angle 0, frame axes.
+
+    mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
+    sphere's; axis (3,) the hinge's, a unit vector; pivot (3,) m, a point of the axis from the
+    sphere's centre.
+    """
+
+    mass: float
+    inertia: Array
+    centre: Array
+    axis: Array
+    pivot: Array = field(default_factory=lambda: np.zeros(3))
+
+
+Body = Shell | Frame | Rotor | Pendulum
+
+
+@dataclass(frozen=True)
+class Ball(Value):
+    """Shell, frame, rotors and pendulums, in the frame's own axes, not always principal axes.
+
+    The reduced equations need it balanced, its centre of mass at the centre of the sphere, and
+    without pendulums. What moves with a pendulum is told at the hinges' angle 0.
+    """
+
+    shell: Shell
+    frame: Frame
+    rotors: tuple[Rotor, ...]
+    pendulums: tuple[Pendulum, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_positive("the shell's radius", self.shell.radius, "m")
+        for name, body in self.named_bodies:
+            check_positive(f"{name}'s mass", body.mass, "kg")
+            if not isinstance(body, Frame):
+                _check_unit(f"{name}'s axis", body.axis)
+            for coordinate in body.centre.tolist():
+                check_size(f"{name}'s centre", coordinate, "m")
+            if isinstance(body, Shell | Rotor):
+                _check_entries(name, np.array([body.axial_inertia, body.transverse_inertia]))
+            if isinstance(body, Rotor):
+                _check_no_flatter_than_a_disk(name, body)
+            check_inertia(name, body.inertia)
+        # Of a needle in turned axes the least moment may be lost to rounding.
+        check_inertia("the ball", self.inertia)
+
+    @property
+    def named_bodies(self) -> tuple[tuple[str, Body], ...]:
+        """(name, body): shell, frame, rotors, pendulums; the names are those of every engine."""
+        own = (("shell", self.shell), ("frame", self.frame))
+        return (*own, *self.named_rotors, *self.named_pendulums)
+
+    @property
+    def named_rotors(self) -> tuple[tuple[str, Rotor], ...]:
+        return tuple((f"rotor{i}", rotor) for i, rotor in enumerate(self.rotors, start=1))
+
+    @property
+    def named_pendulums(self) -> tuple[tuple[str, Pendulum], ...]:
+        return tuple((f"pendulum{i}", each) for i, each in enumerate(self.pendulums, start=1))
+
+    @property
+    def radius(self) -> float:
+        return self.shell.radius
+
+    @cached_property
+    def mass(self) -> float:
+        return float(sum(body.mass for _, body in self.named_bodies))
+
+    @cached_property
+    def d(self) -> float:
+        """M a² [kg m²]: the ball's mass as seen from the contact point."""
+        return self.mass * self.radius**2
+
+    @cached_property
+    def inertia(self) -> Array:
+        """The whole ball's inertia (3, 3) about its centre, frame axes [kg m²]."""
+        return np.array([_about_the_shells(body) for _, body in self.named_bodies]).sum(axis=0)
+
+    @cached_property
+    def centre_of_mass(self) -> Array:
+        """(3,) m, from the centre of the sphere."""
+        return (
+            np.array([body.mass * body.centre for _, body in self.named_bodies]).sum(axis=0)
+            / self.mass
+        )
+
+    @cached_property
+    def principal(self) -> tuple[Array, Array]:
+        """Principal moments I (3,) and axes, the columns of a rotation (3, 3), frame axes.
+
+        Axes that are principal already are kept as they are, in their own order.
+        """
+        moments = np.diag(self.inertia)
+        if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
+            return moments.copy(), np.eye(3)
+        moments, axes = np.linalg.eigh(self.inertia)
+        return moments, axes if np.linalg.det(axes) > 0 else -axes
+
+    @cached_property
+    def A(self) -> Array:
+        """(I + d E)⁻¹ (3, 3) in frame axes [1/(kg m²)]."""
+        return np.linalg.inv(self.inertia + self.d * np.eye(3)).astype(np.float64)
+
+    @cached_property
+    def gyrostatic_inertia(self) -> Array:
+        """(3, 1 + rotors) of (A.3), frame axes [kg m²]: k is this times the hinges' rates.
+
+        k = Σ j φ̇ n - J_s Ω, for the frame's rate about the shell's axis, then the rotors'.
+        """
+        shell = -self.shell.axial_inertia * self.shell.axis
+        return np.stack([shell, *(each.axial_inertia * each.axis for each in self.rotors)], axis=1)
+
+
+def imbalance(ball: Ball) -> str | None:
+    """One line where the centre of mass is not at the centre of the sphere, else None."""
+    offset = float(np.linalg.norm(ball.centre_of_mass))
+    if offset <= ROUNDING * ball.radius:
+        return None
+    return f"the ball is not balanced: its centre of mass is {offset:.6g} m off the sphere's centre"
+
+
+def beyond_the_shell(ball: Ball) -> list[str]:
+    """Which bodies need mass outside the sphere, a line each: no workshop can build them.
+
+    tr(I)/2 = Σ m r² about the centre of the sphere is at most m a² for mass within the radius a;
+    of a pendulum at every angle.
+    """
+    lines = []
+    for name, body in ball.named_bodies:
+        spread = float(np.trace(body.inertia)) / 2 / body.mass
+        reach = math.hypot(math.sqrt(spread), _furthest(body))
+        if reach > ball.radius * (1 + ROUNDING):
+            lines.append(
+                f"{name} has mass outside the shell: at {reach:.4g} m, of {ball.radius:g}; check "
+                "its inertia and centre"
+            )
+    return lines
+
+
+def _furthest(body: Body) -> float:
+    """How far its centre of mass is from the sphere's, at a pendulum's worst angle [m]."""
+    if not isinstance(body, Pendulum):
+        return float(np.linalg.norm(body.centre))
+    n, arm = body.axis, body.centre - body.pivot
+    height = float(n @ body.centre)
+    circle = float(np.linalg.norm(np.cross(n, arm)))
+    return math.hypot(height, circle + float(np.linalg.norm(np.cross(n, body.pivot))))
+
+
+def _about_the_shells(body: Body) -> Array:
+    """The body's inertia (3, 3) about the centre of the sphere, by Steiner's theorem."""
+    r = body.centre
+    return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
+
+
+def check_inertia(name: str, inertia: Array) -> None:
+    """Raises InputError unless the tensor (3, 3) is one that a rigid body can have."""
+    _check_entries(name, inertia)
+    if np.abs(inertia - inertia.T).max() > ROUNDING * np.abs(inertia).max():
+        raise InputError(f"{name}'s inertia is not symmetric: {inertia.tolist()}")
+    small, middle, large = np.linalg.eigvalsh(inertia)
+    if small <= 0:
+        raise InputError(
+            f"{name}'s inertia is not positive: its smallest principal moment is {small:.6g} kg m²"
+        )
+    if small < 1 / LARGEST_MOMENT:
+        raise InputError(
+            f"{name}'s smallest principal moment must be at least {1 / LARGEST_MOMENT:g}, not "
+            f"{small:.6g} kg m²"
+        )
+    if large - small - middle > ROUNDING * large:
+        raise InputError(
+            f"{name}'s inertia breaks the triangle inequality: {large:.6g} > {small:.6g} + "
+            f"{middle:.6g} by {large - small - middle:.6g} kg m²; no body of positive mass has it"
+        )
+
+
+def _check_entries(name: str, inertia: Array) -> None:
+    if not np.all(np.isfinite(inertia)):
+        raise InputError(f"{name}'s inertia has an entry that is not finite: {inertia.tolist()}")
+    check_size(f"{name}'s inertia", float(np.abs(inertia).max()), "kg m²", LARGEST_MOMENT)
+
+
+def _check_unit(what: str, axis: Array) -> None:
+    length = math.hypot(*axis.tolist())  # overflows nowhere
+    if not abs(length - 1) <= ROUNDING:
+        raise InputError(f"{what} must be a unit vector; its length is {length:.17g}")
+
+
+def _check_no_flatter_than_a_disk(name: str, rotor: Rotor) -> None:
+    axial, transverse = rotor.axial_inertia, rotor.transverse_inertia
+    if not axial <= 2 * transverse * (1 + ROUNDING):
+        raise InputError(
+            f"{name} is flatter than a disk: its axial inertia {axial:.6g} exceeds twice the "
+            f"transverse {transverse:.6g} by {axial - 2 * transverse:.6g} kg m²"
+        )

@@ -1,0 +1,291 @@
+"""The compiled stepper: its order, its agreement with others, its invariants, its safety."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball import equations as eq
+from robotball.engines.ensembles.flatten import LANES, Tape, along, lane_function, slopes
+from robotball.engines.ensembles.orbits import (
+    COLLAPSED,
+    TOO_MANY_STEPS,
+    Starts,
+    kernel_start,
+    orbit,
+    orbits,
+)
+from robotball.engines.ensembles.steppers import EIGHTH, NINTH, STAGES, runge_kutta
+from robotball.engines.ensembles.systems import PATH, Level, State
+from robotball.equations import Parameters, as_vector, speed_bound
+from robotball.errors import InputError
+from robotball.qualitative.sections import section_starts
+from robotball.rotations import Array, rotation_matrix
+from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F
+from tests.scenes import FOUR
+
+BALLS = [pytest.param(REGULAR, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
+
+
+def some_starts(n: int, c: float = 0.0) -> tuple[Array, Array]:
+    """Attitudes (n, 4) and momenta (n, 3) all over the level set."""
+    rng = np.random.default_rng(7)
+    return section_starts(rng.uniform(-4, 4, n), rng.uniform(0, 6.28, n), F, g=1.0, c=c)
+
+
+# The step ----------------------------------------------------------------------------------
+
+
+def test_traced_code_is_the_function() -> None:
+    """A plain function and the code traced from it agree, common parts and all."""
+
+    def sample(x, y):  # type: ignore[no-untyped-def]
+        z = (x - 2) * y / (1 + x * y) - x * y / 2 + 0 * x
+        return -z + (x * x).sqrt() if hasattr(x, "sqrt") else -z + abs(x), 1 * y + 0
+
+    tape = Tape(LANES)
+    results = sample(tape.read(0), tape.read(1))  # type: ignore[no-untyped-call]
+    names: dict[str, object] = {"sqrt": np.sqrt}
+    exec(lane_function("compute", tape, dict(enumerate(results, start=2))), names)
+    w = np.linspace(0.5, 3.0, 32)
+    names["compute"](w)  # type: ignore[operator]
+    expected = sample(w[:8], w[8:16])  # type: ignore[no-untyped-call]
+    # Products are commuted, so only rounding may differ.
+    assert np.abs(w[16:24] - expected[0]).max() < 1e-15
+    assert np.array_equal(w[24:32], expected[1])
+
+
+def test_the_step_and_its_estimate_are_of_order_9() -> None:
+    """The error of fixed steps falls as their ninth power: measured 9.3, the estimated one 9.0."""
+    attitudes, momenta = some_starts(1)
+    level = Level(m=float(np.linalg.norm(momenta)), c=0.0)
+    begin = [*Starts(REGULAR, attitudes, momenta).attitudes[0], 0.0, 0.0]
+
+    def rate(state: State) -> State:
+        return PATH.rate(state, REGULAR, level)
+
+    def end(steps: int) -> tuple[Array, float]:
+        state, per_squared = begin, []
+        for _ in range(steps):
+            state, each = runge_kutta(rate, state, rate(state), 2.0 / steps, PATH.allowed)
+            per_squared.append(each)
+        return np.array(state), float(max(per_squared)) ** -0.5
+
+    def order(errors: list[float]) -> float:
+        return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+    steps = np.array([20, 28, 40])
+    assert order([np.abs(end(n)[0] - end(400)[0]).max() for n in steps]) == pytest.approx(
+        9, abs=0.4
+    )
+    assert order([end(n)[1] for n in steps]) == pytest.approx(9, abs=0.2)
+
+
+@pytest.mark.parametrize(("weights", "order"), [(NINTH, 9), (EIGHTH, 8)])
+def test_verners_numbers_satisfy_the_conditions_of_their_order(
+    weights: tuple[float, ...], order: int
+) -> None:
+    """Quadrature of every power below the order, and no other; and the stages' own: to rounding.
+
+    In fractions, so that what is left is the rounding of the numbers, and of no sum.
+    """
+    rows = [(*row, *[0.0] * (16 - len(row))) for row in ((), *STAGES)]
+    A = np.array([[Fraction(each) for each in row] for row in rows])
+    c, b = A.sum(axis=1), np.array([Fraction(each) for each in weights])
+    gaps = np.array([b @ c**k - Fraction(1, k + 1) for k in range(order + 1)])
+    assert np.abs(gaps[:-1]).max() < 2e-15  # 1.3e-15
+    assert abs(gaps[-1]) > 1e-6
+    # Stages: order 2 from the third on, order 3 from the fourth; those of less have no weight.
+    assert np.abs((A @ c - c**2 / 2)[2:]).max() < 5e-15  # 3.3e-15
+    assert np.abs((A @ c**2 - c**3 / 3)[3:]).max() < 6e-15  # 4.8e-15
+    assert np.abs(b[1:3]).max() == 0
+    assert np.abs(b @ A - b * (1 - c)).max() < 1e-15  # 4.9e-16
+
+
+@pytest.mark.parametrize("ball", [CHAOTIC, CLASSICAL], ids=["rubber", "classical"])
+def test_dual_numbers_give_the_divergence(ball: Parameters) -> None:
+    """The trace of Dω is the divergence up to the rate of a function of γ, half of ln w.
+
+    w = (Aγ,γ) for rubber, 1/d - (Aγ,γ) for classical; so their time means are one. Rounding: 2e-15.
+    """
+    rng = np.random.default_rng(0)
+    gamma = rng.normal(size=(3, 100))
+    gamma /= np.linalg.norm(gamma, axis=0)
+    M = 3 * rng.normal(size=(3, 100))
+    if ball.rolling == "rubber":
+        M -= (M * gamma).sum(axis=0) * gamma
+    vertical, momentum = (gamma[0], gamma[1], gamma[2]), (M[0], M[1], M[2])
+    trace = np.zeros(100)
+    for i, axis in enumerate(np.eye(3)):
+        moved = [along(v, eq.cross(v, as_vector(axis))) for v in (momentum, vertical)]
+        trace += slopes(ball.angular_velocity(*moved))[i]
+    A_gamma = eq.diagonal(ball.A, vertical)
+    omega = ball.angular_velocity(momentum, vertical)
+    half_rate = eq.dot(A_gamma, eq.cross(vertical, omega))
+    w = eq.dot(A_gamma, vertical)
+    half = half_rate / w if ball.rolling == "rubber" else -half_rate / (1 / ball.d - w)
+    assert np.abs(trace).max() > 0.1
+    assert np.abs(trace - ball.divergence(vertical) - half).max() < 1e-14
+
+
+# Agreement ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("ball", "c"), BALLS)
+def test_orbits_are_those_of_a_taylor_integrator(ball: Parameters, c: float) -> None:
+    """Attitudes and contact points after 10 s; both integrate to round-off, which has grown.
+
+    Measured 3e-13 (rubber, not chaotic) and 4e-12 (classical, chaotic) of paths of 40 m.
+    """
+    pytest.importorskip("heyoka")
+    from validation.bench.kernels import batch, equations_of, pars_of
+
+    attitudes, momenta = some_starts(8, c)
+    starts = Starts(ball, attitudes, momenta)
+    begin = np.concatenate([starts.attitudes, np.zeros((8, 2))], axis=1)
+    other = batch(equations_of(PATH, ball), begin, pars_of(starts), 1e-18)
+    other.propagate_until(10.0)
+    end = other.state.T[:, None]
+    ours = orbits(ball, attitudes, momenta, np.array([0.0, 10.0]))
+    assert np.abs(ours.contact_points[:, 1]).max() > 10
+    assert np.abs(ours.attitudes[:, 1:] - starts.to_world(end[..., :4])).max() < 1e-11
+    assert np.abs(ours.contact_points[:, 1:] - starts.turned_back(end[..., 4:])).max() < 3e-11
+
+
+@pytest.mark.parametrize("name", FOUR)
+def test_a_scene_moves_as_by_integrate(name: str) -> None:
+    """One orbit, closely sampled, is `integrate`'s motion, and one of many orbits is that orbit.
+
+    γ 2.2e-12 and path 4.3e-12 m, the difference of two tolerances; the lanes 2e-14, for they take
+    the same steps.
+    """
+    scene = rb.load_scene(name)
+    parameters, attitudes, momenta = kernel_start(scene)
+    times = np.linspace(0.0, 10.0, 501)
+    motion = rb.integrate(scene, times)
+    q, points = orbit(parameters, attitudes[0], momenta[0], times)
+    gamma = rotation_matrix(q)[:, 2] @ scene.principal_axes.T
+    assert np.abs(gamma - motion.gamma).max() < 2e-11
+    assert np.abs(points - motion.contact_point).max() < 4e-11
+    many = orbits(parameters, attitudes, momenta, times)
+    assert np.abs(many.attitudes[0] - q).max() < 2e-13
+    assert np.abs(many.contact_points[0] - points).max() < 2e-12
+
+
+def test_an_orbit_does_not_depend_on_its_neighbours() -> None:
+    """Alone or among 20 others, in whichever lane: the same to the last bit."""
+    attitudes, momenta = some_starts(21)
+    times = np.array([0.0, 3.0, 3.001, 50.0])
+    together = orbits(CHAOTIC, attitudes, momenta, times)
+    for i in (0, 7, 8, 20):
+        alone = orbits(CHAOTIC, attitudes[i : i + 1], momenta[i : i + 1], times)
+        assert np.array_equal(alone.attitudes[0], together.attitudes[i])
+        assert np.array_equal(alone.contact_points[0], together.contact_points[i])
+
+
+def test_balls_share_the_compiled_step() -> None:
+    """A ball is data: after one ball of a rolling model no other compiles anything."""
+    from robotball.engines.ensembles.steppers import stepper
+
+    attitudes, momenta = some_starts(1)
+    times = np.array([0.0, 1.0])
+    orbits(REGULAR, attitudes, momenta, times)
+    known = stepper.cache_info().currsize
+    orbits(replace(REGULAR, K=(1.0, 0.0, -1.0), a=0.2), attitudes, momenta, times)
+    assert stepper.cache_info().currsize == known
+
+
+# Invariants --------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ball", "c", "duration"), [(CHAOTIC, 0.0, 1e6), (CLASSICAL, 3.0, 1e5)])
+def test_invariants_are_kept_to_rounding(ball: Parameters, c: float, duration: float) -> None:
+    """γ², M² and (M, γ) after a million seconds: 7e-16, because only the rotation is integrated."""
+    attitudes, momenta = some_starts(8, c)
+    end = orbits(ball, attitudes, momenta, np.array([0.0, duration]), 1e-8).attitudes[:, 1]
+    assert np.abs(np.linalg.norm(end, axis=1) - 1).max() < 2e-15
+    w, x, y, z = end.T
+    gamma = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+    M = np.einsum("nij,ni->nj", rotation_matrix(end), momenta)
+    assert np.abs((gamma * gamma).sum(axis=1) - 1).max() < 1e-14
+    assert np.abs((M * M).sum(axis=1) / F - 1).max() < 1e-14
+    assert np.abs((M * gamma).sum(axis=1) - c).max() / np.sqrt(F) < 1e-14
+
+
+@pytest.mark.parametrize(("ball", "c"), BALLS)
+def test_speed_is_within_its_bound(ball: Parameters, c: float) -> None:
+    """|ω| stays below the bound that the step limits rest on, and comes within a factor 10."""
+    attitudes, momenta = some_starts(64, c)
+    axes = rotation_matrix(attitudes)
+    M = np.einsum("nij,ni->jn", axes, momenta)
+    omega = np.array(ball.angular_velocity(tuple(M), tuple(axes[:, 2].T)))
+    fastest, bound = np.linalg.norm(omega, axis=0).max(), speed_bound(ball, np.array([5.0]))[0]
+    assert bound / 10 < fastest < bound
+
+
+# Safety ------------------------------------------------------------------------------------
+
+
+def test_an_orbit_that_is_given_up_holds_up_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Past its step limit, or with a step that shrank to nothing, an orbit ends; the rest go on."""
+    attitudes, momenta = some_starts(20)
+    slow = momenta.copy()
+    slow[3] *= 1e5  # turns 1e5 times as fast as what the limit is made for
+    monkeypatch.setattr(Starts, "step_limit", lambda self, duration: 500)
+    runs = orbits(REGULAR, attitudes, slow, np.array([0.0, 10.0]), 1e-9)
+    assert runs.status[3] == TOO_MANY_STEPS
+    assert np.isnan(runs.attitudes[3, 1]).all()
+    assert np.isfinite(np.delete(runs.attitudes, 3, axis=0)).all()
+    monkeypatch.undo()
+    starts = Starts(REGULAR, attitudes, momenta)
+    starts.rows[5] = np.nan
+    status = starts.march(PATH, np.zeros((20, 2)), np.array([1.0]), 1e-9)[1]
+    assert np.flatnonzero(status).tolist() == [5]
+    assert status[5] == COLLAPSED
+
+
+@pytest.mark.parametrize(
+    ("attitudes", "momenta", "times", "message"),
+    [
+        (np.eye(4)[:1], np.array([[1.0, 0, 0.5]]), [0.0, 1], "horizontal"),
+        (2 * np.eye(4)[:1], np.zeros((1, 3)), [0.0, 1], "unit"),
+        (np.eye(4)[:1], np.zeros((2, 3)), [0.0, 1], "momenta"),
+        (np.eye(4)[:1], np.full((1, 3), np.inf), [0.0, 1], "finite"),
+        (np.eye(4)[:1], np.zeros((1, 3)), [0.0, 0.0], "increase"),
+    ],
+)
+def test_unusable_starts_are_refused(
+    attitudes: Array, momenta: Array, times: list[float], message: str
+) -> None:
+    """Each with a line that says what is wrong."""
+    with pytest.raises(InputError, match=message):
+        orbits(REGULAR, attitudes, momenta, np.array(times))
+
+
+def test_a_ball_at_rest_stays() -> None:
+    """With M, Ω and K zero nothing moves, and no step length is divided by zero."""
+    still = replace(REGULAR, Omega=(0.0, 0.0, 0.0), K=(0.0, 0.0, 0.0))
+    run = orbits(still, np.eye(4)[:1], np.zeros((1, 3)), np.array([0.0, 1e6]))
+    assert np.array_equal(run.attitudes[0, 1], [1.0, 0, 0, 0])
+    assert np.array_equal(run.contact_points[0, 1], [0.0, 0.0])
+
+
+@pytest.mark.slow
+def test_the_compiled_stepper_loads_from_its_cache() -> None:
+    """A new process compiles nothing: a step and the loops come from the cache, in 0.4 s."""
+    code = (
+        "from robotball.engines.reduced.compiled import kernels, marching, steppers, systems\n"
+        "step = steppers.stepper(systems.PATH, 'rubber', marching.FEW)\n"
+        "compiled = [step, marching.march, marching.follow]\n"
+        "print(sum(each.stats.cache_misses.total() for each in compiled))"
+    )
+    misses = [
+        int(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
+        for _ in range(2)
+    ]
+    assert misses[1] == 0

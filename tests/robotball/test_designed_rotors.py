@@ -1,0 +1,90 @@
+"""As many rotors as the momentum needs: none, one along it, or two where one is too slow."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import robotball as rb
+from robotball import Limits
+from robotball.designing import two_rings
+from tests.random_balls import random_axis
+from tests.robotball.designs import A12, K12, OMEGA12, check_bodies, error, fig12, numbers
+
+
+def test_a_ball_whose_momentum_is_that_of_shell_and_mass_needs_no_rotor() -> None:
+    """K = -(J_s + d)Ω for some J_s and d; a K beside it needs one."""
+    made = fig12(K=(0.0, 0.0, -1.9))
+    assert made.rotor_rates == ()
+    assert made.ball.shell.axial_inertia + made.ball.d == pytest.approx(0.95, rel=1e-14)
+    assert numbers(made)[2] == pytest.approx([0.0, 0.0, -1.9], rel=1e-14)
+    for K in ((0.0, 0.0, -1.5), (0.0, 0.0, 1.9), (1e-6, 0.0, -1.9), (0.0, 0.0, 0.0)):
+        assert len(fig12(K=K).rotor_rates) == 1
+
+
+def test_the_one_rotor_lies_along_the_momentum_that_shell_and_mass_leave() -> None:
+    """Its axis is that of K + (J_s + d)Ω and j φ̇ its length."""
+    made = fig12()
+    (rotor,) = made.ball.rotors
+    h = K12 + (made.ball.shell.axial_inertia + made.ball.d) * OMEGA12
+    assert rotor.axial_inertia * made.rotor_rates[0] * rotor.axis == pytest.approx(h, rel=1e-14)
+
+
+def test_without_a_turning_frame_the_shells_axis_is_z() -> None:
+    """Ω = 0 leaves the axis free; K = 0 as well leaves no rotor."""
+    made = fig12(Omega=(0, 0, 0))
+    assert made.frame_rate == 0
+    assert made.ball.shell.axis.tolist() == [0, 0, 1]
+    assert len(made.rotor_rates) == 1
+    assert fig12(Omega=(0, 0, 0), K=(0, 0, 0)).rotor_rates == ()
+
+
+def test_slower_rotors_are_heavier_and_at_last_two() -> None:
+    """Where one at the largest rate would break the frame's triangle inequality, two do not."""
+    slow, slower = (
+        fig12(limits=Limits(rotor_speed=speed, rotor_radius=0.9)) for speed in (19.5, 18.5)
+    )
+    assert len(slow.ball.rotors) == 1
+    assert len(slower.ball.rotors) == 2
+    assert slower.rotor_rates == (18.5, 18.5)
+    for made in (slow, slower):
+        check_bodies(made, None)
+        assert made.buildable
+        assert error(made, A12, OMEGA12, K12) < 1e-14
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.floats(0.01, 0.99),
+)
+def test_two_rings_have_the_moments_asked_of_them(seed: int, cosine: float) -> None:
+    """Σ j = T, Σ j n = g and Σ j n nᵀ = g gᵀ/T + τ e eᵀ, to rounding."""
+    rng = np.random.default_rng(seed)
+    T, e = rng.uniform(0.1, 10), random_axis(rng)
+    g = T * cosine * random_axis(rng)
+    tau = float(T - g @ g / T)
+    j_n = two_rings(T, g, e, tau)
+    j = np.linalg.norm(j_n, axis=1)
+    N = np.einsum("ra,rb->ab", j_n, j_n / j[:, None])
+    request = np.outer(g, g) / T + tau * np.outer(e, e)
+    # Measured at most 6e-16 T over 2e4 draws.
+    assert j.sum() == pytest.approx(T, rel=1e-14)
+    assert np.abs(j_n.sum(axis=0) - g).max() < 1e-14 * T
+    assert np.abs(N - request).max() < 1e-14 * T
+
+
+def test_the_speed_that_a_refusal_names_is_enough() -> None:
+    """To four digits, and no less is."""
+    slow = Limits(rotor_speed=5.0, rotor_radius=0.9, buildable=True)
+    with pytest.raises(rb.InputError, match="rotor speed: at most 5 rad/s is allowed") as refusal:
+        fig12(limits=slow)
+    needed = re.search(r"needs ([\d.]+) rad/s: ([\d.]+) rad/s more", str(refusal.value))
+    assert needed is not None
+    speed = float(needed[1])
+    assert float(needed[2]) == pytest.approx(speed - 5, abs=6e-3)
+    assert len(fig12(limits=replace(slow, rotor_speed=speed * 1.001)).ball.rotors) == 2
+    with pytest.raises(rb.InputError, match="rotor speed"):
+        fig12(limits=replace(slow, rotor_speed=speed * 0.999))

@@ -1,0 +1,130 @@
+"""Drives that roll a robot along a path: found, checked by the equations, or refused."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.drives import PositionServo, Servo
+from robotball.scene import Friction
+from robotball.steering import WantedPath, Way, circle, eight, shortfalls, steer, straight, through
+from tests.robots import pendulum_ball, robot
+
+PATHS = [
+    straight(2.0),
+    circle(0.5),
+    circle(0.5, -0.5),
+    eight(1.0),
+    through([(1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]),
+]
+
+
+@pytest.mark.parametrize("path", PATHS, ids=lambda path: path.name)
+def test_paths_begin_at_the_origin_and_have_their_slopes(path: WantedPath) -> None:
+    """The slope is the point's derivative: measured 4e-9 of the length, the difference's error."""
+    assert path.point(0.0) == pytest.approx([0.0, 0.0], abs=1e-15)
+    h = 1e-5
+    for u in (0.1, 0.37, 0.8):
+        difference = (path.point(u + h) - path.point(u - h)) / (2 * h)
+        assert np.abs(path.slope(u) - difference).max() < 2e-8 * path.length
+    assert (path.slope(0.0)[0] > 0) or path.name == "waypoints"
+
+
+def test_lengths_are_known() -> None:
+    """2 m straight, a circle's circumference, and waypoints are met."""
+    assert straight(2.0).length == pytest.approx(2.0)
+    assert circle(0.5, 2.0).length == pytest.approx(2 * np.pi, rel=1e-5)
+    way = through([(1.0, 0.0), (1.0, 1.0)])
+    assert way.point(1.0) == pytest.approx([1.0, 1.0])
+    assert way.point(0.5) == pytest.approx([1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: straight(-1.0), "the line's length must be positive"),
+        (lambda: circle(0.5, 0.0), "the circle's turns must not be 0"),
+        (lambda: through([(0.0, 0.0)]), "waypoint 1 is where the path is already"),
+        (lambda: through([(1.0, 0.0, 2.0)]), "waypoints are pairs|inhomogeneous"),
+    ],
+)
+def test_no_path_is_told(make: Callable[[], WantedPath], words: str) -> None:
+    """One line with the value."""
+    with pytest.raises((rb.InputError, ValueError), match=words):
+        make()
+
+
+def pendulum_robot() -> rb.Scene:
+    """W4's robot from rest, both hinges with servos."""
+    motors = (Servo(0.5, torque_limit=0.6), PositionServo(6.0, 0.3, torque_limit=0.7))
+    return robot("pendulum", pendulum_ball(), "rubber", [0.0, 0.0], (1, 0, 0, 0), motors=motors)
+
+
+def off(scene: rb.Scene, path: WantedPath, duration: float) -> float:
+    """How far the equations' motion is from the path [m]."""
+    steered = steer(scene, path, duration)
+    theory = rb.integrate(steered.scene, steered.times, 1e-9)
+    return float(np.linalg.norm(theory.contact_point - steered.wanted, axis=1).max())
+
+
+@pytest.mark.slow
+def test_rotors_roll_a_ball_along_a_circle() -> None:
+    """Three rotors; measured 8e-5 m: the samples of the drives, 0.04 s apart."""
+    assert off(rb.load_scene("three_rotors"), circle(0.3), 4.0) < 2e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", [straight(0.5), circle(0.7, 0.25)], ids=lambda path: path.name)
+def test_weights_roll_a_ball_along(path: WantedPath) -> None:
+    """A frame and a pendulum that hang; measured 3e-5 m: the tolerance of the boundary problem."""
+    assert off(pendulum_robot(), path, 5.0) < 2e-4
+
+
+def test_a_robot_with_one_hinge_cannot_be_steered() -> None:
+    """It takes two to roll anywhere."""
+    scene = pendulum_robot()
+    with pytest.raises(rb.InputError, match="1 hinges are driven; to roll anywhere takes two"):
+        steer(replace(scene, motors=(scene.motors[0], None)), straight(1.0), 5.0)
+
+
+def test_a_plane_that_resists_is_refused() -> None:
+    """Steering does not know it."""
+    scene = replace(pendulum_robot(), friction=Friction(rolling=0.001))
+    with pytest.raises(rb.InputError, match="the plane resists rolling"):
+        steer(scene, straight(1.0), 5.0)
+
+
+def test_what_is_lacking_is_told() -> None:
+    """A torque, a rate and friction beyond what there is, a line each."""
+    scene, times = pendulum_robot(), np.linspace(0.0, 1.0, 11)
+    hard = replace(scene, motors=(), frame_rate=rb.Ramp(final=-1.0, end=1.0, shape="smooth"))
+    motion = rb.integrate(hard, times, 1e-9)
+    assert shortfalls(scene, motion) == []
+    weak = replace(
+        scene,
+        motors=(Servo(0.5, torque_limit=0.01), scene.motors[1]),
+        friction=Friction(sliding=0.01),
+    )
+    lines = shortfalls(weak, motion, rate_limit=0.5)
+    assert [line.split(" ")[0] for line in lines] == ["frame", "frame", "it"]
+    assert "its motor gives 0.01 N m" in lines[0]
+    assert "of at most 0.5" in lines[1]
+    assert "it slips" in lines[2]
+
+
+def test_a_trial_that_overflows_is_rejected() -> None:
+    """The solver meets quaternions of 1e200 on the way, and ends without drives in one line."""
+    scene = rb.load_scene("examples/my_robot.toml")
+    with pytest.raises(rb.InputError, match="no drives are found that roll it along this path"):
+        steer(scene, circle(0.5), 5.0)
+
+
+def test_a_state_astray_has_no_rate() -> None:
+    """NaN at that time alone, where the square of the quaternion is infinite."""
+    scene = pendulum_robot()
+    way = Way(scene, circle(0.5), 5.0, np.array([True, True]))
+    y = np.tile(way.start()[:, None], 3)
+    y[:4, 1] = 1e200
+    assert np.isnan(way.rate(np.full(3, 1.0), y)).all(axis=0).tolist() == [False, True, False]

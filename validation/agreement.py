@@ -1,0 +1,221 @@
+"""Agreement: how far a motion of a contact engine is from the reference's motion of its scene."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate, load_scene
+from robotball.dispatch import DEFAULT, request_of, run_request
+from robotball.engine import Request
+from robotball.motion import (
+    ContactMotion,
+    ContactReport,
+    ReferenceMotion,
+    attitude_error,
+    gamma_error,
+    momentum_error,
+    momentum_errors,
+    path_error,
+    path_errors,
+)
+from robotball.notebook import cell, path_lines
+from robotball.robot import Value
+from robotball.rotations import Array
+from validation.output import scientific
+from validation.sensitivity import Sensitivity, sensitivity
+
+LIMITED = 3.0  # times the reference's own error: a smaller path error tells no more of the engine
+
+
+@dataclass(frozen=True, repr=False)
+class Agreement(Value):
+    """A contact engine's motion beside the reference's, and the measures of their difference.
+
+    A motion that broke off has no measures: they are None, and `faults` says why. engine: what
+    made the motion; None where it cannot be run again, as of a recorded one.
+    """
+
+    theory: Motion
+    motion: ContactMotion
+    engine: Engine | None = None
+
+    def __repr__(self) -> str:
+        errors = f"path error {scientific(self.path_error)}, "
+        errors += f"momentum error {scientific(self.momentum_error)}"
+        by = f"{self.motion.engine.name}, {self.settings.name}"
+        return f"<Agreement of {self.scene.name} by {by}: {self.verdict}; {errors}>"
+
+    def _repr_html_(self) -> str:
+        return cell(repr(self), path_lines([self.theory, self.motion]))
+
+    @property
+    def scene(self) -> Scene:
+        return self.theory.scene
+
+    @property
+    def report(self) -> ContactReport:
+        return self.motion.report
+
+    @property
+    def settings(self) -> EngineSettings:
+        return self.report.settings
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        return self.report.faults
+
+    @property
+    def finished(self) -> bool:
+        return len(self.motion.times) == len(self.theory.times)
+
+    @cached_property
+    def path_errors(self) -> Array:
+        """(n,) m: the distance between the two contact points, as far as the motion goes."""
+        return path_errors(self.motion, self.theory)
+
+    @cached_property
+    def momentum_errors(self) -> Array:
+        """(n,): how far M is off, relative, as far as the motion goes."""
+        return momentum_errors(self.motion, self.theory)
+
+    @property
+    def path_error(self) -> float | None:
+        """The largest contact-point error over the path's length or the radius."""
+        return self._measured(path_error)
+
+    @property
+    def attitude_error(self) -> float | None:
+        """The largest angle between the two attitudes [rad]."""
+        return self._measured(attitude_error)
+
+    @property
+    def gamma_error(self) -> float | None:
+        """The largest angle between the two verticals, seen from the frame [rad]."""
+        return self._measured(gamma_error)
+
+    @property
+    def momentum_error(self) -> float | None:
+        """The largest error of M, relative."""
+        return self._measured(momentum_error)
+
+    def _measured(self, measure: Callable[[Motion, Motion], float]) -> float | None:
+        return measure(self.motion, self.theory) if self.finished else None
+
+    @property
+    def realtime_factor(self) -> float:
+        """Simulated seconds per second of stepping the engine, set-up excluded."""
+        return float(self.motion.times[-1:].sum() / self.report.seconds)
+
+    @property
+    def tolerance(self) -> float:
+        """The error, relative, that the settings are held to."""
+        accuracy = self.settings.accuracy
+        return self.settings.error_tolerance if accuracy is None else accuracy
+
+    @property
+    def agrees(self) -> bool:
+        """No fault, and path and momentum both within the tolerance.
+
+        The path alone is not enough, as errors of two kinds can cancel in it, unless an accuracy of
+        the path was requested.
+        """
+        of_path = self.settings.accuracy is not None
+        measured = (self.path_error,) if of_path else (self.path_error, self.momentum_error)
+        return not self.faults and all(
+            value is not None and value <= self.tolerance for value in measured
+        )
+
+    @property
+    def reference_error(self) -> float | None:
+        """The reference's own path error, as it estimates it; None of one that does not."""
+        theory = self.theory
+        return theory.reference_error if isinstance(theory, ReferenceMotion) else None
+
+    @property
+    def limited_by_reference(self) -> bool:
+        """Whether the path error may be as much the reference's own as the engine's."""
+        error, own = self.path_error, self.reference_error
+        return error is not None and own is not None and error < LIMITED * own
+
+    @cached_property
+    def sensitivity(self) -> Sensitivity | None:
+        """What the motion itself makes of small errors, where the path alone is off; else None.
+
+        None too where it is not known. It takes a few short runs.
+        """
+        if self.engine is None or self.faults or self.agrees or not self.finished:
+            return None
+        lost = self.momentum_error is None or self.momentum_error > self.settings.error_tolerance
+        if lost and self.scene.keeps_momentum:
+            return None  # M is constant however sensitive the motion is: the engine lost it
+        return sensitivity(self.engine, self.motion, self.theory)
+
+    @property
+    def sensitive(self) -> bool:
+        """Whether the motion's own sensitivity explains why the motions do not agree."""
+        return self.sensitivity is not None and self.sensitivity.explains
+
+    @property
+    def verdict(self) -> str:
+        """One line: agrees, or why not."""
+        if self.faults:
+            return "; ".join(str(fault) for fault in self.faults)
+        if self.sensitive:
+            return str(self.sensitivity)
+        if self.agrees:
+            return "agrees, limited by the reference" if self.limited_by_reference else "agrees"
+        return f"off by more than {self.tolerance:g}"
+
+
+def compare(
+    scene: Scene | str | Path,
+    settings: EngineSettings | str | None = None,
+    times: Array | None = None,
+    *,
+    engine: Engine | str = DEFAULT,
+    accuracy: float | None = None,
+    theory: Motion | None = None,
+    strict: bool = False,
+    fault_window: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Agreement:
+    """A contact engine's motion of `scene`, compared with the equations'.
+
+    scene: itself, or what `load_scene` takes: a name from the catalog, or a path to a TOML file.
+    settings: a preset's name or the engine's settings, its default preset if None; times: (n,) s
+    from 0, the scene's own if None; accuracy: instead of settings, the path error to reach; theory:
+    the equations' motion at those times, where it is known already. Raises InputError and warns as
+    integrate and simulate do; friction is held against what the whole motion needs. strict,
+    fault_window, progress: as in simulate.
+    """
+    if isinstance(scene, str | Path):
+        scene = load_scene(scene)
+    return compare_with(
+        integrate(scene, times) if theory is None else theory,
+        request_of(engine, settings, accuracy),
+        strict=strict,
+        fault_window=fault_window,
+        progress=progress,
+    )
+
+
+def compare_with(
+    theory: Motion,
+    request: Request,
+    *,
+    strict: bool = False,
+    fault_window: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Agreement:
+    """`compare` by a request, for a scene whose reference motion is known already."""
+    motion = run_request(
+        theory.scene,
+        theory.times,
+        request,
+        loads=theory.loads,
+        strict=strict,
+        fault_window=fault_window,
+        progress=progress,
+    )
+    return Agreement(theory, motion, request.engine)

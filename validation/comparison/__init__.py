@@ -1,1 +1,0 @@
-"""Two motions of a scene compared: agreement, sensitivity, tables, plots, results."""

@@ -1,0 +1,342 @@
+"""Fig. 11: the section g = 0 over (l, L/√f), with its attractors and the way to them.
+
+The introduction's remark: the rubber Chaplygin ball and a classical one wind the same tori.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from robotball import Scene, load_scene, preset, sample_times
+from robotball.engines.mujoco.model import build
+from robotball.film.looks import INK
+from robotball.qualitative.cycles import InvariantCurve, invariant_curve, shared_integral
+from robotball.qualitative.sections import Crossings, fixed_point, sampled_crossings, section
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import along_momentum, section_state
+from validation.figures.sheets import (
+    ENGINE_COLOUR,
+    ENGINE_LINE,
+    ENGINE_NAME,
+    FAINT,
+    THEORY,
+    THEORY_LINE,
+    View,
+    engine_motion,
+    sheet,
+    theory_motion,
+)
+from validation.figures.sphere import Globe
+from validation.paper.formulas import paper_scene
+from validation.studies.contact_sections import (
+    COARSE,
+    Cloud,
+    Recipe,
+    Torus,
+    cloud_by_contact,
+    cloud_by_equations,
+    contact_cycle,
+    distance_to_curve,
+)
+
+F = 25.0
+ROOT_F = float(np.sqrt(F))
+# Of these starts the first crossings are the transient, drawn grey.
+REGULAR = Recipe(f=F, starts=64, skipped=0, count=600, direction=0)
+REGULAR_TRANSIENT = 300
+REGULAR_BY_CONTACT = Recipe(f=F, starts=16, skipped=0, count=100, direction=0)
+TORUS = Torus(L=0.0, l=1.96, spread=0.2, f=F, starts=64, skipped=400, count=1000, direction=0)
+TORUS_BY_CONTACT = replace(TORUS, spread=0.0, starts=1, skipped=200, count=1200)
+CHAOS = Recipe(f=F, starts=40, skipped=0, count=520, direction=0)
+CHAOS_BY_CONTACT = replace(CHAOS, count=150)
+CHAOS_TRANSIENT = 20
+DOT: dict[str, Any] = {"marker": ".", "linestyle": "none", "mew": 0}
+
+
+def figure11a() -> Figure:
+    """A periodic orbit and a limit torus, with what settles on them, by both engines."""
+    scene = load_scene("fig12")
+    ball, balanced, coarse = (
+        scene.parameters,
+        build(scene, preset("balanced")),
+        build(scene, COARSE),
+    )
+    cycle = fixed_point(ball, 3.6, 0.6, F)
+    own = section(ball, cycle.attitude[None], cycle.momentum[None], 2)
+    ours = [
+        contact_cycle(balanced, float(L), float(l), F, cycle.period, int(direction))
+        for L, l, direction in zip(own.L[0], own.l[0], own.directions[0], strict=True)
+    ]
+    curve = cloud_by_equations(ball, TORUS, seed=0)
+    points = cloud_by_contact(build(scene, preset("fast")), TORUS_BY_CONTACT, seed=0)
+    off = float(distance_to_curve(points.states, curve.states).max())
+    facts = (
+        "One periodic orbit, crossing twice, once in",
+        f"  each direction (E23): period {cycle.period:.6f} s,",
+        f"  {ENGINE_NAME}'s {ours[0].period:.6f} s; |multiplier|",
+        f"  {abs(cycle.multipliers[0]):.5f}, {ENGINE_NAME}'s {abs(ours[0].multipliers[0]):.5f}.",
+        "One limit torus, in both directions:",
+        f"  all {len(points.L)} points of {ENGINE_NAME}'s lie within",
+        f"  {off:.1g} of that of the equations (γ and",
+        "  M/√f as unit vectors).",
+        f"{ENGINE_NAME}'s steps: 5 ms for the periodic orbit, 20",
+        "  for the torus, 50 on the way to them.",
+        "The section is an annulus (E25): at L = ±√f",
+        "  states differ with l.",
+    )
+    figure, axes = sheet(
+        "Fig. 11a: a limit cycle and a limit torus",
+        caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
+    )  # fmt: skip
+    crossed = np.array([[each.l, each.L] for each in ours])
+    of_theory = cloud_by_equations(ball, REGULAR, seed=1), curve, np.stack([own.l[0], own.L[0]], 1)
+    of_engine = cloud_by_contact(coarse, REGULAR_BY_CONTACT, seed=2), points, crossed
+    for each, (clouds, colour, name, transient) in zip(
+        axes.values(),
+        (
+            (of_theory, THEORY, "equations", REGULAR_TRANSIENT),
+            (of_engine, ENGINE_COLOUR, ENGINE_NAME, REGULAR_BY_CONTACT.count),
+        ),
+        strict=True,
+    ):
+        cloud, torus, orbit = clouds
+        starts = len(cloud.L) // (REGULAR.count if name == "equations" else transient)
+        early, late = parted(cloud, starts, transient)
+        each.plot(*early, **DOT, color=FAINT, markersize=2.2, label="on the way")
+        each.plot(*places(torus.l, torus.L), **DOT, color=colour, markersize=3.5,
+                  label="limit torus")  # fmt: skip
+        each.plot(*late, **DOT, color=colour, markersize=4)
+        each.plot(*places(*orbit.T), "o", mfc="none", mec=INK, ms=12, label="periodic orbit")
+        each.plot(*places(*orbit.T), "+", color=colour, ms=9, mew=2)
+        annulus(each, f"section g = 0, {name}")
+        for handle in each.legend(loc="lower right", fontsize=9).legend_handles:
+            if isinstance(handle, Line2D):
+                handle.set_markersize(9)
+    return figure
+
+
+def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
+    """The strange attractor, by the equations and by the engine side by side."""
+    scene = load_scene("fig14")
+    theory = cloud_by_equations(scene.parameters, CHAOS, seed=1)
+    engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2, progress=report)
+    facts = (
+        "A strange attractor:",
+        "  λ₁ = 0.1160 ± 0.0001, λ₆ = -0.1394 1/s",
+        "  (E26), dimension 1.832 on the section.",
+        f"From {CHAOS.starts} random starts: grey the first",
+        f"  {CHAOS_TRANSIENT} crossings, then {CHAOS.count - CHAOS_TRANSIENT} of each by the",
+        f"  equations, {CHAOS_BY_CONTACT.count - CHAOS_TRANSIENT} by {ENGINE_NAME}. As clouds they",
+        "  cannot be told apart (robotball attractors).",
+        f"Dark: g grows; pale: g falls. {ENGINE_NAME}'s steps",
+        "  are 50 ms.",
+    )
+    figure, axes = sheet(
+        "Fig. 11b: a strange attractor",
+        caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
+    )  # fmt: skip
+    for each, (cloud, colour, size, name) in zip(
+        axes.values(),
+        ((theory, THEORY, 1.8, "equations"), (engine, ENGINE_COLOUR, 3.4, ENGINE_NAME)),
+        strict=True,
+    ):
+        early, _ = parted(cloud, CHAOS.starts, CHAOS_TRANSIENT)
+        each.plot(*early, **DOT, color=FAINT, markersize=2.2)
+        late = np.arange(len(cloud.L)) % (len(cloud.L) // CHAOS.starts) >= CHAOS_TRANSIENT
+        for direction, alpha in ((1, 1.0), (-1, 0.35)):
+            which = late & (cloud.directions == direction)
+            each.plot(*places(cloud.l[which], cloud.L[which]), **DOT, color=colour, alpha=alpha,
+                      markersize=size)  # fmt: skip
+        annulus(each, f"section g = 0, {name}")
+    return figure
+
+
+def parted(cloud: Cloud, starts: int, transient: int) -> tuple[Array, Array]:
+    """Places (2, n) of the first `transient` crossings of each start, and of the others."""
+    early = np.arange(len(cloud.L)) % (len(cloud.L) // starts) < transient
+    return places(cloud.l[early], cloud.L[early]), places(cloud.l[~early], cloud.L[~early])
+
+
+def places(l: Array, L: Array) -> Array:
+    """Points (2, n) of the picture: l from 0 to 2π, where attractors lie in one piece, and L/√f."""
+    return np.stack([np.asarray(l) % (2 * np.pi), np.asarray(L) / ROOT_F])
+
+
+def annulus(axes: Axes, title: str) -> None:
+    """The section's bounds and scales."""
+    axes.axhline(1.0, color=FAINT)
+    axes.axhline(-1.0, color=FAINT)
+    axes.set(xlabel="l [rad], once round", ylabel="L/√f", title=title,
+             xlim=(0, 2 * np.pi), ylim=(-1.06, 1.06))  # fmt: skip
+    axes.set_xticks(np.pi / 2 * np.arange(5), ["0", "π/2", "π", "3π/2", "2π"])
+
+
+def caption_of(scene: Scene) -> tuple[str, ...]:
+    """The caption's numbers, of Figs 11 to 14."""
+    p = scene.parameters
+
+    def row(v: tuple[float, ...]) -> str:
+        return ", ".join(f"{round(x, 9) + 0.0:g}" for x in v)
+
+    return (
+        f"A = diag({row(p.A)}) 1/(kg m²)",
+        f"Ω = ({row(p.Omega)}) rad/s, a = {p.a:g} m",
+        f"K = ({row(p.K)}) kg m²/s",
+        f"M² = f = {F:g} (kg m²/s)², g₀ = 0",
+    )
+
+
+VIEW = View(azimuth=30.0, elevation=35.0)
+CLASSICAL = "#AA3377"  # the classical ball by the equations; the rubber one has the theory's colour
+COLOURS = {"rubber": THEORY, "classical": CLASSICAL}
+TORI_F = 25.0
+LEVELS = (0.2, 0.4, 0.5, 0.6, 1.0, 1.2)  # l of ℓ at the start, where L = 0 [rad]: a torus each
+FOLLOWED, SHOWN = 210.0, 12.0  # s
+INTERVAL = 0.01  # s, between samples: the error of a crossing goes with its fourth power
+
+
+def figure_tori() -> Figure:
+    """Both balls' γ on one sphere, their sections on the same curves, and how they differ."""
+    balls: dict[str, Scene] = {
+        scene.rolling: scene
+        for scene in map(paper_scene, ("rubber_chaplygin_ball", "chaplygin_ball_same_tori"))
+    }
+    runs = {
+        (rolling, l): crossings_of(started(scene, l))
+        for rolling, scene in balls.items()
+        for l in LEVELS
+    }
+    curves = {key: invariant_curve(points_of(found)) for key, found in runs.items()}
+    off = max(apart(points_of(runs["rubber", l]), curves["classical", l]) for l in LEVELS)
+    caption = (
+        "rubber: A = diag(.8, .6, .7) 1/(kg m²)",
+        "classical: A' = E/d - A/2, d = 0.9 kg m²,",
+        "  A' = diag(.711, .811, .761)",
+        "Ω = 0, K = 0: nothing turns inside",
+        "f = 25, (M,γ) = 0 (all chosen)",
+    )
+    facts = (
+        "Introduction, 3: the reduced trajectories",
+        "  of both balls wind round the same tori.",
+        "ℓ = M×γ of the rubber ball, ℓ = M of the",
+        "  classical one: both are constant in space.",
+        "Each ball keeps the other's energy; from the",
+        f"  same (γ, ℓ) it changes by {kept(balls):.0e} in {SHOWN:g} s.",
+        "The rubber ball's crossings lie within",
+        f"  {off:.0e} of the classical ball's curves.",
+        "They differ in how fast they go round: the",
+        "  turns along the curve between crossings.",
+        f"Dots: equations; rings: {ENGINE_NAME}.",
+    )
+    figure, axes = sheet(
+        "Two rolling models, the same tori: Chaplygin's ball",
+        caption, facts, [["sphere", "section", "turns"]], (5.0, 5.0, 3.4),
+    )  # fmt: skip
+    draw_spheres(axes["sphere"], balls)
+    draw_sections(axes["section"], balls, runs, curves)
+    for rolling, mark in (("rubber", "o"), ("classical", "s")):
+        turns = [curves[rolling, l].rotation for l in LEVELS]
+        axes["turns"].plot(LEVELS, turns, mark, color=COLOURS[rolling], label=rolling)
+    axes["turns"].set(xlabel="l at the start, L = 0 [rad]", ylim=(0, None))
+    axes["turns"].set_title("turns between crossings")
+    axes["turns"].legend(loc="lower left")
+    return figure
+
+
+def started(scene: Scene, l: float) -> Scene:
+    """The ball at the level (0, l) of ℓ, where (ℓ×γ)₃ = 0."""
+    gamma, level = section_state(0.0, l, 0.0, TORI_F)
+    M = np.cross(gamma, level) if scene.rolling == "rubber" else level
+    return replace(scene, start=along_momentum(gamma, M))
+
+
+def level_states(scene: Scene, duration: float) -> tuple[Array, Array, Array, Array]:
+    """Times (n,), γ, ℓ and ω (n, 3) of the ball by the equations."""
+    times = sample_times(duration, INTERVAL)
+    axes, p = rotation_matrix(theory_motion(scene, times)[0]), scene.parameters
+    M = np.einsum("nji,j->ni", axes, scene.start.momentum)
+    omega = np.stack(p.angular_velocity(tuple(M.T), tuple(axes[:, 2].T)), axis=1)
+    return times, axes[:, 2], of_model(scene, axes[:, 2], M), omega
+
+
+def of_model(scene: Scene, gamma: Array, M: Array) -> Array:
+    """ℓ (n, 3) of γ and M (n, 3)."""
+    return np.cross(M, gamma) if scene.rolling == "rubber" else M
+
+
+def crossings_of(scene: Scene) -> Crossings:
+    """Where (ℓ×γ)₃ = 0, in one direction, by the equations."""
+    return sampled_crossings(*level_states(scene, FOLLOWED)).only(1)
+
+
+def engine_crossings_of(scene: Scene) -> Crossings:
+    """The same by the engine."""
+    motion = engine_motion(scene, sample_times(FOLLOWED), "fast")
+    turned = rotation_matrix(motion.attitude) @ scene.principal_axes
+    M = np.einsum("nji,nj->ni", turned, motion.momentum)
+    level = of_model(scene, turned[:, 2], M)
+    omega = motion.angular_velocity @ scene.principal_axes
+    return sampled_crossings(motion.times, turned[:, 2], level, omega).only(1)
+
+
+def points_of(found: Crossings) -> Array:
+    """γ and ℓ/√f side by side (n, 6)."""
+    return np.concatenate([found.gamma, found.momenta / ROOT_F], axis=1)
+
+
+def apart(points: Array, curve: InvariantCurve) -> float:
+    """How far the farthest of the points (n, 6) is from a curve."""
+    return float(distance_to_curve(points, curve.at(np.linspace(0.0, 1.0, 20_000))).max())
+
+
+def kept(balls: dict[str, Scene]) -> float:
+    """By how much, relative, J changes along the motions of both balls."""
+    changes = []
+    for scene in balls.values():
+        _, gamma, level, _ = level_states(started(scene, LEVELS[2]), SHOWN)
+        J = shared_integral(balls["rubber"].parameters, gamma, level)
+        changes.append(float(np.ptp(J) / J.mean()))
+    return max(changes)
+
+
+def draw_spheres(axes: Axes, balls: dict[str, Scene]) -> None:
+    """γ of both balls from the same point, for a while."""
+    globe = Globe(axes, VIEW, f"vertical γ, {SHOWN:g} s from the same (γ, ℓ)")
+    for rolling, ball in balls.items():
+        scene = started(ball, LEVELS[2])
+        times, gamma, _, _ = level_states(scene, SHOWN)
+        ours = engine_motion(scene, times).gamma @ scene.principal_axes
+        globe.line(gamma, **{**THEORY_LINE, "color": COLOURS[rolling]}, zorder=4,
+                   label=f"{rolling}, equations")  # fmt: skip
+        label = ENGINE_NAME if rolling == "classical" else None
+        globe.line(ours, **ENGINE_LINE, zorder=5, label=label)
+    globe.marks(gamma[:1], "o", color=INK, markersize=6, zorder=6)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.08, -0.08), fontsize=9, frameon=False)
+
+
+def draw_sections(
+    axes: Axes,
+    balls: dict[str, Scene],
+    runs: dict[tuple[str, float], Crossings],
+    curves: dict[tuple[str, float], InvariantCurve],
+) -> None:
+    """The crossings of both balls by both engines, on the curves of the classical one."""
+    for l in LEVELS:
+        states = curves["classical", l].at(np.linspace(0.0, 1.0, 2000))
+        axes.plot(np.arctan2(states[:, 3], states[:, 4]), states[:, 5], color=FAINT, linewidth=0.8)
+        for rolling, ball in balls.items():
+            found, ours = runs[rolling, l], engine_crossings_of(started(ball, l))
+            first, size = l == LEVELS[0], 8.0 if rolling == "rubber" else 3.5
+            axes.plot(found.l, found.L / ROOT_F, ".", color=COLOURS[rolling], markersize=size,
+                      label=rolling if first else None, zorder=2)  # fmt: skip
+            axes.plot(ours.l[::4], ours.L[::4] / ROOT_F, "o", mfc="none", mec=ENGINE_COLOUR,
+                      markersize=6, mew=0.8, zorder=3,
+                      label=ENGINE_NAME if first and rolling == "classical" else None)  # fmt: skip
+    title = "section (ℓ×γ)₃ = 0, one direction"
+    axes.set(xlabel="l [rad]", ylabel="L/√f", title=title, ylim=(-1.05, 1.05))
+    axes.legend(loc="upper center", fontsize=9)

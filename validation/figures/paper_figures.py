@@ -1,0 +1,65 @@
+"""The paper's Figs 3 to 14 as pictures, one file a figure; what each shows is in its own module.
+
+Every picture has the caption's parameters and what was chosen where the caption does not say,
+the facts as corrected, and MuJoCo's motion over that of the equations wherever there is a path.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from robotball import InputError
+from robotball.cores import in_processes
+from validation.figures.attractor_sections import figure11a, figure11b, figure_tori
+from validation.figures.lines import figure9, figure10
+from validation.figures.paths import figure12, figure13, figure14
+from validation.figures.rest import figure5, figure6, figure7, figure8
+from validation.figures.structure import figure3, figure4
+from validation.output import write_picture
+
+FIGURES: dict[str, dict[str, Callable[[], Figure]]] = {
+    "3": {"fig03": figure3},
+    "4": {"fig04": figure4},
+    "5": {"fig05": figure5},
+    "6": {"fig06": figure6},
+    "7": {"fig07": figure7},
+    "8": {"fig08": figure8},
+    "9": {"fig09": figure9},
+    "10": {"fig10": figure10},
+    "11": {"fig11a": figure11a, "fig11b": figure11b},
+    "12": {"fig12": figure12},
+    "13": {"fig13": figure13},
+    "14": {"fig14": figure14},
+    "tori": {"tori": figure_tori},
+}
+
+
+def draw_figures(
+    names: Sequence[str], out: Path, report: Callable[[float, str], None] = lambda *_: None
+) -> list[Path]:
+    """The pictures of the figures named, or of all for none, as PNGs in the folder `out`.
+
+    report is called with how many pictures are done and which was the last. Raises InputError for a
+    figure that there is not.
+    """
+    pictures = chosen(names)
+    written = []
+    for i, path in enumerate(in_processes(partial(_draw, out), list(pictures))):
+        report(i + 1, path.stem)
+        written.append(path)
+    return written
+
+
+def _draw(out: Path, name: str) -> Path:
+    (picture,) = (figures[name] for figures in FIGURES.values() if name in figures)
+    return write_picture(out / f"{name}.png", picture())
+
+
+def chosen(names: Sequence[str]) -> dict[str, Callable[[], Figure]]:
+    """The pictures of the figures named, or of all for none, by their files' names."""
+    for name in names:
+        if name not in FIGURES:
+            raise InputError(f"no figure {name} to draw; there are 3 to 14, and tori")
+    return {file: picture for name in (names or FIGURES) for file, picture in FIGURES[name].items()}

@@ -1,0 +1,261 @@
+"""What the pictures of a scene's agreements show, in plain numbers.
+
+A scene's pictures, from its sheet: paths and the momentum, each with its error below.
+
+Who draws the pictures of a comparison.
+
+matplotlib takes longer to come than a short motion to be compared. So other processes draw, which
+import it while this one works; a process that has it already draws by itself.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+from numpy.typing import NDArray
+
+from robotball.cores import in_processes, prepare
+from validation.output import DPI, in_picture, replacing, title
+
+if TYPE_CHECKING:
+    from robotball.motion import Motion
+    from validation.agreement import Agreement
+
+# As in robotball.rotations, which would bring scipy to who draws.
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+MOST = 50_000  # points of a line: a dozen for each column of pixels
+
+
+@dataclass(frozen=True)
+class Line:
+    """A motion in a picture: times (n,) s, contact_point (n, 2) m and momentum (n, 3) kg m²/s."""
+
+    label: str
+    colour: str
+    times: Array
+    contact_point: Array
+    momentum: Array
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of a motion: values (n,) at times (n,) s, without the zero that they start from."""
+
+    times: Array
+    values: Array
+    largest: float
+
+
+@dataclass(frozen=True)
+class Run:
+    """A motion by an engine, with its path's errors [m] and its momentum's, relative.
+
+    settings: their name; finished: whether the motion is as long as it should be.
+    """
+
+    line: Line
+    settings: str
+    finished: bool
+    path_errors: Errors
+    momentum_errors: Errors
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What a scene's pictures show.
+
+    momentum_labels: the names of M's components by their heights; scale: kg m²/s, of M.
+    """
+
+    title: str
+    theory: Line
+    runs: Sequence[Run]
+    keeps_momentum: bool
+    momentum_labels: dict[float, str]
+    scale: float
+
+
+def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
+    """The sheet of one scene's agreements, by one engine."""
+    from robotball.notebook import by_value
+
+    theory = agreements[0].theory
+    scene = theory.scene
+    return Sheet(
+        title=f"{scene.name}: {scene.title}",
+        theory=_line(theory, theory.engine.name),
+        runs=[
+            Run(
+                _line(each.motion, f"{each.motion.engine.name}, {each.settings.name}"),
+                each.settings.name,
+                each.finished,
+                _errors(each.motion, each.path_errors),
+                _errors(each.motion, each.momentum_errors),
+            )
+            for each in agreements
+        ],
+        keeps_momentum=scene.keeps_momentum,
+        momentum_labels=by_value(theory.momentum[0 if scene.keeps_momentum else -1]),
+        scale=scene.momentum_scale,
+    )
+
+
+def _line(motion: "Motion", label: str) -> Line:
+    shown = slice(None, None, 1 + len(motion.times) // MOST)
+    paths = motion.contact_point[shown], motion.momentum[shown]
+    return Line(label, motion.engine.colour, motion.times[shown], *paths)
+
+
+def _errors(motion: "Motion", values: Array) -> Errors:
+    which = 1 + extremes(values[1:])
+    return Errors(motion.times[which], values[which], float(values.max(initial=0.0)))
+
+
+def extremes(values: Array) -> Integers:
+    """The places of the values (n,), or of the largest and the smallest of each bin of many."""
+    if len(values) <= MOST:
+        return np.arange(len(values))
+    edges = np.linspace(0, len(values), MOST // 2 + 1).astype(int)
+    ends = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+    found = [sorted((i + values[i:j].argmin(), i + values[i:j].argmax())) for i, j in ends]
+    return np.array(found).ravel()
+
+
+# Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
+STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
+INCHES = (8.0, 7.0)
+ROOM = {"left": 0.13, "right": 0.86, "top": 0.9, "bottom": 0.08, "hspace": 0.25}
+
+
+def path_picture(sheet: Sheet) -> Figure:
+    """The contact points' paths of both motions, and their distance over time below."""
+    figure, paths, errors = _two_panels(sheet)
+    paths.plot(*sheet.theory.contact_point.T, label=sheet.theory.label, **_wide(sheet))
+    for run, style in _styled(sheet):
+        colour, label = run.line.colour, in_picture(run.line.label)
+        paths.plot(*run.line.contact_point.T, linestyle=style, color=colour, label=label)
+        _log_line(errors, run, run.path_errors, style)
+    paths.set(xlabel="X [m]", ylabel="Y [m]", title="contact point on the plane, to one scale")
+    paths.set_aspect("equal", "datalim")
+    errors.set(xlabel="time [s]", ylabel="distance of the\ncontact points [m]")
+    paths.legend(loc="best", ncols=1 + (len(sheet.runs) > 2))
+    return figure
+
+
+def momentum_picture(sheet: Sheet) -> Figure:
+    """M's components, by the equations and by the engine, and the error of M below."""
+    figure, components, errors = _two_panels(sheet)
+    theory, wide = sheet.theory, _wide(sheet)
+    components.plot([], [], label=theory.label, **wide)
+    for value, names in sheet.momentum_labels.items():
+        if sheet.keeps_momentum:
+            components.axhline(value, **wide)
+        _beside(components, names, value)
+    if not sheet.keeps_momentum:
+        components.plot(theory.times, theory.momentum, **wide)
+    for run, style in _styled(sheet):
+        line = run.line
+        lines = components.plot(line.times, line.momentum, linestyle=style, color=line.colour)
+        lines[0].set_label(in_picture(line.label))
+        _log_line(errors, run, run.momentum_errors, style)
+    low, high = components.get_ylim()
+    if high - low < 1e-3 * sheet.scale:  # M = 0: rounding alone would fill the picture
+        components.set_ylim(low - 0.05 * sheet.scale, high + 0.05 * sheet.scale)
+    components.set(ylabel="M, world axes [kg m²/s]", title="momentum M")
+    errors.set(xlabel="time [s]", ylabel=f"error of M, over {sheet.scale:.3g} kg m²/s")
+    components.legend(loc="best")
+    return figure
+
+
+PICTURES: dict[str, Callable[[Sheet], Figure]] = {
+    "path": path_picture,
+    "momentum": momentum_picture,
+}
+
+
+def _two_panels(sheet: Sheet) -> tuple[Figure, Axes, Axes]:
+    figure = Figure(figsize=INCHES)
+    title(figure, sheet.title)
+    # Room that is given: to have it found takes as long as all the rest of a picture.
+    above, below = figure.subplots(2, 1, gridspec_kw=ROOM)
+    below.set_yscale("log")
+    below.yaxis.set_minor_locator(NullLocator())
+    below.yaxis.set_major_formatter(lambda value, _: f"{value:.0e}")  # as in the table
+    for axes in (above, below):
+        axes.grid(alpha=0.3)
+        axes.margins(x=0.01)
+    return figure, above, below
+
+
+def _wide(sheet: Sheet) -> dict[str, Any]:
+    """How the equations' motion is drawn, below all others."""
+    return {"color": sheet.theory.colour, "linewidth": 5, "alpha": 0.6}
+
+
+def _styled(sheet: Sheet) -> list[tuple[Run, Any]]:
+    last = len(sheet.runs)
+    return [(each, STYLES[(i - last) % len(STYLES)]) for i, each in enumerate(sheet.runs)]
+
+
+def _log_line(axes: Axes, run: Run, errors: Errors, style: Any) -> None:
+    """A line on a log axis, named at its end."""
+    axes.plot(errors.times, errors.values, linestyle=style, color=run.line.colour)
+    if run.finished:
+        _beside(axes, in_picture(run.settings), errors.largest)
+
+
+def _beside(axes: Axes, text: str, height: float) -> None:
+    """A label at the right of the axes, at the height of what it names."""
+    axes.annotate(
+        text,
+        (1.0, height),
+        xycoords=("axes fraction", "data"),
+        xytext=(4, 0),
+        textcoords="offset points",
+        va="center",
+    )
+
+
+PLOTS = "validation.plots"  # imports matplotlib
+KINDS = ("path", "momentum")
+MANY = 4  # scenes, worth more than one process to compare them, each of which draws its own
+
+
+def prepare_drawing(scenes: int) -> None:
+    """Have matplotlib imported elsewhere, for a `draw` of so many scenes that is some time away."""
+    if scenes < MANY and not _has_matplotlib():
+        with suppress(OSError):  # then `draw` does without
+            prepare(PLOTS)
+
+
+def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
+    """Two pictures of one scene's agreements, by one engine, as PNGs in `out`."""
+    from validation.results import file_stem
+
+    name, sheet = file_stem(agreements), sheet_of(agreements)
+    drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in KINDS]
+    if not _has_matplotlib():
+        with suppress(OSError):  # no process is to be had, or one was killed
+            return list(in_processes(write, drawings))
+    return [write(each) for each in drawings]
+
+
+def write(drawing: tuple[str, Sheet, Path]) -> Path:
+    """Draw one kind of picture of a sheet into a file."""
+    kind, sheet, path = drawing
+    with replacing(path) as temporary:
+        PICTURES[kind](sheet).savefig(temporary, dpi=DPI)
+    return path
+
+
+def _has_matplotlib() -> bool:
+    return "matplotlib.figure" in sys.modules

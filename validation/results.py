@@ -1,0 +1,239 @@
+"""What files are called: no two of different runs share a name.
+
+A name has the scene, the engine, the preset, and every option that is not at its default.
+
+Results on disk: records that can be made again, in files that are whole or not there.
+
+Agreements as a table in the terminal.
+"""
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, fields, replace
+from itertools import chain, count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from robotball import Fault, Motion, Scene, catalog, load_scene
+from robotball.motion import Label
+from validation.agreement import Agreement
+from validation.output import print_whole, scientific, versions, write_rows, write_text
+from validation.sensitivity import Sensitivity
+
+ALL = "all"  # of an engine's presets
+
+
+def scenes_of(names: Sequence[str]) -> dict[str, Scene]:
+    """The scenes of catalog names and paths, by these; each once, and no two with one name.
+
+    Those of files with the same name in two folders are named after the folder as well. Raises
+    InputError where one cannot be loaded.
+    """
+    distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
+    scenes = [load_scene(name) for name in distinct.values()]
+    often = Counter(scene.name for scene in scenes)
+    named: list[Scene] = []
+    for path, scene in zip(distinct, scenes, strict=True):
+        name = scene.name
+        if often[name] > 1 and isinstance(path, Path):
+            name = f"{path.parent.name}-{name}"
+        taken = {each.name for each in named}
+        others = (f"{name}-{number}" for number in count(2))
+        free = next(each for each in chain((name,), others) if each not in taken)
+        named.append(replace(scene, name=free))
+    return dict(zip(distinct.values(), named, strict=True))
+
+
+def file_stem(agreements: Sequence[Agreement]) -> str:
+    """The scene, the engine and the settings of one scene's agreements by one engine.
+
+    All of the engine's presets are `all`. Simulated time is named where it is not the scene's own.
+    """
+    first, names = agreements[0], [each.settings.name for each in agreements]
+    if first.engine is not None and len(names) > 1 and names == list(first.engine.presets):
+        names = [ALL]
+    end = float(first.theory.times[-1])
+    time = [] if end == first.scene.duration else [f"{end:g}s"]
+    return file_name(first.scene.name, first.motion.engine, [*names, *time])
+
+
+def fault_window_path(folder: Path, scene: Scene, engine: Label, settings: str) -> Path:
+    """Where the states around the first fault of a run go, by the name of its settings."""
+    return folder / f"{file_name(scene.name, engine, [settings])}-fault.json"
+
+
+def file_name(scene: str, engine: Label | None, words: Sequence[str]) -> str:
+    """The scene, the engine if there is one, and what else tells a file apart."""
+    by = [] if engine is None else [engine.name.lower()]
+    plain = [re.sub(r" - |[^\w.+-]+", "-", word).strip("-") for word in (*by, *words)]
+    return "-".join([scene.replace(" ", "-").replace("/", "-"), *plain])
+
+
+def changed(options: Any, *names: str) -> list[str]:
+    """A word for each of these fields of a dataclass that is not at its default."""
+    words = []
+    for each in fields(options):
+        value = getattr(options, each.name)
+        if each.name in names and value != each.default:
+            words += _words(each.name.replace("_", "-"), value)
+    return words
+
+
+def _words(name: str, value: Any) -> list[str]:
+    if value is True:
+        return [name]
+    if isinstance(value, int | float):
+        return [f"{value:g}s" if name == "duration" else f"{name}-{value:g}"]
+    return [*value] if isinstance(value, tuple) else [str(value)]
+
+
+TABLE_COLUMNS = (
+    "scene",
+    "rolling",
+    "engine",
+    "preset",
+    "timestep",
+    "path_error",
+    "gamma_error",
+    "momentum_error",
+    "realtime_factor",
+    "agrees",
+    "verdict",
+)
+
+
+Record = dict[str, Any]
+
+
+def record(agreement: Agreement) -> Record:
+    """One comparison as plain data; numbers of a run that broke off are None."""
+    report, sensitivity = agreement.report, agreement.sensitivity
+    return {
+        "scene": agreement.scene.name,
+        "rolling": agreement.scene.rolling,
+        "engine": agreement.motion.engine.name,
+        "preset": agreement.settings.name,
+        "settings": agreement.settings.plain(),
+        "timestep": report.timestep,
+        "duration": float(agreement.theory.times[-1]),
+        "samples": len(agreement.theory.times),
+        "path_length": agreement.theory.path_length,
+        "path_error": agreement.path_error,
+        "reference_error": agreement.reference_error,
+        "estimated_error": report.estimated_error,
+        "gamma_error": agreement.gamma_error,
+        "attitude_error": agreement.attitude_error,
+        "momentum_error": agreement.momentum_error,
+        "momentum_drift": agreement.momentum_error,  # its name in version 0.1
+        "friction_used": _known(report.friction_used.max(initial=0.0)),
+        "needs": needs(agreement.theory),
+        "steps": report.steps,
+        "realtime_factor": agreement.realtime_factor,
+        "agrees": agreement.agrees,
+        "faults": [_fault(fault) for fault in agreement.faults],
+        "verdict": agreement.verdict,
+        # What the motion makes of small errors; None unless that explains something.
+        "sensitivity": None if sensitivity is None else _plain(sensitivity),
+        "seed": None,  # nothing in a comparison is random
+        "versions": versions() | {agreement.motion.engine.name: agreement.motion.engine.version},
+    }
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _fault(fault: Fault) -> dict[str, Any]:
+    return {
+        "kind": fault.kind.name, "time": fault.time, "cause": fault.text, "fatal": fault.fatal,
+    }  # fmt: skip
+
+
+def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
+    """Its numbers, those that are not finite as None, and whether it explains the error."""
+    numbers = asdict(sensitivity).items()
+    plain = {name: value if math.isfinite(value) else None for name, value in numbers}
+    return {**plain, "explains": sensitivity.explains}
+
+
+def needs(motion: Motion) -> dict[str, Any]:
+    """The most that a motion asks for: friction (torsional in m), motor torques N m, powers W."""
+    loads = motion.loads
+    return {
+        "sliding_friction": float(loads.sliding_friction.max()),
+        "torsional_friction": float(loads.torsional_friction.max()),
+        "motor_torques": np.abs(loads.motor_torques).max(axis=0).tolist(),
+        "motor_powers": np.abs(motion.motor_powers).max(axis=0).tolist(),
+    }
+
+
+def write_json(path: Path, records: Sequence[Record]) -> None:
+    """A list of records, one an agreement."""
+    text = json.dumps(list(records), indent=2, allow_nan=False, ensure_ascii=False)
+    write_text(path, text + "\n")
+
+
+def write_csv(path: Path, records: Sequence[Record]) -> None:
+    """The table of the agreements, a row each."""
+    write_rows(path, records, TABLE_COLUMNS)
+
+
+def write_markdown(path: Path, records: Sequence[Record]) -> None:
+    """The table of the agreements as the README shows it."""
+    lines = [
+        "| scene | preset | step | path error | γ error | momentum error | × real time | verdict |",
+        "|---|---|---:|---:|---:|---:|---:|---|",
+    ]
+    for each in records:
+        errors = (each[name] for name in ("path_error", "gamma_error", "momentum_error"))
+        cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:.3g} ms"]
+        cells += ["-" if error is None else f"{error:.1e}" for error in errors]
+        cells += [f"{each['realtime_factor']:.0f}"]
+        lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def show(records: Sequence[Record], console: Console) -> None:
+    """Print one row an agreement's record, and below the table what went wrong where it did."""
+    # Eighty columns hold it.
+    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
+    for heading in ("scene", "rolling", "preset"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M error", "× real\ntime"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    for each in records:
+        table.add_row(
+            escape(each["scene"]),
+            each["rolling"],
+            escape(each["preset"]),
+            f"{each['timestep'] * 1e3:.3g}",
+            *(scientific(each[name]) for name in ("path_error", "gamma_error", "momentum_error")),
+            f"{each['realtime_factor']:.0f}",
+            _word(each),
+            style="" if each["agrees"] else "yellow",
+        )
+    print_whole(table, console)
+    for each in records:
+        if each["verdict"] != "agrees":
+            style = "" if each["agrees"] else "yellow"
+            line = f"{each['scene']}, {each['preset']}: {each['verdict']}"
+            console.print(escape(line), style=style)
+
+
+def _word(record: Record) -> str:
+    if record["agrees"]:
+        return "agrees"
+    if record["faults"]:
+        return "faulty"
+    sensitivity = record["sensitivity"]
+    return "sensitive" if sensitivity and sensitivity["explains"] else "off"

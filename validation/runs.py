@@ -1,0 +1,211 @@
+"""A fault window in the terminal: its rows, one of them, or one after another.
+
+Long work with its progress shown: many comparisons, a film.
+"""
+
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from robotball import InputError, Request, Scene, integrate
+from robotball.cores import allowed, in_processes
+from robotball.engines.mujoco.fault_window import FaultWindow, Replayed
+from robotball.files.replacing import refused
+from robotball.rotations import Array
+from validation.agreement import Agreement, compare_with
+from validation.output import Show, print_whole, progress_bar
+from validation.plots import MANY, draw
+from validation.results import Record, fault_window_path, record
+
+if TYPE_CHECKING:
+    from robotball.film.render import Film
+
+
+def show_rows(window: FaultWindow, console: Console) -> None:
+    """Print all rows, the first bad one marked."""
+    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
+    for heading in ("row", *window.columns):
+        table.add_column(escape(heading), justify="right")
+    table.add_column("")
+    for i, row in enumerate(window.table):
+        bad = i == window.bad
+        cells = [f"{i}", *map(_cell, row), "<- bad" if bad else ""]
+        table.add_row(*cells, style="yellow" if bad else "")
+    if window.bad == len(window.table):
+        table.add_row(f"{window.bad}", *("" for _ in window.columns), "<- no further")
+    print_whole(table, console)
+
+
+def walk(window: FaultWindow, console: Console) -> None:
+    """Print row after row from the first bad one on, each at a press of Enter."""
+    if not sys.stdin.isatty():
+        raise InputError("--interactive needs a terminal; leave it out to see all rows at once")
+    for i in range(min(window.bad, len(window.table) - 1), len(window.table)):
+        show_row(window, i, console)
+        if input("Enter for the next row, q to leave: ").strip():
+            break
+
+
+def show_row(window: FaultWindow, row: int, console: Console) -> None:
+    """All that is known of one row; raises InputError where there is no such row."""
+    if not 0 <= row < len(window.table):
+        raise InputError(f"--step must be a row from 0 to {len(window.table) - 1}, not {row}")
+    console.print(f"row {row}{', the first bad one' if row == window.bad else ''}")
+    for name, value in zip(window.columns, window.table[row], strict=True):
+        console.print(escape(f"  {name:20s} {_cell(value, digits=9)}"), highlight=False)
+    qpos, qvel = window.coordinates(row)
+    for name, values in (("qpos", qpos), ("qvel", qvel)):
+        console.print(f"  {name:20s} {' '.join(_cell(v, 9) for v in values)}", highlight=False)
+
+
+def _cell(value: float | None, digits: int = 4) -> str:
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def outcome_of(window: FaultWindow, replayed: Replayed) -> str:
+    """What came of taking the steps again, in a line."""
+    if replayed.difference is None:
+        return f"not stepped again: {replayed.why}"
+    what = "the forces at its states" if window.adaptive else "its steps"
+    if replayed.difference == 0.0:
+        return f"{replayed.rows} rows: {what}, computed again, are the same to the last bit"
+    return f"{replayed.rows} rows: {what}, computed again, differ by {replayed.difference:.3g}"
+
+
+def agreements_of(
+    scene: Scene,
+    requests: Sequence[Request],
+    times: Array | None = None,
+    *,
+    strict: bool = False,
+    fault_windows: Path | None = None,
+    show: Show = lambda *_: None,
+) -> list[Agreement]:
+    """A scene by every request; the equations are integrated once.
+
+    strict: as in simulate; fault_windows: the folder for the states around each run's first fault;
+    show: told how many requests are done.
+    """
+    show(0, f"{scene.name}: equations")
+    theory = integrate(scene, times)
+    agreements = []
+    for i, request in enumerate(requests):
+        progress = partial(_show, show, i, f"{scene.name}: {request.name}")
+        window = None
+        if fault_windows is not None:
+            label = request.engine.label
+            window = fault_window_path(fault_windows, scene, label, request.name)
+        agreements.append(
+            compare_with(theory, request, strict=strict, fault_window=window, progress=progress)
+        )
+    return agreements
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What is kept of a scene's agreements.
+
+    records: as results.record has them; windows: the files of the faulty runs' fault windows;
+    pictures: their files; refused: why there is nothing, if the scene cannot be run.
+    """
+
+    records: list[Record]
+    windows: list[Path]
+    pictures: Sequence[Path] = ()
+    refused: str | None = None
+
+
+@dataclass(frozen=True)
+class Comparing:
+    """Scene → Compared, with pictures and fault windows in the folder `out`.
+
+    requests: each makes one, in whatever process it is; the others: as for `agreements_of`.
+    """
+
+    requests: Sequence[Callable[[], Request]]
+    times: Array | None
+    strict: bool
+    out: Path
+    plots: bool
+
+    def __call__(self, scene: Scene, show: Show = lambda *_: None) -> Compared:
+        requests = [make() for make in self.requests]
+        try:
+            agreements = agreements_of(
+                scene,
+                requests,
+                self.times,
+                strict=self.strict,
+                fault_windows=self.out,
+                show=show,
+            )
+        except InputError as error:
+            return Compared([], [], refused=str(error))
+        pictures: Sequence[Path] = ()
+        if self.plots:
+            pictures = draw(agreements, self.out)
+        records = [record(each) for each in agreements]
+        return Compared(records, windows(agreements, self.out), pictures)
+
+
+def compare_all(scenes: Sequence[Scene], comparing: Comparing) -> list[Compared]:
+    """What is kept of every scene, in their order; many scenes on all cores."""
+    found: list[Compared] = []
+    each = len(comparing.requests)
+    with progress_bar(len(scenes) * each) as show:
+        if len(scenes) < MANY or allowed() == 1:
+            for i, scene in enumerate(scenes):
+                found.append(comparing(scene, partial(_from, show, i * each)))
+        else:
+            for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
+                found.append(compared)
+                show(len(found) * each, scene.name)
+    return found
+
+
+def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
+    """Both motions of an agreement as a film at `path`, by default as `Film()` says."""
+    from robotball.film.write import write_video  # an encoder and a GL, which only a film needs
+
+    with refused(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with progress_bar(1) as show:
+        write_video(
+            path,
+            agreement.motion,
+            agreement.theory,
+            how,
+            progress=lambda part: show(part, f"{agreement.scene.name}: video"),
+        )
+
+
+def _show(show: Show, done: int, what: str, part: float) -> None:
+    show(done + part, what)
+
+
+def _from(show: Show, begin: int, done: float, what: str) -> None:
+    show(begin + done, what)
+
+
+def windows(agreements: Sequence[Agreement], folder: Path) -> list[Path]:
+    """The files of the fault windows that the faulty runs left in a folder."""
+    paths = [
+        fault_window_path(folder, each.scene, each.motion.engine, each.settings.name)
+        for each in agreements
+        if each.faults
+    ]
+    return [path for path in paths if path.exists()]
+
+
+def tell_fault_windows(paths: Iterable[Path]) -> None:
+    """Print how to look at the first fault of each faulty run that left a fault window."""
+    for path in paths:
+        print(f"robotball replay {path}", "steps through its first fault")

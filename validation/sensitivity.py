@@ -1,0 +1,229 @@
+"""Sensitivity: whether the motion itself, not the engine, explains how far the two engines part.
+
+The engine is set anew on the equations' motion at equal stretches and followed to the next: what
+it misses there, its defect, is all that it can be blamed for. What the motion then makes of it is a
+matter of the equations alone, to first order a linear one: all defects, carried on by the
+difference of two neighbouring motions of the equations and added, are the error to expect.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotball import Engine, Motion, Scene, integrate
+from robotball.engine import Runner
+from robotball.motion import ContactMotion, path_errors
+from robotball.rotations import Array, conjugate, multiply
+from robotball.scene import Start
+
+# Short beside the time in which a chaotic motion of the catalog doubles a difference, 2 to 6 s.
+STRETCH = 2.5  # s
+FEWEST, MOST = 8, 400  # stretches
+LONG = 100.0  # s, in which chaos shows itself
+# The difference of two neighbouring motions, in rad: its square and rounding are far below it.
+NEAR = 1e-6
+# Twice the time doubles the growth of a regular motion; more than this is exponential.
+EXPONENTIAL = 10.0
+# How many times the expected error the measured one may be. On the chaotic scenes 0.02 to 1.8 at
+# the finer presets, to round-off, and 4.9 and 7.9 at `fast`.
+LEEWAY = 20.0
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What a motion makes of the engine's small errors, over `duration` s.
+
+    exponent     1/s  of the growth of a small turn of the start, over the motion's second half
+    doubling     by how much twice the time multiplies that growth; 2 in a regular motion
+    defect       of the engine over stretches from states of the equations, over the path's length
+    expected     the path error over the path's length that the motion makes of the defects
+    measured     the path error over the path's length
+    tolerance      that the settings are held to
+    agrees_until s    when the path error passes the tolerance
+    """
+
+    exponent: float
+    doubling: float
+    defect: float
+    expected: float
+    measured: float
+    tolerance: float
+    agrees_until: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether the engine keeps its tolerance, and the motion's own growth does the rest.
+
+        Errors beyond what the growth makes of the defects stay the engine's, and so do all errors
+        of a motion that is regular.
+        """
+        return (
+            self.defect <= self.tolerance
+            and self.doubling > EXPONENTIAL
+            and self.measured <= LEEWAY * self.expected
+        )
+
+    def __str__(self) -> str:
+        return (
+            f"sensitive: agrees until t = {self.agrees_until:.3g} s, then the motion's own "
+            f"sensitivity (exponent {self.exponent:.3g}/s) carries errors of {self.defect:.1e} "
+            f"past {self.tolerance:g}"
+        )
+
+
+def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensitivity | None:
+    """The sensitivity of a scene's motion to the errors that an engine makes of it.
+
+    motion: the engine's, by the settings in its report; theory: the equations' motion at the same
+    times. None where the commands change in time and where the engine breaks off: there it is not
+    known. Costs as much as the engine's motion and three by the equations.
+    """
+    scene, settings = theory.scene, motion.report.settings
+    errors, path_scale = path_errors(motion, theory), theory.path_scale
+    if not scene.steady:
+        return None
+    duration = float(theory.times[-1])
+    right = _stretches_of(theory)
+    count = len(right.times) - 1
+    defects = _defects(engine.prepare(scene, settings), right)
+    if defects is None:
+        return None
+    expected = max(math.hypot(*error[-2:]) for error in _carried(right, defects))
+    growth = _growth(right)
+    half = count // 2
+    doubling = float(growth[-1] - growth[half - 1])
+    passed = errors > settings.error_tolerance * path_scale
+    return Sensitivity(
+        exponent=doubling / (duration - float(right.times[half])),
+        doubling=math.exp(min(doubling, 700.0)),  # finite
+        defect=_total(defects, path_scale),
+        expected=expected / path_scale,
+        measured=float(errors.max() / path_scale),
+        tolerance=settings.error_tolerance,
+        agrees_until=float(theory.times[np.argmax(passed)] if passed.any() else duration),
+    )
+
+
+def _stretches_of(theory: Motion) -> Motion:
+    """The equations' motion at the ends of equal stretches of a longer one."""
+    duration = float(theory.times[-1])
+    count = int(np.clip(duration / STRETCH, FEWEST, MOST))
+    return integrate(theory.scene, np.linspace(0.0, duration, count + 1))
+
+
+def total_defect(run: Runner, theory: Motion) -> float | None:
+    """What an engine misses over all stretches, set anew on the right motion at each.
+
+    Relative as path errors are; None where a stretch is not run to its end.
+    """
+    defects = _defects(run, _stretches_of(theory))
+    return None if defects is None else _total(defects, theory.path_scale)
+
+
+def _total(defects: Array, path_scale: float) -> float:
+    return float(np.linalg.norm(defects[:, -2:], axis=1).sum() / path_scale)
+
+
+def chaotic(scene: Scene, duration: float = LONG) -> bool:
+    """Whether a small turn of the start grows exponentially over `duration` [s].
+
+    False where the commands change in time, of which it is not known.
+    """
+    if not scene.steady:
+        return False
+    right = integrate(scene, np.linspace(0.0, duration, int(duration / STRETCH) + 1))
+    growth = _growth(right)
+    return bool(growth[-1] - growth[len(growth) // 2 - 1] > math.log(EXPONENTIAL))
+
+
+def _defects(run: Runner, right: Motion) -> Array | None:
+    """What an engine misses (k, e) at the end of each of k stretches from the right motion.
+
+    None where a stretch is not run to its end.
+    """
+    defects = []
+    for i, length in enumerate(np.diff(right.times)):
+        motion = run(np.array([0.0, length]), _start(right, i))
+        if len(motion.times) < 2:
+            return None
+        defects.append(_difference(motion, right, i))
+    return np.array(defects)
+
+
+# An error (e,): a turn (3) rad, frame axes; the change of M (3), world, over its scale; of the
+# angles (f) rad and rates (f) rad/s of hinges whose rate is not given; last, of the path (2) m.
+
+
+def _moving(scene: Scene) -> list[int]:
+    """The hinges whose rate is not given."""
+    return [i for i, hinge in enumerate(scene.hinges) if hinge.motor is not None]
+
+
+def _start(right: Motion, i: int, error: Array | None = None) -> Start:
+    """The start of stretch i, off by an error (e,) if one is given."""
+    scene = right.scene
+    attitude, M = right.attitude[i], right.momentum[i]
+    angles, rates = right.hinge_angles[i].copy(), right.hinge_rates[i].copy()
+    if error is not None:
+        step = np.array([1.0, *(error[:3] / 2)])
+        attitude = multiply(attitude, step / np.linalg.norm(step))
+        M = M + error[3:6] * scene.momentum_scale
+        if scene.rolling == "rubber":
+            M[2] = 0.0  # by (3.1)
+        of_angles, of_rates = np.split(error[6:-2], 2)
+        angles[_moving(scene)] += of_angles
+        rates[_moving(scene)] += of_rates
+    return Start(attitude, M, angles, rates) if scene.not_reduced else Start(attitude, M)
+
+
+def _difference(other: Motion, right: Motion, i: int) -> Array:
+    """How far a motion over stretch i ends from the right one's: (e,)."""
+    scene = right.scene
+    w, *turn = multiply(conjugate(right.attitude[i + 1]), other.attitude[-1])
+    moved = other.momentum[-1] - right.momentum[i + 1]
+    way = right.contact_point[i + 1] - right.contact_point[i]
+    off = other.contact_point[-1] - other.contact_point[0] - way
+    free = _moving(scene)
+    angles = (other.hinge_angles[-1] - right.hinge_angles[i + 1])[free]
+    rates = (other.hinge_rates[-1] - right.hinge_rates[i + 1])[free]
+    turned = 2 * math.copysign(1, w) * np.array(turn)
+    return np.concatenate([turned, moved / scene.momentum_scale, angles, rates, off])
+
+
+def _transfer(right: Motion, i: int, error: Array) -> Array:
+    """What an error (e,) at the start of stretch i has become at its end, to first order."""
+    size = float(np.linalg.norm(error[:-2]))
+    if not size > 0:
+        return error
+    stretch = np.array([0.0, right.times[i + 1] - right.times[i]])
+    start = _start(right, i, NEAR / size * error)
+    grown = _difference(integrate(replace(right.scene, start=start), stretch), right, i)
+    grown *= size / NEAR
+    grown[-2:] += error[-2:]
+    return grown
+
+
+def _carried(right: Motion, defects: Array) -> list[Array]:
+    """The error (e,) at the end of every stretch, of which each adds its defect."""
+    error, errors = np.zeros(defects.shape[1]), []
+    for i, defect in enumerate(defects):
+        error = _transfer(right, i, error) + defect
+        # Beyond a whole turn nothing grows any more.
+        error[:-2] *= min(1.0, 2 * math.pi / max(float(np.linalg.norm(error[:-2])), 1e-300))
+        errors.append(error)
+    return errors
+
+
+def _growth(right: Motion) -> Array:
+    """The logarithm (k,) of what the motion makes of a small turn of its start, by each stretch."""
+    error, total, growth = np.zeros(8 + 2 * len(_moving(right.scene))), 0.0, []
+    error[:3] = (0.6, 0.48, 0.64)
+    for i in range(len(right.times) - 1):
+        error = _transfer(right, i, error)
+        size = float(np.linalg.norm(error[:-2]))
+        total += math.log(size)
+        error = error / size
+        error[-2:] = 0.0
+        growth.append(total)
+    return np.array(growth)

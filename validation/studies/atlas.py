@@ -1,0 +1,661 @@
+"""The atlas: each cell of the maps is run by the contact engine and judged by the equations.
+
+What the cells say together: outcomes, what was missed, and where the limits are.
+
+The maps as pictures: a panel an integrator and rolling model, one legend for all.
+
+A cell's outcome is told by its grey and its letter, so that no colour is needed.
+"""
+
+import logging
+import time
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from enum import Enum
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.limits import LAWS, exceeded
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.settings import Chosen
+from robotball.engines.reduced import compiled_states, motion_of
+from robotball.film.looks import ACCENT, INK
+from robotball.rotations import Array
+from validation.agreement import Agreement
+from validation.output import Show, halo, print_whole
+from validation.studies.extremes import (
+    DURATION,
+    ERROR_TOLERANCE,
+    MAPS,
+    TIMESTEP,
+    CellRun,
+    Cut,
+    Map,
+    cell_run,
+    cells_of,
+)
+from validation.sweeps import Result, sweep
+
+ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
+WRONG = 0.1  # an error above it is no result at all
+
+
+class Outcome(Enum):
+    """What a reader sees of a cell: its sign on the map, and the sentence that explains it."""
+
+    ACCURATE = ("", f"accurate: error at most {ACCURATE:g}")
+    DEGRADED = ("·", f"degraded: error at most {WRONG:g}")
+    WRONG = ("X", f"silently wrong: error above {WRONG:g}, contact and drives as they should be")
+    SLIPPED = ("s", "slipped: friction cone saturated, or slip along the path")
+    LOST_CONTACT = ("c", "lost contact")
+    OFF_RATE = ("r", "a drive lost its rate")
+    DIVERGED = ("D", "diverged and reported")
+    REFUSED = ("–", "refused before the run, with one line")
+    UNFINISHED = ("?", "stopped at its limit of steps or time")
+    FAILED = ("!", "ended in an error that nobody had foreseen")
+
+    def __init__(self, sign: str, sentence: str) -> None:
+        self.sign = sign
+        self.sentence = sentence
+
+
+# Any other kind of fault leaves no state.
+OF_KIND = {
+    FaultKind.OUT_OF_STEPS: Outcome.UNFINISHED,
+    FaultKind.CONTACT_LOST: Outcome.LOST_CONTACT,
+    FaultKind.CONE_SATURATED: Outcome.SLIPPED,
+    FaultKind.SLIPPED: Outcome.SLIPPED,
+    FaultKind.RATE_OFF: Outcome.OFF_RATE,
+    FaultKind.TORQUE_LIMIT: Outcome.OFF_RATE,
+    FaultKind.MOMENTUM_OFF: Outcome.WRONG,
+}
+# What these cost is in the error, and may be little.
+BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
+
+
+def largest_error(record: Mapping[str, Any]) -> float | None:
+    """The larger of path error and momentum error; None where the run has none."""
+    errors = [record.get(name) for name in ("path_error", "momentum_error")]
+    known = [error for error in errors if error is not None]
+    return max(known) if len(known) == len(errors) else None
+
+
+def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
+    """The outcome of a run with these faults, the earliest first, and this error.
+
+    The error is None where the run broke off. One that goes on is called by its first fault, from
+    which the others follow: a ball that slips may well lose its contact later.
+    """
+    kinds = [OF_KIND.get(fault.kind, Outcome.DIVERGED) for fault in faults]
+    if Outcome.DIVERGED in kinds or (error is None and Outcome.UNFINISHED not in kinds):
+        return Outcome.DIVERGED
+    if error is None:
+        return Outcome.UNFINISHED
+    grave = [kind for kind in kinds if kind not in BY_ERROR]
+    if error > WRONG:
+        first = [kind for kind in kinds if kind is not Outcome.WRONG]
+        return first[0] if first else Outcome.WRONG
+    if grave:
+        return grave[0]
+    return Outcome.ACCURATE if error <= ACCURATE else Outcome.DEGRADED
+
+
+TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
+STEPS = 50  # at least, for an instability to grow in
+SAMPLES = 100  # at most, at which the two motions are compared
+AMPLE = 3.0  # times the motion's demand
+
+
+def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """The record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
+
+    outcome: an Outcome's name; path_error, momentum_error: relative, gamma_error: rad, None where
+    the run broke off; faults: of the run; foretold: the limits that the precheck finds exceeded;
+    nearness: to each limit; seconds: CPU time.
+    """
+    began = time.process_time()
+    # In a process of its own nothing else keeps MuJoCo and NumPy quiet about what is recorded.
+    logging.getLogger("absl").setLevel(logging.ERROR)
+    place = (cell[key] for key in ("rolling", "integrator", "x", "y"))
+    with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
+        try:
+            record = _measured(cell_run(MAPS[cell["map"]], *place))
+        except InputError as error:
+            record = {"outcome": Outcome.REFUSED.name, "refusal": str(error)}
+    return {**record, "seconds": time.process_time() - began}
+
+
+def _measured(this: CellRun) -> dict[str, Any]:
+    scene, times = this.scene, sample_times(this)
+    theory = reference(scene, times)
+    settings = ample(this.settings, theory) if this.ample else this.settings
+    motion = run(build(scene, settings), times)
+    errors = errors_of(Agreement(theory, motion))
+    return {
+        "outcome": classify(motion.report.faults, largest_error(errors)).name,
+        **errors,
+        "faults": [str(fault) for fault in motion.report.faults],
+        # What a user reads before the run, who does not know the motion yet.
+        "foretold": [limit.what for limit in exceeded(scene, settings, times)],
+        "nearness": nearness(PlannedRun(scene, settings, float(times[-1]), theory.loads)),
+        "steps": motion.report.steps,
+    }
+
+
+def errors_of(agreement: Agreement) -> dict[str, float | None]:
+    """The errors of a record, by their names; None where there is no number."""
+    names = ("path_error", "momentum_error", "gamma_error")
+    errors = {name: getattr(agreement, name) for name in names}
+    return {
+        name: error if error is not None and np.isfinite(error) else None
+        for name, error in errors.items()
+    }
+
+
+def nearness(plan: PlannedRun) -> dict[str, float | None]:
+    """How much of each predicted limit is used, by the name of its prediction.
+
+    What is used without end is None.
+    """
+    checks = {predict.__name__: predict(plan) for predict in LAWS}
+    return {
+        name: check.nearness if np.isfinite(check.nearness) else None
+        for name, check in checks.items()
+        if check is not None
+    }
+
+
+def reference(scene: Scene, times: Array) -> Motion:
+    """What `integrate` gives, to the same error, by the compiled step: some turn a million times.
+
+    For steady drives; times (n,) s from 0. Raises InputError where the motion is given up.
+    """
+    return motion_of(scene, times, compiled_states(scene, times))
+
+
+def speed_scale(scene: Scene) -> float:
+    """About how fast the ball turns: A(|M| + |K|) + |Ω| [rad/s]."""
+    numbers = scene.parameters
+    size = np.linalg.norm(scene.start.momentum) + np.linalg.norm(numbers.K)
+    return float(max(numbers.A) * size + np.linalg.norm(numbers.Omega))
+
+
+def sample_times(this: CellRun) -> Array:
+    """The times (n,) of a case, whole timesteps apart [s]: a few turns of the ball, unless it has
+    a duration, and in enough steps of a fixed length.
+    """
+    step = this.settings.timestep or TIMESTEP
+    duration = this.duration or min(DURATION, TURNING / speed_scale(this.scene))
+    if not this.settings.adaptive and this.duration is None:
+        duration = max(duration, STEPS * step)
+    interval = step * max(1.0, np.ceil(duration / step / SAMPLES))
+    if this.settings.adaptive:
+        interval = duration / SAMPLES
+    return interval * np.arange(max(2, round(duration / interval) + 1))
+
+
+def ample(settings: Settings, theory: Motion) -> Settings:
+    """The settings with friction AMPLE times what the motion demands, where it is less."""
+    settings, loads = Chosen(theory.scene, settings).settings, theory.loads
+    spin = settings.torsional_friction_of(theory.scene.ball.radius)
+    return replace(
+        settings,
+        sliding_friction=max(settings.sliding_friction, AMPLE * loads.sliding_friction.max()),
+        torsional_friction=max(spin, AMPLE * loads.torsional_friction.max()),
+    )
+
+
+def survey(
+    maps: Sequence[Map],
+    cut: Cut,
+    file: Path,
+    show: Show,
+    *,
+    workers: int | None = None,
+    cluster: str | None = None,
+) -> dict[str, list[Result]]:
+    """The results of the maps' cells by the map's name; `file` keeps them for another time.
+
+    workers, cluster: where the cells run, as for `sweep`.
+    """
+    results: dict[str, list[Result]] = {}
+    done = 0
+    for each in maps:
+        cells = cells_of(each, cut)
+        results[each.name] = sweep(
+            measure,
+            cells,
+            file,
+            workers=workers,
+            cluster=cluster,
+            limit=each.limit,
+            show=partial(_show, show, done, each.name),
+        )
+        done += len(cells)
+    return results
+
+
+def _show(show: Show, done: int, name: str, part: float, words: str) -> None:
+    show(done + part, f"{name}: {words}")
+
+
+# Beyond these a step makes the state grow, and a run soon has none.
+STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
+
+
+def outcome_of(result: Result) -> Outcome:
+    """The outcome of a cell, also of one that the sweep had to give up."""
+    if result.record is not None:
+        return Outcome[result.record["outcome"]]
+    assert result.failure is not None
+    return Outcome.UNFINISHED if result.outlasted else Outcome.FAILED
+
+
+def foretold(result: Result) -> bool:
+    """Whether the precheck warned of it."""
+    return bool(result.record and result.record.get("foretold"))
+
+
+def noticed(result: Result) -> bool:
+    """Whether the monitor found a fault during the run."""
+    return bool(result.record and result.record.get("faults"))
+
+
+def error_of(result: Result) -> float | None:
+    """The larger of path error and momentum error; None where there is none."""
+    return largest_error(result.record or {})
+
+
+def missed(result: Result) -> bool:
+    """Whether a run is wrong, and neither the precheck nor the monitor said so."""
+    error = error_of(result)
+    return error is not None and error > WRONG and not (foretold(result) or noticed(result))
+
+
+def tally(results: Iterable[Result]) -> Counter[Outcome]:
+    """How many cells have each outcome."""
+    return Counter(map(outcome_of, results))
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A predicted limit beside the measured one, both in parts of the predicted one.
+
+    kept: the farthest that a run went without breaking; broken: the nearest at which one broke and
+    no other limit was nearer, None where there is none. A prediction is right where both are 1.
+    cells: how many are beyond the limit.
+
+    What breaks beyond a limit of stability is the state: the run diverges or the ball jumps off.
+    Beyond any other it is the tolerance that the run was held to.
+    """
+
+    name: str
+    kept: float
+    broken: float | None
+    cells: int
+
+
+def measured_limits(results: Sequence[Result]) -> Iterator[Measured]:
+    """The limits that some of the cells are beyond, as those cells tell."""
+    known = [(each, _nearness(each)) for each in results if each.record]
+    for name in dict.fromkeys(name for _, nearness in known for name in nearness):
+        beyond = sum(nearness.get(name, 0.0) > 1 for _, nearness in known)
+        if not beyond:
+            continue
+        stability = name in STABILITY
+        broke = _blew_up if stability else _broke
+        mine = [(each, nearness) for each, nearness in known if name in nearness]
+        kept = [nearness[name] for each, nearness in mine if not broke(each)]
+        broken = [
+            nearness[name]
+            for each, nearness in mine
+            if broke(each) and nearness[name] == _nearest(nearness, stability)
+        ]
+        yield Measured(name, max(kept, default=0.0), min(broken, default=None), beyond)
+
+
+def _nearest(nearness: Mapping[str, float], stability: bool) -> float:
+    return max(value for name, value in nearness.items() if not stability or name in STABILITY)
+
+
+def _blew_up(result: Result) -> bool:
+    return outcome_of(result) in (Outcome.DIVERGED, Outcome.LOST_CONTACT)
+
+
+def _broke(result: Result) -> bool:
+    error = error_of(result)
+    return error is None or error > ERROR_TOLERANCE or noticed(result)
+
+
+def _nearness(result: Result) -> dict[str, float]:
+    """How much of each limit is used; of a refused cell none."""
+    numbers = (result.record or {}).get("nearness", {})
+    return {name: np.inf if value is None else value for name, value in numbers.items()}
+
+
+def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
+    """A record for each map and integrator: outcomes, what was missed, and the limits."""
+    records = []
+    for name, results in found.items():
+        for integrator in dict.fromkeys(each.cell["integrator"] for each in results):
+            mine = [each for each in results if each.cell["integrator"] == integrator]
+            counts = tally(mine)
+            records.append(
+                {
+                    "map": name,
+                    "integrator": integrator,
+                    "cells": len(mine),
+                    "outcomes": {kind.name: counts[kind] for kind in Outcome},
+                    "missed": sum(map(missed, mine)),
+                    "limits": [asdict(limit) for limit in measured_limits(mine)],
+                }
+            )
+    return records
+
+
+def totals(results: Sequence[Result]) -> dict[str, int]:
+    """How many runs were wrong, and who said so; how many were accurate, and called faulty.
+
+    wrong: off by more than a tenth, or broken off, if by a limit of steps; reported_by_engine:
+    those of them that ended in a state which is no number; alarms: accurate, but warned of or
+    noticed.
+    """
+    ran = [each for each in results if outcome_of(each) is not Outcome.REFUSED]
+    wrong = [each for each in ran if (error := error_of(each)) is None or error > WRONG]
+    accurate = [each for each in ran if (error := error_of(each)) is not None and error <= ACCURATE]
+    return {
+        "runs": len(results),
+        "wrong": len(wrong),
+        "reported_by_engine": sum(outcome_of(each) is Outcome.DIVERGED for each in wrong),
+        "foretold": sum(map(foretold, wrong)),
+        "noticed": sum(map(noticed, wrong)),
+        "missed": sum(not (foretold(each) or noticed(each)) for each in wrong),
+        "accurate": len(accurate),
+        "alarms": sum(foretold(each) or noticed(each) for each in accurate),
+    }
+
+
+def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
+    """Print how many cells have which outcome, then the limits as predicted and as measured."""
+    outcomes = _table("map", "integrator", *(each.sign or "=" for each in Outcome), "missed")
+    limits = _table("map", "integrator", "predicted limit", "kept up to", "broken from", "beyond")
+    for each in records:
+        place = (each["map"], each["integrator"])
+        counts = (*each["outcomes"].values(), each["missed"])
+        outcomes.add_row(*place, *(str(count or "") for count in counts))
+        for limit in each["limits"]:
+            numbers = (f"{limit[key]:.2g}" if limit[key] else "-" for key in ("kept", "broken"))
+            limits.add_row(*place, limit["name"], *numbers, str(limit["cells"]))
+    print_whole(outcomes, console)
+    for kind in Outcome:
+        console.print(f"  {kind.sign or '='}  {kind.sentence}")
+    console.print("  missed: wrong, with neither a warning before the run nor a fault in it\n")
+    print_whole(limits, console)
+    console.print("kept up to, broken from: in parts of the predicted limit; beyond: cells past it")
+
+
+def _table(*headings: str) -> Table:
+    # Eighty columns hold it, so the smallest padding there is.
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    for i, heading in enumerate(headings):
+        left = i < 2 or heading == "predicted limit"
+        table.add_column(heading, justify="left" if left else "right", no_wrap=True)
+    return table
+
+
+GREYS = {
+    Outcome.ACCURATE: 1.0,
+    Outcome.DEGRADED: 0.92,
+    Outcome.WRONG: 0.1,
+    Outcome.SLIPPED: 0.78,
+    Outcome.LOST_CONTACT: 0.68,
+    Outcome.OFF_RATE: 0.84,
+    Outcome.DIVERGED: 0.5,
+    Outcome.REFUSED: 1.0,
+    Outcome.UNFINISHED: 1.0,
+    Outcome.FAILED: 0.1,
+}
+PANEL, MARGIN, LINE = 2.45, 0.15, 0.19  # inches; LINE is one of the legend's
+GAP = 0.7  # inches between panels, for a title and an axis
+TICKS = 4  # at most, on an axis
+ACROSS = 3  # panels side by side: their letters are read at a page's width
+LINES = [
+    (colour, dashes)
+    for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
+    for colour in (ACCENT, LABEL.colour, INK)
+]
+SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
+
+
+def picture(chosen: Map, results: Sequence[Result]) -> Figure:
+    """The panels of a map, rolling models below each other, integrators three in a row."""
+    rollings = list(dict.fromkeys(each.cell["rolling"] for each in results))
+    integrators = list(dict.fromkeys(each.cell["integrator"] for each in results))
+    exceeded = _exceeded(results)
+    styles = dict(zip(exceeded, LINES * (1 + len(exceeded) // len(LINES)), strict=False))
+    across = min(ACROSS, len(integrators))
+    rows = -(-len(integrators) // across)
+    figure, panels = _panels(len(rollings) * rows, across, lines=len(exceeded))
+    width, height = figure.get_size_inches()
+    figure.text(MARGIN / width, 1 - 0.3 / height, chosen.title, size=14, weight="bold")
+    figure.text(MARGIN / width, 1 - 0.52 / height, f"held: {chosen.held}", size=9)
+    for block, rolling in enumerate(rollings):
+        for place in range(rows * across):
+            axes = panels[block * rows + place // across, place % across]
+            if place >= len(integrators):
+                axes.set_axis_off()
+                continue
+            integrator = integrators[place]
+            cells = [
+                each
+                for each in results
+                if (each.cell["rolling"], each.cell["integrator"]) == (rolling, integrator)
+            ]
+            _panel(axes, cells, styles)
+            _label(axes, chosen, cells, integrator)
+            axes.set_title(f"{integrator}, {rolling}", size=10)
+            if place % across == 0:
+                axes.set_ylabel(chosen.y.label, size=9)
+            else:
+                axes.set_yticklabels([])
+    _legend(figure, styles, {each.name: each for each in measured_limits(results)})
+    return figure
+
+
+def _panels(rows: int, columns: int, lines: int) -> tuple[Figure, Any]:
+    """A figure of panels (rows, columns) with room below for a legend with so many lines."""
+    below = 2.05 + LINE * (lines + bool(lines))
+    width, height = max(9.0, PANEL * columns + 1.2), (PANEL + GAP) * rows + 0.75 + below
+    figure = Figure(figsize=(width, height))
+    panels = figure.subplots(rows, columns, squeeze=False)
+    figure.subplots_adjust(
+        left=1.05 / width,
+        right=1 - MARGIN / width,
+        top=1 - 0.85 / height,
+        bottom=below / height,
+        wspace=0.12,
+        hspace=GAP / PANEL,
+    )
+    return figure, panels
+
+
+def _values(results: Sequence[Result], key: str) -> list[float]:
+    return sorted({each.cell[key] for each in results})
+
+
+def _exceeded(results: Sequence[Result]) -> list[str]:
+    """The limits with cells on both sides in some panel, so that there is a line to draw."""
+    sides: dict[tuple[str, ...], set[bool]] = {}
+    for each in results:
+        panel = (each.cell["rolling"], each.cell["integrator"])
+        for name, value in (each.record or {}).get("nearness", {}).items():
+            sides.setdefault((name, *panel), set()).add(value is None or value > 1)
+    exceeded = {name for (name, *_), both in sides.items() if len(both) == 2}
+    return [name for name in SENTENCES if name in exceeded]
+
+
+def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
+    xs, ys = _values(results, "x"), _values(results, "y")
+    grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
+    for each in results:
+        i, j = xs.index(each.cell["x"]), ys.index(each.cell["y"])
+        _draw_cell(axes, i, j, each)
+        for name, value in (each.record or {}).get("nearness", {}).items():
+            if name in grids:
+                grids[name][j, i] = 1e6 if value is None else np.clip(value, 1e-6, 1e6)
+    for name, grid in grids.items():
+        _draw_limit(axes, np.log10(grid), *styles[name])
+    axes.set_xlim(-0.5, len(xs) - 0.5)
+    axes.set_ylim(-0.5, len(ys) - 0.5)
+
+
+def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
+    outcome = outcome_of(result)
+    grey = GREYS[outcome]
+    ink = "white" if grey < 0.4 else INK
+    axes.add_patch(
+        Rectangle((i - 0.5, j - 0.5), 1, 1, facecolor=str(grey), edgecolor="0.75", linewidth=0.4)
+    )
+    axes.text(i, j - 0.08, outcome.sign, color=ink, size=8, ha="center", va="center")
+    for told, side in ((foretold(result), -0.32), (noticed(result), 0.32)):
+        if told:
+            axes.plot(i + side, j + 0.33, ".", color=ink, markersize=2)
+    if missed(result):
+        axes.plot(i, j, "o", markerfacecolor="none", markeredgecolor=ink, markersize=11)
+
+
+def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
+    if nearness.shape[1] == 1:  # one column, of which a second one is beyond the border
+        nearness = np.repeat(nearness, 2, axis=1)
+    inside = nearness[np.isfinite(nearness)]
+    if min(nearness.shape) < 2 or not len(inside) or not inside.min() < 0 < inside.max():
+        return
+    rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
+    lines = axes.contour(
+        columns,
+        rows,
+        np.ma.masked_invalid(_to_the_borders(nearness)),
+        levels=[0.0],
+        colors=[colour],
+        linewidths=1.8,
+    )
+    lines.set_linestyle(dashes)
+    lines.set_path_effects(halo(3.2))
+
+
+def _to_the_borders(grid: Array) -> Array:
+    """The grid with one value more on every side, half a cell on by its slope.
+
+    A line that no two cells show is not made by that.
+    """
+    for _ in range(2):
+        ends, slopes = grid[[0, -1]], np.diff(grid, axis=0)[[0, -1]] / 2
+        beyond = ends + slopes * [[-1.0], [1.0]]
+        beyond = np.where(np.sign(beyond) == np.sign(ends), beyond, ends)
+        grid = np.concatenate([beyond[:1], grid, beyond[1:]]).T
+    return grid
+
+
+def _label(axes: Axes, chosen: Map, results: Sequence[Result], integrator: str) -> None:
+    for axis, key in ((axes.xaxis, "x"), (axes.yaxis, "y")):
+        places, labels = round_ticks(_values(results, key))
+        axis.set_ticks(places, labels, size=8.5)
+    axes.set_xlabel(chosen.x_of(integrator).label, size=9)
+
+
+def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
+    """Places among the cells of these values, and labels, at powers of ten: TICKS at most.
+
+    A power need be no cell's own value. Where fewer than two lie in the range, some cells' values.
+    """
+    least = values[0]
+    if least > 0:
+        logs = np.log10(values)
+        decades = np.arange(np.ceil(logs[0] - 1e-9), np.floor(logs[-1] + 1e-9) + 1)
+        decades = decades[:: max(1, -(-len(decades) // TICKS))]
+        if len(decades) > 1:
+            places = np.interp(decades, logs, np.arange(len(values))).tolist()
+            return places, [f"$10^{{{decade:.0f}}}$" for decade in decades]
+    cells = range(0, len(values), max(1, -(-(len(values) - 1) // (TICKS - 1))))
+    return [float(cell) for cell in cells], [f"{values[cell]:.2g}" for cell in cells]
+
+
+def _sentence(limit: Measured) -> str:
+    """The prediction, and what it has come to."""
+    words = f"{SENTENCES[limit.name]}; kept to {limit.kept:.2g}"
+    return words if limit.broken is None else f"{words}, broken from {limit.broken:.2g} of it"
+
+
+def _legend(
+    figure: Figure,
+    styles: Mapping[str, Any],
+    measured: Mapping[str, Measured],
+) -> None:
+    """What the cells mean, then what the dots and the lines do."""
+    outcomes = [
+        Patch(
+            facecolor=str(GREYS[each]),
+            edgecolor="0.5",
+            label=f"{each.sign or ' '}   {each.sentence}",
+        )
+        for each in Outcome
+    ]
+    marks = [
+        Line2D([], [], color=INK, marker=".", linestyle="", label=label)
+        for label in ("left dot: warned of before the run", "right dot: noticed during the run")
+    ]
+    marks.append(
+        Line2D([], [], markeredgecolor=INK, markerfacecolor="none", marker="o", linestyle="",
+               label="circle: wrong, and neither")
+    )  # fmt: skip
+    limits = [
+        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=label)
+        for (colour, dashes), label in zip(
+            styles.values(), (_sentence(measured[name]) for name in styles), strict=True
+        )
+    ]
+    width, height = figure.get_size_inches()
+    x = MARGIN / width
+    common: dict[str, Any] = {
+        "loc": "lower left",
+        "frameon": False,
+        "fontsize": 8,
+        "borderaxespad": 0.0,
+    }
+    above = 0.1
+    if limits:
+        title = (
+            f"lines: limits predicted for an error of {ERROR_TOLERANCE:g}, and what was measured"
+        )
+        figure.legend(
+            handles=limits,
+            bbox_to_anchor=(x, 0.06 / height),
+            title=title,
+            title_fontsize=8,
+            alignment="left",
+            **common,
+        )
+        above = 0.35 + LINE * len(limits)
+    figure.legend(
+        handles=[*outcomes, *marks],
+        ncols=2,
+        bbox_to_anchor=(x, above / height),
+        columnspacing=1.5,
+        **common,
+    )

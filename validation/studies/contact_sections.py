@@ -1,0 +1,362 @@
+"""The section map of the contact model: from crossing to crossing of g = 0 by MuJoCo.
+
+A run of many returns is cut into stretches, each begun on the constraints again and with the
+momentum it started from: so an attractor is seen at its own level of M² however long the run is.
+
+Random starts with a scene's own M² and (M, γ): on such a level all its long-run motion is.
+
+The attractors of section 5.3, drawn by either engine by the same recipe.
+
+A recipe says from which starts, drawn by a seed, after how many returns, and how many crossings
+are taken.
+
+Clouds of section points compared: how far apart two are, and whether chance explains it.
+
+A scene's Poincaré section by both engines, as points and as a picture.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+
+from robotball import InputError, Motion, Scene, Settings, preset, sample_times
+from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.run import run
+from robotball.engines.reduced import LABEL as EQUATIONS
+from robotball.equations import Parameters
+from robotball.errors import check_count, check_seed
+from robotball.qualitative.sections import (
+    Crossings,
+    crossings_of_motion,
+    joined,
+    section,
+    section_starts,
+)
+from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.scene import Start
+from validation.output import title
+
+STRETCH = 100.0  # s; in it M drifts by a few millionths at most
+NO_RETURN = 100  # stretches without enough crossings, after which a run is given up
+NEAR = 1e-4  # of √f and of a radian: how far apart the map is looked at for its derivative
+ITERATIONS = 12
+CLOSED = 1e-9  # of √f and of a radian; the map itself repeats to rounding
+
+
+@dataclass(frozen=True)
+class ContactCycle:
+    """A periodic motion of the contact model: where it crosses g = 0, period s, multipliers."""
+
+    L: float
+    l: float
+    period: float
+    multipliers: Array
+
+
+def start_at(model: Model, L: float, l: float, f: float) -> Start:
+    """The start of the model's ball at the point (L, l) of g = 0, in its frame's own axes."""
+    attitudes, momenta = section_starts(np.array([L]), np.array([l]), f)
+    return own_start(model.scene, attitudes[0], momenta[0])
+
+
+def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
+    """A start of the equations, whose axes are principal axes, in the frame's own axes."""
+    return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
+
+
+def sound_run(model: Model, start: Start, duration: float) -> Motion:
+    """The motion sampled at every step; raises InputError where it has a fault."""
+    motion = run(model, sample_times(duration, model.compiled.opt.timestep), start=start)
+    if motion.report.faults:
+        raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
+    return motion
+
+
+def returns(
+    model: Model, start: Start, count: int, direction: int = 1
+) -> tuple[Crossings, float, Array]:
+    """The first `count` crossings of g = 0 in a direction (0: in both).
+
+    Also how long the run was [s] and the contact point's displacement (2,) over it [m]. Raises
+    InputError where a run has a fault, or does not come back often enough.
+    """
+    found: list[Crossings] = []
+    moved, at = np.zeros(2), start
+    for stretch in range(NO_RETURN * count):
+        motion = sound_run(model, at, STRETCH)
+        some = crossings_of_motion(motion, model.scene).only(direction)
+        found.append(some.later(stretch * STRETCH))
+        moved = moved + motion.contact_point[-1]
+        at = Start(motion.attitude[-1], start.momentum)
+        if sum(len(each.times) for each in found) >= count:
+            return joined(found)[:count], (stretch + 1) * STRETCH, moved
+    raise InputError(f"{LABEL.name}'s ball does not come back to the section")
+
+
+def contact_cycle(
+    model: Model, L: float, l: float, f: float, period: float, direction: int = 1
+) -> ContactCycle:
+    """The periodic motion that crosses g = 0 near (L, l) in a direction, once in about `period` s.
+
+    Newton's method on MuJoCo's own map, whose derivative is from runs started a little apart.
+    Raises InputError where that does not converge.
+    """
+
+    def mapped(point: Array) -> tuple[Array, float]:
+        motion = sound_run(model, start_at(model, point[0], point[1], f), 1.2 * period)
+        next_one = crossings_of_motion(motion, model.scene).only(direction)
+        if len(next_one.times) == 0:
+            raise InputError(f"{LABEL.name}'s ball does not come back within {1.2 * period:g} s")
+        return np.array([next_one.L[0], next_one.l[0]]), float(next_one.times[0])
+
+    scale, point = np.array([np.sqrt(f), 1.0]), np.array([L, l])
+    for _ in range(ITERATIONS):
+        image, time = mapped(point)
+        derivative = np.empty((2, 2))
+        for i, step in enumerate(np.diag(NEAR * scale)):
+            apart = mapped(point + step)[0] - mapped(point - step)[0]
+            derivative[:, i] = _short(apart) / (2 * step[i])
+        gap = _short(image - point)
+        if np.abs(gap / scale).max() < CLOSED:
+            multipliers = np.linalg.eigvals(derivative).astype(complex)
+            return ContactCycle(float(point[0]), float(point[1]), time, multipliers)
+        point = point - np.linalg.solve(derivative - np.eye(2), gap)
+    raise InputError("no periodic motion of the contact model found near the start")
+
+
+def _short(difference: Array) -> Array:
+    """A difference (L, l) with the angle's part between -π and π."""
+    L, l = difference
+    return np.array([L, (l + np.pi) % (2 * np.pi) - np.pi])
+
+
+def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[Array, Array]:
+    """Attitudes (n, 4), principal axes, and world momenta (n, 3) on the scene's level of M.
+
+    The scene's own start for a count of 1, else random points of its section g = `g`.
+    """
+    from robotball.qualitative.sections import section_starts  # compiled code takes a while to come
+
+    check_count("starts", count, 1)
+    check_seed(seed)
+    M = scene.start.momentum
+    attitude = multiply(scene.start.attitude, scene.principal_quaternion)
+    if count == 1:
+        return attitude[None], M[None]
+    random, f = np.random.default_rng(seed), float(M @ M)
+    L = random.uniform(-1.0, 1.0, count) * np.sqrt(f)
+    # The rubber model's M is horizontal by (3.1).
+    c = float(M[2]) if scene.rolling == "classical" else 0.0
+    return section_starts(L, random.uniform(-np.pi, np.pi, count), f, g, c)
+
+
+# An attractor forgives a longer step as well: 3e-5 of a path in 10 s at this one, in a third of
+# the time that "fast" takes. The contact's time constant must not be below two steps.
+COARSE: Settings = replace(
+    preset("fast"), name="coarse", timestep=0.05, solref=(0.1, 1.0), error_tolerance=1e-3
+)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A cloud of section points: from `starts` starts, `count` crossings of each after `skipped`.
+
+    f = M² (kg m²/s)², of every start; direction: of the crossings, ±1 or 0 for both.
+    """
+
+    f: float
+    starts: int
+    skipped: int
+    count: int
+    direction: int = 1
+
+    def points(self, seed: int) -> tuple[Array, Array]:
+        """Attitudes (starts, 4) and world momenta (starts, 3), evenly over the annulus."""
+        random = np.random.default_rng(seed)
+        L = random.uniform(-1.0, 1.0, self.starts) * np.sqrt(self.f)
+        return section_starts(L, random.uniform(-np.pi, np.pi, self.starts), self.f)
+
+
+@dataclass(frozen=True)
+class Torus:
+    """Where a limit torus crosses g = 0: from `starts` starts evenly within `spread` of (L, l).
+
+    spread is in kg m²/s and rad; f, skipped, count, direction as in Recipe.
+    """
+
+    L: float
+    l: float
+    spread: float
+    f: float
+    starts: int
+    skipped: int
+    count: int
+    direction: int = 1
+
+    def points(self, seed: int) -> tuple[Array, Array]:
+        """Attitudes (starts, 4) and world momenta (starts, 3)."""
+        offsets = np.random.default_rng(seed).uniform(-self.spread, self.spread, (2, self.starts))
+        return section_starts(self.L + offsets[0], self.l + offsets[1], self.f)
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Section points of one engine: `states` (n, 6), as in clouds.py; L, l and directions (n,);
+    and, from MuJoCo, the mean velocity (starts, 2) of the contact point along OX = -M/√f and OY,
+    m/s.
+    """
+
+    states: Array
+    L: Array
+    l: Array
+    directions: Integers
+    velocities: Array
+
+
+def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int) -> Cloud:
+    """The recipe's cloud by the equations; raises InputError where a start gives too few points."""
+    attitudes, momenta = recipe.points(seed)
+    total = recipe.skipped + recipe.count
+    found = section(
+        parameters, attitudes, momenta, total, 0.0, recipe.direction, LONG_RUN_TOLERANCE
+    )
+    if found.status.any():
+        raise InputError(f"{np.count_nonzero(found.status)} starts do not keep crossing g = 0")
+    late = slice(recipe.skipped, None)
+    axes = rotation_matrix(found.attitudes[:, late].reshape(-1, 4))
+    M = np.einsum("nji,nj->ni", axes, np.repeat(momenta, recipe.count, axis=0))
+    L, l = found.L[:, late].ravel(), found.l[:, late].ravel()
+    directions = found.directions[:, late].ravel()
+    return Cloud(states(axes[:, 2], M), L, l, directions, np.empty((0, 2)))
+
+
+def cloud_by_contact(
+    model: Model, recipe: Recipe | Torus, seed: int, progress: Callable[[float], None] | None = None
+) -> Cloud:
+    """The same by MuJoCo's contact model; raises InputError where a run has a fault."""
+    parts, velocities = [], []
+    for i, (attitude, momentum) in enumerate(zip(*recipe.points(seed), strict=True)):
+        start = own_start(model.scene, attitude, momentum)
+        found, duration, moved = returns(
+            model, start, recipe.skipped + recipe.count, recipe.direction
+        )
+        parts.append(found[recipe.skipped :])
+        velocities.append(moved / duration)
+        if progress is not None:
+            progress((i + 1) / recipe.starts)
+    points = joined(parts)
+    return Cloud(
+        states(points.gamma, points.momenta), points.L, points.l, points.directions,
+        np.array(velocities),
+    )  # fmt: skip
+
+
+NEIGHBOURS = 8
+
+
+def states(gamma: Array, momenta: Array) -> Array:
+    """Points (n, 6): γ and M/|M| in frame axes, whose distance needs no angle.
+
+    On the annulus (l, L) two near states may lie far apart, at L = ±√f or at l = ±π.
+    """
+    return np.concatenate([gamma, momenta / np.linalg.norm(momenta, axis=1, keepdims=True)], axis=1)
+
+
+def distance(cloud: Array, reference: Array) -> float:
+    """2E|x - y| - E|x - x'| of clouds (n, k), (m, k): their energy distance, but for a part
+    that the reference alone has to do with.
+    """
+    return float(2 * cdist(cloud, reference).mean() - cdist(cloud, cloud).mean())
+
+
+def rank_probability(cloud: Array, peers: Sequence[Array], reference: Array) -> float:
+    """The probability that by chance alone `cloud` is at least as far from `reference` as it is.
+
+    peers: clouds drawn by the very recipe that `cloud` claims to be drawn by, each from starts of
+    its own. If the claim is true all of them and `cloud` are exchangeable, so the rank of its
+    energy distance from the reference is uniform: exactly, however correlated the points of one
+    cloud are. The least value is 1/(1 + number of peers).
+    """
+    ours = distance(cloud, reference)
+    return (1 + sum(distance(peer, reference) >= ours for peer in peers)) / (1 + len(peers))
+
+
+def distance_to_curve(points: Array, curve: Array) -> Array:
+    """How far points (n, k) are from a curve that is known by many points (m, k) of it, (n,).
+
+    To the straight line that fits the nearest few best; it misses a curve of curvature κ by
+    κs²/2 where those few reach s along it.
+    """
+    _, nearest = cKDTree(curve).query(points, k=NEIGHBOURS)
+    near = curve[nearest]
+    middle = near.mean(axis=1, keepdims=True)
+    along = np.linalg.svd(near - middle, full_matrices=False)[2][:, 0]
+    arm = points - middle[:, 0]
+    across = arm - (arm * along).sum(axis=1, keepdims=True) * along
+    return np.linalg.norm(across, axis=1)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Crossings of n motions, m each or joined: times s, l rad, L kg m²/s, directions ±1."""
+
+    times: Array
+    l: Array
+    L: Array
+    directions: Integers
+
+    def late(self, skip: int) -> "Points":
+        """Without the first `skip` of each motion, and joined."""
+        late = (..., slice(skip, None))
+        return Points(
+            self.times[late].ravel(),
+            self.l[late].ravel(),
+            self.L[late].ravel(),
+            self.directions[late].ravel(),
+        )
+
+
+def section_by_equations(
+    scene: Scene, attitudes: Array, momenta: Array, count: int, g: float
+) -> Points:
+    """The first `count` crossings of g = `g` of each of n starts, (n, count)."""
+    found = section(scene.parameters, attitudes, momenta, count, g)
+    if found.status.any():
+        raise InputError(f"{np.count_nonzero(found.status)} motions do not keep crossing g = {g:g}")
+    return Points(found.times, found.l, found.L, found.directions)
+
+
+def section_by_contact(scene: Scene, settings: Settings, duration: float, g: float) -> Points:
+    """MuJoCo's crossings (m,) from the scene's own start over a duration [s]."""
+    model = build(scene, settings)
+    found = crossings_of_motion(sound_run(model, scene.start, duration), scene, g)
+    return Points(found.times, found.l, found.L, found.directions)
+
+
+def draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) -> Figure:
+    """The section's points on the annulus; filled where g grows, paler where it falls."""
+    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    axes = figure.subplots()
+    title(figure, f"{scene.name}: {scene.title}")
+    few = 3.0 if engine is None else 7.0
+    drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", few if len(theory.l) < 5000 else 1.2)]
+    if engine is not None:
+        drawn.append((LABEL.name, engine, LABEL.colour, "+", 5.0))
+    for name, points, colour, mark, size in drawn:
+        for direction, alpha, words in ((1, 1.0, "g grows"), (-1, 0.4, "g falls")):
+            some = points.directions == direction
+            axes.plot(points.l[some] % (2 * np.pi), points.L[some], mark, color=colour, alpha=alpha,
+                      markersize=size, markeredgewidth=0 if mark == "o" else 0.8,
+                      label=f"{name}, {words}")  # fmt: skip
+    size = float(np.linalg.norm(scene.start.momentum))
+    axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]", title=f"section g = {g:g}",
+             xlim=(0, 2 * np.pi), ylim=(-1.05 * size, 1.05 * size))  # fmt: skip
+    axes.grid(alpha=0.3)
+    axes.legend(loc="best", markerscale=2)
+    return figure

@@ -1,0 +1,203 @@
+"""Environments of their own for engines, so that none decides on another's packages.
+
+An environment has the engine and what it asks for; everything else, robotball among it, it takes
+from ours, after its own. So MuJoCo of another version is only another environment.
+
+One run of one engine, as a process of its own: a cell as JSON in, its record as JSON out.
+
+It is started by the interpreter of the engine's environment, with a pipe whose closing ends it.
+What the engine prints goes to standard error.
+"""
+
+import hashlib
+import json
+import math
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import sysconfig
+import time
+import venv
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import robotball
+from robotball import InputError, engine_named, engine_names, integrate, load_scene, sample_times
+from robotball.dispatch import DEFAULT, run_request
+from robotball.engine import Request
+from robotball.engines.adapter import Adapter
+from robotball.motion import EngineSettings, momentum_error, path_error
+from validation.sensitivity import total_defect
+from validation.sweeps import end_when_closed
+
+OLDER = "mujoco-3.17"  # before RK4 was of order 4 on free joints
+LINK = "zz_robotball.pth"
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """An engine as one environment has it.
+
+    name: the environment's; engine: its key; requirements: what pip installs there, none where
+    our own environment has the engine.
+    """
+
+    name: str
+    engine: str
+    requirements: tuple[str, ...]
+
+
+def contestants() -> dict[str, Contestant]:
+    """All of them by name: the engines, and one of them in an older version."""
+    found = []
+    for name in engine_names():
+        try:
+            engine = engine_named(name)
+        except InputError:
+            continue
+        requirements = engine.requirements if isinstance(engine, Adapter) else ()
+        found.append(Contestant(name, name, requirements))
+    found.append(Contestant(OLDER, DEFAULT, (OLDER.replace("-", "==") + ".*",)))
+    return {each.name: each for each in found}
+
+
+def python_of(contestant: Contestant, folder: Path) -> Path | None:
+    """The interpreter that runs it: its environment's, or ours where it needs none; else None.
+
+    An environment without its link, which comes last, was not made to its end, and is none.
+    """
+    home = folder / contestant.name
+    if _link_of(home).exists():
+        return (home / "bin" / "python").absolute()
+    engine = engine_named(contestant.engine)
+    there = engine.installed if isinstance(engine, Adapter) else not contestant.requirements
+    return Path(sys.executable) if there else None
+
+
+def install(contestant: Contestant, folder: Path) -> Path:
+    """Its environment, made anew by venv and pip.
+
+    Raises InputError where pip fails, for what our own environment has, and in place of a folder
+    that holds something else.
+    """
+    if not contestant.requirements:
+        raise InputError(f"{contestant.name} is here already: there is nothing to install")
+    home = folder / contestant.name
+    if home.is_dir() and any(home.iterdir()) and not (home / "pyvenv.cfg").is_file():
+        raise InputError(
+            f"{home} is no environment, and would be lost: move it, or give another folder with "
+            "--environments"
+        )
+    venv.create(home, clear=True, with_pip=True)
+    python = home / "bin" / "python"
+    command = [str(python), "-m", "pip", "install", "--quiet", *contestant.requirements]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        words = [line for line in done.stderr.split("\n") if line.strip()]
+        raise InputError(f"{contestant.name} cannot be installed: {words[-1] if words else '?'}")
+    _link(home)
+    return home
+
+
+def _link(home: Path) -> None:
+    """Has the environment look into ours, after its own packages."""
+    ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
+    _link_of(home).write_text("\n".join(ours) + "\n")
+
+
+def _link_of(home: Path) -> Path:
+    own = sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)})
+    return Path(own) / LINK
+
+
+ENOUGH = 1.0  # s of processor time after which a run is not timed again
+LOOSEST = 0.3  # that a run is held to at another value than the preset's own, which has no other
+FIXED_WORK = bytes(1 << 23)  # whose digest tells the speed of the machine at the time
+
+
+def run(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """What came of a run: errors, what the engine did besides, cost and versions."""
+    scene = load_scene(cell["scene"])
+    theory = integrate(scene, sample_times(cell["duration"]))
+    engine = engine_named(cell["engine"])
+    preset = engine.presets[cell["preset"]]
+    settings = settings_of(preset, cell["field"], cell["value"])
+    request = Request(engine, settings)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        before = fixed_work()
+        motions = [run_request(scene, theory.times, request, loads=theory.loads)]
+        while len(motions) < cell["rounds"] and motions[0].report.seconds < ENOUGH:
+            motions.append(run_request(scene, theory.times, request, loads=theory.loads))
+        speed = (before + fixed_work()) / 2
+        defect = None
+        if cell["stretches"]:
+            defect = total_defect(engine.prepare(scene, settings), theory)
+    motion, report = motions[0], motions[0].report
+    finished = len(motion.times) == len(theory.times)
+    python = [each.report.python_seconds for each in motions]
+    return {
+        "label": engine.label.name,
+        "colour": engine.label.colour,
+        "version": engine.label.version,
+        "path_error": known(path_error(motion, theory)) if finished else None,
+        "momentum_error": known(momentum_error(motion, theory)) if finished else None,
+        "defect": known(defect),
+        "reached": float(motion.times[-1]),
+        "slip": known(report.slip.max()),
+        "spin": known(abs(report.spin).max()),
+        "hinge_rate_error": known(report.hinge_rate_error.max()),
+        "steps": report.steps,
+        "longest_step": report.timestep,
+        "seconds": statistics.median(each.report.seconds for each in motions),
+        "python_seconds": known(python[0]),
+        "fixed_work": speed,
+        "faults": [str(fault) for fault in report.faults],
+        "lacks": sorted({str(each.message) for each in said}),
+        "settings": settings.plain(),
+        "python": platform.python_version(),
+    }
+
+
+def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSettings:
+    """The preset with another value of a field, for a run that goes on in spite of its faults."""
+    changes: dict[str, Any] = {field: value, "stop_at_fault": False}
+    if getattr(preset, field) != value:
+        changes["error_tolerance"] = LOOSEST
+    return replace(preset, **changes)
+
+
+def known(value: float | None) -> float | None:
+    """A number that JSON has."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def fixed_work() -> float:
+    """Processor time of a piece of work that no package takes part in [s]."""
+    began = time.process_time()
+    hashlib.sha256(FIXED_WORK).digest()
+    return time.process_time() - began
+
+
+def main() -> None:
+    """Reads a cell, ends with its reader, and writes the record."""
+    answer = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # what engines print
+    end_when_closed(int(sys.argv[1]))
+    cell = json.loads(sys.stdin.readline())
+    try:
+        record = run(cell)
+    except InputError as error:
+        record = {"refused": str(error)}
+    json.dump(record, answer, allow_nan=False)
+    answer.flush()
+    os._exit(0)  # some engines end badly
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,316 @@
+"""All engines on a scene: their runs as cells, and what comes of them: orders, the Pareto front.
+
+The engines beside each other: a table, a picture of error against processor time, plain data.
+"""
+
+import json
+import math
+import os
+import signal
+import statistics
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from subprocess import PIPE
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from robotball import InputError, Scene, engine_named, load_scene
+from robotball.film.looks import INK
+from validation.output import in_picture, print_whole, scientific
+from validation.sensitivity import chaotic
+from validation.studies import engine_runs as process
+from validation.studies.convergence import Order, fit_order
+from validation.studies.engine_runs import Contestant, python_of
+from validation.studies.tradeoff import scene_cell
+from validation.sweeps import Cell, Result
+
+CANCELLED = 100.0  # a path so much better than M is one whose errors cancelled
+
+
+def cells_of(
+    scene: str, contestants: Sequence[Contestant], folder: Path, duration: float, rounds: int
+) -> list[Cell]:
+    """A run for every value of every ladder of every engine that is there."""
+    stretches = chaotic(load_scene(scene))
+    shared = {**scene_cell(scene, duration), "rounds": rounds, "stretches": stretches}
+    return [
+        {
+            **shared,
+            "contestant": each.name,
+            "engine": each.engine,
+            "preset": preset,
+            "field": field,
+            "value": value,
+            "interpreter": str(python),
+        }
+        for each in contestants
+        if (python := python_of(each, folder)) is not None
+        for preset, (field, values) in engine_named(each.engine).ladders.items()
+        for value in values
+    ]
+
+
+def measure(cell: Cell) -> dict[str, Any]:
+    """The record of a run in a process of its own; raises where that ends without one."""
+    ours, theirs = os.pipe()
+    command = [cell["interpreter"], "-m", process.__name__, str(ours)]
+    text = json.dumps(dict(cell)).encode() + b"\n"
+    with tempfile.TemporaryFile() as said:
+        try:
+            # The pipe's other end is ours alone: the run ends where we do.
+            running = subprocess.Popen(
+                command, stdin=PIPE, stdout=PIPE, stderr=said, pass_fds=(ours,)
+            )
+            answer, _ = running.communicate(text)
+        finally:
+            os.close(ours)
+            os.close(theirs)
+        said.seek(0)
+        spoken = said.read().decode(errors="replace")
+        words = [line for line in spoken.split("\n") if line.strip()]
+    if running.returncode < 0:
+        raise RuntimeError(f"its process was ended by {signal.Signals(-running.returncode).name}")
+    if not answer:
+        raise RuntimeError(words[-1] if words else "it ended without a word")
+    record: dict[str, Any] = json.loads(answer)
+    if "refused" in record:
+        raise InputError(record["refused"])
+    return record
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run that came to an answer.
+
+    error: of the path, or in a chaotic scene the total defect of stretches; cost: processor time
+    of a simulated second [s], at the speed of the study's median process.
+    """
+
+    contestant: str
+    label: str
+    version: str
+    colour: str
+    preset: str
+    newcomer: bool
+    field: str
+    value: float
+    error: float
+    momentum_error: float
+    cost: float
+    python_share: float | None
+    faults: tuple[str, ...]
+    record: dict[str, Any]
+
+    @property
+    def title(self) -> str:
+        value = f"{self.value * 1e3:g} ms" if self.field == "timestep" else f"{self.value:g}"
+        return f"{self.name}, {self.preset}, {value}"
+
+    @property
+    def name(self) -> str:
+        return f"{self.label} {self.version}"
+
+    @property
+    def usable(self) -> bool:
+        """Whether the error says how well it rolls."""
+        honest = self.momentum_error < CANCELLED * max(self.error, 1e-15)
+        return self.error < process.LOOSEST and honest and "diverged" not in " ".join(self.faults)
+
+
+@dataclass(frozen=True)
+class EngineStudy:
+    """All runs of a scene; failed: (contestant, preset, value, why) of those without an answer."""
+
+    scene: Scene
+    by_defects: bool
+    runs: tuple[Run, ...]
+    failed: tuple[tuple[str, str, float, str], ...]
+
+    @cached_property
+    def pareto_front(self) -> list[Run]:
+        """What nothing is both cheaper and better than, the best first."""
+        front: list[Run] = []
+        for run in sorted(
+            (each for each in self.runs if each.usable), key=lambda r: (r.cost, r.error)
+        ):
+            if not front or run.error < front[-1].error:
+                front.append(run)
+        return front[::-1]
+
+    @cached_property
+    def orders(self) -> dict[tuple[str, str], Order]:
+        """By contestant and preset, where the runs lie on a line."""
+        found = {}
+        for key in dict.fromkeys((run.contestant, run.preset) for run in self.runs):
+            mine = [
+                r for r in self.runs if (r.contestant, r.preset) == key and r.field == "timestep"
+            ]
+            steps = [r.record["longest_step"] for r in mine]
+            if len(mine) > 2 and (order := fit_order(steps, [r.error for r in mine])) is not None:
+                found[key] = order
+        return found
+
+
+def study_of(scene: Scene, results: Sequence[Result]) -> EngineStudy:
+    """The study of a scene's results."""
+    answers = [(result.cell, result.record) for result in results if result.record]
+    speed = statistics.median(record["fixed_work"] for _, record in answers) if answers else 1.0
+    by_defects = any(result.cell["stretches"] for result in results)
+    runs, failed = [], []
+    for cell, record in answers:
+        error = record["defect"] if by_defects else record["path_error"]
+        if error is None or record["momentum_error"] is None:
+            why = "; ".join(record["faults"]) or f"broke off at {record['reached']:g} s"
+            failed.append((cell["contestant"], cell["preset"], cell["value"], why))
+            continue
+        seconds, python = record["seconds"], record["python_seconds"]
+        runs.append(
+            Run(
+                cell["contestant"], record["label"], record["version"], record["colour"],
+                cell["preset"], cell["preset"] == engine_named(cell["engine"]).as_it_comes,
+                cell["field"], cell["value"], error, record["momentum_error"],
+                seconds / cell["duration"] * speed / record["fixed_work"],
+                None if python is None or not seconds else min(1.0, python / seconds),
+                tuple(record["faults"]), record,
+            )
+        )  # fmt: skip
+    failed += [
+        (r.cell["contestant"], r.cell["preset"], r.cell["value"], r.failure or "")
+        for r in results
+        if r.record is None
+    ]
+    assert all(math.isfinite(run.cost) for run in runs)
+    return EngineStudy(scene, by_defects, tuple(runs), tuple(failed))
+
+
+INCHES = (10.0, 7.2)
+MARKERS = "osD^vPX*<>hp"
+STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
+LEAST = 1e-15  # below it no error is told apart
+NOTE = (
+    "CPU: processor time of a simulated second, set-up excluded. Python: the part of it\n"
+    "that Python takes at every step. * on the Pareto front: nothing is both cheaper and better."
+)
+
+
+def show_study(study: EngineStudy, console: Console) -> None:
+    """Print every run, those that gave none, and what is on the front."""
+    scene = study.scene
+    console.print(f"{escape(scene.name)} ({scene.rolling}): {what(study)}", style="bold")
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    table.add_column("")
+    table.add_column("engine, preset, step or rtol")
+    for heading in ("error", "order", "M error", "slip\n\\[m/s]", "CPU\n\\[ms]", "Python"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("first fault")
+    front = {id(run) for run in study.pareto_front}
+    for run in study.runs:
+        order = study.orders.get((run.contestant, run.preset))
+        share = run.python_share
+        table.add_row(
+            "*" if id(run) in front else "",
+            escape(run.title),
+            scientific(run.error),
+            "-" if order is None else f"{order.order:.2f}",
+            scientific(run.momentum_error),
+            scientific(run.record["slip"]),
+            f"{run.cost * 1e3:.3g}",
+            "-" if share is None else f"{share:.0%}",
+            escape(run.faults[0]) if run.faults else "",
+            style="" if run.usable else "yellow",
+        )
+    for contestant, preset, value, why in study.failed:
+        title = f"{contestant}, {preset}, {value:g}"
+        table.add_row("", escape(title), *["-"] * 6, escape(why), style="yellow")
+    print_whole(table, console)
+    console.print(NOTE)
+
+
+def what(study: EngineStudy) -> str:
+    """What the errors are of."""
+    if study.by_defects:
+        return "chaotic, so errors are the sum of defects over short stretches"
+    return "path errors"
+
+
+def engines_picture(study: EngineStudy) -> Figure:
+    """Every engine's error against its cost: filled at its best, hollow as it comes."""
+    figure = Figure(figsize=INCHES, layout="constrained")
+    name = in_picture(study.scene.name)
+    figure.suptitle(f"{name} ({study.scene.rolling}): {what(study)}")
+    axes = figure.subplots()
+    axes.set(xscale="log", yscale="log", xlabel="error, relative to the path's length")
+    axes.set_ylabel("processor time of a simulated second [s]")
+    axes.grid(alpha=0.3)
+    _draw(axes, study)
+    front = study.pareto_front
+    axes.plot(
+        [max(run.error, LEAST) for run in front], [run.cost for run in front],
+        color=INK, linewidth=1.4, zorder=1, label="Pareto front",
+    )  # fmt: skip
+    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    return figure
+
+
+def _draw(axes: Axes, study: EngineStudy) -> None:
+    keys = list(dict.fromkeys((run.contestant, run.preset) for run in study.runs))
+    of_engine: dict[str, int] = {}
+    for contestant, preset in keys:
+        mine = [r for r in study.runs if (r.contestant, r.preset) == (contestant, preset)]
+        marker = MARKERS[of_engine.setdefault(contestant, len(of_engine)) % len(MARKERS)]
+        first = mine[0]
+        nth = [key for key in keys if key[0] == contestant].index((contestant, preset))
+        order = study.orders.get((contestant, preset))
+        label = f"{first.name}, {preset}" + (f" (order {order.order:.1f})" if order else "")
+        axes.plot(
+            [min(max(r.error, LEAST), 10.0) for r in mine],
+            [r.cost for r in mine],
+            marker=marker,
+            linestyle=STYLES[nth % len(STYLES)],
+            color=first.colour,
+            markerfacecolor="none" if first.newcomer else first.colour,
+            markersize=6,
+            linewidth=1,
+            zorder=2,
+            label=in_picture(label),
+        )
+
+
+def record(study: EngineStudy) -> dict[str, Any]:
+    """The study as plain data: all settings, versions, faults and costs."""
+    front = {id(run) for run in study.pareto_front}
+    return {
+        "scene": study.scene.name,
+        "rolling": study.scene.rolling,
+        "errors": what(study),
+        "runs": [_plain(run) | {"on_the_pareto_front": id(run) in front} for run in study.runs],
+        "orders": [
+            {"contestant": contestant, "preset": preset, **asdict(order)}
+            for (contestant, preset), order in study.orders.items()
+        ],
+        "failed": [
+            dict(zip(("contestant", "preset", "value", "why"), each, strict=True))
+            for each in study.failed
+        ],
+    }
+
+
+def _plain(run: Run) -> dict[str, Any]:
+    plain = asdict(run)
+    record = plain.pop("record")
+    own = {name: value for name, value in plain.items() if not _is_nan(value)}
+    return {**record, **own}
+
+
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float) and math.isnan(value)

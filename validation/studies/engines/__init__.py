@@ -1,1 +1,0 @@
-"""Every engine against the equations: each in a process, and where it has one an environment."""

@@ -1,1 +1,0 @@
-"""Where MuJoCo's ball breaks: failure maps over pairs of axes, and random runs far out."""

@@ -1,0 +1,521 @@
+"""A trajectory held against the equations: how far off it is, and which mistakes explain that.
+
+A judgement as lines and a table in the terminal, and as plain data.
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from robotball import (
+    InputError,
+    Motion,
+    RecordedMotion,
+    Scene,
+    Trajectory,
+    read_trajectory,
+    recorded,
+    scene_toml,
+)
+from robotball.engines import recorded as derivative
+from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
+from robotball.rotations import Array
+from validation.output import print_whole
+from validation.studies.convergence import LEAST, fit_order
+from validation.studies.judge_search import Explanation, Lag, Mistake, explain, lag_of, reference_of
+from validation.studies.mistakes import Errors, numbers_of, some_of
+
+TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the attitude in rad
+ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
+ROWS = 20_000  # that are judged, at most, where the frame turns little between them
+TURN = 0.1  # rad
+LONGEST = 100  # times the scene's duration; a longer file is in another unit
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A trajectory's motion beside the reference's, and the measures of their difference."""
+
+    motion: RecordedMotion
+    theory: Motion
+
+    @cached_property
+    def path_error(self) -> float:
+        """The largest contact-point error over the path's length or the radius."""
+        return path_error(self.motion, self.theory)
+
+    @cached_property
+    def attitude_error(self) -> float:
+        """The largest angle between the two attitudes [rad]."""
+        return attitude_error(self.motion, self.theory)
+
+    @cached_property
+    def gamma_error(self) -> float:
+        """The largest angle between the two verticals, seen from the frame [rad]."""
+        return gamma_error(self.motion, self.theory)
+
+    @cached_property
+    def momentum_error(self) -> float | None:
+        """Of M from the file's attitude and ω, or of its own M, relative; None if not known."""
+        error = momentum_error(self.motion, self.theory)
+        return error if np.isfinite(error) else None
+
+    @property
+    def momentum_known_to(self) -> float:
+        """What numerical rates may have made of the momentum error."""
+        return float(self.motion.momentum_error.max() / self.theory.scene.momentum_scale)
+
+    @property
+    def slip(self) -> tuple[float, float] | None:
+        """The largest [m/s], and what numerical rates may have made of it; None if not known."""
+        return _largest(self.motion.slip, self.motion.slip_error)
+
+    @property
+    def spin(self) -> tuple[float, float] | None:
+        """The same of the spin, either way round [rad/s]."""
+        return _largest(np.abs(self.motion.spin), self.motion.spin_error)
+
+    @cached_property
+    def hinge_rates(self) -> dict[str, tuple[float, float]]:
+        """Of each hinge whose rate is known: how far it is off, relative, and its factor.
+
+        Both by the mean square: the factor takes the reference's rate nearest to the file's.
+        """
+        found = {}
+        ours, theirs = self.motion.hinge_rates, self.theory.hinge_rates[-len(self.motion.times) :]
+        fastest = float(np.linalg.norm(self.theory.angular_velocity, axis=1).max()) or 1.0
+        for hinge, a, b in zip(self.motion.scene.hinges, ours.T, theirs.T, strict=True):
+            if np.isfinite(a).all():
+                size = float(b @ b) or len(b) * fastest**2
+                found[hinge.name] = float(np.sqrt((a - b) @ (a - b) / size)), float(a @ b / size)
+        return found
+
+    @property
+    def unknown_hinges(self) -> tuple[str, ...]:
+        """The hinges with a motor of which the file says nothing."""
+        known = np.asarray(np.isfinite(self.motion.hinge_rates).all(axis=0))
+        names = [hinge.name for hinge in self.motion.scene.hinges]
+        return tuple(name for name, sure in zip(names, known, strict=True) if not sure)
+
+
+def _largest(values: Array, errors: Array) -> tuple[float, float] | None:
+    i = int(values.argmax())
+    return (float(values[i]), float(errors[i])) if np.isfinite(values).all() else None
+
+
+@dataclass(frozen=True)
+class FileJudgement:
+    """A trajectory as it stands, what is wrong with it, and how it is without these mistakes.
+
+    corrected: beside the motion of the scene that was simulated, where that is another one; None
+    where no mistake was found. lag: of what is left.
+    """
+
+    trajectory: Trajectory
+    plain: Beside
+    explanation: Explanation
+    corrected: Beside | None
+    lag: Lag
+    timestep: float
+    tolerance: float
+
+    @property
+    def name(self) -> str:
+        return self.trajectory.name
+
+    @property
+    def other_scene(self) -> str | None:
+        """The name of the scene in the file's header, where that is not the one that was meant."""
+        header = self.trajectory.header or {}
+        given = header.get("scene_toml")
+        with contextlib.suppress(InputError):  # of a rate by a function, which no header can hold
+            if given and given.strip() != scene_toml(self.plain.theory.scene).strip():
+                return header.get("scene", "?")
+        return None
+
+    @property
+    def mistakes(self) -> tuple[Mistake, ...]:
+        return self.explanation.mistakes
+
+    @property
+    def plain_errors(self) -> Errors:
+        """Of the file as it stands."""
+        return self.explanation.plain
+
+    @property
+    def best(self) -> Beside:
+        """The trajectory without its mistakes."""
+        return self.corrected or self.plain
+
+    @property
+    def covers(self) -> float:
+        """The time from the file's first row to its last [s]."""
+        return float(self.trajectory.times[-1] - self.trajectory.times[0])
+
+    @property
+    def too_short(self) -> bool:
+        return self.covers < ENOUGH * (1 - 1e-9) * self.plain.theory.scene.duration
+
+    @property
+    def within(self) -> bool:
+        """Whether all that is known is within the tolerance, and no mistake was found."""
+        of_momentum = (self.plain.momentum_error or 0.0) - self.plain.momentum_known_to
+        of_hinges = (error for error, _ in self.plain.hinge_rates.values())
+        errors = (self.plain.path_error, self.plain.attitude_error, of_momentum, *of_hinges)
+        return not self.mistakes and max(errors) <= self.tolerance
+
+    @property
+    def agrees(self) -> bool:
+        return self.within and not self.too_short
+
+
+@dataclass(frozen=True)
+class Order:
+    """The order of a measure over several files; None where the errors are no straight line."""
+
+    measure: str
+    order: float | None
+    stderr: float | None = None
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Files of one scene, the one with the longest step first, and orders of convergence."""
+
+    scene: Scene
+    files: tuple[FileJudgement, ...]
+    orders: tuple[Order, ...]
+
+    @property
+    def agrees(self) -> bool:
+        return all(each.agrees for each in self.files)
+
+
+def judge(
+    scene: Scene,
+    files: Sequence[Path | str | Trajectory] | Path | str | Trajectory,
+    *,
+    timesteps: Sequence[float] = (),
+    tolerance: float = TOLERANCE,
+    progress: Callable[[float], None] | None = None,
+) -> Judgement:
+    """What is wrong with trajectories of a scene, each from a file or as `read_trajectory` gives.
+
+    timesteps: the engine's in each file [s]; by the file's header, or else the interval of its
+    samples, where they are not given. tolerance: of path, momentum and hinges' rates, relative, and
+    of the attitude in rad. progress is called with the fraction that is done. Raises InputError as
+    `read_trajectory`, `recorded` and `integrate` do, and for a file that is many times longer than
+    the scene.
+    """
+    given = [files] if isinstance(files, Path | str | Trajectory) else list(files)
+    if timesteps and len(timesteps) != len(given):
+        raise InputError(f"each file needs its timestep: {len(given)}, not {len(timesteps)}")
+    trajectories = [
+        each if isinstance(each, Trajectory) else read_trajectory(Path(each)) for each in given
+    ]
+    for each in trajectories:
+        _check_end(scene, each)
+    steps = timesteps or [timestep_of(each) for each in trajectories]
+    judged = []
+    for i, (trajectory, timestep) in enumerate(zip(trajectories, steps, strict=True)):
+        judged.append(_judged(scene, _thinned(trajectory), timestep, tolerance))
+        if progress is not None:
+            progress((i + 1) / len(trajectories))
+    judged.sort(key=lambda each: -each.timestep)
+    return Judgement(scene, tuple(judged), tuple(_orders(judged)))
+
+
+def _thinned(trajectory: Trajectory) -> Trajectory:
+    """Some of the rows of a long trajectory, the first and the last among them."""
+    count, rows = len(trajectory.times), ROWS
+    while rows < count:
+        at = np.linspace(0, count - 1, rows).round().astype(int)
+        if derivative.turned_between(trajectory.attitude[at]).max() <= TURN:
+            own = {
+                name: each[at]
+                for name, each in vars(trajectory).items()
+                if isinstance(each, np.ndarray)
+            }
+            others = {name: each[at] for name, each in (trajectory.others or {}).items()}
+            note = f"judged by {rows} of its {count} rows"
+            return replace(trajectory, **own, others=others, notes=(*trajectory.notes, note))
+        rows *= 2
+    return trajectory
+
+
+def timestep_of(trajectory: Trajectory) -> float:
+    """The engine's step that the file's header gives, or else the interval of its samples [s]."""
+    given = (trajectory.header or {}).get("timestep", "")
+    try:
+        return float(given)
+    except ValueError:
+        return float(np.median(np.diff(trajectory.times)))
+
+
+def _check_end(scene: Scene, trajectory: Trajectory) -> None:
+    end = float(trajectory.times[-1])
+    if end > LONGEST * scene.duration:
+        raise InputError(
+            f"{trajectory.name}: t goes to {end:g} s, and {scene.name} lasts {scene.duration:g} s; "
+            "if t is in another unit, call the column t [ms], t [us] or t [ns]"
+        )
+
+
+def _judged(
+    scene: Scene, trajectory: Trajectory, timestep: float, tolerance: float
+) -> FileJudgement:
+    plain = _beside(scene, trajectory)
+    found = explain(trajectory, plain.theory, plain.motion.rolling_radius)
+    corrected = _beside(found.scene, found.trajectory) if found.mistakes else None
+    at = some_of(len(trajectory.times))
+    best = (corrected or plain).theory
+    return FileJudgement(
+        trajectory=trajectory,
+        plain=plain,
+        explanation=found,
+        corrected=corrected,
+        lag=lag_of(found.trajectory.times[at], numbers_of(found.trajectory, at), best),
+        timestep=timestep,
+        tolerance=tolerance,
+    )
+
+
+def _beside(scene: Scene, trajectory: Trajectory) -> Beside:
+    motion = recorded(scene, trajectory)
+    return Beside(motion, reference_of(scene, trajectory.times))
+
+
+def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
+    """Of path and attitude, where the files have at least two different steps."""
+    steps = [each.timestep for each in judged]
+    if len(set(steps)) < 2:
+        return
+    measures = {
+        "path error": [each.best.path_error for each in judged],
+        "attitude error": [each.best.attitude_error for each in judged],
+    }
+    for name, errors in measures.items():
+        if len(set(steps)) < LEAST:
+            fall = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
+            yield Order(name, float(fall))
+            continue
+        found = fit_order(steps, errors)
+        yield Order(name, *((found.order, found.stderr) if found else (None, None)))
+
+
+ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
+OFF_HEIGHT = 0.01  # of the radius, by which a centre may be off without a line
+SHOWN = 2  # trials of each family
+ROUNDING = 1e-16
+EXACT = 1e-9  # of the radius
+
+
+def show(judgement: Judgement, console: Console, every: bool = False) -> None:
+    """Print each file's errors, what is wrong with it and what was tried; then the orders.
+
+    every: all trials, in place of the best of each kind.
+    """
+    for each in judgement.files:
+        console.print(escape(f"{each.name} as a motion of {judgement.scene.name}"), style="bold")
+        for line in lines(each):
+            console.print(escape(f"  {line}"), soft_wrap=True)
+        print_whole(_table(each, every), console)
+    for order in judgement.orders:
+        if order.order is None:
+            what = "the errors fall along no straight line in ln(step)"
+        else:
+            known = "by two files" if order.stderr is None else f"± {order.stderr:.2g}"
+            what = f"order {order.order:.2f} ({known})"
+        console.print(f"convergence of the {order.measure}: {what}")
+    if len(judgement.files) > 1 and not judgement.orders:
+        step = judgement.files[0].timestep
+        console.print(f"convergence: all files seem to have the step {step:g} s; give --timestep")
+
+
+def lines(judged: FileJudgement) -> list[str]:
+    """What is to be said of a file, a line each."""
+    plain, best = judged.plain, judged.best
+    found = [
+        *judged.trajectory.notes,
+        f"path error {plain.path_error:.1e}, attitude error {plain.attitude_error:.1e} rad, "
+        f"momentum error {_momentum(plain)}",
+        *_contact(plain),
+    ]
+    for name in plain.unknown_hinges:
+        more = " and slip and spin" if name == "frame" else ""
+        found.append(
+            f"the {name} has a motor, and the file says nothing of it: the momentum{more} need "
+            f"the column {name}_rate or {name}_angle"
+        )
+    for name, (error, factor) in plain.hinge_rates.items():
+        if error > judged.tolerance:
+            found.append(
+                f"the {name}'s rate is off by {error:.1e} of it, and about {factor:.3g} times what "
+                "it should be"
+            )
+    if judged.other_scene:
+        found.append(f"the file's header has another scene than this one: {judged.other_scene}")
+    found += _height(judged)
+    for mistake in judged.mistakes:
+        as_well = f", or {' or '.join(mistake.as_well)}" if mistake.as_well else ""
+        found.append(f"WRONG: {mistake.name}{as_well}")
+    if judged.corrected is not None:
+        found.append(
+            f"without that: path error {best.path_error:.1e}, attitude error "
+            f"{best.attitude_error:.1e} rad, momentum error {_momentum(best)}"
+        )
+        found += [f"without that: {line}" for line in _contact(best)]
+    if judged.lag.explains:
+        way = "late" if judged.lag.shift > 0 else "early"
+        found.append(
+            f"LAG: it is {abs(judged.lag.shift):.4g} s {way}, which explains "
+            f"{1 - judged.lag.after / judged.lag.before:.0%} of the error that is left"
+        )
+    found.append(_verdict(judged))
+    return found
+
+
+def _momentum(beside: Beside) -> str:
+    known = beside.momentum_known_to
+    if beside.momentum_error is None:
+        return "not known"
+    return f"{beside.momentum_error:.1e}" + (f" (known to {known:.0e})" if known else "")
+
+
+def _contact(beside: Beside) -> list[str]:
+    if beside.slip is None or beside.spin is None:
+        return []
+    (slip, slip_error), (spin, spin_error) = beside.slip, beside.spin
+    radius = beside.motion.rolling_radius
+    scene = beside.theory.scene
+    parts = [f"slip up to {slip:.1e} m/s (known to {slip_error:.0e})"]
+    known = f" (known to {spin_error:.0e})" if spin_error else ""
+    allowed = ", which it may" if scene.rolling == "classical" else ""
+    parts.append(f"spin up to {spin:.1e} rad/s{known}{allowed}")
+    if np.isfinite(radius):
+        parts.append(f"rolls as at a radius of {radius:.6g} m (the scene's: {scene.ball.radius:g})")
+    return ["; ".join(parts)]
+
+
+def _height(judged: FileJudgement) -> list[str]:
+    height, radius = judged.best.motion.height, judged.plain.theory.scene.ball.radius
+    if not np.isfinite(height).all():
+        return []
+    if np.abs(height).max() < ON_THE_PLANE * radius:
+        return ["z is the contact point's, and says nothing of the contact"]
+    depth = radius - height
+    if np.abs(depth).max() < OFF_HEIGHT * radius:
+        least, most = -depth.max() / radius, -depth.min() / radius
+        if np.abs(depth).max() < EXACT * radius:
+            return []
+        return [f"z is off the radius by {least:.0e} to {most:.0e} of it"]
+    return [
+        f"z is {height.min():.4g} to {height.max():.4g} m, and the sphere's centre at {radius:g} m"
+    ]
+
+
+def _verdict(judged: FileJudgement) -> str:
+    duration = judged.plain.theory.scene.duration
+    part = f"over {judged.covers:.4g} s of the scene's {duration:g} s"
+    if judged.mistakes:
+        return f"verdict: a convention is wrong, or the scene, {part}"
+    limit = f"{judged.tolerance:g}"
+    bound = f"within {limit} in path and momentum, and {limit} rad in attitude,"
+    if judged.within and judged.too_short:
+        return f"verdict: too short to judge, with less than {ENOUGH:.0%}; {bound} {part}"
+    return f"verdict: {'agrees' if judged.within else 'off; it is not'} {bound} {part}"
+
+
+def _table(judged: FileJudgement, every: bool) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
+    table.add_column("if")
+    for heading in ("path", "attitude [rad]", "ω"):
+        table.add_column(heading, justify="right")
+    trials = judged.explanation.trials
+    rows = [("all is as it should be", judged.plain_errors, "bold")]
+    rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
+    named = {each.name for each in judged.mistakes}
+    for family in dict.fromkeys(each.family for each in trials):
+        # The best of each name; those that change nothing tell nothing.
+        own = [each for each in trials if each.family == family and each.name not in named]
+        own = [each for each in own if not _same(each.errors, judged.plain_errors)]
+        own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, ROUNDING)).sum()))
+        unique = list({each.name: each for each in reversed(own)}.values())[::-1]
+        unique = unique if every else unique[:SHOWN]
+        rows += [(each.name, each.errors, "") for each in unique]
+    for name, errors, style in rows:
+        table.add_row(escape(name), *_cells(errors), style=style)
+    return table
+
+
+def _same(errors: Errors, others: Errors) -> bool:
+    return np.allclose(errors.given, others.given, rtol=1e-9, atol=1e-12)
+
+
+def _cells(errors: Errors) -> tuple[str, ...]:
+    rate = "-" if errors.rate is None else f"{errors.rate:.1e}"
+    return f"{errors.path:.1e}", f"{errors.attitude:.1e}", rate
+
+
+def record(judgement: Judgement) -> dict[str, Any]:
+    """The judgement as plain data; numbers that are not known are None."""
+    return {
+        "scene": judgement.scene.name,
+        "rolling": judgement.scene.rolling,
+        "agrees": judgement.agrees,
+        "files": [_file(each) for each in judgement.files],
+        "orders": [asdict(each) for each in judgement.orders],
+    }
+
+
+def _file(judged: FileJudgement) -> dict[str, Any]:
+    return {
+        "file": judged.name,
+        "engine": judged.plain.motion.engine.name,
+        "samples": len(judged.trajectory.times),
+        "duration": float(judged.trajectory.times[-1]),
+        "timestep": judged.timestep,
+        **_measures(judged.plain),
+        "tolerance": judged.tolerance,
+        "agrees": judged.agrees,
+        "covers": judged.covers,
+        "too_short": judged.too_short,
+        "mistakes": [asdict(each) for each in judged.mistakes],
+        "without_mistakes": None if judged.corrected is None else _measures(judged.corrected),
+        "lag": asdict(judged.lag) | {"explains": judged.lag.explains},
+        "trials": [asdict(each) for each in judged.explanation.trials],
+        "other_scene": judged.other_scene,
+        "notes": list(judged.trajectory.notes),
+    }
+
+
+def _measures(beside: Beside) -> dict[str, Any]:
+    unknown = (None, None)
+    slip, slip_error = beside.slip or unknown
+    spin, spin_error = beside.spin or unknown
+    numbers: dict[str, float | None] = {
+        "path_error": beside.path_error,
+        "attitude_error": beside.attitude_error,
+        "gamma_error": beside.gamma_error,
+        "momentum_error": beside.momentum_error,
+        **{f"{name}_rate_error": error for name, (error, _) in beside.hinge_rates.items()},
+        "momentum_known_to": beside.momentum_known_to,
+        "slip": slip,
+        "slip_known_to": slip_error,
+        "spin": spin,
+        "spin_known_to": spin_error,
+        "rolling_radius": beside.motion.rolling_radius,
+    }
+    return {
+        name: None if value is None or not np.isfinite(value) else value
+        for name, value in numbers.items()
+    }

@@ -1,1 +1,0 @@
-"""Anybody's trajectory held against the equations, and what is wrong with its conventions."""

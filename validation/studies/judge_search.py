@@ -1,0 +1,381 @@
+"""Whether a shift in time explains how a trajectory differs from the reference.
+
+The search for the mistakes that explain how a trajectory differs from the reference.
+"""
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+from scipy.optimize import minimize_scalar
+
+from robotball import InputError, Motion, Scene, Trajectory, integrate
+from robotball.engines import recorded as derivative
+from robotball.engines.recorded import continuous, sampled_rates
+from robotball.rotations import Array
+from validation.studies.mistakes import (
+    Errors,
+    Numbers,
+    Truth,
+    conventions,
+    errors_at,
+    largest,
+    mistaken_scenes,
+    numbers_of,
+    some_of,
+    truth_of,
+    typical,
+)
+
+SHIFT_EXPLAINS = 3.0  # times less error, from where on a shift is told
+SHIFTS = 400  # that are tried, at most, before the best is found among its neighbours
+LONGEST = 0.1  # of the time, that a trajectory is shifted by, or stretched
+
+
+@dataclass(frozen=True)
+class Lag:
+    """The shift [s] by which a trajectory comes after the reference, and the errors without it.
+
+    before, after: typical errors, the root mean square of path and attitude together, relative.
+    """
+
+    shift: float
+    before: float
+    after: float
+
+    @property
+    def explains(self) -> bool:
+        return self.after * SHIFT_EXPLAINS < self.before
+
+
+def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
+    """The lag of numbers at times (n,) [s] behind a reference that is sampled as finely."""
+    path, attitude = _between(reference)
+    end = float(reference.times[-1])
+
+    def error(shift: float) -> float:
+        at = times - shift
+        inside = (at >= 0) & (at <= end)
+        ours, theirs = numbers.position[inside, :2], path(at[inside])
+        turn = attitude(at[inside])
+        # 2|sin(half the angle)| between them, whatever the signs.
+        cosine = np.abs((turn * numbers.attitude[inside]).sum(axis=1)) / np.linalg.norm(
+            turn, axis=1
+        )
+        apart = ((ours - theirs) ** 2).sum(axis=1) / reference.path_scale**2
+        return float(np.sqrt(np.mean(apart + 2 * (1 - np.minimum(cosine, 1.0)))))
+
+    most = min(LONGEST * end, end - float(times[0]))
+    step = max(2 * most / SHIFTS, min(most, float(np.median(np.diff(times)))) / 4)
+    tried = np.arange(-most, most + step / 2, step)
+    best = float(min(tried, key=error))
+    found = minimize_scalar(
+        error, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-9}
+    )
+    return Lag(float(found.x), error(0.0), float(found.fun))
+
+
+def stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
+    """How many times too long the times of the numbers seem, by what lessens their errors most.
+
+    reference: the motion of the truth, in fine samples, until after the trajectory's end.
+    """
+    path, attitude = _between(reference)
+
+    def error(stretch: float) -> float:
+        at = truth.times / stretch
+        q = attitude(at)
+        q /= np.linalg.norm(q, axis=1, keepdims=True)
+        other = replace(truth, contact_point=path(at), attitude=q)
+        return float(typical(errors_at(replace(numbers, rate=None), other), truth.times).sum())
+
+    tried = np.linspace(1 - LONGEST, 1 + LONGEST, SHIFTS + 1)
+    best, step = float(min(tried, key=error)), float(tried[1] - tried[0])
+    found = minimize_scalar(
+        error, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-7}
+    )
+    return float(found.x)
+
+
+def _between(reference: Motion) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:
+    """Path and attitude, as a quaternion of about unit length, between a motion's samples."""
+    times, q = reference.times, continuous(reference.attitude)
+    path, turn = sampled_rates(times, reference.contact_point)[0], sampled_rates(times, q)[0]
+    return (
+        CubicHermiteSpline(times, reference.contact_point, path),
+        CubicHermiteSpline(times, q, turn),
+    )
+
+
+LESSENS = np.log(5.0)  # by how much a mistake must lessen one of the errors
+# Times less of all errors together, typical and mean square, that is most of them: 1.008 by chance,
+# and at least 2.9 and 1.28 where a planted mistake is undone.
+MOST = (2.0, 1.1)
+SPOILS = np.log(3.0)  # by how much it may worsen another one, which is wrong anyway
+AS_GOOD = np.log(1.5)  # two mistakes so near explain as much as each other
+SOUND = 1e-3  # errors of path and attitude, below which no other scene is tried
+CLEAR = np.log(1e-2)  # typical errors, below which a convention is the whole explanation
+MOST_MISTAKES = 4  # that are looked for in one file
+TRIED = 1e-9  # of a step, of a mistaken scene's motion: far below what explains anything
+SCENE, TIME, RATE = "scene", "time", "angular velocity"
+NOT_THE_RATE = "the angular velocity is not the attitude's rate"
+ASTRAY = 1e-2  # of ω, relative; one that is sampled half a step away is less off
+FINE = 4000  # samples of a motion that is asked between them
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A mistake that was tried on a file, and the errors if it was made."""
+
+    family: str
+    name: str
+    errors: Errors
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One that explains an error, the errors with and without it, and others that do as well."""
+
+    family: str
+    name: str
+    before: Errors
+    after: Errors
+    as_well: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The mistakes in a file, the one that explains most first, and all that were tried.
+
+    plain: the errors of the file as it stands.
+    scene: the one that was simulated, as far as the mistakes tell; trajectory: the file's, in the
+    right conventions.
+    """
+
+    plain: Errors
+    mistakes: tuple[Mistake, ...]
+    trials: tuple[Trial, ...]
+    scene: Scene
+    trajectory: Trajectory
+
+
+def reference_of(scene: Scene, times: Array) -> Motion:
+    """The scene's motion by the equations, at 0 and the times (n,) of a trajectory."""
+    return integrate(scene, _from_zero(times))
+
+
+def explain(trajectory: Trajectory, theory: Motion, rolling_radius: float) -> Explanation:
+    """What may be wrong with a trajectory, of which the theory is the reference.
+
+    rolling_radius: as the file tells it [m].
+    """
+    search = _Search(trajectory, theory, rolling_radius)
+    plain = largest(errors_at(search.numbers, search.truth))
+    mistakes = tuple(search.mistakes())
+    return Explanation(plain, mistakes, tuple(search.trials), search.scene, search.corrected())
+
+
+@dataclass(frozen=True)
+class _Option:
+    """A mistake that may be the next: the numbers without it, and what they should be then."""
+
+    family: str
+    name: str
+    parts: int
+    numbers: Numbers
+    truth: Truth
+    scene: Scene
+    base: tuple[Numbers, Truth, tuple[Array, ...]]
+    stretch: float = 1.0
+
+    @cached_property
+    def errors(self) -> tuple[Array, ...]:
+        return errors_at(self.numbers, self.truth, self.base)
+
+    @property
+    def typical(self) -> Array:
+        return typical(self.errors, self.truth.times)
+
+
+class _Search:
+    def __init__(self, trajectory: Trajectory, theory: Motion, rolling_radius: float) -> None:
+        self.trajectory, self.rolling_radius = trajectory, rolling_radius
+        self.at = some_of(len(trajectory.times))
+        self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
+        self.numbers = numbers_of(trajectory, self.at)
+        self.trials: list[Trial] = []
+        self.found: list[_Option] = []
+        self._others: list[tuple[str, Scene, Truth]] | None = None
+
+    def mistakes(self) -> list[Mistake]:
+        """Those that explain the errors; each, with those after it, most of all that it met.
+
+        Where the mistake is one that is not known, another may undo one of its errors by chance, or
+        make one small at the beginning and large later.
+        """
+        meant, left = self.scene, [_total(errors_at(self.numbers, self.truth), self.truth)]
+        tried = []
+        for mistake in self._lessening():
+            tried.append(mistake)
+            left.append(_total(self.found[-1].errors, self.truth))
+        explain = [np.all(left[k] * MOST < left[:k]) for k in range(1, len(left))]
+        count = max((k for k, each in enumerate(explain, start=1) if each), default=0)
+        self.found = self.found[:count]
+        self.scene = self.found[-1].scene if self.found else meant
+        return tried[:count]
+
+    def _lessening(self) -> Iterator[Mistake]:
+        """Those that lessen an error; what each left is what the next has to explain."""
+        for _ in range(MOST_MISTAKES):
+            before = errors_at(self.numbers, self.truth)
+            families = {each.family for each in self.found}
+            options = [each for each in self._conventions(before) if each.family not in families]
+            best = _best(options, before)
+            wrong = max(largest(before).path, largest(before).attitude) > SOUND
+            if wrong and not {SCENE, TIME} & families and not (best and _is_clear(best[0])):
+                options += [*self._scenes(before), *self._stretched(before)]
+                best = _best(options, before)
+            if RATE not in families and (largest(before).rate or 0.0) > ASTRAY:
+                own = _best([self._rate_of_attitude(before)], before)
+                if own and (best is None or _is_closer(own[0], best[0])):
+                    best = own
+            if not self.found:
+                self.trials = [
+                    Trial(each.family, each.name, largest(each.errors))
+                    for each in options
+                    if each.parts == 1
+                ]
+            if best is None:
+                return
+            chosen, as_well = best
+            self.found.append(chosen)
+            self.numbers, self.truth, self.scene = chosen.numbers, chosen.truth, chosen.scene
+            errors = largest(before), largest(chosen.errors)
+            yield Mistake(chosen.family, chosen.name, *errors, tuple(each.name for each in as_well))
+
+    def corrected(self) -> Trajectory:
+        """The whole trajectory without the mistakes that were found in its conventions."""
+        if not self.found:
+            return self.trajectory
+        times = self.trajectory.times / np.prod([each.stretch for each in self.found])
+        numbers = numbers_of(self.trajectory, slice(None))
+        truth = self._truth(reference_of(self.scene, times), 1)
+        undo = {each.name: each.undo for each in conventions(truth, self._has_height)}
+        undo[NOT_THE_RATE] = partial(_with_own_rate, times)
+        for each in self.found:
+            if each.name in undo:
+                numbers = undo[each.name](numbers)
+        return replace(
+            self.trajectory,
+            times=times,
+            position=numbers.position,
+            attitude=numbers.attitude,
+            angular_velocity=numbers.rate,
+            momentum=None,
+        )
+
+    @property
+    def _has_height(self) -> bool:
+        return bool(np.isfinite(self.trajectory.position[0, 2]))
+
+    def _truth(self, theory: Motion, step: int) -> Truth:
+        first = 0 if self.trajectory.times[0] == 0 else 1
+        return truth_of(theory, slice(first, None, step))
+
+    def _conventions(self, before: tuple[Array, ...]) -> Iterator[_Option]:
+        base = (self.numbers, self.truth, before)
+        for each in conventions(self.truth, self._has_height):
+            if each.family == RATE and self.numbers.rate is None:
+                continue
+            numbers = each.undo(self.numbers)
+            yield _Option(each.family, each.name, each.parts, numbers, self.truth, self.scene, base)
+
+    def _scenes(self, before: tuple[Array, ...]) -> list[_Option]:
+        """The motions of scenes that may have been simulated instead."""
+        if self._others is None:
+            self._others = list(self._integrated())
+        base = (self.numbers, self.truth, before)
+        return [
+            _Option(SCENE, name, 1, self.numbers, truth, scene, base)
+            for name, scene, truth in self._others
+        ]
+
+    def _integrated(self) -> Iterator[tuple[str, Scene, Truth]]:
+        times = _from_zero(self.truth.times)
+        for each in mistaken_scenes(self.scene, self.rolling_radius):
+            for scene in each.scenes:
+                try:
+                    theory = integrate(scene, times, rtol=TRIED)
+                except InputError:  # a ball that nobody can have simulated
+                    continue
+                yield each.name, scene, self._truth(theory, 1)
+
+    def _stretched(self, before: tuple[Array, ...]) -> Iterator[_Option]:
+        """The scene's own motion, at times that are not the file's."""
+        times, base = self.truth.times, (self.numbers, self.truth, before)
+        later = np.linspace(0, times[-1] / (1 - LONGEST), FINE)
+        with contextlib.suppress(InputError):  # of a drive that ends before
+            fine = integrate(self.scene, later, rtol=TRIED)
+            stretch = stretch_of(self.numbers, self.truth, fine)
+            theory = integrate(self.scene, _from_zero(times / stretch), rtol=TRIED)
+            name = f"the times are {stretch:.5g} times what they should be"
+            truth = self._truth(theory, 1)
+            yield _Option(TIME, name, 1, self.numbers, truth, self.scene, base, stretch)
+
+    def _rate_of_attitude(self, before: tuple[Array, ...]) -> _Option:
+        file = self.corrected()
+        rate = _with_own_rate(file.times, numbers_of(file, slice(None))).rate
+        numbers = self.numbers.changed(rate=None if rate is None else rate[self.at])
+        base = (self.numbers, self.truth, before)
+        return _Option(RATE, NOT_THE_RATE, 1, numbers, self.truth, self.scene, base)
+
+
+def _with_own_rate(times: Array, numbers: Numbers) -> Numbers:
+    return numbers.changed(rate=derivative.angular_velocity(times, numbers.attitude)[0])
+
+
+def _total(errors: tuple[Array, ...], truth: Truth) -> Array:
+    """(2,): all errors together, the typical ones and their root mean square."""
+    typically = np.linalg.norm(np.exp(typical(errors, truth.times)))
+    return np.array([typically, np.sqrt(np.mean(np.square(errors), axis=1).sum())])
+
+
+def _from_zero(times: Array) -> Array:
+    return times if times[0] == 0 else np.concatenate([[0.0], times])
+
+
+def _is_closer(own: _Option, best: _Option) -> bool:
+    """Whether the attitude's rate is far nearer to ω than what a convention makes of the file's."""
+    return best.family == RATE and bool(best.typical[2] - own.typical[2] > LESSENS)
+
+
+def _is_clear(option: _Option) -> bool:
+    return bool(np.all(option.typical[:2] < CLEAR))
+
+
+def _best(
+    options: Sequence[_Option], errors: tuple[Array, ...]
+) -> tuple[_Option, list[_Option]] | None:
+    """The option that explains most, the simplest of those, and the others as good."""
+    gains = []
+    before = typical(errors, options[0].truth.times)
+    for option in options:
+        gain = before - option.typical
+        if gain.max() >= LESSENS and gain.min() >= -SPOILS:
+            gains.append((float(gain.sum()), option))
+    if not gains:
+        return None
+    most = max(gain for gain, _ in gains)
+    good = sorted(
+        (option for gain, option in gains if gain > most - AS_GOOD), key=lambda each: each.parts
+    )
+    chosen = good[0]
+    as_well = {
+        each.name: each
+        for each in good[1:]
+        if each.parts == chosen.parts and each.name != chosen.name
+    }
+    return chosen, list(as_well.values())

@@ -1,0 +1,648 @@
+"""A trajectory's numbers beside the reference's, and how far they are apart, sample by sample.
+
+What the numbers of a file may mean other than what they should: the known mistakes.
+
+Scenes that somebody may have simulated instead of the one that was meant.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from itertools import permutations, product
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from robotball import Custom, InputError, Motion, Ramp, Samples, Scene, Sine, Sum, Trajectory
+from robotball.drives import Drive, Rate, Servo
+from robotball.equations import Rolling
+from robotball.files.trajectories import LENGTHS
+from robotball.mechanics import momentum_at
+from robotball.poses import poses
+from robotball.robot import Ball, Body, Rotor, Shell
+from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
+from robotball.scene import Start
+
+FLOOR = 1e-6  # an error below it explains as little as none
+MOST = 400  # samples that a convention is tried on
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """position (n, 3) m; attitude (n, 4); rate (n, 3) rad/s, the frame's in its axes, or None."""
+
+    position: Array
+    attitude: Array
+    rate: Array | None
+
+    def changed(self, **changes: Any) -> "Numbers":
+        return replace(self, **changes)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the numbers should be, at the same samples.
+
+    times (n,) s; contact_point (n, 2) m; attitude (n, 4); rate (n, 3) rad/s; frame_angle,
+    frame_rate (n,) of the frame in the shell; places: of each body's centre of mass from the
+    sphere's centre, horizontal (n, 2) m; path_scale m.
+    """
+
+    motion: Motion
+    times: Array
+    contact_point: Array
+    attitude: Array
+    rate: Array
+    frame_angle: Array
+    frame_rate: Array
+    places: dict[str, Array]
+    path_scale: float
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Of the path, over its length; of the attitude [rad]; of ω, relative, None without it."""
+
+    path: float
+    attitude: float
+    rate: float | None
+
+    @property
+    def given(self) -> tuple[float, ...]:
+        of_both = (self.path, self.attitude)
+        return of_both if self.rate is None else (*of_both, self.rate)
+
+
+def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
+    """Those of a trajectory, at some of its samples."""
+    rate = trajectory.angular_velocity
+    return Numbers(
+        trajectory.position[at], trajectory.attitude[at], None if rate is None else rate[at]
+    )
+
+
+def truth_of(motion: Motion, at: slice) -> Truth:
+    """The same of a reference motion that has the trajectory's times."""
+    centre = motion.contact_point
+    return Truth(
+        motion=motion,
+        times=motion.times[at],
+        contact_point=centre[at],
+        attitude=motion.attitude[at],
+        rate=motion.angular_velocity[at],
+        frame_angle=motion.hinge_angles[at, 0],
+        frame_rate=motion.hinge_rates[at, 0],
+        places={name: (each.position[:, :2] - centre)[at] for name, each in poses(motion).items()},
+        path_scale=motion.path_scale,
+    )
+
+
+def some_of(count: int) -> slice:
+    """Some of so many samples, the first among them, at equal distances."""
+    return slice(None, None, max(1, count // MOST))
+
+
+Base = tuple[Numbers, Truth, tuple[Array, ...]]
+
+
+def errors_at(numbers: Numbers, truth: Truth, base: Base | None = None) -> tuple[Array, ...]:
+    """Of path, attitude and, if it is there, ω: (n,) each, in the units of `Errors`.
+
+    base: numbers, truth and their errors, of which those are taken that have not changed.
+    """
+    known: tuple[Array, ...] = ()
+    same = numbers
+    if base is not None and base[1] is truth:
+        same, known = base[0], base[2]
+    if known and numbers.position is same.position:
+        path = known[0]
+    else:
+        apart = numbers.position[:, :2] - truth.contact_point
+        path = np.linalg.norm(apart, axis=1) / truth.path_scale
+    if known and numbers.attitude is same.attitude:
+        angle = known[1]
+    else:
+        # The vector part of the turn between them has the length |sin(half the angle)|.
+        cosine = np.abs((truth.attitude * numbers.attitude).sum(axis=1))
+        turn = multiply(conjugate(truth.attitude), numbers.attitude)
+        angle = 2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), cosine)
+    if numbers.rate is None:
+        return path, angle
+    if known and numbers.rate is same.rate:
+        return path, angle, known[2]
+    fastest = np.linalg.norm(truth.rate, axis=1).max()
+    return path, angle, np.linalg.norm(numbers.rate - truth.rate, axis=1) / (fastest or 1.0)
+
+
+def largest(errors: tuple[Array, ...]) -> Errors:
+    """The largest of each."""
+    path, attitude, *rate = (float(each.max()) for each in errors)
+    return Errors(path, attitude, rate[0] if rate else None)
+
+
+def typical(errors: tuple[Array, ...], times: Array) -> Array:
+    """(2 or 3,): the mean over ln(t) of ln(error) of each, at times (n,).
+
+    An engine's error is small at the beginning, and a mistake is there from the beginning on; in a
+    chaotic motion both are as large as they can be at the end.
+    """
+    weights = 1 / (times - times[0] + times[1] - times[0])
+    return np.array(
+        [np.average(np.log(np.maximum(each, FLOOR)), weights=weights) for each in errors]
+    )
+
+
+Change = Callable[[Numbers], Numbers]
+Part = tuple[str, Change]  # "" changes nothing
+XYZ = "x, y, z"
+SPELT = {"in": "inches", "ft": "feet", "um": "µm"}
+NEAR = 1.3  # a factor of length so near 1 may be an engine's error, and is no unit
+
+
+@dataclass(frozen=True)
+class Convention:
+    """A mistake: its name, what undoes it, and of how many single ones it is made."""
+
+    family: str
+    name: str
+    undo: Change
+    parts: int
+
+
+def conventions(truth: Truth, has_height: bool) -> Iterator[Convention]:
+    """All that are tried on a trajectory of the reference's motion.
+
+    has_height: whether its z is known, without which no world but one with the same vertical is
+    tried.
+    """
+    yield from _combined("attitude", [_orders(), _senses(), _frames(truth)])
+    yield from _combined("position", [_origins(), _lengths(truth), _planes(), _places(truth)])
+    yield from _combined("angular velocity", [_units(), _signs(), _axes(truth), _bodies(truth)])
+    yield from (Convention("world", *part, 1) for part in _worlds(has_height))
+
+
+def _combined(family: str, parts: Sequence[Sequence[Part]]) -> Iterator[Convention]:
+    for chosen in product(*([("", _same), *each] for each in parts)):
+        names = [name for name, _ in chosen if name]
+        if names:
+            yield Convention(family, "; ".join(names), _all([f for _, f in chosen]), len(names))
+
+
+def _same(numbers: Numbers) -> Numbers:
+    return numbers
+
+
+def _all(changes: Sequence[Change]) -> Change:
+    def undo(numbers: Numbers) -> Numbers:
+        for change in changes:
+            numbers = change(numbers)
+        return numbers
+
+    return undo
+
+
+# Attitude ----------------------------------------------------------------------------------
+
+
+def _turned(change: Callable[[Array], Array]) -> Change:
+    return lambda numbers: numbers.changed(attitude=change(numbers.attitude))
+
+
+def _orders() -> list[Part]:
+    return [
+        ("the quaternion's order is x, y, z, w", _turned(lambda q: q[:, [3, 0, 1, 2]])),
+        ("qx, qy, qz, qw hold w, x, y, z", _turned(lambda q: q[:, [1, 2, 3, 0]])),
+    ]
+
+
+def _senses() -> list[Part]:
+    return [("the rotation is from world to frame (conjugate, transposed)", _turned(conjugate))]
+
+
+def _frames(truth: Truth) -> list[Part]:
+    scene, start = truth.motion.scene, truth.motion.scene.start.attitude
+    principal = conjugate(scene.principal_quaternion)
+    half = truth.frame_angle[:, None] / 2
+    axis = scene.ball.shell.axis
+    in_shell = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
+    parts = [
+        ("the attitude is the shell's, not the frame's", _right(in_shell)),
+        ("the attitude is that of the ball's principal axes", _right(principal)),
+        ("the attitude is counted from the start, in world axes", _right(start)),
+        (
+            "the attitude is counted from the start, in frame axes",
+            _turned(lambda q: multiply(start, q)),
+        ),
+    ]
+    for S in _rotations():
+        name = f"the frame's axes are others: the file's {XYZ} are the scene's {_text(S)}"
+        parts.append((name, _right(from_matrix(S))))
+    return parts
+
+
+def _right(q: Array) -> Change:
+    return _turned(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
+
+
+# Position ----------------------------------------------------------------------------------
+
+
+def _moved(change: Callable[[Array], Array]) -> Change:
+    """Of the horizontal part (n, 2)."""
+
+    def undo(numbers: Numbers) -> Numbers:
+        height = numbers.position[:, 2:]
+        horizontal = change(numbers.position[:, :2])
+        return numbers.changed(position=np.concatenate([horizontal, height], axis=1))
+
+    return undo
+
+
+def _origins() -> list[Part]:
+    return [("the path does not start at (0, 0)", _moved(lambda p: p - p[0]))]
+
+
+def _lengths(truth: Truth) -> list[Part]:
+    units = {unit: size for unit, size in LENGTHS.items() if unit != "m"}
+    names = {f"the positions are in {SPELT.get(u, u)}": size for u, size in units.items()}
+    a = truth.motion.scene.ball.radius
+    names |= {"the positions are in radii of the ball": a, "the positions are in diameters": 2 * a}
+    return [
+        (name, partial(_resized, size))
+        for name, size in names.items()
+        if not 1 / NEAR < size < NEAR
+    ]
+
+
+def _resized(size: float, numbers: Numbers) -> Numbers:
+    return numbers.changed(position=size * numbers.position)
+
+
+def _planes() -> list[Part]:
+    return [
+        ("x and y are exchanged", _moved(lambda p: p[:, ::-1])),
+        ("x has the other sign", _moved(lambda p: p * [-1, 1])),
+        ("y has the other sign", _moved(lambda p: p * [1, -1])),
+        ("x and y both have the other sign", _moved(lambda p: -p)),
+        ("x, y are the scene's y, -x", _moved(lambda p: p[:, ::-1] * [-1, 1])),
+        ("x, y are the scene's -y, x", _moved(lambda p: p[:, ::-1] * [1, -1])),
+        ("x, y are the scene's -y, -x", _moved(lambda p: -p[:, ::-1])),
+    ]
+
+
+def _places(truth: Truth) -> list[Part]:
+    scene = truth.motion.scene
+    reach = 1e-6 * scene.ball.radius
+    return [
+        (f"x, y are of the {name}'s centre of mass", _moved(partial(np.add, -place)))
+        for name, place in truth.places.items()
+        if np.abs(place).max() > reach
+    ]
+
+
+# Angular velocity --------------------------------------------------------------------------
+
+
+def _rated(change: Callable[[Array, Numbers], Array]) -> Change:
+    def undo(numbers: Numbers) -> Numbers:
+        if numbers.rate is None:
+            return numbers
+        return numbers.changed(rate=change(numbers.rate, numbers))
+
+    return undo
+
+
+def _units() -> list[Part]:
+    sizes = {"deg/s": np.pi / 180, "revolutions per second": 2 * np.pi, "rpm": 2 * np.pi / 60}
+    return [
+        (f"the angular velocity is in {unit}", _rated(partial(_times, size)))
+        for unit, size in sizes.items()
+    ]
+
+
+def _signs() -> list[Part]:
+    return [("the angular velocity has the other sign", _rated(lambda w, _: -w))]
+
+
+def _axes(truth: Truth) -> list[Part]:
+    scene = truth.motion.scene
+    half = -truth.frame_angle[:, None] / 2
+    to_frame = np.concatenate([np.cos(half), np.sin(half) * scene.ball.shell.axis], axis=1)
+    parts: list[Part] = [
+        (
+            "the angular velocity is in world axes",
+            _rated(lambda w, numbers: _rotated(w, conjugate(numbers.attitude))),
+        ),
+        (
+            "the angular velocity is turned from world to frame axes twice",
+            _rated(lambda w, numbers: _rotated(w, numbers.attitude)),
+        ),
+        ("the angular velocity is in the shell's axes", _rated(lambda w, _: _rotated(w, to_frame))),
+        (
+            "the angular velocity is in principal axes",
+            _rated(lambda w, _: w @ scene.principal_axes.T),
+        ),
+    ]
+    for S in _rotations():
+        name = f"the angular velocity's {XYZ} are along the scene's {_text(S)}"
+        parts.append((name, _rated(partial(_along, S))))
+    return parts
+
+
+def _bodies(truth: Truth) -> list[Part]:
+    more = np.outer(truth.frame_rate, truth.motion.scene.ball.shell.axis)
+    return [
+        (
+            "the angular velocity is the shell's, not the frame's",
+            _rated(lambda w, _: w + more),
+        )
+    ]
+
+
+def _times(size: float, w: Array, _: Numbers) -> Array:
+    return w * size
+
+
+def _along(S: Array, w: Array, _: Numbers) -> Array:
+    return w @ S
+
+
+def _rotated(v: Array, attitude: Array) -> Array:
+    return np.asarray(np.einsum("nij,nj->ni", rotation_matrix(attitude), v))
+
+
+# World -------------------------------------------------------------------------------------
+
+WORLDS = {
+    "x, z, -y": "Y is up",
+    "x, z, y": "Y is up, and the axes are left-handed",
+    "x, -y, -z": "Z is down",
+    "y, x, -z": "Z is down (north, east, down)",
+}
+
+
+def _worlds(has_height: bool) -> Iterator[Part]:
+    """The file's axes x, y, z are others than the world's, and maybe the frame's likewise."""
+    for S in _signed_permutations():
+        if np.array_equal(S, np.eye(3)) or not (has_height or abs(S[2, 2]) == 1):
+            continue
+        text = _text(S)
+        known = f" ({WORLDS[text]})" if text in WORLDS else ""
+        axes = f"{XYZ} are the scene's {text}{known}"
+        proper = np.linalg.det(S) > 0
+        if proper:
+            yield f"the world's axes are others: the file's {axes}", _seen_from(S, both=False)
+        yield f"the world's and the frame's axes are others: the file's {axes}", _seen_from(S)
+
+
+def _seen_from(S: Array, both: bool = True) -> Change:
+    """Undoes axes of the world, and of the frame if both, whose i-th is row i of S."""
+    proper = S * np.linalg.det(S).round()  # what mirrors, turns vectors of rotation the other way
+    turn = from_matrix(proper)
+
+    def undo(numbers: Numbers) -> Numbers:
+        q, w = numbers.attitude, numbers.rate
+        # A height that the file does not have must not become one of its other coordinates.
+        position = np.where(np.isnan(numbers.position), 0.0, numbers.position) @ S
+        q = multiply(np.broadcast_to(conjugate(turn), q.shape), q)
+        if both:
+            q = multiply(q, np.broadcast_to(turn, q.shape))
+            w = None if w is None else w @ proper
+        return Numbers(position, q, w)
+
+    return undo
+
+
+@cache
+def _signed_permutations() -> tuple[Array, ...]:
+    """The 48 (3, 3), turned and mirrored; row i is the i-th axis."""
+    return tuple(
+        np.eye(3)[list(order)] * np.array(signs, dtype=float)[:, None]
+        for order in permutations(range(3))
+        for signs in product((1, -1), repeat=3)
+    )
+
+
+def _rotations() -> list[Array]:
+    """Those of them that turn, but for the one that does not."""
+    turning = [S for S in _signed_permutations() if np.linalg.det(S) > 0]
+    return [S for S in turning if not np.array_equal(S, np.eye(3))]
+
+
+def _text(S: Array) -> str:
+    """The axes by name: "y, -x, z"."""
+    names = (("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in S)
+    return ", ".join(names)
+
+
+DEGREES = np.pi / 180
+CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engine's error
+LIKELY = 5.0  # times the radius, or less: any other is told from numbers that mean something else
+
+
+@dataclass(frozen=True)
+class MistakenScene:
+    """A mistake in setting up the scene, and the scenes that it may have led to."""
+
+    name: str
+    scenes: tuple[Scene, ...]
+
+
+def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
+    """All that are tried; rolling_radius: as a file tells it [m], nan where it does not."""
+    names = [hinge.name for hinge in scene.hinges]
+    moving = [i for i, hinge in enumerate(scene.hinges) if _has_rate(scene, i)]
+    groups = [([i], f"the {names[i]}'s rate") for i in moving]
+    if len(moving) > 1:
+        groups.append((moving, "all rates"))
+    for which, what in groups:
+        signs = "have" if what == "all rates" else "has"
+        yield MistakenScene(f"{what} {signs} the other sign", _with_rates(scene, which, -1.0))
+    for which, what in groups:
+        missing = "are" if what == "all rates" else "is"
+        yield MistakenScene(f"{what} {missing} zero", _with_rates(scene, which, 0.0))
+        yield MistakenScene(
+            f"{what} {missing} taken in degrees", _with_rates(scene, which, DEGREES)
+        )
+    yield from _radii(scene, rolling_radius)
+    other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
+    flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
+    level = replace(scene, rolling=other, start=flat)
+    spin = "may spin (classical)" if other == "classical" else "may not spin (rubber)"
+    # The start's spin, where it may not be, is left out, or stopped by the plane.
+    up, omega = rotation_matrix(scene.start.attitude)[2], _omega(scene)
+    shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
+    still = _kept(level, scene, omega - up * (up @ shell)) if other == "rubber" else ()
+    yield MistakenScene(f"the ball {spin}", (*_kept(level, scene), *still, level))
+    yield from _inertias(scene)
+    yield from _starts(scene)
+
+
+def _has_rate(scene: Scene, hinge: int) -> bool:
+    motor = scene.hinges[hinge].motor
+    at = np.linspace(0, scene.duration, 50)
+    return (motor is None or isinstance(motor, Servo)) and bool(
+        np.any(scene.hinges[hinge].command.rate(at))
+    )
+
+
+def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, ...]:
+    """The rates of some hinges times a factor; with the same M, frame's ω, or shell's ω."""
+    given = [scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates]
+    rates = [scaled(rate, factor) if i in which else rate for i, rate in enumerate(given)]
+    rotors = 1 + len(scene.ball.rotors)
+    changed = replace(
+        scene,
+        frame_rate=rates[0],
+        rotor_rates=tuple(rates[1:rotors]),
+        pendulum_rates=tuple(rates[rotors:]),
+    )
+    found = [changed, *_kept(changed, scene)]
+    if 0 in which:
+        more = (factor - 1) * float(scene.drives[0].rate(0.0)) * scene.ball.shell.axis
+        found += _kept(changed, scene, _omega(scene) + more)
+    return tuple(found)
+
+
+def scaled(rate: Rate, factor: float) -> Rate:
+    """A rate times a factor, whatever kind of rate it is."""
+    if isinstance(rate, Ramp):
+        return msgspec.structs.replace(
+            rate, initial=factor * rate.initial, final=factor * rate.final
+        )
+    if isinstance(rate, Sine):
+        return msgspec.structs.replace(
+            rate, amplitude=factor * rate.amplitude, mean=factor * rate.mean
+        )
+    if isinstance(rate, Samples):
+        return msgspec.structs.replace(rate, values=tuple(factor * v for v in rate.values))
+    if isinstance(rate, Sum):
+        return Sum(tuple(scaled(part, factor) for part in rate.parts))
+    if isinstance(rate, Custom):
+        function = rate.function
+        return Custom(lambda t: factor * function(t), rate.breakpoints)
+    if isinstance(rate, Drive):
+        drive = rate
+        return Custom(lambda t: factor * float(drive.rate(t)), tuple(drive.breakpoints))
+    if callable(rate):
+        call: Callable[[float], float] = rate
+        return lambda t: factor * call(t)
+    return factor * float(rate)
+
+
+def _radii(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
+    radius = scene.ball.radius
+    ratio = rolling_radius / radius
+    if not (abs(ratio - 1) > CLEAR and 1 / LIKELY < ratio < LIKELY):
+        return
+    shell = scene.ball.shell
+    larger = replace(shell, radius=rolling_radius)
+    heavier = replace(
+        larger,
+        axial_inertia=ratio**2 * shell.axial_inertia,
+        transverse_inertia=ratio**2 * shell.transverse_inertia,
+    )
+    scenes = [replace(scene, ball=replace(scene.ball, shell=each)) for each in (larger, heavier)]
+    yield MistakenScene(
+        f"the ball's radius is {rolling_radius:.4g} m, not {radius:g} m",
+        tuple(each for changed in scenes for each in (*_kept(changed, scene), changed)),
+    )
+
+
+def _inertias(scene: Scene) -> Iterator[MistakenScene]:
+    """Moments that are exchanged, or about another point than the body's centre of mass."""
+    for name, body in scene.ball.named_bodies:
+        others: dict[str, Body] = {}
+        if isinstance(body, Shell | Rotor):
+            others[f"the {name}'s axial and transverse inertia are exchanged"] = replace(
+                body,
+                axial_inertia=body.transverse_inertia,
+                transverse_inertia=body.axial_inertia,
+            )
+        else:
+            points, r = ("the sphere's centre", "its centre of mass"), body.centre
+            more = body.mass * (r @ r * np.eye(3) - np.outer(r, r))
+            for (given, taken), sign in ((points, 1), (points[::-1], -1)):
+                others[f"the {name}'s inertia about {given} is taken for that about {taken}"] = (
+                    replace(body, inertia=body.inertia + sign * more)
+                )
+        for what, other in others.items():
+            if np.abs(other.inertia - body.inertia).max() > CLEAR * np.abs(body.inertia).max():
+                yield MistakenScene(what, _with_body(scene, body, other))
+
+
+def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
+    """The scene with another body in one's place, with the same ω of the frame, or the same M."""
+    ball = scene.ball
+
+    def chosen(each: Any) -> Any:
+        return other if each is body else each
+
+    rotors, pendulums = tuple(map(chosen, ball.rotors)), tuple(map(chosen, ball.pendulums))
+    try:
+        changed = Ball(chosen(ball.shell), chosen(ball.frame), rotors, pendulums)
+    except InputError:  # no body has such moments
+        return ()
+    heavier = replace(scene, ball=changed)
+    return (*_kept(heavier, scene), heavier)
+
+
+def _starts(scene: Scene) -> Iterator[MistakenScene]:
+    start, R = scene.start, rotation_matrix(scene.start.attitude)
+    omega, q = _omega(scene), start.attitude
+    yield MistakenScene(
+        "the start's angular velocity is set in world axes", _kept(scene, scene, R.T @ omega)
+    )
+    yield MistakenScene(
+        "the start's angular velocity is set in frame axes where world axes are meant",
+        _kept(scene, scene, R @ omega),
+    )
+    yield MistakenScene(
+        "the start's angular velocity has the other sign", _kept(scene, scene, -omega)
+    )
+    yield MistakenScene(
+        "the start's momentum is taken in frame axes",
+        (replace(scene, start=replace(start, momentum=_level(scene, R @ start.momentum))),),
+    )
+    attitudes = {
+        "conjugate (world to frame)": conjugate(q),
+        "read in the order x, y, z, w": q[[3, 0, 1, 2]],
+        "given in the order x, y, z, w where w, x, y, z is read": q[[1, 2, 3, 0]],
+        "left out": np.array([1.0, 0.0, 0.0, 0.0]),
+    }
+    for how, attitude in attitudes.items():
+        turned = replace(scene, start=replace(start, attitude=attitude))
+        scenes = (*_kept(turned, scene, omega), turned)
+        in_world = rotation_matrix(attitude).T @ R @ omega
+        yield MistakenScene(
+            f"the start's attitude is {how}", (*scenes, *_kept(turned, scene, in_world))
+        )
+
+
+def _omega(scene: Scene) -> Array:
+    return scene.angular_velocity_at(scene.start)
+
+
+def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> tuple[Scene, ...]:
+    """A changed scene that starts with the frame's ω of the other, or with another one."""
+    hinges = changed.hinges
+    start = changed.start
+    M = momentum_at(
+        changed.ball,
+        changed.rolling,
+        start.attitude,
+        _omega(scene) if omega is None else omega,
+        np.array([hinge.angle for hinge in hinges]),
+        np.array([hinge.rate for hinge in hinges]),
+    )
+    return (replace(changed, start=_start(changed, M)),)
+
+
+def _start(scene: Scene, M: Array) -> Start:
+    return replace(scene.start, momentum=_level(scene, M))
+
+
+def _level(scene: Scene, M: Array) -> Array:
+    """M as the rolling model has it: a rubber ball's is horizontal."""
+    return M * [1.0, 1.0, 0.0] if scene.rolling == "rubber" else M

@@ -1,0 +1,331 @@
+"""Which phase portrait (4.1) has at each (K₃, Ω): the maps, a cell's record, and the sweep.
+
+(4.1) is linear in K and Ω together, so that of (K₃, Ω) only three ratios count: the size of both
+scales time alone. Each map is a plane through the ball of Figs 6 to 8.
+
+The maps of phase portraits as pictures and tables, with the curves of section 4.2 over them.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from robotball import InputError
+from robotball.equations import Parameters, Vector
+from robotball.film.looks import ACCENT, INK
+from robotball.qualitative.equilibria import kappa, name_of, proposition_2
+from robotball.rotations import Array
+from validation.output import Show, halo, print_whole
+from validation.sweeps import Cell, Result, sweep
+
+A: Vector = (0.5, 0.4, 0.3)  # of Figs 5 to 8, 1/(kg m²)
+OMEGA: Vector = (4.0, 2.0, 1.0)  # rad/s
+COUNT, QUICK_COUNT = 24, 4  # values of an axis
+LIMIT = 300.0  # s of one cell
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A map: K₃ across from -K3 to K3 [kg m²/s]; up is `y`, from `low` to `high`."""
+
+    name: str
+    label: str
+    held: str
+    K3: float
+    low: float
+    high: float
+    Omega: Callable[[float], Vector]
+
+    def ball(self, K3: float, y: float) -> Parameters:
+        """The ball at a place of the map."""
+        d = 1.0
+        I = (1 / A[0] - d, 1 / A[1] - d, 1 / A[2] - d)
+        return Parameters("rubber", I, d, 1.0, self.Omega(y), (0.0, 0.0, K3))
+
+    def axes(self, count: int) -> tuple[list[float], list[float]]:
+        """The values of K₃ and of y; with an even count none falls on a line of symmetry."""
+        return tuple(
+            [float(f"{value:.6g}") for value in np.linspace(low, high, count)]
+            for low, high in ((-self.K3, self.K3), (self.low, self.high))
+        )  # type: ignore[return-value]
+
+
+def turned(degrees: float) -> Vector:
+    """OMEGA with its part across e₃ turned to this angle from e₁."""
+    size, angle = np.hypot(OMEGA[0], OMEGA[1]), np.radians(degrees)
+    return (float(size * np.cos(angle)), float(size * np.sin(angle)), OMEGA[2])
+
+
+PLANES = {
+    plane.name: plane
+    for plane in (
+        Plane("axial", "Ω₃ [rad/s]", "Ω₁ = 4, Ω₂ = 2 rad/s", 3.0, -4.0, 4.0,
+              lambda y: (OMEGA[0], OMEGA[1], y)),
+        Plane("azimuth", "angle of (Ω₁, Ω₂) from e₁ [degrees]",
+              "√(Ω₁² + Ω₂²) = √20, Ω₃ = 1 rad/s", 3.0, -85.0, 85.0, turned),
+    )
+}  # fmt: skip
+
+
+def chosen(names: Sequence[str]) -> list[Plane]:
+    """The maps named, or all for none; raises InputError for one that there is not."""
+    for name in names:
+        if name not in PLANES:
+            raise InputError(f"no map is called {name!r}; there are {', '.join(PLANES)}")
+    return [PLANES[name] for name in names or PLANES]
+
+
+def cells_of(plane: Plane, count: int) -> list[Cell]:
+    """The cells of a map, row by row."""
+    across, up = plane.axes(count)
+    return [{"map": plane.name, "K3": K3, "y": y} for y in up for K3 in across]
+
+
+def survey(
+    planes: Sequence[Plane],
+    count: int,
+    file: Path,
+    show: Show,
+    *,
+    workers: int | None = None,
+    cluster: str | None = None,
+) -> dict[str, list[Result]]:
+    """The results of the maps' cells by the map's name; `file` keeps them for another time."""
+    results: dict[str, list[Result]] = {}
+    for done, plane in enumerate(planes):
+        results[plane.name] = sweep(
+            measure,
+            cells_of(plane, count),
+            file,
+            workers=workers,
+            cluster=cluster,
+            limit=LIMIT,
+            show=partial(_show, show, done * count**2, plane.name),
+        )
+    return results
+
+
+def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """The phase portrait of a cell {map, K3, y}.
+
+    points: the type of each fixed point by its name; cycles: period s and multiplier of each, and
+    whether it is its own opposite; basins: the share of the sphere of each attractor.
+    """
+    # The compiled code takes a while to come, and only who measures needs it.
+    from robotball.qualitative.portraits import curve_of, lies_on, phase_portrait
+
+    ball = PLANES[cell["map"]].ball(cell["K3"], cell["y"])
+    found = phase_portrait(ball)
+    return {
+        "points": {name_of(ball, point.gamma): point.kind for point in found.points},
+        "cycles": [
+            {
+                "period": cycle.period,
+                "multiplier": float(cycle.multipliers[0].real),
+                "symmetric": lies_on(-cycle.gamma, curve_of(ball, cycle.gamma, cycle.period)),
+            }
+            for cycle in found.cycles
+        ],
+        "basins": found.basins,
+    }
+
+
+def _show(show: Show, done: int, name: str, part: float, words: str) -> None:
+    show(done + part, f"{name}: {words}")
+
+
+FINE = 70  # values of an axis for the curves
+CURVES: dict[str, tuple[Callable[[Parameters], float], str, Any]] = {
+    "|κ₁| = 1": (lambda ball: abs(kappa(ball, 1)) - 1, ACCENT, "-"),
+    "|κ₂| = 1": (lambda ball: abs(kappa(ball, 0)) - 1, INK, "-."),
+    "A₁A₂ = 0": (lambda ball: np.prod(proposition_2(ball)[:2]), ACCENT, "--"),
+    "B = 0": (lambda ball: proposition_2(ball)[2], INK, ":"),
+}
+# Apart in grey, too; the same in every picture.
+COLOURS = {
+    "2 fixed points": "#DADDE1",
+    "6 fixed points": "#A9AFB6",
+    "10 fixed points": "#FFFFFF",
+    "Γ₅,₆: saddle": "#FFFFFF",
+    "Γ₅,₆: slow stable focus": "#DADDE1",
+    "Γ₅,₆: slow unstable focus": "#A9AFB6",
+    "no limit cycle": "#A9AFB6",
+    "cycles: 1 stable": "#FFFFFF",
+    "cycles: 1 unstable": "#DADDE1",
+    "largest basin: a cycle": "#FFFFFF",
+    "largest basin: Γ₅,₆": "#E3E6EA",
+    "largest basin: δ₁,₂": "#BFD3E6",
+    "largest basin: δ₃,₄": "#F0D58C",
+    "largest basin: θ₁,₂": "#A8C8B4",
+    "largest basin: θ₃,₄": "#8F92B8",
+}
+HATCHES = {"largest basin: δ₃,₄": "..", "largest basin: θ₁,₂": "//", "largest basin: θ₃,₄": "\\\\"}
+OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
+
+
+def number_of_points(record: Mapping[str, Any]) -> str:
+    """Of fixed points, those of index 1 counted with the saddles."""
+    return f"{len(record['points'])} fixed points"
+
+
+def type_of_poles(record: Mapping[str, Any]) -> str:
+    """Of Γ₅ and Γ₆, which are of one type."""
+    return f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}"
+
+
+def kind_of_cycles(record: Mapping[str, Any]) -> str:
+    """How many limit cycles there are, C and -C as one."""
+    stable = sum(abs(cycle["multiplier"]) < 1 for cycle in record["cycles"])
+    unstable = len(record["cycles"]) - stable
+    if stable + unstable == 0:
+        return "no limit cycle"
+    parts = [f"{n} {word}" for n, word in ((stable, "stable"), (unstable, "unstable")) if n]
+    return f"cycles: {', '.join(parts)}"
+
+
+def largest_basin(record: Mapping[str, Any]) -> str:
+    """Whose basin is the largest."""
+    name = max(record["basins"], key=lambda each: record["basins"][each])
+    return f"largest basin: {'a cycle' if name.startswith('cycle') else name}"
+
+
+PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
+    "how many fixed points": number_of_points,
+    "the type of Γ₅ and Γ₆": type_of_poles,
+    "limit cycles": kind_of_cycles,
+    "whose basin is the largest": largest_basin,
+}
+
+
+def picture(plane: Plane, results: Sequence[Result]) -> Figure:
+    """Four panels of the same cells, each by one property, with the curves over them."""
+    figure = Figure(figsize=(12.5, 11.5), layout="constrained")
+    figure.suptitle(
+        f"Phase portraits of motion from rest: A = diag{A}, K = (0, 0, K₃), {plane.held}",
+        color=INK,
+    )
+    panels, curves = figure.subplots(2, 2), curves_of(plane)
+    for axes, (title, property_of) in zip(panels.flat, PANELS.items(), strict=True):
+        draw_cells(axes, results, property_of)
+        for levels, (_, colour, dashes) in zip(curves, CURVES.values(), strict=True):
+            lines = axes.contour(*levels, levels=[0.0], colors=[colour], linewidths=1.8)
+            lines.set_linestyle(dashes)
+        axes.set(xlabel="K₃ [kg m²/s]", ylabel=plane.label, title=title)
+        for K3, name, side in ((0.3, "6", "right"), (0.52, "7", "left"), (3.0, "8", "right")):
+            y = 1.0 if plane.name == "axial" else float(np.degrees(np.arctan2(2.0, 4.0)))
+            axes.plot(K3, y, "o", color=INK, mec="white", markersize=6, clip_on=False, zorder=5)
+            axes.annotate(f"Fig. {name}", (K3, y), xytext=(-3 if name == "6" else 3, 5),
+                          textcoords="offset points", fontsize=8, color=INK, zorder=5,
+                          path_effects=halo(), ha=side)  # fmt: skip
+    handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
+              for name, (_, colour, dashes) in CURVES.items()]  # fmt: skip
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False,
+                  title="curves by the formulas of section 4.2, corrected")  # fmt: skip
+    return figure
+
+
+def draw_cells(
+    axes: Axes, results: Sequence[Result], property_of: Callable[[Mapping[str, Any]], str]
+) -> None:
+    """Each cell in the colour of its property, with a legend of what is there."""
+    across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
+    words = [property_of(each.record) if each.record else "no result" for each in results]
+    order = [*COLOURS]
+    known = sorted(set(words) & set(COLOURS), key=order.index)
+    kinds = [*known, *sorted(set(words) - set(COLOURS) - {"no result"})]
+    for each, word in zip(results, words, strict=True):
+        x, y = each.cell["K3"], each.cell["y"]
+        half = (across[1] - across[0]) / 2, (up[1] - up[0]) / 2
+        axes.fill(
+            x + half[0] * np.array([-1, 1, 1, -1]),
+            y + half[1] * np.array([-1, -1, 1, 1]),
+            facecolor=COLOURS.get(word, OTHER),
+            hatch=HATCHES.get(word),
+            edgecolor="0.5",
+            linewidth=0,
+        )
+    shown = [*kinds, *(["no result"] if "no result" in words else [])]
+    handles = [
+        Patch(
+            facecolor=COLOURS.get(kind, OTHER),
+            hatch=HATCHES.get(kind),
+            edgecolor="0.5",
+            label=kind,
+        )
+        for kind in shown
+    ]
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2,
+                frameon=False, fontsize=8)  # fmt: skip
+    axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
+
+
+def curves_of(plane: Plane) -> list[tuple[Array, Array, Array]]:
+    """For each of CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
+    across = np.linspace(-plane.K3, plane.K3, FINE)
+    up = np.linspace(plane.low, plane.high, FINE)
+    balls = [[plane.ball(K3, y) for K3 in across] for y in up]
+    return [
+        (across, up, np.array([[function(ball) for ball in row] for row in balls]))
+        for function, _, _ in CURVES.values()
+    ]
+
+
+def summary(planes: Sequence[Plane], found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
+    """A record for each map: how many cells have which portrait, and where the formulas fail."""
+    records = []
+    for plane in planes:
+        results = found[plane.name]
+        sound = [(each.cell, each.record) for each in results if each.record is not None]
+        counts = {
+            title: dict(Counter(property_of(record) for _, record in sound).most_common())
+            for title, property_of in PANELS.items()
+        }
+        wrong = sum(
+            not as_predicted(plane.ball(cell["K3"], cell["y"]), record) for cell, record in sound
+        )
+        records.append(
+            {
+                "map": plane.name,
+                "cells": len(results),
+                "failed": len(results) - len(sound),
+                "against_the_formulas": wrong,
+                "counts": counts,
+            }
+        )
+    return records
+
+
+def as_predicted(ball: Parameters, record: Mapping[str, Any]) -> bool:
+    """Whether the number of points is that of κ₁, κ₂ and the type of Γ₅ that of Proposition 2."""
+    expected = 2 + 4 * (abs(kappa(ball, 1)) < 1) + 4 * (abs(kappa(ball, 0)) < 1)
+    A1, A2, B = proposition_2(ball)
+    focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"
+    kind = "saddle" if A1 * A2 < 0 else focus
+    return len(record["points"]) == expected and record["points"]["Γ₅"] == kind
+
+
+def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
+    """Print the counts, and how the formulas did."""
+    for record in records:
+        table = Table(f"map {record['map']}: {record['cells']} cells", "cells", box=box.SIMPLE_HEAD)
+        for counts in record["counts"].values():
+            for words, count in counts.items():
+                table.add_row(words, str(count))
+            table.add_section()
+        print_whole(table, console)
+        console.print(
+            f"number of fixed points and type of Γ₅ against the formulas: "
+            f"{record['against_the_formulas']} cells differ; {record['failed']} without a result"
+        )

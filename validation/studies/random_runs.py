@@ -1,0 +1,369 @@
+"""Random scenes: balls of mass points within their shell, in both rolling models.
+
+Seeded random runs: extreme ones, each far out along a few axes, and ordinary ones.
+
+Are failures missed, and are alarms false? Two seeded sets of random runs.
+
+A run has failed where its path is over a tenth of its length off the equations', or where it broke
+off. It is reported where the precheck warned of it or the monitor found a fault.
+"""
+
+import logging
+import warnings
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from robotball import (
+    InputError,
+    Scene,
+    SceneWarning,
+    Settings,
+    catalog,
+    integrate,
+    load_scene,
+    preset,
+)
+from robotball.drives import Servo
+from robotball.engines.mujoco.limits import exceeded
+from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed, recipe
+from robotball.equations import Rolling
+from robotball.robot import Ball, Frame, Rotor, Shell
+from robotball.rotations import Array
+from robotball.scene import Start
+from validation.agreement import compare
+from validation.output import Show
+from validation.studies.atlas import WRONG
+from validation.studies.extremes import scaled, scaled_frame, scaled_rotor, scaled_shell
+
+SEED = 20190501
+
+
+def random_scene(number: int) -> Scene:
+    """A ball of mass points within its shell, 0 to 3 rotors, in axes that are not principal."""
+    rng = np.random.default_rng([SEED, number])
+    radius, mass = rng.uniform(0.5, 1.5), rng.uniform(0.3, 2.0)
+
+    def direction() -> Array:
+        v = rng.normal(size=3)
+        return v / np.linalg.norm(v)
+
+    shell_mass = mass * rng.uniform(0.05, 0.3)
+    # Of points on the sphere, gathered towards its axis or its equator.
+    axial = shell_mass * radius**2 * rng.uniform(0.4, 0.9)
+    transverse = shell_mass * radius**2 - axial / 2
+    shell = Shell(radius, shell_mass, axial, transverse, direction())
+    rotors = []
+    for _ in range(number % 4):
+        rotor_mass, size = mass * rng.uniform(0.02, 0.1), radius * rng.uniform(0.3, 0.8)
+        moment = rotor_mass * size**2
+        rotors.append(Rotor(rotor_mass, moment, moment * rng.uniform(0.5, 0.8), direction()))
+    points = rng.normal(size=(6, 3))
+    points *= radius * rng.uniform(0.4, 1.0, size=(6, 1)) / np.linalg.norm(points, axis=1)[:, None]
+    point_mass = (mass - shell_mass - sum(rotor.mass for rotor in rotors)) / 12
+    tensors = [2 * point_mass * (r @ r * np.eye(3) - np.outer(r, r)) for r in points]
+    frame = Frame(12 * point_mass, np.sum(tensors, axis=0))
+    ball = Ball(shell, frame, tuple(rotors))
+    rolling: Rolling = "rubber" if number % 2 else "classical"
+    # Rates of both signs such that |A K| and |Ω| stay below 4 rad/s.
+    weakest = float(np.linalg.eigvalsh(ball.inertia)[0] + ball.d)
+    spins = tuple(
+        rng.choice([-1, 1]) * rng.uniform(0.3, 1.0) * weakest / r.axial_inertia for r in rotors
+    )
+    attitude = Rotation.random(random_state=rng).as_quat(scalar_first=True)
+    momentum = direction() * weakest * rng.uniform(0.5, 2.5)
+    if rolling == "rubber":
+        momentum[2] = 0.0
+    return Scene(
+        name=f"ball {number}", title="", source="", ball=ball, rolling=rolling,
+        frame_rate=float(rng.choice([-1, 1]) * rng.uniform(0.3, 2.5)), rotor_rates=spins,
+        start=Start(attitude, momentum), duration=10.0,
+    )  # fmt: skip
+
+
+LONGEST = 100.0  # s
+STEPS, TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its fastest rotation
+MOST_STEPS = 4000
+SAMPLES = 100
+RECIPES = ("fast", "balanced", "accurate", "adaptive")
+EXTREME_AXES = 3  # at most, of one run
+
+
+@dataclass(frozen=True)
+class RandomRun:
+    """A scene, settings and sample times (n,) [s]; what was made extreme, for the eye."""
+
+    scene: Scene
+    settings: Settings
+    times: Array
+    axes: tuple[str, ...] = ()
+
+
+def ordinary(seed: int, number: int) -> RandomRun:
+    """A catalog ball with its rates, momentum and attitude varied, at one of the recipe presets."""
+    random = np.random.default_rng([seed, number, 0])
+    scene = _varied(_any_scene(random), random)
+    duration = float(random.uniform(1.0, 10.0))
+    settings = preset(str(random.choice(RECIPES)))
+    return RandomRun(scene, settings, np.linspace(0.0, duration, SAMPLES + 1))
+
+
+def extreme(seed: int, number: int) -> RandomRun:
+    """The naive or the recipe's settings on a varied ball, one to three axes far out."""
+    random = np.random.default_rng([seed, number, 1])
+    scene = _varied(_any_scene(random), random)
+    settings = random.choice(np.array([preset("naive"), recipe("recipe", 1e-2, timestep=5e-3)]))
+    settings = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
+    chosen = random.choice(list(AXES), random.integers(1, EXTREME_AXES + 1), replace=False)
+    for axis in chosen:
+        scene, settings = AXES[axis](scene, settings, random)
+    return RandomRun(
+        scene, settings, _short_times(scene, settings, random), tuple(map(str, chosen))
+    )
+
+
+def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) -> Array:
+    """Times that neither the engine nor the equations need long for."""
+    plan = PlannedRun(scene, settings, scene.duration)
+    timestep = plan.timestep if np.isfinite(plan.timestep) else 0.02
+    turns = TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
+    duration = min(max(min(turns, STEPS * timestep, LONGEST), 10 * timestep), LONGEST)
+    return np.linspace(0.0, duration, SAMPLES + 1)
+
+
+def _any_scene(random: np.random.Generator) -> Scene:
+    return balanced()[int(random.integers(len(balanced())))]
+
+
+@cache
+def balanced() -> list[Scene]:
+    """The catalog's balls that the small equations describe: what is changed keeps them so."""
+    with warnings.catch_warnings(action="ignore", category=SceneWarning):  # to be built by nobody
+        scenes = map(load_scene, catalog())
+        return [scene for scene in scenes if scene.not_reduced is None]
+
+
+def _varied(scene: Scene, random: np.random.Generator) -> Scene:
+    attitude = Rotation.random(random_state=random).as_quat(scalar_first=True)
+    momentum = scene.start.momentum * random.uniform(0.3, 1.5)
+    scene = replace(scene, start=Start(attitude, momentum))
+    return _faster(
+        _faster(scene, float(random.uniform(0.3, 1.3)), 0), float(random.uniform(0.3, 1.3)), 1
+    )
+
+
+def _faster(scene: Scene, factor: float, which: int) -> Scene:
+    """Rates times a factor: the frame's (0) or the rotors' (1), where they are numbers."""
+
+    def times(rate: Any) -> Any:
+        return rate * factor if isinstance(rate, float | int) else rate
+
+    if which == 0:
+        return replace(scene, frame_rate=times(scene.frame_rate))
+    return replace(scene, rotor_rates=tuple(map(times, scene.rotor_rates)))
+
+
+def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
+    """The same ball of so many times the mass and size, with M in the same proportion to it."""
+    return replace(scaled(scene, mass=mass, length=length), gravity=scene.gravity)
+
+
+def _heavier_part(scene: Scene, factor: float, part: str) -> Scene:
+    ball = scene.ball
+    if part == "shell":
+        heavier = replace(ball, shell=scaled_shell(ball.shell, factor))
+    elif part == "frame":
+        heavier = replace(ball, frame=scaled_frame(ball.frame, factor))
+    else:
+        rotors = tuple(scaled_rotor(rotor, factor) for rotor in ball.rotors)
+        heavier = replace(ball, rotors=rotors)
+    return replace(scene, ball=heavier)
+
+
+Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
+
+
+def _of_scene(low: float, high: float, change: Callable[[Scene, float], Scene]) -> Axis:
+    """An axis of the scene, from 10**low to 10**high."""
+    return lambda scene, settings, random: (
+        change(scene, float(10 ** random.uniform(low, high))), settings,
+    )  # fmt: skip
+
+
+def _of_settings(low: float, high: float, change: Callable[[float], dict[str, Any]]) -> Axis:
+    return lambda scene, settings, random: (
+        scene, replace(settings, **change(float(10 ** random.uniform(low, high)))),
+    )  # fmt: skip
+
+
+def _choice(*choices: dict[str, Any]) -> Axis:
+    return lambda scene, settings, random: (
+        scene, replace(settings, **choices[int(random.integers(len(choices)))]),
+    )  # fmt: skip
+
+
+def _start_times(scene: Scene, factor: float) -> Scene:
+    return replace(scene, start=replace(scene.start, momentum=scene.start.momentum * factor))
+
+
+AXES: dict[str, Axis] = {
+    "timestep": _of_settings(-4, 0, lambda v: {"timestep": v}),
+    "integrator": _choice(*({"integrator": name} for name in OWN)),
+    "adaptive": _of_settings(-13, -2, lambda v: {"integrator": ADAPTIVE, "rtol": v}),
+    "rotor speed": _of_scene(-2, 4, lambda scene, v: _faster(scene, v, 1)),
+    "frame speed": _of_scene(-2, 3, lambda scene, v: _faster(scene, v, 0)),
+    "momentum": _of_scene(-6, 4, _start_times),
+    "shell's mass": _of_scene(-6, 6, lambda scene, v: _heavier_part(scene, v, "shell")),
+    "frame's mass": _of_scene(-6, 6, lambda scene, v: _heavier_part(scene, v, "frame")),
+    "rotors' mass": _of_scene(-6, 6, lambda scene, v: _heavier_part(scene, v, "rotors")),
+    "mass": _of_scene(-9, 9, lambda scene, v: rescaled(scene, mass=v)),
+    "radius": _of_scene(-9, 9, lambda scene, v: rescaled(scene, length=v)),
+    "gravity": _of_scene(-9, 6, lambda scene, v: replace(scene, gravity=scene.gravity * v)),
+    "friction": _of_settings(-3, 6, lambda v: {"sliding_friction": v}),
+    "torsional friction": _of_settings(-3, 6, lambda v: {"torsional_friction": v}),
+    "both frictions": _of_settings(
+        -3, 6, lambda v: {"sliding_friction": v, "torsional_friction": v}
+    ),
+    "time constant": _of_settings(-4, 1, lambda v: {"solref": (v, 1.0)}),
+    "stiffness": _of_settings(-1, 8, lambda v: {"solref": (-v, -2 * float(np.sqrt(v)))}),
+    "friction damping": _of_settings(-3, 5, lambda v: {"solreffriction": (-1.0, -v)}),
+    "impedance": _of_settings(-6, -0.2, lambda v: {"solimp": (1 - v, 1 - v, 0.001, 0.5, 1.0)}),
+    "impratio": _of_settings(-3, 8, lambda v: {"impratio": v, "cone": "elliptic"}),
+    "servo": _of_settings(-3, 5, lambda v: {"drive": Servo(gain=v)}),
+    "armature": _of_settings(0, 18, lambda v: {"drive": Prescribed(armature=v)}),
+    "tolerance": _of_settings(-16, -2, lambda v: {"tolerance": v}),
+    "solver": _choice(*({"solver": name} for name in ("PGS", "CG", "Newton"))),
+    "cone": _choice({"cone": "elliptic"}, {"cone": "pyramidal"}),
+    "noslip": _choice({"noslip_iterations": 0}, {"noslip_iterations": 3}),
+    "rolling friction": _of_settings(-5, 0, lambda v: {"condim": 6, "rolling_friction": v}),
+    "condim": _choice({"condim": 3}, {"condim": 4}),
+    "root": _choice({"root": "frame"}),
+    "start": _choice({"start_in_equilibrium": False}),
+}
+
+
+REFERENCE_STEPS = 20_000  # of the equations; runs that need more are not judged
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What came of a run: its path error (None where it broke off) and what was said of it.
+
+    within: whether its errors are within its tolerance; warned: by the precheck; refused: why it
+    was not run, if it was not.
+    """
+
+    run: RandomRun
+    path_error: float | None
+    within: bool
+    warned: tuple[str, ...]
+    faults: tuple[str, ...]
+    refused: str = ""
+
+    @property
+    def reported(self) -> bool:
+        return bool(self.warned or self.faults or self.refused)
+
+    @property
+    def failed(self) -> bool:
+        return not self.refused and (self.path_error is None or not self.path_error <= WRONG)
+
+    @property
+    def missed(self) -> bool:
+        return self.failed and not self.reported
+
+    @property
+    def false_alarm(self) -> bool:
+        return self.reported and self.within
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What was missed among the extreme runs, and which alarms of ordinary ones were false."""
+
+    extreme: tuple[Judged, ...]
+    ordinary: tuple[Judged, ...]
+
+    @property
+    def missed(self) -> list[Judged]:
+        return [each for each in self.extreme if each.missed]
+
+    @property
+    def false_alarms(self) -> list[Judged]:
+        return [each for each in self.ordinary if each.false_alarm]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many of the extreme runs came to what."""
+        counts: Counter[str] = Counter()
+        for each in self.extreme:
+            counts["refused"] += bool(each.refused)
+            counts["failed"] += each.failed
+            counts["warned of before"] += each.failed and bool(each.warned)
+            counts["noticed during"] += each.failed and bool(each.faults)
+            counts["missed"] += each.missed
+        return dict(counts)
+
+    @property
+    def lines(self) -> list[str]:
+        """The result in words."""
+        counts = ", ".join(f"{name} {count}" for name, count in self.counts.items())
+        return [
+            f"{len(self.extreme)} extreme runs: {counts}",
+            *(f"missed: {_words(each)}" for each in self.missed),
+            f"{len(self.ordinary)} ordinary runs: {len(self.false_alarms)} false alarms",
+            *(f"false alarm: {_words(each)}" for each in self.false_alarms),
+        ]
+
+    def record(self) -> dict[str, Any]:
+        """The result as plain data."""
+        return {
+            "extreme": self.counts,
+            "missed": [_words(each) for each in self.missed],
+            "false_alarms": [_words(each) for each in self.false_alarms],
+        }
+
+
+def measure_detection(count: int, seed: int, show: Show | None = None) -> Detection:
+    """So many extreme runs and as many ordinary ones, judged."""
+    logging.getLogger("absl").setLevel(logging.ERROR)
+    show = show or (lambda done, what: None)
+    sets: list[tuple[Judged, ...]] = []
+    for done, (name, make) in enumerate((("extreme", extreme), ("ordinary", ordinary))):
+        judged_runs = []
+        for number in range(count):
+            show(done * count + number, f"{name} runs")
+            judged_runs.append(judged(make(seed, number)))
+        sets.append(tuple(judged_runs))
+    return Detection(*sets)
+
+
+def judged(run: RandomRun) -> Judged:
+    """A run by the engine and by the equations, and what was said of it."""
+    with warnings.catch_warnings(action="ignore"):
+        try:
+            theory = integrate(run.scene, run.times, max_steps=REFERENCE_STEPS)
+            warned = exceeded(run.scene, run.settings, run.times)
+            agreement = compare(run.scene, run.settings, theory=theory)
+        except InputError as error:
+            return Judged(run, None, False, (), (), str(error))
+    measured = (agreement.path_error, agreement.momentum_error)
+    return Judged(
+        run,
+        agreement.path_error,
+        all(value is not None and value <= run.settings.error_tolerance for value in measured),
+        tuple(map(str, warned)),
+        tuple(map(str, agreement.faults)),
+    )
+
+
+def _words(of: Judged) -> str:
+    said = "; ".join((*of.warned, *of.faults, of.refused)).strip("; ")
+    axes = ", ".join(of.run.axes)
+    return ", ".join(filter(None, (of.run.scene.name, of.run.settings.name, axes, said)))

@@ -1,5 +1,7 @@
 """robotball: a rolling ball run by contact engines and by the paper's equations, side by side."""
 
+import os
+
 import lazy_loader
 
 # What is named in __init__.pyi is loaded when it is first used.
@@ -10,8 +12,12 @@ def __getattr__(name: str) -> object:
     try:
         return _loaded(name)
     except (AttributeError, RuntimeError) as error:
-        from robotball.errors import InputError
-        from robotball.film.gl import advice, ended_import
+        # Python would take an AttributeError of MuJoCo's import to say that this module has no such
+        # name. Only where MUJOCO_GL names an OpenGL does that import fail so.
+        if os.environ.get("MUJOCO_GL"):
+            from robotball.errors import InputError
+            from robotball.film.gl import advice, ended_import
 
-        # Python would take an AttributeError to say that this module has no such name.
-        raise InputError(advice()) if ended_import(error) else error from None
+            if ended_import(error):
+                raise InputError(advice()) from None
+        raise error from None

@@ -23,7 +23,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -36,8 +36,10 @@ from robotball.errors import (
     check_size,
     warn,
 )
-from robotball.polynomials import Polynomials, polynomials_of
 from robotball.rotations import Array
+
+if TYPE_CHECKING:
+    from robotball.polynomials import Polynomials
 
 
 def key(meaning: str, unit: str = "") -> msgspec.Meta:
@@ -88,7 +90,7 @@ class Followed:
         return _each(self._angle, t)
 
     @cached_property
-    def polynomials(self) -> Polynomials:
+    def polynomials(self) -> "Polynomials":
         """What follows the function over the whole run.
 
         Raises InputError where the function jumps, or where a derivative or integral given for it
@@ -99,6 +101,8 @@ class Followed:
                 f"a drive's function can be followed to t = {LONGEST:g} s at most, not to "
                 f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
             )
+        from robotball.polynomials import polynomials_of
+
         inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
         found = polynomials_of(self._rate, [0.0, *inside, self.end])
         follows = found.off <= FOLLOWED * (1 + found.size)

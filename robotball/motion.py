@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,13 @@ from robotball import equations as eq
 from robotball.drives import turns
 from robotball.equations import as_vector
 from robotball.errors import InputError, unknown
-from robotball.notebook import Shown
 from robotball.robot import Value
 from robotball.room import let_go, room
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # What every engine's run is held to.
 DIVERGED = 1e10  # a state beyond it is none; MuJoCo's own limit (mjMAXVAL)
@@ -195,7 +197,7 @@ def _per_newton(load: Array, normal_force: Array) -> Array:
 
 
 @dataclass(frozen=True, repr=False)
-class Motion(Shown, Value):
+class Motion(Value):
     """A sampled motion of a scene's ball, with n times, h hinges (the frame's, then the rotors').
 
     scene                     what moved
@@ -220,6 +222,24 @@ class Motion(Shown, Value):
     hinge_angles: Array
     hinge_rates: Array
     loads: Loads
+
+    # The notebook's pictures are loaded when a motion is displayed; a run needs none of them.
+
+    def __repr__(self) -> str:
+        from robotball.notebook import motion_line
+
+        return motion_line(self)
+
+    def _repr_html_(self) -> str:
+        from robotball.notebook import motion_cell
+
+        return motion_cell(self)
+
+    def plot(self, *others: "Motion") -> "Figure":
+        """Draw its path and momentum, with those of other motions of its scene."""
+        from robotball.notebook import picture
+
+        return picture([self, *others])
 
     @property
     def gamma(self) -> Array:

@@ -77,18 +77,9 @@ def motion_line(motion: Any) -> str:
     return f"<{type(motion).__name__} of {motion.scene.name} by {by}: {line}>"
 
 
-class Shown:
-    """What a motion does in a notebook, and to be looked at."""
-
-    def __repr__(self) -> str:
-        return motion_line(self)
-
-    def _repr_html_(self) -> str:
-        return cell(motion_line(self), path_lines([self]))
-
-    def plot(self, *others: "Shown") -> "Figure":
-        """Its path and momentum, and those of other motions of its scene, as a picture."""
-        return picture([self, *others])
+def motion_cell(motion: Any) -> str:
+    """Return HTML of the motion's line and its path."""
+    return cell(motion_line(motion), path_lines([motion]))
 
 
 def path_lines(motions: Iterable[Any], names: Iterable[str] | None = None) -> list[Line]:

@@ -12,16 +12,18 @@ Scene: a ball, its drives, a rolling model and a start; all that an engine needs
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robotball.drives import Constant, Drive, Motor, Rate, Servo, as_drive, functions_of
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
-from robotball.mechanics import Robot, robot_of
-from robotball.notebook import scene_cell, scene_line
 from robotball.robot import ROUNDING, Ball, Value, imbalance
 from robotball.rotations import Array, from_matrix, normalised, rotation_matrix
+
+if TYPE_CHECKING:
+    from robotball.mechanics import Robot
 
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
 MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file (room.py), 120 in memory
@@ -322,9 +324,13 @@ class Scene(Value):
         object.__setattr__(self, "start", start)
 
     def __repr__(self) -> str:
+        from robotball.notebook import scene_line
+
         return scene_line(self)
 
     def _repr_html_(self) -> str:
+        from robotball.notebook import scene_cell
+
         return scene_cell(self)
 
     @cached_property
@@ -365,8 +371,11 @@ class Scene(Value):
         return hinges_of(self.ball, self.drives, self.motors, start)
 
     @cached_property
-    def robot(self) -> Robot:
-        """The numbers of the bodies and the armatures, for `robotball.mechanics`."""
+    def robot(self) -> "Robot":
+        """The bodies and the armatures as the numbers that `robotball.mechanics` takes."""
+        # Balanced scenes at given rates are integrated by (3.2) and (3.3), and need no mechanics.
+        from robotball.mechanics import robot_of
+
         armatures = tuple(motor.armature if motor else 0.0 for motor in self.motors)
         return robot_of(self.ball, armatures)
 

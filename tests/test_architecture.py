@@ -1,6 +1,7 @@
 """The architecture is as its plan says, and the tests of it catch what they forbid."""
 
 import ast
+import os
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -183,3 +184,44 @@ def test_help_imports_next_to_nothing() -> None:
     ours = {name for name in loaded if within(name, "robotball") or within(name, "validation")}
     commands = {name for name in ours if within(name, "validation.commands")}
     assert ours - commands == {*HELP_IMPORTS, "validation.cli"}
+
+
+def code_lines(file: Path) -> int:
+    """The lines that are not blank, a comment or a docstring."""
+    text = file.read_text()
+    strings = {
+        line
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    }
+    lines = enumerate(map(str.strip, text.splitlines()), start=1)
+    return sum(bool(line) and line[0] != "#" and i not in strings for i, line in lines)
+
+
+@pytest.mark.parametrize(
+    ("code", "most_files", "most_lines"),
+    [
+        # Measured 41 files and 6195 lines.
+        ("from validation import compare; compare('fig12')", 41, 6200),
+        # Measured 20 files and 2753 lines.
+        ("import robotball as rb; rb.integrate(rb.load_scene('fig12'))", 20, 2760),
+    ],
+)
+def test_a_run_loads_what_it_needs(code: str, most_files: int, most_lines: int) -> None:
+    """A fresh process loads a core that can be read in an evening; the rest loads when asked for.
+
+    The bounds are what is measured, rounded up: what is new behind a door does not count.
+    """
+    listed = "import sys; print(*sys.modules)"
+    environment = {name: value for name, value in os.environ.items() if name != "MUJOCO_GL"}
+    loaded = subprocess.check_output(
+        [sys.executable, "-c", f"{code}; {listed}"], text=True, env=environment
+    )
+    files = [MODULES[name] for name in loaded.split() if name in MODULES]
+    lines = sum(map(code_lines, files))
+    assert (len(files) <= most_files, lines <= most_lines) == (True, True), (
+        f"{len(files)} files with {lines} lines: " + ", ".join(sorted(file.stem for file in files))
+    )

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate, load_scene
 from robotball.dispatch import DEFAULT, request_of, run_request
@@ -19,11 +20,11 @@ from robotball.motion import (
     path_error,
     path_errors,
 )
-from robotball.notebook import cell, path_lines
 from robotball.robot import Value
 from robotball.rotations import Array
-from validation.output import scientific
-from validation.sensitivity import Sensitivity, sensitivity
+
+if TYPE_CHECKING:
+    from validation.sensitivity import Sensitivity
 
 LIMITED = 3.0  # times the reference's own error: a smaller path error tells no more of the engine
 
@@ -41,12 +42,16 @@ class Agreement(Value):
     engine: Engine | None = None
 
     def __repr__(self) -> str:
+        from validation.output import scientific
+
         errors = f"path error {scientific(self.path_error)}, "
         errors += f"momentum error {scientific(self.momentum_error)}"
         by = f"{self.motion.engine.name}, {self.settings.name}"
         return f"<Agreement of {self.scene.name} by {by}: {self.verdict}; {errors}>"
 
     def _repr_html_(self) -> str:
+        from robotball.notebook import cell, path_lines
+
         return cell(repr(self), path_lines([self.theory, self.motion]))
 
     @property
@@ -139,7 +144,7 @@ class Agreement(Value):
         return error is not None and own is not None and error < LIMITED * own
 
     @cached_property
-    def sensitivity(self) -> Sensitivity | None:
+    def sensitivity(self) -> "Sensitivity | None":
         """What the motion itself makes of small errors, where the path alone is off; else None.
 
         None too where it is not known. It takes a few short runs.
@@ -149,6 +154,8 @@ class Agreement(Value):
         lost = self.momentum_error is None or self.momentum_error > self.settings.error_tolerance
         if lost and self.scene.keeps_momentum:
             return None  # M is constant however sensitive the motion is: the engine lost it
+        from validation.sensitivity import sensitivity
+
         return sensitivity(self.engine, self.motion, self.theory)
 
     @property

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 from robotball.errors import InputError, check_positive
-from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
 from robotball.files.parts import Part, Solid, Z, composed, direction, mass_of, volume_of_wall
 from robotball.files.scene_tables import (
     Axial,
@@ -171,6 +170,8 @@ def _tensor(name: str, rows: Rows) -> Array:
 
 def _of_file(table: MjcfTable | UrdfTable, folder: Path) -> Solid:
     """The body of a file, laid where its table says."""
+    from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
+
     if isinstance(table, MjcfTable):
         solid = solid_of_mjcf(folder / table.file, table.body)
     else:

@@ -1,13 +1,13 @@
-"""MJCF files: our own parts, and a user's body.
+"""Read a body of a user's MJCF file or a link of a URDF file: mass, centre of mass and inertia.
 
-A link of a URDF file: its mass, its centre of mass and its inertia.
+MuJoCo compiles the MJCF file in a process of its own (mjcf_body.py), because a file of a few lines
+may take any amount of time and memory. URDF is read here, as only the links' inertials count.
 """
 
 import json
 import signal
 import subprocess
 import sys
-import warnings
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -20,39 +20,9 @@ from robotball.errors import InputError, unknown
 from robotball.files import mjcf_body
 from robotball.files.parts import Solid, composed
 from robotball.files.reading import contents
-from robotball.film.looks import PARTS
 from robotball.rotations import Array
 
-with warnings.catch_warnings(action="ignore"):
-    # Without a screen, dm_control's search for a window system warns; nothing here needs one.
-    from dm_control import mjcf
-
-PRECISION = 17  # digits that bring every double back
 WAIT = 20.0  # s, of a process that may be starved of its few seconds
-
-
-def part(name: str) -> Any:
-    """The hand-written part mjcf/`name`.xml as it is, in units of the ball's radius."""
-    return mjcf.from_path(str(PARTS / f"{name}.xml"))
-
-
-def text_of(root: Any) -> str:
-    """The MJCF text of a composed tree of parts without classes, under names of one word.
-
-    dm_control scopes names by `/`, as in shell/frame/rotor1/hinge, and itself reads no file that
-    has them. Parts have different names, so the last of them and the element's own say enough:
-    rotor1, rotor1_hinge.
-    """
-    tree = ElementTree.fromstring(root.to_xml_string(precision=PRECISION))
-    for element in tree.iter():
-        element.attrib.pop("class", None)
-        for attribute, value in element.items():
-            if "/" in value:
-                element.set(attribute, "_".join(filter(None, value.split("/")[-2:])))
-    for empty in tree.findall("default"):
-        tree.remove(empty)
-    ElementTree.indent(tree)
-    return ElementTree.tostring(tree, encoding="unicode") + "\n"
 
 
 def solid_of_mjcf(path: Path, name: str) -> Solid:

@@ -1,23 +1,18 @@
-"""What is wrong with a scene's TOML, in the words of its author: the key first, then what to do.
+"""Read scenes from TOML: the catalog in scenes/, and files of the user's own.
 
-The scenes that come with robotball: their names, and what heads their files.
-
-Scenes as TOML: the catalog in scenes/, and files of the user's own.
+msgspec decodes a file into the tables of `scene_tables`, which refuse unknown keys. `explained`
+puts its errors into the author's words, and is loaded when there is one.
 """
 
-import difflib
-import re
 import tomllib
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from msgspec import inspect
 
-from robotball.designing import Design, design
 from robotball.drives import Motor
 from robotball.errors import InputError, check_size, unknown, warn
 from robotball.files.bodies import read_frame, read_pendulum, read_rotor, read_shell
@@ -34,106 +29,8 @@ from robotball.files.scene_tables import (
 from robotball.robot import Ball, beyond_the_shell
 from robotball.scene import Friction, Scene
 
-WORDS = {
-    "float": "a number",
-    "int": "a whole number",
-    "str": "text",
-    "bool": "true or false",
-    "array": "a list",
-    "object": "a table",
-}
-# Other formats' words for a key, of which another key has more letters.
-MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
-MANY = ("rotor", "pendulum", "part")
-
-
-def explained(message: str) -> str:
-    """Msgspec's message with the key's path first, near matches and what is known."""
-    where = re.search(r" - at `\$\.?(.*)`$", message)
-    key, what = (where[1], message[: where.start()]) if where else ("", message)
-    told = _told(key, what)
-    return f"{key}: {told}" if key else told
-
-
-def counted(message: str) -> str:
-    """The message with all that is many counted as the bodies are: rotor1 is rotor[0]."""
-    many = rf"\b({'|'.join(MANY)})\[(\d+)\]"
-    return re.sub(many, lambda found: f"{found[1]}{int(found[2]) + 1}", message)
-
-
-def _told(key: str, what: str) -> str:
-    if unknown := re.search(r"unknown field `(.*)`", what):
-        word, known = unknown[1], known_keys(key)
-        meant = MEANT.get(word)
-        near = [meant] if meant in known else difflib.get_close_matches(word, known, n=1)
-        return f"unknown key {word!r}" + (f"; did you mean {near[0]!r}?" if near else "")
-    if missing := re.search(r"missing required field `(.*)`", what):
-        kinds = _listed(f"{key}.kind") if missing[1] == "kind" else ""
-        return f"key {missing[1]!r} is missing{kinds}"
-    if invalid := re.match(r"Invalid (?:enum )?value (.*)$", what):
-        return f"unknown value {invalid[1]}{_listed(key)}"
-    if expected := re.match(r"Expected (.*), got `?(\w+)`?$", what):
-        if key.split(".")[-1] in MANY and expected[2] == "object":
-            return f"a scene may have many; write [[{key}]] for each"
-        types, given = expected[1].replace(" | null", ""), expected[2]
-        types = re.sub(r"`array` of length (\d+)", r"a list of \1", types).replace(" | ", " or ")
-        types = re.sub(r"\w+", lambda word: WORDS.get(word[0], word[0]), types).replace("`", "")
-        return f"it must be {types}, not {WORDS.get(given, given)}"
-    return what
-
-
-def _listed(path: str) -> str:
-    known = ", ".join(dict.fromkeys(_values_at(path)))
-    return f"; it takes {known}" if known else ""
-
-
-def known_keys(path: str) -> list[str]:
-    """The keys of the table at a path such as `frame.part[0]`, of any of its kinds."""
-    return [field.name for table in tables_at(path) for field in table.fields]
-
-
-def tables_at(path: str) -> Iterator[inspect.StructType]:
-    """The tables that may stand at a path."""
-    words = [word for word in re.sub(r"\[.*?\]", "", path).split(".") if word]
-    found = [*tables_in(inspect.type_info(SceneTable))]
-    for word in words:
-        fields = [field for table in found for field in table.fields if field.name == word]
-        found = [table for field in fields for table in tables_in(field.type)]
-    yield from found
-
-
-def tables_in(kind: inspect.Type) -> Iterator[inspect.StructType]:
-    """The tables that a value of a type may be, or hold in a list."""
-    for each in _parts_of(kind):
-        if isinstance(each, inspect.StructType):
-            yield each
-
-
-def _values_at(path: str) -> Iterator[str]:
-    """The words that may stand at a path."""
-    above, _, name = path.rpartition(".")
-    for table in tables_at(above):
-        if name == table.tag_field:
-            yield str(table.tag)
-        for field in table.fields:
-            if field.name == re.sub(r"\[.*", "", name):
-                for kind in _parts_of(field.type):
-                    if isinstance(kind, inspect.LiteralType):
-                        yield from map(str, kind.values)
-
-
-def _parts_of(kind: inspect.Type) -> Iterator[inspect.Type]:
-    """A type without its notes, or the types of a union or of a list's items."""
-    if isinstance(kind, inspect.Metadata):
-        yield from _parts_of(kind.type)
-    elif isinstance(kind, inspect.UnionType):
-        for each in kind.types:
-            yield from _parts_of(each)
-    elif isinstance(kind, inspect.ListType | inspect.VarTupleType):
-        yield from _parts_of(kind.item_type)
-    else:
-        yield kind
-
+if TYPE_CHECKING:
+    from robotball.designing import Design
 
 CATALOG = Path(__file__).parent.parent / "scenes"
 
@@ -191,10 +88,13 @@ def read_scene(path: Path, text: bytes | str) -> Scene:
         table = msgspec.toml.decode(text, type=SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
         return _scene(path, table)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{path}: {counted(explained(str(error)))}") from None
-    except InputError as error:
-        raise InputError(f"{path}: {counted(str(error))}") from None
+    except (msgspec.ValidationError, InputError) as error:
+        from robotball.files.explained import counted, explained
+
+        ours = isinstance(error, InputError)
+        raise InputError(
+            f"{path}: {counted(str(error) if ours else explained(str(error)))}"
+        ) from None
     # ValueError: bytes that are no text, an integer of thousands of digits; RecursionError: as
     # many brackets.
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
@@ -281,8 +181,10 @@ def _down(v: Triple) -> Triple:
     return (x, y, z)
 
 
-def design_of(numbers: NumbersTable) -> Design:
+def design_of(numbers: NumbersTable) -> "Design":
     """The bodies for a [numbers] table; raises InputError where there are none."""
+    from robotball.designing import design
+
     size = {isinstance(row, tuple) for row in numbers.A}
     if len(numbers.A) != 3 or len(size) != 1:
         raise InputError("numbers.A takes a diagonal of three, or three rows of three")

@@ -33,9 +33,7 @@ from robotball.drives import (
 )
 from robotball.equations import Rolling
 from robotball.errors import InputError
-from robotball.files.columns import read_samples
 from robotball.files.parts import ORIGIN, UPRIGHT, Part, Quadruple, Triple
-from robotball.mechanics import momentum_at
 from robotball.robot import Ball
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import DOWN, GRAVITY, Scene, Start
@@ -176,6 +174,8 @@ def _command(told: Command, folder: Path) -> Rate:
     if told.file is not None:
         if told.times is not None or told.values is not None:
             raise InputError("samples take a file, or times and values, not both")
+        from robotball.files.columns import read_samples
+
         return read_samples(folder / told.file)
     if told.times is None or told.values is None:
         missing = "times" if told.times is None else "values"
@@ -261,6 +261,8 @@ def turning(scene: Scene, omega: Triple) -> Scene:
 
     Raises InputError where the shell would spin on the spot and the rolling model is rubber.
     """
+    from robotball.mechanics import momentum_at
+
     start, turned = scene.start, np.array(omega)
     angles = np.array([hinge.angle for hinge in scene.hinges])
     rates = np.array([hinge.rate for hinge in scene.hinges])

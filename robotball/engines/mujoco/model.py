@@ -30,12 +30,16 @@ from robotball import scene as hinges
 from robotball.drives import Drive, Free, Motor, PositionServo, Servo, turns
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings
 from robotball.errors import InputError
-from robotball.files.foreign_bodies import part, text_of
 from robotball.film.looks import BLUR, PARTS, Shape, add_materials, add_shapes, looks_of
 from robotball.robot import Ball
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
 from robotball.scene import Scene, Start
 
+with warnings.catch_warnings(action="ignore"):
+    # Without a screen, dm_control's search for a window system warns; nothing here needs one.
+    from dm_control import mjcf
+
+PRECISION = 17  # digits that bring every double back
 RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
 
 
@@ -280,6 +284,30 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tup
     _add_sensors(root, scene, settings, hinges)
     root.keyframe.add("key", name=START, **start_state(scene, settings, hinges))
     return root, pair
+
+
+def part(name: str) -> Any:
+    """The hand-written part mjcf/`name`.xml as it is, in units of the ball's radius."""
+    return mjcf.from_path(str(PARTS / f"{name}.xml"))
+
+
+def text_of(root: Any) -> str:
+    """The MJCF text of a composed tree of parts without classes, under names of one word.
+
+    dm_control scopes names by `/`, as in shell/frame/rotor1/hinge, and itself reads no file that
+    has them. Parts have different names, so the last of them and the element's own say enough:
+    rotor1, rotor1_hinge.
+    """
+    tree = ElementTree.fromstring(root.to_xml_string(precision=PRECISION))
+    for element in tree.iter():
+        element.attrib.pop("class", None)
+        for attribute, value in element.items():
+            if "/" in value:
+                element.set(attribute, "_".join(filter(None, value.split("/")[-2:])))
+    for empty in tree.findall("default"):
+        tree.remove(empty)
+    ElementTree.indent(tree)
+    return ElementTree.tostring(tree, encoding="unicode") + "\n"
 
 
 def _bare(name: str) -> Any:

@@ -11,7 +11,7 @@ import pytest
 from msgspec import inspect
 
 import robotball as rb
-from robotball.files.scene_file import tables_at, tables_in
+from robotball.files.explained import tables_at, tables_in
 from robotball.files.scene_page import page
 from robotball.files.scene_tables import SceneTable
 from tests.imports import PROJECT

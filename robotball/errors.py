@@ -1,4 +1,4 @@
-"""The one exception that a user's input can raise, and the one warning."""
+"""The one exception that a user's input can raise, the one warning, and checks that raise it."""
 
 import difflib
 import math
@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterable
 from numbers import Real
 
-# In SI units, beyond any ball; products of a few such numbers do not overflow.
+# In SI units, far beyond any ball, and small enough that products of a few do not overflow.
 LARGEST = 1e50
 MOST = 10_000_000  # of anything that is counted: more fill the memory
 LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
@@ -25,7 +25,7 @@ class InputError(ValueError):
 
 
 def _shortened(text: str, most: int) -> str:
-    """A text without its middle, where it is longer than `most` characters."""
+    """Return a text without its middle, where it is longer than `most` characters."""
     half = (most - 1) // 2
     return text if len(text) <= most else f"{text[:half]}…{text[-half:]}"
 
@@ -35,7 +35,7 @@ class SceneWarning(UserWarning):
 
 
 def warn(line: str) -> None:
-    """A SceneWarning that points at the line outside these packages that asked for the work."""
+    """Issue a SceneWarning at the line outside these packages that asked for the work."""
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in PACKAGES:
         frame, level = frame.f_back, level + 1
@@ -43,7 +43,7 @@ def warn(line: str) -> None:
 
 
 def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
-    """What to raise where nothing of its kind has this name: the near ones, or what there is."""
+    """Return the error for an unknown name, with near matches or else the known names."""
     near = difflib.get_close_matches(str(name), known := list(known))
     some = f"{len(known)}, as " if len(known) > FEW else ""
     all_ = f"there are {some}{', '.join(known[:FEW])}"
@@ -52,7 +52,7 @@ def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
 
 
 def too_many_steps(taken: int, reached: float, end: float, speed: float) -> InputError:
-    """What to raise where so many steps reach `reached` s of `end` s, turning at `speed` rad/s."""
+    """Return the error for a run that took its steps at `reached` s of `end`, at `speed` rad/s."""
     needed = f"some {taken * end / reached:.2g}" if reached > 0 else "endlessly many"
     return InputError(
         f"{taken} steps reach t = {reached:.4g} s of {end:g}: the ball turns at {speed:.3g} rad/s, "
@@ -61,7 +61,7 @@ def too_many_steps(taken: int, reached: float, end: float, speed: float) -> Inpu
 
 
 def is_number(value: object) -> bool:
-    """Whether it is one real number, of Python's or of NumPy's."""
+    """Return whether a value is one real number, of Python's or of NumPy's."""
     return isinstance(value, Real)
 
 
@@ -71,7 +71,7 @@ def _check_number(what: str, value: object) -> None:
 
 
 def check_positive(what: str, value: float, unit: str) -> None:
-    """Raises InputError unless `value` is positive and finite, and neither tiny nor huge."""
+    """Raise InputError unless `value` is positive and finite, and neither tiny nor huge."""
     _check_number(what, value)
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{what} must be positive and finite, not {value:g} {unit}")
@@ -82,13 +82,13 @@ def check_positive(what: str, value: float, unit: str) -> None:
 
 
 def check_not_negative(what: str, value: float, unit: str) -> None:
-    """Raises InputError unless `value` is zero, or what `check_positive` takes."""
+    """Raise InputError unless `value` is zero or passes `check_positive`."""
     if value != 0:
         check_positive(f"{what}, where it is not 0,", value, unit)
 
 
 def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST) -> None:
-    """Raises InputError unless `value` is finite and at most `largest` in size."""
+    """Raise InputError unless `value` is finite and at most `largest` in size."""
     _check_number(what, value)
     if not abs(value) <= largest:
         line = f"{what} must be finite and at most {largest:g} in size, not {value:g} {unit}"
@@ -96,7 +96,7 @@ def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST
 
 
 def check_count(name: str, value: int, least: int, most: int = MOST) -> int:
-    """`value`; raises InputError where it is below `least` or above `most`."""
+    """Return `value`. Raises InputError where it is below `least` or above `most`."""
     _check_number(name, value)
     if value < least:
         raise InputError(f"{name} must be at least {least}, not {value}")
@@ -106,5 +106,5 @@ def check_count(name: str, value: int, least: int, most: int = MOST) -> int:
 
 
 def check_seed(seed: int) -> int:
-    """`seed`; raises InputError where it can start no random numbers."""
+    """Return `seed`. Raises InputError where it can start no random numbers."""
     return check_count("seed", seed, 0, 2**63 - 1)

@@ -1,6 +1,6 @@
-"""Records with arrays in them, compared by what they hold.
+"""The ball's bodies, and the few numbers of them that the equations need (Appendix A).
 
-The ball's bodies and the few numbers of them that the equations know (Appendix A).
+`Value` comes first: records with arrays, which are equal where their numbers are.
 """
 
 import math
@@ -15,15 +15,15 @@ from robotball.rotations import Array
 
 
 class Value:
-    """A dataclass of this kind equals another of its type whose fields all have the same values.
+    """Base of dataclasses with arrays: equal to one of the same type with equal fields.
 
-    Arrays are the same where each number is, nan with nan; fields with compare=False do not count.
-    As any record with an array in it, it has no hash.
+    Arrays are equal number by number, NaN to NaN; fields with compare=False do not count. Such a
+    record has no hash, because arrays have none.
     """
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        # In the class itself, so that its dataclass makes no other.
+        # Set on the class itself: a dataclass writes its own __eq__ over one that is inherited.
         cls.__eq__ = _equal  # type: ignore[method-assign]
 
 
@@ -38,7 +38,7 @@ def _equal(one: Any, other: Any) -> Any:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two values are equal; arrays, and those in tuples, number by number."""
+    """Return whether two values are equal; arrays, also in tuples, are compared by number."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         if np.shape(one) != np.shape(other):
             return False
@@ -48,27 +48,28 @@ def same(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(same, one, other))
     try:
         return bool(one == other)
-    except ValueError:  # of a user's own record with an array in it
+    except ValueError:  # a user's own record with an array has no single truth value
         return one is other
 
 
-# How far, relative to its largest part, an inertia may miss a condition by rounding alone.
+# The largest error by which an inertia may miss a condition, relative to its largest part: a tensor
+# that was computed has some roundings of 1e-16, a wrong one misses by far more.
 ROUNDING = 1e-12
 LARGEST_MOMENT = LARGEST**3  # kg m²; the least is as far below 1
 
 
 def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
-    """The inertia tensor (3, 3) of a body with a symmetry axis (3,) [kg m²]."""
+    """Return the inertia tensor (3, 3) of a body with a symmetry axis (3,) [kg m²]."""
     return transverse * np.eye(3) + (axial - transverse) * np.outer(axis, axis)
 
 
 def thin_shell_inertia(radius: float, mass: float) -> float:
-    """2/3 m a², the inertia of a spherical shell of no thickness about any diameter [kg m²]."""
+    """Return 2/3 m a², a shell of no thickness about any diameter [kg m²]."""
     return 2 / 3 * mass * radius * radius
 
 
 def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
-    """2/5 m (a⁵ - b⁵)/(a³ - b³) of a homogeneous shell between b = a - thickness and a [kg m²].
+    """Return 2/5 m (a⁵ - b⁵)/(a³ - b³), a homogeneous shell from b = a - thickness to a [kg m²].
 
     Raises InputError unless 0 < thickness <= radius.
     """
@@ -78,7 +79,7 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
             f"{thickness:g} m"
         )
     b = 1 - thickness / radius
-    # (1 - b⁵)/(1 - b³) without the 1 - b that both have.
+    # (1 - b⁵)/(1 - b³) divided by 1 - b, which cancels to nothing for a thin shell.
     ratio = (1 + b + b**2 + b**3 + b**4) / (1 + b + b**2)
     return 2 / 5 * mass * radius * radius * ratio
 
@@ -87,8 +88,8 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
 class Shell(Value):
     """The sphere that rolls: symmetric about `axis` (3,), about which the frame turns in it.
 
-    SI units; `axis` is a unit vector in frame axes. offset [m]: how far along it the shell's
-    centre of mass is from its centre, σ; the moments are about the centre of mass.
+    SI units; `axis` is a unit vector in frame axes. offset [m]: σ, the centre of mass along the
+    axis, from the sphere's centre. The moments are about the centre of mass.
     """
 
     radius: float
@@ -110,9 +111,9 @@ class Shell(Value):
 
 @dataclass(frozen=True)
 class Frame(Value):
-    """What turns inside the shell and carries the rotors.
+    """The body that turns inside the shell and carries the rotors and pendulums.
 
-    mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
+    mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, of mass, from the
     shell's.
     """
 
@@ -125,7 +126,7 @@ class Frame(Value):
 class Rotor(Value):
     """A symmetric body turning on the frame about its own axis (3,), a unit vector.
 
-    Its moments are about its own centre of mass; centre (3,) m, that centre from the shell's.
+    Its moments are about its own centre of mass; centre (3,) m, of mass, from the shell's.
     """
 
     mass: float
@@ -163,7 +164,7 @@ class Ball(Value):
     """Shell, frame, rotors and pendulums, in the frame's own axes, not always principal axes.
 
     The reduced equations need it balanced, its centre of mass at the centre of the sphere, and
-    without pendulums. What moves with a pendulum is told at the hinges' angle 0.
+    without pendulums. Numbers that change with a pendulum's angle are those at angle 0.
     """
 
     shell: Shell
@@ -184,12 +185,13 @@ class Ball(Value):
             if isinstance(body, Rotor):
                 _check_no_flatter_than_a_disk(name, body)
             check_inertia(name, body.inertia)
-        # Of a needle in turned axes the least moment may be lost to rounding.
+        # The sum may fail where the bodies pass: in turned axes a needle's least moment is lost to
+        # rounding.
         check_inertia("the ball", self.inertia)
 
     @property
     def named_bodies(self) -> tuple[tuple[str, Body], ...]:
-        """(name, body): shell, frame, rotors, pendulums; the names are those of every engine."""
+        """(name, body) of the shell, frame, rotors and pendulums, by the names that engines use."""
         own = (("shell", self.shell), ("frame", self.frame))
         return (*own, *self.named_rotors, *self.named_pendulums)
 
@@ -216,12 +218,12 @@ class Ball(Value):
 
     @cached_property
     def inertia(self) -> Array:
-        """The whole ball's inertia (3, 3) about its centre, frame axes [kg m²]."""
+        """The whole ball's inertia (3, 3) about the sphere's centre, frame axes [kg m²]."""
         return np.array([_about_the_shells(body) for _, body in self.named_bodies]).sum(axis=0)
 
     @cached_property
     def centre_of_mass(self) -> Array:
-        """(3,) m, from the centre of the sphere."""
+        """The centre of mass (3,) from the centre of the sphere, frame axes [m]."""
         return (
             np.array([body.mass * body.centre for _, body in self.named_bodies]).sum(axis=0)
             / self.mass
@@ -231,7 +233,8 @@ class Ball(Value):
     def principal(self) -> tuple[Array, Array]:
         """Principal moments I (3,) and axes, the columns of a rotation (3, 3), frame axes.
 
-        Axes that are principal already are kept as they are, in their own order.
+        Axes that are principal already are kept, in their own order, as users expect of a diagonal
+        inertia; eigh would sort them.
         """
         moments = np.diag(self.inertia)
         if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
@@ -255,7 +258,7 @@ class Ball(Value):
 
 
 def imbalance(ball: Ball) -> str | None:
-    """One line where the centre of mass is not at the centre of the sphere, else None."""
+    """Return one line where the centre of mass is off the sphere's centre, else None."""
     offset = float(np.linalg.norm(ball.centre_of_mass))
     if offset <= ROUNDING * ball.radius:
         return None
@@ -263,10 +266,10 @@ def imbalance(ball: Ball) -> str | None:
 
 
 def beyond_the_shell(ball: Ball) -> list[str]:
-    """Which bodies need mass outside the sphere, a line each: no workshop can build them.
+    """Return a line for each body that needs mass outside the sphere, as no workshop can build it.
 
-    tr(I)/2 = Σ m r² about the centre of the sphere is at most m a² for mass within the radius a;
-    of a pendulum at every angle.
+    For mass within the radius a, tr(I)/2 = Σ m r² about the centre of the sphere is at most m a².
+    A pendulum is judged at its worst angle.
     """
     lines = []
     for name, body in ball.named_bodies:
@@ -281,7 +284,7 @@ def beyond_the_shell(ball: Ball) -> list[str]:
 
 
 def _furthest(body: Body) -> float:
-    """How far its centre of mass is from the sphere's, at a pendulum's worst angle [m]."""
+    """Return how far the centre of mass may get from the sphere's centre, at any angle [m]."""
     if not isinstance(body, Pendulum):
         return float(np.linalg.norm(body.centre))
     n, arm = body.axis, body.centre - body.pivot
@@ -291,13 +294,13 @@ def _furthest(body: Body) -> float:
 
 
 def _about_the_shells(body: Body) -> Array:
-    """The body's inertia (3, 3) about the centre of the sphere, by Steiner's theorem."""
+    """Return the body's inertia (3, 3) about the centre of the sphere, by Steiner's theorem."""
     r = body.centre
     return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
 def check_inertia(name: str, inertia: Array) -> None:
-    """Raises InputError unless the tensor (3, 3) is one that a rigid body can have."""
+    """Raise InputError unless a rigid body can have this tensor (3, 3)."""
     _check_entries(name, inertia)
     if np.abs(inertia - inertia.T).max() > ROUNDING * np.abs(inertia).max():
         raise InputError(f"{name}'s inertia is not symmetric: {inertia.tolist()}")

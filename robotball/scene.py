@@ -1,12 +1,7 @@
-"""The times at which a motion is sampled.
+"""Scene: a ball, its drives, a rolling model, a plane and a start; all that an engine needs.
 
-What the plane does to the shell besides carrying it, where a scene says so.
-
-Where a motion starts: the attitude and the momentum, from the forms the paper uses.
-
-The hinges of a scene: where they are, what is commanded, how each is moved.
-
-Scene: a ball, its drives, a rolling model and a start; all that an engine needs.
+A scene is checked and made exact when it is made, so that every engine starts from one state.
+In order: sample times, friction of the plane, starts in the forms of the paper, hinges, Scene.
 """
 
 import math
@@ -30,7 +25,7 @@ MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file (room.py), 120 
 
 
 def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
-    """Equal times (n,) from 0 to `duration`, at most `interval` apart [s].
+    """Return equal times (n,) from 0 to `duration`, at most `interval` apart [s].
 
     Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
     """
@@ -45,7 +40,7 @@ def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
 
 
 def check_times(times: Array) -> Array:
-    """`times` (n,) as floats; raises InputError unless finite, increasing and starting at 0."""
+    """Return times (n,) as floats. Raises InputError unless finite, increasing and from 0."""
     times = np.asarray(times, dtype=float)
     if times.ndim != 1 or len(times) < 2:
         raise InputError(f"times must be a list of at least two, not of shape {times.shape}")
@@ -59,6 +54,28 @@ def check_times(times: Array) -> Array:
         i = int(late[0])
         raise InputError(f"times must increase: {times[i + 1]:g} follows {times[i]:g}")
     return times
+
+
+def spans(
+    times: Array, breakpoints: tuple[float, ...], timestep: float
+) -> tuple[Array, Array, Array]:
+    """Cut a run into equal steps that end on its times and on the drives' breakpoints [s].
+
+    Returns the ends (m, 2) between two of these, with the lengths (m,) and the counts (m,) of the
+    fewest steps that are not longer than `timestep`.
+    """
+    inside = [t for t in breakpoints if t < times[-1]]
+    stops = np.union1d(times, inside) if inside else times
+    ends = np.stack([stops[:-1], stops[1:]], axis=1)
+    lengths = np.diff(stops)
+    counts = np.ceil(lengths / timestep * (1 - 1e-9))
+    return ends, np.minimum(lengths / counts, timestep), counts
+
+
+def step_count(times: Array, breakpoints: tuple[float, ...], timestep: float) -> float:
+    """Count the steps of `spans`."""
+    with np.errstate(over="ignore"):
+        return float(spans(times, breakpoints, timestep)[2].sum())
 
 
 @dataclass(frozen=True)
@@ -82,10 +99,10 @@ class Friction:
         check_not_negative("the rolling friction", self.rolling, "m")
 
 
-# How far a given unit vector, right angle or horizontal momentum may be off: a caption's six
-# digits pass, a wrong number does not. What passes is then made exact.
+# The largest error of a given unit vector, right angle or horizontal momentum. The six digits of a
+# figure's caption pass and a wrong number does not. A value that passes is then made exact.
 CAPTION = 1e-5
-# How far a momentum may be off by rounding alone, relative to the terms that it is the sum of.
+# The largest rounding error of a momentum, relative to the terms whose sum it is.
 START_ROUNDING = 1e-12
 
 
@@ -94,8 +111,8 @@ class Start(Value):
     """The attitude (4,), frame to world, and the momentum M (3,) in world axes [kg m²/s].
 
     hinge_angles, hinge_rates (h,): of every hinge, in the order of `Scene.hinges` [rad, rad/s];
-    None is 0 for the angles, and for the rates what is commanded, or 0 where no rate is. The rate
-    of a hinge that keeps the commanded one is not asked for here.
+    None is 0 for the angles; for the rates it is the commanded rate, or 0 where the command is not
+    a rate. The rate of a hinge without a motor is always the commanded one.
     """
 
     attitude: Array
@@ -105,7 +122,7 @@ class Start(Value):
 
 
 def section_state(L: float, l: float, g: float, f: float, c: float = 0.0) -> tuple[Array, Array]:
-    """γ (3,) and M (3,) in principal axes of the section coordinates (5.5).
+    """Return γ (3,) and M (3,), in principal axes, at section coordinates (5.5).
 
     L [kg m²/s] and l [rad] place M, whose square is f [(kg m²/s)²]; g [rad] turns γ about it;
     c = (M, γ) [kg m²/s]. Raises InputError unless f > 0, L² <= f and c² < f.
@@ -126,7 +143,7 @@ def section_state(L: float, l: float, g: float, f: float, c: float = 0.0) -> tup
 
 
 def along_momentum(gamma: Array, M: Array) -> Start:
-    """The start whose world axes are those of section 3.3: OX against the horizontal part of M.
+    """Return the start in the world axes of section 3.3: OX is against the horizontal part of M.
 
     α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²), with gamma (3,) a unit vector and M (3,), both in
     frame axes. Raises InputError where M is vertical or zero, for then α and β must be given.
@@ -142,7 +159,7 @@ def along_momentum(gamma: Array, M: Array) -> Start:
 
 
 def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
-    """The quaternion (4,) of γ (3,) and α (3,): Z and X of space, unit vectors in frame axes.
+    """Return the quaternion (4,) of γ (3,) and α (3,): space's Z and X, unit vectors in frame axes.
 
     Raises InputError unless they are orthogonal.
     """
@@ -155,7 +172,7 @@ def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
 
 
 def unit(name: str, v: Array) -> Array:
-    """`v` (n,) at length one exactly; raises InputError if it is not a unit vector already."""
+    """Return `v` (n,) at length one exactly. Raises InputError if it is not a unit vector."""
     length = math.hypot(*v.tolist())  # overflows nowhere
     if not abs(length - 1) <= CAPTION:
         raise InputError(f"{name} is not of unit length: |{name}| = {length:.6g}")
@@ -163,9 +180,9 @@ def unit(name: str, v: Array) -> Array:
 
 
 def horizontal(M: Array, scale: float) -> Array:
-    """A rubber start's M (3,), world axes, without its vertical part, which (3.1) makes zero.
+    """Return M (3,) in world axes without its vertical part, which (3.1) makes zero in rubber.
 
-    scale: the size of the terms whose sum M is; where they cancel, M is their rounding [kg m²/s].
+    scale: the size of the terms whose sum M is [kg m²/s]; where they cancel, M is their rounding.
     Raises InputError where the vertical part is more than a caption's rounding.
     """
     size, vertical = math.hypot(*M.tolist()), float(M[2])
@@ -194,7 +211,7 @@ class Hinge:
     name    of the body that turns: frame, rotor1, …, pendulum1, …
     axis    (3,) unit vector, frame axes
     pivot   (3,) m, a point of the axis from the sphere's centre
-    command what the motor is told, a function of time: `rate(t)` is its value, whatever its unit
+    command of the motor, a function of time: `rate(t)` is its value, in the motor's own unit
     motor   None: the hinge keeps the commanded rate exactly
     angle   rad at the start
     rate    rad/s at the start
@@ -212,7 +229,7 @@ class Hinge:
 def hinges_of(
     ball: Ball, drives: tuple[Drive, ...], motors: tuple[Motor | None, ...], start: Start
 ) -> tuple[Hinge, ...]:
-    """A ball's hinges, the frame's, then the rotors', then the pendulums'; no motors are none."""
+    """Return a ball's hinges: the frame's, the rotors', the pendulums'. () is no motor at all."""
     angles, rates = start.hinge_angles, start.hinge_rates
     named = [("frame", ball.shell.axis, np.zeros(3))]
     named += [(name, body.axis, body.centre) for name, body in ball.named_rotors]
@@ -232,9 +249,10 @@ def hinges_of(
 def with_hinges_checked(
     start: Start, drives: tuple[Drive, ...], motors: tuple[Motor | None, ...]
 ) -> Start:
-    """The start with angles None where all are 0, and of rates kept exactly those commanded.
+    """Return the start with one form for equal states, as states are compared by their fields.
 
-    Raises InputError for angles or rates that are not one for each hinge, or not finite.
+    Angles that are all 0 become None; the rates of hinges without motors become the commanded
+    ones. Raises InputError for angles or rates that are not one for each hinge, or not finite.
     """
     angles, rates = start.hinge_angles, start.hinge_rates
     for name, values, unit in (("angles", angles, "rad"), ("rates", rates, "rad/s")):
@@ -258,7 +276,7 @@ def with_hinges_checked(
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
-SMALL = 0.3  # of |K| + d|Ω|: M below it is not what turns the ball
+SMALL = 0.3  # of |K| + d|Ω|: where M is below it, K and dΩ turn the ball rather than M
 
 
 @dataclass(frozen=True, repr=False)
@@ -269,11 +287,11 @@ class Scene(Value):
     shell's axis and relative to the shell, the others' relative to the frame: numbers, drives, or
     functions of time. motors, in the same order, say how a hinge is moved. One without a motor
     keeps the commanded rate [rad/s] exactly; to a motor the command is what it takes, a rate, an
-    angle [rad] or a torque [N m]. No motors at all is none on any hinge.
+    angle [rad] or a torque [N m]. An empty tuple is no motor on any hinge.
 
-    gravity_direction (3,): which way things fall, in world axes, whose Z is the plane's normal; an
-    inclined plane has a horizontal part. friction: of the plane. A start that is on the rolling
-    model but for rounding is put there: its attitude is a unit quaternion, a rubber M horizontal.
+    gravity_direction (3,): of the fall, in world axes, whose Z is the plane's normal; an inclined
+    plane has a horizontal part. friction: of the plane. A start that misses the rolling model by
+    rounding is put on it: its attitude becomes a unit quaternion, a rubber M horizontal.
     """
 
     name: str
@@ -318,7 +336,7 @@ class Scene(Value):
         attitude, momentum = unit("attitude", self.start.attitude), self.start.momentum
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
-        # Every engine starts from what is made exact here.
+        # Made exact once, here: engines that each normalise it would start from different states.
         start = with_hinges_checked(self.start, self.drives, self.motors)
         start = replace(start, attitude=attitude, momentum=momentum)
         object.__setattr__(self, "start", start)
@@ -335,7 +353,7 @@ class Scene(Value):
 
     @cached_property
     def times(self) -> Array:
-        """The scene's own sample times (n,), from 0 to its duration [s]."""
+        """The sample times (n,) that are taken where none are given, from 0 to the duration [s]."""
         return sample_times(self.duration)
 
     @cached_property
@@ -367,7 +385,7 @@ class Scene(Value):
         return self.hinges_at(self.start)
 
     def hinges_at(self, start: Start) -> tuple[Hinge, ...]:
-        """The same hinges as they are at another start."""
+        """Return the hinges as they are at another start."""
         return hinges_of(self.ball, self.drives, self.motors, start)
 
     @cached_property
@@ -386,7 +404,7 @@ class Scene(Value):
 
     @cached_property
     def not_reduced(self) -> str | None:
-        """Why (3.2) and (3.3) do not describe the scene, in a line; None where they do."""
+        """One line: why (3.2) and (3.3) do not describe the scene; None where they do."""
         if offset := imbalance(self.ball):
             return offset
         if self.ball.pendulums:
@@ -409,7 +427,7 @@ class Scene(Value):
 
     @cached_property
     def load_varies(self) -> bool:
-        """Whether the plane's load may change: where the centre of mass is not the sphere's."""
+        """Whether the normal force may change: the centre of mass is or comes off the sphere's."""
         pivots = [body.pivot - body.centre for body in self.ball.pendulums]
         swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
         far = ROUNDING * self.ball.radius
@@ -422,7 +440,7 @@ class Scene(Value):
         return upright and not self.load_varies and not self.friction.rolling
 
     def until(self, end: float) -> "Scene":
-        """The scene of a run that ends at `end` [s]: its drives are asked from 0 to there.
+        """Return the scene of a run that ends at `end` [s]; its drives cover 0 to `end`.
 
         Raises InputError where a drive given by a function jumps on the way.
         """
@@ -431,12 +449,12 @@ class Scene(Value):
         scene = replace(self, duration=end)
         for drive in scene.drives:
             for function in functions_of(drive):
-                assert function.polynomials  # refused here, if at all
+                assert function.polynomials  # raises before the run, not in its midst
         return scene
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
-        """Times after 0 at which some drive is not smooth [s]."""
+        """Times after 0 at which a drive is not smooth [s]."""
         return tuple(sorted({t for drive in self.drives for t in drive.breakpoints if t > 0}))
 
     @cached_property
@@ -445,7 +463,7 @@ class Scene(Value):
         return all(isinstance(drive, Constant) for drive in self.drives)
 
     def parameters_at(self, t: float) -> Parameters:
-        """The numbers of the equations at time t [s], in principal axes."""
+        """Return the numbers of the equations at time t [s], in principal axes."""
         rates = [float(drive.rate(t)) for drive in self.drives]
         return parameters_of(self.ball, self.rolling, rates)
 
@@ -459,11 +477,11 @@ class Scene(Value):
 
     @cached_property
     def momentum_scale(self) -> float:
-        """What errors of M are measured by [kg m²/s]: |M| of the start, where that is not small.
+        """The unit of relative errors of M [kg m²/s]: |M| of the start, where that is not small.
 
-        A ball that starts from rest has M = 0 or rounding: K and dΩ turn it then, and where these
-        are zero as well, it is the M of a ball that falls as far as its radius. So the scale goes
-        with the masses, whatever their unit.
+        A ball that starts from rest has M = 0 or rounding. Then K and dΩ turn it and set the
+        scale; where these are zero as well, it is the M of a ball that falls by its radius. So
+        the scale is proportional to the masses, whatever their unit.
         """
         start = math.hypot(*self.start.momentum.tolist())
         falling = self.ball.d * float(np.sqrt(self.gravity / self.ball.radius))
@@ -475,7 +493,7 @@ class Scene(Value):
         return max(start, SMALL * turned) or falling
 
     def angular_velocity_at(self, start: Start) -> Array:
-        """ω (3,) in frame axes of this ball at any start [rad/s]."""
+        """Return ω (3,) of the frame, in frame axes, at any start of this ball [rad/s]."""
         to_frame = rotation_matrix(start.attitude).T
         if self.not_reduced:
             hinges = self.hinges_at(start)

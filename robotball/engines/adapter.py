@@ -28,7 +28,6 @@ import numpy as np
 from robotball.engine import Engine, Progress, Request, as_own
 from robotball.engines.dop853 import Compensated
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
-from robotball.engines.spans import spans
 from robotball.errors import InputError, warn
 from robotball.motion import (
     DIVERGED,
@@ -43,7 +42,7 @@ from robotball.motion import (
     Loads,
 )
 from robotball.rotations import Array, Mask
-from robotball.scene import Scene
+from robotball.scene import Scene, spans
 
 IDLE_STEPS = 200  # of Python's part that are timed
 

@@ -1,4 +1,8 @@
-"""scipy's DOP853, its state summed so that rounding does not grow with the number of steps."""
+"""DOP853 of scipy with compensated summation of the state.
+
+Steps of the least tolerance err by less than rounding does when they are added. Kahan's summation
+keeps that rounding from growing with the number of steps.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -9,8 +13,8 @@ from scipy.integrate import DOP853
 from robotball.rotations import Array
 
 Rate = Callable[[float, Array], Array]
-LEAST_RTOL = 1e-15  # of one step, relative; below it no step is better
-OF_DISPLACEMENT = 100 * float(np.finfo(float).eps)  # the least that scipy takes without a word
+LEAST_RTOL = 1e-15  # of one step, relative; a smaller one only makes more steps
+OF_DISPLACEMENT = 100 * float(np.finfo(float).eps)  # the least that scipy takes without a warning
 
 
 class Compensated:
@@ -18,8 +22,8 @@ class Compensated:
 
     rate(t, state) is its derivative. A step's error in each number is held to rtol times its
     scale (n,) and its size; max_step is the longest step. DOP853 integrates the displacement from
-    a base. Before every step the base takes it over, but for what rounding cuts off the sum, which
-    is where the next displacement begins (Kahan).
+    a base. Before every step it is added to the base, and the next displacement begins at the part
+    that rounding cut off the sum (Kahan).
     """
 
     def __init__(
@@ -51,26 +55,26 @@ class Compensated:
 
     @property
     def running(self) -> bool:
-        """Whether the end of the span is still to come."""
+        """Whether the end of the span is not reached yet."""
         return self._solver.status == "running"
 
     @property
     def state(self) -> Array:
-        """(n,) at time `t`."""
+        """The state (n,) at time `t`."""
         return self._base + self._solver.y
 
     @property
     def derivative(self) -> Array:
-        """(n,) of the state at time `t`."""
+        """The derivative (n,) of the state at time `t`."""
         return np.array(self._solver.f)
 
     @property
     def _tolerance(self) -> Array:
-        """(n,): what a displacement may be off by."""
+        """The absolute error (n,) that a step may make."""
         return self._rtol * (self._scale + np.abs(self._base))
 
     def step(self) -> str | None:
-        """Take one; returns why it could not be taken, if so."""
+        """Take a step. Returns scipy's message where that fails, else None."""
         displacement, before = self._solver.y, self._base
         self._base = before + displacement
         displacement += before - self._base
@@ -79,7 +83,7 @@ class Compensated:
         return message
 
     def within(self, times: Array) -> Array:
-        """States (m, n) at times (m,) in the last step."""
+        """Return states (m, n) at times (m,) in the last step."""
         if self._inside is None:
             self._inside = self._solver.dense_output()  # takes three more evaluations
         displacements: Array = self._inside(times).T

@@ -1,6 +1,7 @@
-"""The paper's reduced equations: Scene → Motion, and many motions at once by compiled steps.
+"""Scene → Motion by the paper's reduced equations (3.2) and (3.3), integrated to round-off.
 
-Scene → Motion by the paper's equations: one rotation, integrated to round-off.
+M is constant in space, so one rotation is integrated, with the contact point as its quadrature.
+Short motions take scipy's DOP853, long ones at steady rates the compiled steps of ensembles/.
 """
 
 import math
@@ -20,19 +21,19 @@ from robotball.scene import Scene
 LABEL = Label("equations", version("robotball"), "#D55E00")  # vermillion of Okabe and Ito's set
 
 
-# Longer motions at steady rates, in rad by the bound on |ω|, are left to the compiled step, which
-# takes a hundredth of the time: so much takes some seconds here.
+# In rad, by the bound on |ω|. A motion of this length takes seconds here; the compiled step takes a
+# hundredth of that, but its code has to be loaded first.
 LONG = 1e4
-# What takes one to three minutes: at the usual rates a day here, and a month by compiled steps.
+# Steps that take one to three minutes: at usual rates a day by DOP853, a month by compiled steps.
 MAX_STEPS, MAX_COMPILED_STEPS = 1_000_000, 100_000_000
-ASTRAY = 1e100  # a step that tries a quaternion so long leads nowhere, and its square to infinity
-COARSER = 4.0  # times the error of a step, of the motion by which its own error is estimated
+ASTRAY = 1e100  # a trial step to a quaternion this long has failed; its square would overflow
+COARSER = 4.0  # times the tolerance, for the second motion by which the error is estimated
 
 
 def integrate(
     scene: Scene, times: Array, rtol: float = LEAST_RTOL, max_steps: int | None = None
 ) -> ReferenceMotion:
-    """The motion of the ball by (3.2) or (3.3), with an estimate of its own error.
+    """Integrate the ball's motion by (3.2) or (3.3), with an estimate of its error.
 
     M is constant in space, so the state is one unit quaternion q and the contact point:
     dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; rtol: the error allowed in
@@ -49,7 +50,10 @@ def integrate(
 
 
 def motion_of(scene: Scene, times: Array, states: Array) -> Motion:
-    """The motion of states (n, 6) = (q, X, Y), q from principal axes to world, of any length."""
+    """Return the motion of states (n, 6) = (q, X, Y), q from principal axes to world.
+
+    q may have any length.
+    """
     parts = (_part(scene, times[piece], states[piece]) for piece in pieces(len(times)))
     return replace(joined(parts, len(times)), times=times)
 
@@ -74,7 +78,7 @@ def _part(scene: Scene, times: Array, states: Array) -> Motion:
 
 
 def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Array:
-    """ω (n, 3) at n times, all in principal axes."""
+    """Return ω (n, 3) at n times, all in principal axes."""
     if scene.steady:
         return np.stack(scene.parameters.angular_velocity(tuple(M.T), tuple(gamma.T)), axis=1)
     return np.array(
@@ -86,7 +90,7 @@ def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Arr
 
 
 def right_hand_side(scene: Scene) -> Rate:
-    """d/dt of (q, X, Y): (6,) at time t, with q from principal axes to world, of any length."""
+    """Return the derivative of (q, X, Y) as a function of time, q from principal axes to world."""
     momentum = as_vector(scene.start.momentum)
     parameters_at = (lambda _: scene.parameters) if scene.steady else scene.parameters_at
 
@@ -108,9 +112,9 @@ def right_hand_side(scene: Scene) -> Rate:
 def _states(
     scene: Scene, times: Array, rtol: float, max_steps: int | None, coarser: float = 1.0
 ) -> Array:
-    """States (n, 6) at the times, with q from principal axes to world.
+    """Return states (n, 6) at the times, with q from principal axes to world.
 
-    coarser: times the error that a step may have.
+    coarser: multiplies the tolerance of a step.
     """
     at_start = scene.parameters_at(0.0)
     size = np.array([math.hypot(*scene.start.momentum.tolist())])
@@ -124,11 +128,11 @@ def _states(
 def compiled_states(
     scene: Scene, times: Array, tolerance: float | None = None, max_steps: int | None = None
 ) -> Array:
-    """The states (n, 6) that `motion_of` takes, for steady drives, by the compiled step.
+    """Return the states (n, 6) that `motion_of` takes, by the compiled step, for steady drives.
 
-    tolerance: of one step, its own if None. Raises InputError where the motion is given up.
+    tolerance: of one step, STEP_TOLERANCE if None. Raises InputError at the limit of steps.
     """
-    # numba takes a while to come.
+    # numba is slow to import, and short motions do without it.
     from robotball.engines.ensembles.orbits import STEP_TOLERANCE, kernel_start, orbit_states
 
     parameters, attitudes, momenta = kernel_start(scene)
@@ -138,7 +142,7 @@ def compiled_states(
 
 @dataclass
 class _Stepper:
-    """DOP853 along a motion, which may have so many steps in all."""
+    """DOP853 along a motion of several smooth spans, with one limit of steps for all."""
 
     rate: Rate
     rtol: float
@@ -148,7 +152,7 @@ class _Stepper:
     steps: int = 0
 
     def piece(self, span: tuple[float, float], state: Array, times: Array) -> tuple[Array, Array]:
-        """The state (6,) at the end of a smooth span and those (n, 6) at times in it."""
+        """Return the state (6,) at the end of a smooth span, and those (n, 6) at times in it."""
         states = np.empty((len(times), 6))
         solver = Compensated(self.rate, span, state, self.rtol, self.scale)
         done = 0
@@ -170,9 +174,9 @@ class _Stepper:
 
 
 def _solve(scene: Scene, times: Array, rtol: float, max_steps: int) -> Array:
-    """States (n, 6) at the times, integrated anew from every breakpoint of the drives."""
-    # X and Y are only quadratures of q: a scale of their own keeps them from setting the step where
-    # they pass zero.
+    """Return states (n, 6) at the times, integrated anew from every breakpoint of the drives."""
+    # X and Y are only quadratures of q: with the radius as their scale they do not set the step
+    # where they pass zero.
     scale = np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
     stepper = _Stepper(right_hand_side(scene), rtol, scale, float(times[-1]), max_steps)
     states = np.empty((len(times), 6))

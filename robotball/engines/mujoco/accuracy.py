@@ -14,11 +14,10 @@ import numpy as np
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco.planned_run import COST_MODEL, PlannedRun, fastest_rate, scene_rate
 from robotball.engines.mujoco.settings import ADAPTIVE, BY_ERROR, PRESETS, Settings, recipe
-from robotball.engines.spans import step_count
 from robotball.errors import warn
 from robotball.motion import ContactMotion, path_error
 from robotball.rotations import Array
-from robotball.scene import Scene
+from robotball.scene import Scene, step_count
 
 Run = Callable[[Settings, Array], ContactMotion]
 

@@ -21,11 +21,10 @@ from robotball.engines.mujoco.planned_run import (
     measured_loss,
 )
 from robotball.engines.mujoco.settings import Prescribed, Settings
-from robotball.engines.spans import step_count
 from robotball.errors import InputError, warn
 from robotball.motion import Loads
 from robotball.rotations import Array
-from robotball.scene import Scene
+from robotball.scene import Scene, step_count
 
 LARGEST_STATE = 1e10  # mjMAXVAL: MuJoCo calls a larger position, velocity or control bad
 LEAST_DETERMINANT = 1e-10  # below it MuJoCo takes a contact's friction for singular

@@ -30,9 +30,9 @@ from robotball.drives import Motor, PositionServo, Servo
 from robotball.engines.links import State
 from robotball.engines.mujoco.model import Hinge, Model
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
-from robotball.engines.spans import spans
 from robotball.motion import Fault, pieces
 from robotball.rotations import Array, rotation_matrix
+from robotball.scene import spans
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 

@@ -20,7 +20,7 @@ from validation.output import print_whole, scientific, write_picture, write_reco
 from validation.results import file_name
 
 Row = Mapping[str, Any]
-"""Plain data of one run, with None for what has no number."""
+"""Plain data of one run; what has no number is None or left out."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Column:
 
     def text(self, row: Row) -> str:
         """Return the text of the cell."""
-        return scientific(row[self.cell]) if isinstance(self.cell, str) else self.cell(row)
+        return scientific(row.get(self.cell)) if isinstance(self.cell, str) else self.cell(row)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ FLOORS = (
     ("validation.output",),
     ("validation.sweeps",),
     ("validation.sensitivity", "validation.agreement", "validation.results"),
-    ("validation.plots", "validation.runs"),
+    ("validation.plots", "validation.runs", "validation.study"),
     ("validation.studies",),
     ("validation.figures", "validation.paper", "validation.bench", "validation.report"),
     ("validation.commands",),

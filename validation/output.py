@@ -95,7 +95,7 @@ def write_rows(
     A text that a spreadsheet would take for a formula has an apostrophe before it.
     """
     text = io.StringIO()
-    columns = list(rows[0]) if columns is None else columns
+    columns = list(rows[0] if rows else ()) if columns is None else columns
     table = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
     table.writeheader()
     table.writerows({name: _cell(value) for name, value in row.items()} for row in rows)

@@ -87,20 +87,23 @@ def from_line(line: str | bytes) -> Result:
 
 
 def write_table(path: Path, results: Sequence[Result]) -> None:
-    """CSV, a row a cell: the columns of the cells, those of the records, and the failure.
+    """Write the results as CSV, a row a cell. Equal results make equal files."""
+    write_rows(path, rows_of(results))
 
-    None is empty, lists and mappings are JSON. Of a name that cell and record share, the cell's
-    value stands. Equal results make equal files.
+
+def rows_of(results: Sequence[Result]) -> list[dict[str, Any]]:
+    """Return a row for each cell: its columns, those of all records, and the failure.
+
+    Lists and mappings are JSON. Of a name that cell and record share, the cell's value stands.
     """
     cells = [result.cell for result in results]
     records = [result.record or {} for result in results]
     columns = dict.fromkeys(name for row in (*cells, *records) for name in row)
-    rows = [
-        {name: _plain(value) for name, value in {**record, **cell}.items()}
+    return [
+        {name: _plain({**record, **cell}.get(name)) for name in columns}
         | {"failure": result.failure}
         for cell, record, result in zip(cells, records, results, strict=True)
     ]
-    write_rows(path, rows, [*columns, "failure"])
 
 
 def _plain(value: Any) -> Any:

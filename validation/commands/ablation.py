@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from validation.commands.arguments import AGREES, SceneName, Study, StudyOptions
+from validation.commands.arguments import SceneName, Study, StudyOptions
 
 
 @dataclass(frozen=True)
@@ -17,34 +17,12 @@ class Ablation:
     study: StudyOptions = field(default_factory=Study)
 
     def run(self) -> int:
-        from rich.console import Console
-
         from robotball import load_scene
-        from robotball.engines.mujoco import LABEL
-        from validation.output import (
-            progress_bar,
-            writable_folder,
-            write_picture,
-            write_record,
-            write_rows,
-        )
-        from validation.results import changed, file_name
-        from validation.studies.ablation import (
-            ROUNDS,
-            ablation_picture,
-            measure_ablation,
-            show_ablation,
-        )
+        from validation.output import progress_bar
+        from validation.studies.ablation import ROUNDS, measure_ablation
 
-        options, scene = self.study, load_scene(self.scene)
-        times, out = options.times(scene), writable_folder(options.out)
+        scene = load_scene(self.scene)
+        times = self.study.times(scene)
         with progress_bar(1) as show:
-            study = measure_ablation(scene, times, 2 if options.quick else ROUNDS, show)
-        name = file_name(scene.name, LABEL, ["ablation", *changed(options, "duration", "quick")])
-        path = write_picture(out / f"{name}.png", ablation_picture(study))
-        write_record(options.json, study.record())
-        if options.csv:
-            write_rows(options.csv, study.rows())
-        show_ablation(study, Console())
-        print(path)
-        return AGREES
+            study = measure_ablation(scene, times, 2 if self.study.quick else ROUNDS, show)
+        return self.study.present(study)

@@ -12,8 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, UseAppendAction, arg
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from robotball import Request, Scene
     from robotball.rotations import Array
+    from validation.study import Study as Studied
+    from validation.sweeps import Cell, Result, Work
 
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
 OUT = Path("out")
@@ -51,6 +55,33 @@ class Sweep:
     """A coarse form of the study, under a minute."""
     out: Path = OUT
     """Folder for everything; started again after a break, the study goes on with what is there."""
+
+    def results(
+        self, work: Work, cells: Sequence[Cell], name: str, scene: Scene, limit: float
+    ) -> list[Result]:
+        """Sweep a study's runs, none of which may take longer than `limit` [s]."""
+        from validation.output import progress_bar
+        from validation.sweeps import sweep
+
+        journal = self.out / f"{scene.name}-{name}.jsonl"
+        with progress_bar(len(cells)) as show:
+            return sweep(
+                work, cells, journal, workers=self.workers, cluster=self.cluster,
+                limit=limit, show=show,
+            )  # fmt: skip
+
+    def present(self, study: Studied, *words: str) -> int:
+        """Write a study's picture, data and table, and print it; return the exit status.
+
+        words: what the command's own options add to the files' names.
+        """
+        from validation.results import changed
+        from validation.study import present
+
+        stem = study.stem(*words, *changed(self, "quick"))
+        picture, json, csv = (self.out / f"{stem}.{end}" for end in ("png", "json", "csv"))
+        print(*present(study, picture, json, csv), sep="\n")
+        return AGREES
 
 
 SweepOptions = OmitArgPrefixes[Sweep]
@@ -101,11 +132,23 @@ class Study:
     """Also write the table as CSV."""
 
     def times(self, scene: Scene) -> Array:
-        """The sample times of the study (n,) [s]; InputError if its files cannot be written."""
+        """Return the sample times (n,) [s]. Raises InputError if no files can be written."""
         from robotball import sample_times
+        from validation.output import writable_folder
 
         check_files(self.json, self.csv)
-        return sample_times(seconds_of(self.duration, self.quick, scene))
+        times = sample_times(seconds_of(self.duration, self.quick, scene))
+        writable_folder(self.out)
+        return times
+
+    def present(self, study: Studied) -> int:
+        """Write a study's picture and the data asked for, and print it; return the status."""
+        from validation.results import changed
+        from validation.study import present
+
+        stem = study.stem(*changed(self, "duration", "quick"))
+        print(present(study, self.out / f"{stem}.png", self.json, self.csv)[0])
+        return AGREES
 
 
 StudyOptions = OmitArgPrefixes[Study]

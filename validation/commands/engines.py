@@ -61,44 +61,20 @@ class Engines:
             return AGREES
         writable_folder(self.sweep.out)
         for name in self.scenes:
-            print(*self._study(name, chosen), sep="\n")
+            self._study(name, chosen)
         return AGREES
 
-    def _study(self, name: str, chosen: Sequence[Contestant]) -> list[Path]:
-        from rich.console import Console
-
+    def _study(self, name: str, chosen: Sequence[Contestant]) -> None:
         from robotball import load_scene
-        from validation.output import progress_bar, write_picture, write_record
-        from validation.results import changed, file_name
-        from validation.studies.engine_study import (
-            cells_of,
-            engines_picture,
-            measure,
-            record,
-            show_study,
-            study_of,
-        )
-        from validation.sweeps import sweep, write_table
+        from validation.results import changed
+        from validation.studies.engine_study import cells_of, engines_study, measure
 
-        scene, out = load_scene(name), self.sweep.out
-        seconds = seconds_of(self.duration, self.sweep.quick, scene)
-        rounds = 1 if self.sweep.quick else ROUNDS
-        cells = cells_of(name, chosen, self.environments, seconds, rounds)
-        journal = out / f"{scene.name}-engines.jsonl"
-        words = [*listed(self.only), *changed(self, "duration"), *changed(self.sweep, "quick")]
-        stem = file_name(scene.name, None, ["engines", *words])
-        picture, data, table = (out / f"{stem}.{end}" for end in ("png", "json", "csv"))
-        with progress_bar(len(cells)) as show:
-            results = sweep(
-                measure, cells, journal, workers=self.sweep.workers, cluster=self.sweep.cluster,
-                limit=LIMIT, show=show,
-            )  # fmt: skip
-        study = study_of(scene, results)
-        write_picture(picture, engines_picture(study))
-        write_record(data, record(study))
-        write_table(table, results)
-        show_study(study, Console())
-        return [picture, data, table]
+        scene, quick = load_scene(name), self.sweep.quick
+        seconds = seconds_of(self.duration, quick, scene)
+        cells = cells_of(name, chosen, self.environments, seconds, 1 if quick else ROUNDS)
+        results = self.sweep.results(measure, cells, "engines", scene, LIMIT)
+        study = engines_study(scene, results, listed(self.only))
+        self.sweep.present(study, *changed(self, "duration"))
 
 
 def _chosen(known: dict[str, Contestant], names: tuple[str, ...]) -> list[Contestant]:

@@ -1,36 +1,32 @@
-"""The order of a method, from errors at many steps: a line through logarithms, where it is one.
-
-Errors fall as a power of the step in the middle only. Above, the steps are too long for the
-leading term to rule; below, the error stops falling: at rounding, or at an error of another kind
-that no step makes smaller. Both ends are left out, and the lower one is told.
-
-Orders of convergence: one contact model under every integrator, against two references.
+"""Orders of convergence: one contact model under every integrator, against two references.
 
 Against the limit that the contact model itself tends to as steps shrink, an error is of the
 integrator alone. Against the reduced equations it is that and the model's own: once steps are
 short enough, what is left is the distance between the two limits. A contact model that rolls
-truly has none, and the two errors are the same down to rounding.
+truly has none, and the two errors agree down to rounding.
+
+An order is a straight line through logarithms, where there is one. Errors fall as a power of the
+step in the middle only: above, the steps are too long for the leading term to rule; below, the
+error stops falling, at rounding or at an error of another kind that no step makes smaller. Both
+ends are left out, and the lower one is reported.
 
 A run changes nothing but integrator and step. MuJoCo guards soft contacts in silence (refsafe): it
 raises solref's time constant to two steps. Steps that long are left out, as the contact would no
-longer be the same. Steps end on the sample times: MuJoCo's are fractions of the sample interval.
-
-Orders of convergence: tables in the terminal, a picture, and plain data.
+longer be the one under study. Steps end on the sample times: MuJoCo's are fractions of the sample
+interval.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from operator import itemgetter
 from typing import Any, Literal
 
 import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich import box
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate
 from robotball.engines.dop853 import LEAST_RTOL
@@ -42,7 +38,8 @@ from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
 from robotball.motion import path_error
 from robotball.rotations import Array
-from validation.output import in_picture, print_whole, scientific
+from validation.output import Show, in_picture, scientific
+from validation.study import Column, Row, Study, table_of
 
 LEAST = 3  # points that make an order
 STALLED = 0.5  # a fall with less than this power of the step is none
@@ -67,14 +64,14 @@ class Order:
     points: int
 
     def error_at(self, step: Array) -> Array:
-        """(n,): the error on the line at steps (n,)."""
+        """Return the error on the line at steps (n,), of shape (n,)."""
         return np.exp(self.ln_error + self.order * (np.log(step) - self.ln_step))
 
 
 def fit_order(
     steps: Sequence[float], errors: Sequence[float | None], floor: float = 0.0
 ) -> Order | None:
-    """The order over the longest straight part of the errors, or None where there is none.
+    """Fit the order over the longest straight part of the errors; None where there is none.
 
     steps: (n,) > 0 in any order and unit; errors: (n,), None where a run broke off; floor: what the
     errors are known to, at least. Among parts of one length the one at shorter steps is taken.
@@ -91,7 +88,7 @@ def fit_order(
 
 
 def stalled_at(steps: Sequence[float], errors: Sequence[float | None]) -> float | None:
-    """The least of the errors, at the shortest steps, that fall no more; None if all fall."""
+    """Return the least error where errors fall no more with the step; None if all fall."""
     h, e = _sound(steps, errors)
     for i in range(len(h) - 1):
         if np.all(e[i + 1 :] > e[i] * (h[i + 1 :] / h[i]) ** STALLED):
@@ -100,7 +97,7 @@ def stalled_at(steps: Sequence[float], errors: Sequence[float | None]) -> float 
 
 
 def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Array, Array]:
-    """Steps, the longest first, and errors of the runs that came to their end and were off."""
+    """Return steps, the longest first, and errors of the runs that ended and were off."""
     pairs = sorted(
         ((h, e) for h, e in zip(steps, errors, strict=True) if e and np.isfinite(e)), reverse=True
     )
@@ -109,7 +106,7 @@ def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Arra
 
 
 def _line(x: Array, y: Array) -> Order | None:
-    """The least-squares line, if the points are near it and it rises."""
+    """Return the least-squares line, if the points are near it and it rises."""
     deviation = x - x.mean()
     spread = float((deviation**2).sum())
     slope = float((deviation * y).sum()) / spread
@@ -127,8 +124,6 @@ ORDERS = {name: INTEGRATORS[name].order for name in OWN} | {FIXED: INTEGRATORS[A
 
 Reference = Literal["own", "equations"]
 REFERENCES: tuple[Reference, ...] = ("own", "equations")
-
-Show = Callable[[float, str], None]
 
 HALVINGS = 8  # of the sample interval, for MuJoCo's shortest step
 LONGEST, SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
@@ -213,17 +208,17 @@ class Convergence:
 
     @cached_property
     def by_name(self) -> dict[str, list[Trial]]:
-        """The trials of each integrator."""
+        """Return the trials of each integrator."""
         names = dict.fromkeys(trial.method.name for trial in self.trials)
         return {name: [p for p in self.trials if p.method.name == name] for name in names}
 
     def order(self, name: str, against: Reference) -> Order | None:
-        """The power of the step, or of the tolerance of DOP853, with which its errors fall."""
+        """Return the power of the step, or of DOP853's tolerance, with which its errors fall."""
         known_to = self.limit.known_to if against == "own" else 0.0
         return fit_order(*self._series(name, against), known_to)
 
     def stalled_at(self, name: str, against: Reference) -> float | None:
-        """The error at which an integrator's errors stop falling, if they do."""
+        """Return the error at which an integrator's errors stop falling, if they do."""
         return stalled_at(*self._series(name, against))
 
     def _series(self, name: str, against: Reference) -> tuple[list[float], list[float | None]]:
@@ -238,10 +233,10 @@ def measure_convergence(
     halvings: int = HALVINGS,
     show: Show | None = None,
 ) -> Convergence:
-    """Every integrator at many steps on the contact model of `settings`.
+    """Run every integrator at many steps on the contact model of `settings`.
 
     times: (n,) s, equally spaced from 0, the scene's own if None; halvings: of the sample interval,
-    down to MuJoCo's shortest step; show: told the part that is done, 0 to 1, and what is done next.
+    down to MuJoCo's shortest step; show: called with the part done and the next run.
     Raises InputError where the contact model breaks off however short the steps.
     """
     theory = integrate(scene, times)
@@ -260,7 +255,7 @@ def measure_convergence(
 
 
 def _methods(model: Model, interval: float, halvings: int) -> list[Method]:
-    """All integrators at all steps and tolerances, the longest step of each first."""
+    """Return all integrators at all steps and tolerances, the longest step of each first."""
     timeconst = float(model.compiled.pair_solref[0, 0])
     guarded = timeconst / 2 if timeconst > 0 else np.inf
     steps = [interval / 2**n for n in range(halvings)]
@@ -292,7 +287,7 @@ class _Runs:
     made: dict[Method, _Run | None] = field(default_factory=dict)
 
     def of(self, method: Method) -> _Run | None:
-        """The run of a method; None if it broke off or would not end."""
+        """Return the run of a method; None if it broke off or would not end."""
         if method not in self.made:
             part = len(self.made) / self.total
             self.show(min(part, 1.0), f"{self.model.scene.name}: {method}")
@@ -310,7 +305,7 @@ class _Runs:
 
 
 def _stepped(model: Model, method: Method, duration: float) -> Model:
-    """The same MJCF, compiled afresh, under another integrator."""
+    """Compile the model's MJCF afresh, under another integrator."""
     settings = replace(
         model.settings, integrator=method.integrator, timestep=method.step, rtol=method.rtol
     )
@@ -326,7 +321,7 @@ def _stepped(model: Model, method: Method, duration: float) -> Model:
 
 
 def _limit(runs: _Runs, finest: Method) -> OwnLimit:
-    """The limit of short steps: DOP853's where the motion is smooth enough, or else RK4's."""
+    """Return the limit of short steps, by DOP853 where the motion is smooth enough, or RK4."""
     assert finest.step is not None
     # What ten times the tolerance, or twice the step, changes is more than what is still wrong.
     candidates = [
@@ -346,7 +341,7 @@ def _limit(runs: _Runs, finest: Method) -> OwnLimit:
 
 
 def _trial(runs: _Runs, limit: OwnLimit, before: Method | None, method: Method) -> Trial:
-    """The run of a method set against both references, and against the one before it."""
+    """Compare the run of a method with both references, and with the one before it."""
     found = runs.of(method)
     if found is None:
         return Trial(method, method.step)
@@ -380,62 +375,75 @@ TITLES: dict[Reference, str] = {
 NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
-def show_convergence(study: Convergence, console: Console) -> None:
-    """Print every run, the orders, and the distance of the two references."""
-    print_whole(_runs(study), console)
-    print_whole(_orders(study), console)
-    console.print(NOTE)
+def convergence_study(study: Convergence) -> Study:
+    """Return every run, the orders, and the distance of the two references."""
     limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
-    console.print(
-        f"{name}: the own limit is {limit.model_error:.1e} of the path off the equations;\n"
-        f"it is by {limit.method}, and known to {limit.known_to:.1e}."
-    )
+    runs = rows(study)
+    return Study(
+        study.scene.name, LABEL, [study.settings.name, "convergence"], runs, record(study),
+        shown=(
+            table_of(RUNS, runs, section="integrator"),
+            table_of(ORDER_COLUMNS, [_orders(study, each) for each in study.by_name]),
+            NOTE,
+            f"{name}: the own limit is {limit.model_error:.1e} of the path off the equations;\n"
+            f"it is by {limit.method}, and known to {limit.known_to:.1e}.",
+        ),
+        picture=convergence_picture(study),
+    )  # fmt: skip
 
 
-def _runs(study: Convergence) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
-    table.add_column("integrator", no_wrap=True)
-    for heading in ("step\n\\[ms]", "rtol", "own limit", "Richardson", "equations"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for name, trials in study.by_name.items():
-        for trial in trials:
-            table.add_row(
-                name,
-                "-" if trial.step is None else f"{trial.step * 1e3:.3g}",
-                f"{trial.method.rtol:.0e}" if trial.method.step is None else "",
-                scientific(trial.own),
-                "" if trial.richardson is None else scientific(trial.richardson),
-                scientific(trial.equations),
-            )
-        table.add_section()
-    return table
+def _step(row: Row) -> str:
+    return "-" if row["step"] is None else f"{row['step'] * 1e3:.3g}"
 
 
-def _orders(study: Convergence) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
-    table.add_column("integrator", no_wrap=True)
-    headings = ["claim", "own limit", "points", "stalls", "equations", "points", "stalls"]
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for name in study.by_name:
-        found = [cell for against in REFERENCES for cell in _found(study, name, against)]
-        table.add_row(name, f"{ORDERS[name]}" if name in ORDERS else "rtol", *found)
-    return table
+def _rtol(row: Row) -> str:
+    return "" if row["rtol"] is None else f"{row['rtol']:.0e}"
 
 
-def _found(study: Convergence, name: str, against: Reference) -> tuple[str, str, str]:
-    order, stall = study.order(name, against), study.stalled_at(name, against)
-    points = f"{order.points}" if order else ""
-    return order_text(order), points, "" if stall is None else scientific(stall)
+def _richardson(row: Row) -> str:
+    return "" if row["richardson"] is None else scientific(row["richardson"])
+
+
+RUNS = (
+    Column("integrator", itemgetter("integrator"), words=True),
+    Column("step", _step, "ms"),
+    Column("rtol", _rtol),
+    Column("own limit", "own_error"),
+    Column("Richardson", _richardson),
+    Column("equations", "equations_error"),
+)
+
+
+def _orders(study: Convergence, name: str) -> Row:
+    """Return the texts of an integrator's orders, against each reference."""
+    row = {"integrator": name, "claim": f"{ORDERS[name]}" if name in ORDERS else "rtol"}
+    for against in REFERENCES:
+        order, stall = study.order(name, against), study.stalled_at(name, against)
+        row[against] = order_text(order)
+        row[f"{against} points"] = f"{order.points}" if order else ""
+        row[f"{against} stalls"] = "" if stall is None else scientific(stall)
+    return row
+
+
+def _order_columns() -> Iterator[Column]:
+    yield Column("integrator", itemgetter("integrator"), words=True)
+    yield Column("claim", itemgetter("claim"))
+    for against, header in zip(REFERENCES, ("own limit", "equations"), strict=True):
+        yield Column(header, itemgetter(against))
+        for name in ("points", "stalls"):
+            yield Column(name, itemgetter(f"{against} {name}"))
+
+
+ORDER_COLUMNS = tuple(_order_columns())
 
 
 def order_text(order: Order | None) -> str:
-    """The order with its standard error; a dash where there is none."""
+    """Return the order with its standard error; a dash where there is none."""
     return "-" if order is None else f"{order.order:.2f} ± {order.stderr:.2f}"
 
 
 def convergence_picture(study: Convergence) -> Figure:
-    """Two panels of path error over step, with the fitted slopes, and where they cannot go on."""
+    """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
     figure = Figure(figsize=INCHES, layout="constrained")
     title = f"{study.scene.name}, {study.settings.name}: {study.duration:g} s"
     figure.suptitle(in_picture(title))
@@ -487,7 +495,7 @@ def _draw(axes: Axes, study: Convergence, against: Reference) -> None:
 
 
 def _mark(name: str) -> dict[str, Any]:
-    """The mark of an integrator's trials; of the adaptive one, its fixed steps have its own."""
+    """Return the mark of an integrator's trials."""
     of = INTEGRATORS.get(name, INTEGRATORS[ADAPTIVE])
     if name == ADAPTIVE:
         return {"marker": "*", "markersize": 9, "color": INK}
@@ -501,7 +509,7 @@ def _near(order: Order, other: Order) -> bool:
 
 
 def rows(study: Convergence) -> list[dict[str, Any]]:
-    """A row of plain numbers for every run."""
+    """Return a row of plain numbers for every run."""
     return [
         {
             "integrator": trial.method.name,
@@ -516,7 +524,7 @@ def rows(study: Convergence) -> list[dict[str, Any]]:
 
 
 def record(study: Convergence) -> dict[str, Any]:
-    """The study as plain data; an order or a stall that there is not is None."""
+    """Return the study as plain data; an order or a stall that there is not is None."""
     orders = {
         name: {
             against: {

@@ -1,7 +1,4 @@
-"""All engines on a scene: their runs as cells, and what comes of them: orders, the Pareto front.
-
-The engines beside each other: a table, a picture of error against processor time, plain data.
-"""
+"""All engines on a scene: error against processor time, orders, the Pareto front."""
 
 import json
 import math
@@ -10,29 +7,28 @@ import signal
 import statistics
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
 from subprocess import PIPE
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich import box
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from robotball import InputError, Scene, engine_named, load_scene
 from robotball.film.looks import INK
-from validation.output import in_picture, print_whole, scientific
+from validation.output import in_picture
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs as process
 from validation.studies.convergence import Order, fit_order
 from validation.studies.engine_runs import Contestant, python_of
 from validation.studies.tradeoff import scene_cell
-from validation.sweeps import Cell, Result
+from validation.study import Column, Row, Study, table_of
+from validation.sweeps import Cell, Result, rows_of
 
 CANCELLED = 100.0  # a path so much better than M is one whose errors cancelled
 
@@ -40,7 +36,7 @@ CANCELLED = 100.0  # a path so much better than M is one whose errors cancelled
 def cells_of(
     scene: str, contestants: Sequence[Contestant], folder: Path, duration: float, rounds: int
 ) -> list[Cell]:
-    """A run for every value of every ladder of every engine that is there."""
+    """Return a run for every value of every ladder of every engine that is there."""
     stretches = chaotic(load_scene(scene))
     shared = {**scene_cell(scene, duration), "rounds": rounds, "stretches": stretches}
     return [
@@ -61,7 +57,7 @@ def cells_of(
 
 
 def measure(cell: Cell) -> dict[str, Any]:
-    """The record of a run in a process of its own; raises where that ends without one."""
+    """Run a cell in a process of its own; raises where that ends without a record."""
     ours, theirs = os.pipe()
     command = [cell["interpreter"], "-m", process.__name__, str(ours)]
     text = json.dumps(dict(cell)).encode() + b"\n"
@@ -138,7 +134,7 @@ class EngineStudy:
 
     @cached_property
     def pareto_front(self) -> list[Run]:
-        """What nothing is both cheaper and better than, the best first."""
+        """Return the runs than which none is both cheaper and better, the best first."""
         front: list[Run] = []
         for run in sorted(
             (each for each in self.runs if each.usable), key=lambda r: (r.cost, r.error)
@@ -149,7 +145,7 @@ class EngineStudy:
 
     @cached_property
     def orders(self) -> dict[tuple[str, str], Order]:
-        """By contestant and preset, where the runs lie on a line."""
+        """Return the orders by contestant and preset, where the runs lie on a line."""
         found = {}
         for key in dict.fromkeys((run.contestant, run.preset) for run in self.runs):
             mine = [
@@ -162,7 +158,7 @@ class EngineStudy:
 
 
 def study_of(scene: Scene, results: Sequence[Result]) -> EngineStudy:
-    """The study of a scene's results."""
+    """Return the study of a scene's results."""
     answers = [(result.cell, result.record) for result in results if result.record]
     speed = statistics.median(record["fixed_work"] for _, record in answers) if answers else 1.0
     by_defects = any(result.cell["stretches"] for result in results)
@@ -196,55 +192,79 @@ def study_of(scene: Scene, results: Sequence[Result]) -> EngineStudy:
 INCHES = (10.0, 7.2)
 MARKERS = "osD^vPX*<>hp"
 STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
-LEAST = 1e-15  # below it no error is told apart
+LEAST = 1e-15  # below it errors cannot be distinguished
 NOTE = (
     "CPU: processor time of a simulated second, set-up excluded. Python: the part of it\n"
     "that Python takes at every step. * on the Pareto front: nothing is both cheaper and better."
 )
 
 
-def show_study(study: EngineStudy, console: Console) -> None:
-    """Print every run, those that gave none, and what is on the front."""
-    scene = study.scene
-    console.print(f"{escape(scene.name)} ({scene.rolling}): {what(study)}", style="bold")
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
-    table.add_column("")
-    table.add_column("engine, preset, step or rtol")
-    for heading in ("error", "order", "M error", "slip\n\\[m/s]", "CPU\n\\[ms]", "Python"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("first fault")
-    front = {id(run) for run in study.pareto_front}
-    for run in study.runs:
-        order = study.orders.get((run.contestant, run.preset))
-        share = run.python_share
-        table.add_row(
-            "*" if id(run) in front else "",
-            escape(run.title),
-            scientific(run.error),
-            "-" if order is None else f"{order.order:.2f}",
-            scientific(run.momentum_error),
-            scientific(run.record["slip"]),
-            f"{run.cost * 1e3:.3g}",
-            "-" if share is None else f"{share:.0%}",
-            escape(run.faults[0]) if run.faults else "",
-            style="" if run.usable else "yellow",
-        )
-    for contestant, preset, value, why in study.failed:
-        title = f"{contestant}, {preset}, {value:g}"
-        table.add_row("", escape(title), *["-"] * 6, escape(why), style="yellow")
-    print_whole(table, console)
-    console.print(NOTE)
+def engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]) -> Study:
+    """Return every run, those that gave none, and the front; words: of the files' names."""
+    study = study_of(scene, results)
+    data = record(study)
+    return Study(
+        scene.name, None, ["engines", *words], rows_of(results), data,
+        shown=(
+            f"[bold]{escape(scene.name)} ({scene.rolling}): {what(study)}[/]",
+            table_of(COLUMNS, _shown(study, data["runs"]), lambda row: not row["usable"]),
+            NOTE,
+        ),
+        picture=engines_picture(study),
+    )  # fmt: skip
+
+
+def _shown(study: EngineStudy, runs: Sequence[Row]) -> list[Row]:
+    """Return the rows of the table, those of runs without an answer last; runs: as recorded."""
+    rows = [
+        {
+            **row,
+            "title": run.title,
+            "front": "*" if row["on_the_pareto_front"] else "",
+            "order": study.orders.get((run.contestant, run.preset)),
+            "fault": run.faults[0] if run.faults else "",
+            "usable": run.usable,
+        }
+        for run, row in zip(study.runs, runs, strict=True)
+    ]
+    failed = [
+        {"title": f"{contestant}, {preset}, {value:g}", "front": "", "fault": why, "usable": False}
+        for contestant, preset, value, why in study.failed
+    ]
+    return [*rows, *failed]
+
+
+def _text(key: str, form: str, scale: float = 1.0) -> Callable[[Row], str]:
+    """Return a function that formats a number of a row; a missing one is a dash."""
+    return lambda row: "-" if row.get(key) is None else f"{row[key] * scale:{form}}"
+
+
+def _order(row: Row) -> str:
+    return "-" if row.get("order") is None else f"{row['order'].order:.2f}"
+
+
+COLUMNS = (
+    Column("", itemgetter("front"), words=True),
+    Column("engine, preset, step or rtol", itemgetter("title"), words=True),
+    Column("error", "error"),
+    Column("order", _order),
+    Column("M error", "momentum_error"),
+    Column("slip", "slip", "m/s"),
+    Column("CPU", _text("cost", ".3g", 1e3), "ms"),
+    Column("Python", _text("python_share", ".0%")),
+    Column("first fault", itemgetter("fault"), words=True),
+)
 
 
 def what(study: EngineStudy) -> str:
-    """What the errors are of."""
+    """Return a description of the errors."""
     if study.by_defects:
         return "chaotic, so errors are the sum of defects over short stretches"
     return "path errors"
 
 
 def engines_picture(study: EngineStudy) -> Figure:
-    """Every engine's error against its cost: filled at its best, hollow as it comes."""
+    """Draw every engine's error against its cost: filled at its best, hollow as it comes."""
     figure = Figure(figsize=INCHES, layout="constrained")
     name = in_picture(study.scene.name)
     figure.suptitle(f"{name} ({study.scene.rolling}): {what(study)}")
@@ -287,7 +307,7 @@ def _draw(axes: Axes, study: EngineStudy) -> None:
 
 
 def record(study: EngineStudy) -> dict[str, Any]:
-    """The study as plain data: all settings, versions, faults and costs."""
+    """Return the study as plain data: all settings, versions, faults and costs."""
     front = {id(run) for run in study.pareto_front}
     return {
         "scene": study.scene.name,

@@ -1,17 +1,14 @@
-"""What rolling and torsional friction do to the recipe's ball, over six decades of each.
-
-What rolling and torsional friction do, as a picture of two panels.
-"""
+"""Rolling and torsional friction on the recipe's ball, over six decades of each."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball import Motion, Scene, Settings
+from robotball import Motion, Scene, Settings, integrate
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.mujoco.model import build
@@ -23,7 +20,8 @@ from robotball.scene import SAMPLE_INTERVAL
 from validation.agreement import Agreement
 from validation.output import in_picture
 from validation.studies.tradeoff import RECIPE, reference, scene_cell
-from validation.sweeps import Cell, Result
+from validation.study import Study
+from validation.sweeps import Cell, Result, rows_of
 
 ROLLING, TORSIONAL = "rolling", "torsional"
 ROLLING_LENGTHS = (1e-6, 1.0)  # m, the ends of the study
@@ -45,7 +43,7 @@ STIFF: dict[str, Any] = {
 
 
 def friction_cells(scene: str, duration: float, quick: bool = False) -> list[Cell]:
-    """Every run of the study: rolling friction, then torsional."""
+    """Return every run of the study: rolling friction, then torsional."""
     shared, per_decade = scene_cell(scene, duration), PER_DECADE[quick]
     rolling = [
         {**shared, "friction": ROLLING, "rows": rows, "length": length}
@@ -66,7 +64,7 @@ def _lengths(ends: tuple[float, float], per_decade: int) -> list[float]:
 
 
 def friction_run(cell: Cell) -> dict[str, Any]:
-    """The recipe with one friction otherwise: its errors, and how fast it loses |M|."""
+    """Run the recipe with the cell's friction; return its errors, and how fast it loses |M|."""
     scene, theory = reference(cell["scene"], cell["duration"], SAMPLE_INTERVAL)
     settings = friction_settings(scene.rolling, cell)
     agreement = Agreement(theory, run(build(scene, settings), theory.times), MUJOCO)
@@ -91,7 +89,7 @@ def friction_run(cell: Cell) -> dict[str, Any]:
 
 
 def friction_settings(rolling: Rolling, cell: Cell) -> Settings:
-    """The recipe with the cell's friction; a classical ball spins freely all the same."""
+    """Return the recipe with the cell's friction; a classical ball still spins freely."""
     goes_on = replace(RECIPE, stop_at_fault=False)
     if cell["friction"] == TORSIONAL:
         return replace(goes_on, condim=4, torsional_friction=cell["length"])
@@ -101,14 +99,28 @@ def friction_settings(rolling: Rolling, cell: Cell) -> Settings:
     return replace(goes_on, **changes, **(STIFF if cell["rows"] == HARD else {}))
 
 
+def friction_study(scene: Scene, results: Sequence[Result]) -> Study:
+    """Return the study of the results of `friction_run`."""
+    needed = float(integrate(scene).loads.torsional_friction.max())
+    return Study(
+        scene.name, LABEL, ["friction"], rows_of(results),
+        record={
+            "scene": scene.name,
+            "torsional_friction_needed": needed,
+            "runs": [asdict(result) for result in results],
+        },
+        picture=friction_picture(scene, results, needed),
+    )  # fmt: skip
+
+
 def _until(sizes: Array) -> int:
-    """The last sample before more of |M| (n,) is lost than EATEN; at least the second."""
+    """Return the last sample before more of |M| (n,) is lost than EATEN; at least the second."""
     lost = np.flatnonzero(sizes < (1 - EATEN) * sizes[0])
     return max(1, int(lost[0]) - 1) if len(lost) else len(sizes) - 1
 
 
 def _lever(scene: Scene, motion: Motion) -> Array:
-    """How much of a rolling-friction torque of one acts against |M| (n,), between -1 and 1.
+    """Return the part of a unit rolling-friction torque that acts against |M| (n,), in [-1, 1].
 
     The torque is against the shell's rolling, û across the vertical: L̇ = -û. The classical |M|
     loses û·M̂ of it, and the rubber one, of M = γ×L (3.1), (γ×û)·M̂.
@@ -128,7 +140,7 @@ LEAST = 1e-10  # of the right panel: what is below is rounding
 
 
 def friction_picture(scene: Scene, results: Sequence[Result], needed: float) -> Figure:
-    """How fast |M| is eaten, and what torsional friction makes of the ball.
+    """Draw how fast |M| is lost, and the errors and spin over torsional friction.
 
     needed: the torsional friction that the motion demands [m].
     """
@@ -152,11 +164,11 @@ def _rolling(axes: Axes, scene: Scene, results: Sequence[Result]) -> None:
     rows = _rows(results, ROLLING)
     lengths = np.array(sorted({row["length"] for row in rows}))
     axes.plot(lengths, weight * lengths, color=ACCENT, linewidth=1.6, label="$\\mu_r m g$")
-    for rows_of, marker, fill, label in (
+    for stiffness, marker, fill, label in (
         (HARD, "o", LABEL.colour, "friction as stiff as the normal force"),
         (SOFT, "o", "none", "the recipe's friction"),
     ):
-        mine = [row for row in rows if row["rows"] == rows_of]
+        mine = [row for row in rows if row["rows"] == stiffness]
         axes.plot(
             [row["length"] for row in mine],
             [max(row["loss"], 0.0) or np.nan for row in mine],

@@ -1,27 +1,23 @@
-"""What each modelled thing costs: the minimal model beside the same ball with more in it.
+"""The cost of a step with each thing that the minimal model leaves out."""
 
-What each modelled thing costs a step: a table in the terminal, and plain data.
-"""
-
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import mujoco
-from rich import box
-from rich.console import Console
-from rich.table import Table
 
 from robotball import PRESETS, Scene, Settings
 from robotball.drives import Motor, Servo
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import DEFAULT_ITERATIONS, build, hinges_of
 from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
 from robotball.robot import Rotor
-from validation.output import print_whole
+from validation.output import Show
 from validation.studies.friction import LEAST_FRICTION
-from validation.studies.timing import Cost, measure_costs, one_step
+from validation.studies.timing import measure_costs, one_step
+from validation.study import Column, Row, Study, table_of
 
 MINIMAL = PRESETS["accurate"]
 SPLIT = 3  # rotors for each of the scene's
@@ -30,14 +26,14 @@ SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc",
 
 @dataclass(frozen=True)
 class Part:
-    """A variant of the minimal model: what is on in it, and its compiled model."""
+    """A variant of the minimal model: the name of what it adds, and the compiled model."""
 
     name: str
     compiled: mujoco.MjModel
 
 
 def parts_of(scene: Scene) -> list[Part]:
-    """The minimal model, the same with one thing more each, and with all of them."""
+    """Return the minimal model, its variants with one thing more each, and one with all of them."""
     classical = scene.rolling == "classical"
     spin: dict[str, Any] = {"torsional_friction": LEAST_FRICTION} if classical else {}
     roll = {**spin, "condim": 6, "rolling_friction": LEAST_FRICTION}
@@ -71,16 +67,45 @@ def parts_of(scene: Scene) -> list[Part]:
     return parts
 
 
-def measure_parts(
-    parts: Sequence[Part], rounds: int, show: Callable[[int], None] | None = None
-) -> list[Cost]:
-    """What a step of each costs, all in turn, as ratios to one of the first."""
-    costs = measure_costs([partial(one_step, part.compiled) for part in parts], rounds, show)
-    return [cost.over(costs[0]) for cost in costs]
+def measure_parts(scene: Scene, rounds: int, show: Show) -> Study:
+    """Measure the cost of a step of each variant, all in turn, as ratios to the minimal model's."""
+    parts = parts_of(scene)
+    costs = measure_costs(
+        [partial(one_step, part.compiled) for part in parts],
+        rounds,
+        lambda done: show(done / (rounds + 1) / len(parts), f"{scene.name}: parts"),
+    )
+    rows: list[Row] = []
+    for part, cost in zip(parts, costs, strict=True):
+        ratio, of = cost.over(costs[0]), part.compiled
+        least, most = ratio.spread
+        rows.append(
+            {
+                "part": part.name, "ratio": ratio.ratio, "least": least, "most": most,
+                "bodies": of.nbody, "dofs": of.nv, "sensors": of.nsensor, "geoms": of.ngeom,
+            }
+        )  # fmt: skip
+    record = {"scene": scene.name, "rounds": rounds, "parts": rows}
+    return Study(scene.name, LABEL, ["parts"], rows, record, [table_of(COLUMNS, rows)])
+
+
+def _ratio(row: Row) -> str:
+    return f"{row['ratio']:.2f} ({row['least']:.2f}-{row['most']:.2f})"
+
+
+def _count(name: str) -> Column:
+    return Column(name, lambda row: str(row[name]))
+
+
+COLUMNS = (
+    Column("the minimal model with", itemgetter("part"), words=True),
+    Column("a step costs", _ratio),
+    *map(_count, ("bodies", "dofs", "sensors", "geoms")),
+)
 
 
 def split(scene: Scene) -> Scene:
-    """The same ball with every rotor made of three, about one axis: the same inertia and K."""
+    """Return the scene with every rotor made of three about its axis: inertia and K are equal."""
     ball = scene.ball
     rotors = tuple(_third(rotor) for rotor in ball.rotors for _ in range(SPLIT))
     motors = scene.motors
@@ -126,36 +151,3 @@ def _part(
                 objname=body.name,
             )
     return Part(name, spec.compile())
-
-
-SIZES = ("bodies", "dofs", "sensors", "geoms")
-
-
-def show_parts(parts: Sequence[Part], costs: Sequence[Cost], console: Console) -> None:
-    """Print what a step costs with each part, relative to the minimal model."""
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
-    table.add_column("the minimal model with", no_wrap=True)
-    table.add_column("a step costs", justify="right", no_wrap=True)
-    for name in SIZES:
-        table.add_column(name, justify="right")
-    for each in rows(parts, costs):
-        ratio = f"{each['ratio']:.2f} ({each['least']:.2f}-{each['most']:.2f})"
-        table.add_row(each["part"], ratio, *(str(each[name]) for name in SIZES))
-    print_whole(table, console)
-
-
-def rows(parts: Sequence[Part], costs: Sequence[Cost]) -> list[dict[str, Any]]:
-    """A row of plain numbers for every part."""
-    return [
-        {
-            "part": part.name,
-            "ratio": cost.ratio,
-            "least": cost.spread[0],
-            "most": cost.spread[1],
-            "bodies": part.compiled.nbody,
-            "dofs": part.compiled.nv,
-            "sensors": part.compiled.nsensor,
-            "geoms": part.compiled.ngeom,
-        }
-        for part, cost in zip(parts, costs, strict=True)
-    ]

@@ -1,29 +1,25 @@
-"""The configurations of the trade-off: two stars, a line through each, and a random sample.
+"""Error against processor time over many configurations, and the Pareto front.
 
+The configurations are two stars, a line through each, and a random sample.
 Every combination would be tens of thousands of runs. The stars change one choice of the recipe, or
 of the naive model, at a time; the lines change the steps alone; the sample has what happens where
 choices meet.
-
-What accuracy costs, over many configurations: error against processor time, the Pareto front.
-
-The trade-off: the Pareto front in the terminal, a picture of all of it, and plain data.
 """
 
 import hashlib
 import logging
 import math
 import random
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import chain, product
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from rich import box
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -47,10 +43,11 @@ from robotball.files.scene_writer import scene_toml
 from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.output import in_picture, print_whole, scientific
+from validation.output import in_picture, scientific
 from validation.studies.convergence import fit_order
 from validation.studies.timing import measure_costs, simulated_second
-from validation.sweeps import Cell, Result
+from validation.study import Column, Row, Study, table_of
+from validation.sweeps import Cell, Result, rows_of
 
 Options = dict[str, Any]
 
@@ -459,20 +456,24 @@ WILD = 1e3  # a path error from where on a run is not drawn
 ABOVE = ("adaptive",)  # its place is the left end of the front
 
 
-def show_tradeoff(study: Tradeoff, console: Console) -> None:
-    """Print the front, the presets, and the ratio at the target."""
+def tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
+    """Return the study of the results of `measure`: the front, the presets, and the ratio."""
+    study = tradeoff_of(scene, results)
     failed = sum(not each.sound for each in study.configurations)
-    console.print(
-        f"{escape(study.scene.name)}: {len(study.configurations)} configurations, "
-        f"{failed} no result",
-        style="bold",
-    )
-    console.print("The Pareto front: nothing is both cheaper and better.")
-    print_whole(_table(study.pareto_front), console)
-    console.print("The presets.")
-    print_whole(_table(sorted(study.presets.values(), key=lambda p: p.title)), console)
-    console.print(NOTE)
-    console.print(escape(verdict(study)))
+    counts = f"{scene.name}: {len(study.configurations)} configurations, {failed} no result"
+    return Study(
+        scene.name, LABEL, ["tradeoff"], rows_of(results), record(study),
+        shown=(
+            f"[bold]{escape(counts)}[/]",
+            "The Pareto front: nothing is both cheaper and better.",
+            _table(study.pareto_front),
+            "The presets.",
+            _table(sorted(study.presets.values(), key=lambda p: p.title)),
+            NOTE,
+            escape(verdict(study)),
+        ),
+        picture=tradeoff_picture(study),
+    )  # fmt: skip
 
 
 def verdict(study: Tradeoff) -> str:
@@ -494,24 +495,23 @@ def verdict(study: Tradeoff) -> str:
     )
 
 
-def _table(configurations: Iterable[Configuration]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
-    table.add_column("configuration")
-    for heading in ("path\nerror", "M error", "CPU\n\\[ms]", "× bare"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("first fault")
-    for each in configurations:
-        least, most = each.spread
-        table.add_row(
-            each.title,
-            scientific(known(each.error)),
-            scientific(known(each.momentum_error)),
-            f"{each.cost * 1e3:.2f}",
-            f"{each.ratio:.3f} ({least:.3f}-{most:.3f})",
-            each.trouble.split("; ")[0],
-            style="yellow" if each.trouble else "",
-        )
-    return table
+def _table(configurations: Sequence[Configuration]) -> Table:
+    return table_of(COLUMNS, list(map(_record, configurations)), itemgetter("trouble"))
+
+
+def _times_bare(row: Row) -> str:
+    least, most = row["spread"]
+    return f"{row['ratio']:.3f} ({least:.3f}-{most:.3f})"
+
+
+COLUMNS = (
+    Column("configuration", itemgetter("title"), words=True),
+    Column("path\nerror", "error"),
+    Column("M error", "momentum_error"),
+    Column("CPU", lambda row: f"{row['cost'] * 1e3:.2f}", "ms"),
+    Column("× bare", _times_bare),
+    Column("first fault", lambda row: row["trouble"].split("; ")[0], words=True),
+)
 
 
 def tradeoff_picture(study: Tradeoff) -> Figure:

@@ -1,0 +1,116 @@
+"""One frame for studies: the rows of a study make its tables, its CSV file and its record.
+
+A module of `validation.studies` measures and returns a `Study`. Its command hands the study to
+`present`, which writes the files, prints the tables and is the one place that does.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from robotball.motion import Label
+from validation.output import print_whole, scientific, write_picture, write_record, write_rows
+from validation.results import file_name
+
+Row = Mapping[str, Any]
+"""Plain data of one run; what has no number is None or left out."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table in the terminal.
+
+    cell: the key of a number in the rows, which is shown in two digits, or a function that gives
+    the text for a row; words: whether the column holds words, which begin at its left.
+    """
+
+    header: str
+    cell: str | Callable[[Row], str]
+    unit: str = ""
+    words: bool = False
+
+    def text(self, row: Row) -> str:
+        """Return the text of the cell."""
+        return scientific(row.get(self.cell)) if isinstance(self.cell, str) else self.cell(row)
+
+
+@dataclass(frozen=True)
+class Study:
+    """The outcome of a study.
+
+    scene    name of the scene
+    engine   label of the engine under test, None where several are compared
+    words    the next words of the files' names, before those of the options
+    rows     the CSV file, a dict a line
+    record   the JSON file, without versions
+    shown    tables and lines of rich markup, in the order of printing
+    picture  None where there is nothing to draw
+    """
+
+    scene: str
+    engine: Label | None
+    words: Sequence[str]
+    rows: Sequence[Row]
+    record: Mapping[str, Any]
+    shown: Sequence[Table | str] = ()
+    picture: Figure | None = None
+
+    def stem(self, *words: str) -> str:
+        """Return the files' name, without its end; words: those of the options."""
+        return file_name(self.scene, self.engine, [*self.words, *words])
+
+
+def table_of(
+    columns: Sequence[Column],
+    rows: Sequence[Row],
+    doubtful: Callable[[Row], object] = lambda row: False,
+    section: str | None = None,
+) -> Table:
+    """Return the table of the rows for the terminal.
+
+    doubtful: whether a row is no result, and yellow; section: the key whose changes are marked by
+    an empty line.
+    """
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    for column in columns:
+        header = escape(f"{column.header}\n[{column.unit}]" if column.unit else column.header)
+        table.add_column(header, justify="left" if column.words else "right")
+    for i, row in enumerate(rows):
+        cells = [escape(column.text(row)) for column in columns]
+        last = i + 1 == len(rows) or section is None or rows[i + 1][section] != row[section]
+        table.add_row(
+            *cells,
+            style="yellow" if doubtful(row) else "",
+            end_section=section is not None and last,
+        )
+    return table
+
+
+def present(study: Study, picture: Path, json: Path | None, csv: Path | None) -> list[Path]:
+    """Write a study's files, print its tables, and return the paths that were written.
+
+    No data is written where its path is None.
+    """
+    written = []
+    if study.picture is not None:
+        written.append(write_picture(picture, study.picture))
+    if json is not None:
+        write_record(json, study.record)
+        written.append(json)
+    if csv is not None:
+        write_rows(csv, study.rows)
+        written.append(csv)
+    console = Console()
+    for part in study.shown:
+        if isinstance(part, Table):
+            print_whole(part, console)
+        else:
+            console.print(part)
+    return written

@@ -14,6 +14,8 @@ from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
 from validation import compare
 
+pytestmark = pytest.mark.core
+
 FIG12 = rb.load_scene("fig12")
 FAST = rb.preset("fast")
 KEEP_GOING = replace(FAST, stop_at_fault=False)

@@ -1,5 +1,5 @@
 # Two commands, each with all its own set-up:  make demo   make test
-# On the way:  make check   make test-fast   make test-variants   make docs
+# On the way:  make check   make test-core   make test-fast   make test-variants   make docs
 UV_VERSION := 0.13.8
 PYTHON_RANGE := >=3.11,<3.15
 UV := $(shell command -v uv 2>/dev/null || echo .tools/bin/uv)
@@ -8,7 +8,7 @@ export UV_COMPILE_BYTECODE := 1
 export UV_PROJECT_ENVIRONMENT := .venv
 BIN := .venv/bin
 
-.PHONY: demo test test-fast test-variants check docs gallery wheel bench cost-model setup gl browser lock clean
+.PHONY: demo test test-fast test-core test-variants check docs gallery wheel bench cost-model setup gl browser lock clean
 
 demo: setup gl
 	$(BIN)/robotball demo
@@ -19,6 +19,10 @@ test: setup gl browser check
 
 test-fast: setup gl
 	$(BIN)/pytest --numprocesses auto --dist loadfile -m "not slow"
+
+# The fast tests that catch most faults, in one process: a minute of one core.
+test-core: setup
+	$(BIN)/pytest -m "core and not slow"
 
 # Last bits, as other processors have them: OpenBLAS's kernels, numba's code without a processor's
 # own instructions, NumPy's loops without AVX-512 and without AVX2. All are run, and those that fail

@@ -11,6 +11,8 @@ from robotball.files.scene_file import entries
 from robotball.rotations import Array
 from validation import Agreement, compare
 
+pytestmark = pytest.mark.core
+
 # Path errors over 10 s; RK4's error dominates, with the fourth power of the fastest rate. The
 # frames of Figs 5-8 turn at |Ω| = 4.6 rad/s, so theirs are the largest.
 MEASURED = {  # balanced, accurate

@@ -10,6 +10,8 @@ import robotball as rb
 from robotball.equations import ROLLING_MODELS
 from validation import compare
 
+pytestmark = pytest.mark.core
+
 FIG12 = rb.load_scene("fig12")
 
 UNSTEADY: dict[str, dict[str, Any]] = {

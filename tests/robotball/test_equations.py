@@ -18,6 +18,8 @@ from robotball import equations as eq
 from robotball.equations import Parameters, Rolling, Scalar, Vector
 from tests.identities import energy_rate
 
+pytestmark = pytest.mark.core
+
 MODELS: tuple[Rolling, ...] = ("rubber", "classical")
 SEEDS = range(3)
 

@@ -70,3 +70,13 @@ def test_a_frame_too_small_is_told_what_it_needs() -> None:
         fig12(limits=replace(small, buildable=True))
     enough = replace(small, frame_radius=made.needed_radius * 1.001, buildable=True)
     assert fig12(limits=enough).buildable
+
+
+@pytest.mark.parametrize(("needed", "place"), [(0.85, "the frame's radius"), (0.95, "the shell")])
+def test_a_frame_beyond_the_shells_inner_radius_lies_outside_the_shell(
+    needed: float, place: str
+) -> None:
+    """The shell leaves 0.9 m, the limit 0.5 m, of which only the first cannot be changed."""
+    limits = Limits(shell_thickness=0.1, frame_radius=0.5)
+    made = replace(fig12(), limits=limits, needed_radius=needed)
+    assert f"mass would lie outside {place}: the frame needs" in made.verdict

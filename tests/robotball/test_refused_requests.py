@@ -151,6 +151,16 @@ NAN, INF = math.nan, math.inf
             {"limits": Limits(shell_mass=-1)},
         ),
         (
+            "masses: the least of shell, frame and rotor are 0.9 kg together, and the ball is to "
+            "have 0.8 kg: 0.1 kg too much",
+            {"mass": 0.8, "limits": Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.4)},
+        ),
+        (
+            "masses: with the least of shell, frame and rotor, 0.9 kg, m + J_s/a² is 1.1 kg at "
+            "least; ",
+            {"limits": Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.4)},
+        ),
+        (
             "shell_thickness must be at least 0 and less than the radius 1 m, not 1 m",
             {"limits": Limits(shell_thickness=1.0)},
         ),

@@ -15,6 +15,8 @@ from robotball.rotations import Array, rotation_matrix
 from tests.scenes import FOUR
 from validation import compare
 
+pytestmark = pytest.mark.core
+
 NAN, INF = float("nan"), float("inf")
 ROUNDING = 2e-14  # of vectors of length up to 10; measured at most 4.7e-15
 UNIT_ROUNDING = 3e-15  # of unit vectors; measured at most 5.6e-16

@@ -8,7 +8,7 @@ import pytest
 
 import robotball as rb
 from robotball.drives import PositionServo, Servo
-from robotball.scene import Friction
+from robotball.scene import Friction, Start
 from robotball.steering import WantedPath, Way, circle, eight, shortfalls, steer, straight, through
 from tests.robots import pendulum_ball, robot
 
@@ -80,6 +80,25 @@ def test_rotors_roll_a_ball_along_a_circle() -> None:
 def test_weights_roll_a_ball_along(path: WantedPath) -> None:
     """A frame and a pendulum that hang; measured 3e-5 m: the tolerance of the boundary problem."""
     assert off(pendulum_robot(), path, 5.0) < 2e-4
+
+
+def test_weights_begin_where_they_hang_however_the_shell_lies() -> None:
+    """A shell turned by 0.4 rad about the frame's hinge: the same frame in space, and path."""
+    robot, angles, attitudes = pendulum_robot(), [], []
+    axis, tilt = robot.ball.shell.axis, 0.4
+    for turn in (0.0, tilt):
+        start = Start(np.array([np.cos(turn / 2), *(np.sin(turn / 2) * axis)]), np.zeros(3))
+        steered = steer(replace(robot, start=start), straight(0.1), 2.0)
+        first = steered.scene.start
+        assert first.hinge_angles is not None
+        angles.append(first.hinge_angles)
+        attitudes.append(first.attitude)
+        theory = rb.integrate(steered.scene, steered.times, 1e-9)
+        off_path = np.linalg.norm(theory.contact_point - steered.wanted, axis=1).max()
+        assert off_path < 2e-3  # measured 6.2e-4 m: the samples of the drives, 0.04 s apart
+    # Measured 2e-8 rad: the balance that is found.
+    assert angles[0] - angles[1] == pytest.approx([tilt, 0.0], abs=1e-6)
+    assert attitudes[0] == pytest.approx(attitudes[1], abs=1e-6)
 
 
 def test_a_robot_with_one_hinge_cannot_be_steered() -> None:

@@ -13,6 +13,8 @@ from tests.motions import as_contact
 from validation import Agreement, compare
 from validation.studies.extremes import scaled
 
+pytestmark = pytest.mark.core
+
 SCENE = rb.load_scene("fig12")
 BALANCED = rb.preset("balanced")
 SOUND = rb.simulate(SCENE, settings=BALANCED).report

@@ -19,6 +19,8 @@ from robotball.scene import Start, along_momentum, section_state
 from tests.identities import energy_rate
 from tests.scenes import FOUR
 
+pytestmark = pytest.mark.core
+
 SECONDS = 10.0
 
 

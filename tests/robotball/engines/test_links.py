@@ -7,6 +7,8 @@ import robotball as rb
 from robotball.engines.links import State, links_of, readings_of, start_state
 from robotball.rotations import conjugate, multiply, rotation_matrix
 
+pytestmark = pytest.mark.core
+
 SCENES = ["fig12", "classical_chaotic", "three_rotors", "wobbling_drive"]
 
 

@@ -12,6 +12,8 @@ from robotball.equations import Scalar, Vector, as_vector
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from tests.scenes import FOUR
 
+pytestmark = pytest.mark.core
+
 AT_REST: Vector = (0.0, 0.0, 0.0)
 SECONDS = 10.0
 

@@ -95,6 +95,32 @@ def test_units_that_the_file_names_are_taken_and_told(tmp_path: Path, text: str)
     )
 
 
+@pytest.mark.parametrize(
+    ("column", "unit", "written", "si"),
+    [
+        *(("t", unit, 1.0, si) for unit, si in (("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))),
+        ("t", "min", 1.0, 60.0),
+        *(("x", unit, 1.0, si) for unit, si in (("km", 1e3), ("cm", 1e-2), ("mm", 1e-3))),
+        *(("x", unit, 1.0, si) for unit, si in (("um", 1e-6), ("in", 0.0254), ("ft", 0.3048))),
+        *(
+            ("wx", unit, half, np.pi)
+            for unit, half in (("deg/s", 180), ("rpm", 30), ("rev/s", 0.5))
+        ),
+    ],
+)
+def test_each_unit_has_its_size(
+    tmp_path: Path, column: str, unit: str, written: float, si: float
+) -> None:
+    """A unit of time or length in seconds or metres, half a turn a second in rad/s."""
+    names = f"t,x,y,qw,qx,qy,qz,wx,wy,wz\n# units: {column} {unit}\n"
+    trajectory = read(
+        tmp_path, names + "".join(f"{t},{t},0,1,0,0,0,{t},0,0\n" for t in (0, written))
+    )
+    assert trajectory.angular_velocity is not None
+    columns = {"t": trajectory.times, "x": trajectory.position[:, 0]}
+    assert columns.get(column, trajectory.angular_velocity[:, 0])[1] == pytest.approx(si, rel=1e-15)
+
+
 def test_arrays_of_an_npz_may_be_whole(tmp_path: Path) -> None:
     """Positions (n, 3) and quaternions (n, 4), and what a simulator keeps beside them."""
     plain = read(tmp_path, PLAIN)

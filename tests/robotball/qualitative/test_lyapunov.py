@@ -12,6 +12,8 @@ from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array, rotation_matrix
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F
 
+pytestmark = pytest.mark.core
+
 BALLS = [pytest.param(CHAOTIC, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
 
 

@@ -13,6 +13,8 @@ from robotball.rotations import Array, rotation_matrix
 from robotball.scene import section_state
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F, ball
 
+pytestmark = pytest.mark.core
+
 BALLS = [pytest.param(CHAOTIC, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
 
 

@@ -14,6 +14,8 @@ from robotball.engines.mujoco.settings import Chosen, Prescribed
 from robotball.robot import Ball, Frame, Rotor
 from tests.scenes import FOUR
 
+pytestmark = pytest.mark.core
+
 BALANCED = rb.preset("balanced")
 
 

@@ -14,6 +14,8 @@ from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
 from validation import compare
 
+pytestmark = pytest.mark.core
+
 FIG12 = rb.load_scene("fig12")
 FAST = rb.preset("fast")
 KEEP_GOING = replace(FAST, stop_at_fault=False)
@@ -97,6 +99,25 @@ def test_a_ball_thrown_up_has_lost_contact() -> None:
     # Its M is about the point below it, so that is another one up there.
     causes = ["contact lost", "M off by over 0.0005"]
     assert [(each.fault.text, each.fault.time) for each in found] == [(c, 0.04) for c in causes]
+
+
+@pytest.mark.parametrize("name", ["fig12", "classical_regular"])
+@pytest.mark.parametrize(
+    ("share", "causes"), [(0.9, []), (1.1, ["slipped over 0.0005 of the path"])]
+)
+def test_a_slip_is_a_fault_from_its_limit_on(name: str, share: float, causes: list[str]) -> None:
+    """A share of the limit's slip is written into every step of a sound run's readings."""
+    model = build(rb.load_scene(name), FAST)
+    with controlled(model) as control:
+        (portion,) = by_steps(control, model.start_data(), np.linspace(0.0, 1.0, 11))
+    rows = portion.rows.copy()
+    readings = Readings(model, rows)
+    steps = np.diff(readings.centre[:, :2], axis=0, prepend=readings.centre[:1, :2])
+    contact = np.arange(rows.shape[1])[model.sensor_columns["contact"]]
+    rows[:, contact[14:16]] = share * FAST.error_tolerance * steps / FAST.timestep
+    rows[:, contact[16]] = 0.0
+    found = Monitor(model).look(Readings(model, rows))
+    assert [each.fault.text for each in found] == causes
 
 
 def test_a_reset_is_seen_by_its_clock() -> None:

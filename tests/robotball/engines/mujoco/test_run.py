@@ -14,6 +14,8 @@ from robotball.rotations import multiply, rotation_matrix
 from tests.scenes import FOUR
 from validation import Agreement, compare
 
+pytestmark = pytest.mark.core
+
 # Bounds are about three times what was measured, beside them, in path error over 10 s. At 20
 # and 5 ms RK4's own error dominates and is the same on every machine; at 1 ms it does, with
 # rounding of the same size; the adaptive preset has rounding alone.

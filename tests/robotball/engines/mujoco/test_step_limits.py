@@ -10,6 +10,8 @@ from robotball.engines.mujoco import limits as step_limits
 from robotball.engines.mujoco.planned_run import PlannedRun
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, error, run, the_limit
 
+pytestmark = pytest.mark.core
+
 
 def test_rk4_cannot_follow_a_rotation_of_over_2_8_rad_a_step() -> None:
     """Rotors at 30 times their rates: right at 0.5 rad a step, bounded at 2.2 and gone at 3.0."""

@@ -21,6 +21,8 @@ from tests.random_balls import random_axis
 from tests.random_robots import random_robot
 from tests.robots import Y, box_inertia, robot
 
+pytestmark = pytest.mark.core
+
 G = 9.81
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(60)
 

@@ -9,6 +9,8 @@ from robotball.engines.multibody.system import HINGES, MOMENTUM, POINT, System
 from tests.random_robots import random_scene
 from tests.robotball.engines.multibody.second_form import SecondForm
 
+pytestmark = pytest.mark.core
+
 ROBOTS = 50
 
 

@@ -12,6 +12,8 @@ from robotball.engines.multibody.system import System
 from robotball.poses import energy
 from tests.robots import ENDINGS, worked
 
+pytestmark = pytest.mark.core
+
 TIMES = np.linspace(0.0, 10.0, 201)
 CASES = list(ENDINGS)
 

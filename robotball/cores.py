@@ -1,25 +1,30 @@
-"""Many motions on all cores, by threads: the compiled loops release the interpreter's lock.
+"""Work on all cores.
 
-Jobs of Python's own code on all cores: processes, as such code holds the interpreter's lock.
+Compiled loops release the interpreter's lock and run in threads. Python's own code holds that lock,
+so its jobs run in processes.
 """
 
-import math
+import fcntl
 import multiprocessing
 import os
 import signal
-import sys
-import threading
 import time
 import warnings
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+    wait,
+)
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
 from itertools import islice
-from multiprocessing import forkserver, resource_tracker
-from multiprocessing.connection import Connection, wait
-from pathlib import Path
-from types import ModuleType
+from multiprocessing import connection, forkserver, resource_tracker
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from robotball.errors import SceneWarning, check_count
@@ -32,14 +37,13 @@ if TYPE_CHECKING:
 Queue: TypeAlias = "NDArray[np.int64]"
 
 NO_MORE = 2**62  # past the end of any queue
-GROUPS = Path("/sys/fs/cgroup")
 
 _most: ContextVar[int | None] = ContextVar("most", default=None)
 
 
 @contextmanager
 def at_most(count: int | None) -> Iterator[None]:
-    """In the block so many threads work at once; as many as there are cores for None.
+    """Let so many threads work at once in the block; None allows as many as there are cores.
 
     The digits of a result are the same at any number. Raises InputError for less than one.
     """
@@ -51,7 +55,7 @@ def at_most(count: int | None) -> Iterator[None]:
 
 
 def allowed() -> int:
-    """How many may work at once here."""
+    """Return how many threads or processes may work at once here."""
     return _most.get() or cores()
 
 
@@ -68,9 +72,7 @@ def in_threads(work: Callable[[Queue], None], most: int) -> None:
     if threads < 2:
         work(queue)
         return
-    from concurrent.futures import ThreadPoolExecutor, as_completed
-
-    # What is called in a thread is for that thread alone.
+    # A loop that is called in one of the threads must not start threads of its own.
     with ThreadPoolExecutor(threads, initializer=_most.set, initargs=(1,)) as executor:
         try:
             for each in as_completed([executor.submit(work, queue) for _ in range(threads)]):
@@ -81,40 +83,9 @@ def in_threads(work: Callable[[Queue], None], most: int) -> None:
 
 
 def cores() -> int:
-    """Those that this process may use: by its affinity, and by the quota of its container."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    own = len(affinity(0)) if affinity else os.cpu_count() or 1
-    return max(1, math.ceil(min(own, quota())))
-
-
-def quota(groups: Path = GROUPS, own: Path = Path("/proc/self/cgroup")) -> float:
-    """Cores' time that Linux's control groups leave to this process; infinite without a limit.
-
-    groups: where they are mounted; own: the file that names those of this process.
-    """
-    least = math.inf
-    for line in _text(own).splitlines():
-        controllers, path = line.split(":", 2)[1:]
-        if controllers and "cpu" not in controllers.split(","):
-            continue
-        root = groups / "cpu" if controllers else groups
-        # In a container the path may be the host's: then the root alone is there.
-        place = root / path.lstrip("/")
-        for folder in (place, *place.parents):
-            if not folder.is_relative_to(root):
-                break
-            files = ("cpu.cfs_quota_us", "cpu.cfs_period_us") if controllers else ("cpu.max",)
-            words = [word for file in files for word in _text(folder / file).split()]
-            if len(words) == 2 and words[0] not in ("max", "-1"):
-                least = min(least, int(words[0]) / int(words[1]))
-    return least
-
-
-def _text(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8")
-    except OSError:
-        return ""
+    """Return how many cores this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)  # which macOS has not
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 ONE_THREAD = dict.fromkeys(
@@ -122,9 +93,7 @@ ONE_THREAD = dict.fromkeys(
 )
 FORKSERVER = multiprocessing.get_context("forkserver")
 """Its server imports the work once, and then starts a process in milliseconds."""
-CHILDREN = threading.Lock()
-"""A process that is started looks after all others, which two threads must not do at a time."""
-GRACE = 1.0  # s to end in, of which a process in compiled code, that writes no file, makes nothing
+GRACE = 1.0  # s for a process to end in; one in compiled code, which writes no file, is killed then
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -133,95 +102,71 @@ Result = TypeVar("Result")
 def in_processes(
     work: Callable[[Job], Result], jobs: Sequence[Job], least: int = 2
 ) -> Iterator[Result]:
-    """The results of jobs in their order, from as many processes as `threads.at_most` allows.
+    """Yield the results of jobs in their order, from as many processes as `at_most` allows.
 
     work: a module's function, `partial` of one, or an object that can be called; like jobs and
     results it can be pickled. With one process, or fewer jobs than `least`, it is called here: a
-    process takes a second to start. What it warns of is warned of here, and what it raises is
-    raised here; the processes end with the iterator.
+    process takes a second to start. Its warnings and errors are the caller's. The processes end
+    with the iterator. Raises ChildProcessError where one of them dies.
     """
     count = min(allowed(), len(jobs))
     if count < 2 or len(jobs) < least:
         yield from map(work, jobs)
         return
-    waiting = iter(enumerate(jobs))
-    done: dict[int, Result] = {}
-    processes, busy = [], 0
+    start_server((work.func if isinstance(work, partial) else work).__module__)
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(count, FORKSERVER, _begin, (work,))
     try:
-        for _ in range(count):
-            processes.append(_started(work))
-        for (_, pipe), job in zip(processes, waiting, strict=False):
-            pipe.send(job)
-            busy += 1
-        following = 0
-        while busy:
-            for ready in wait([pipe for _, pipe in processes]):
-                assert isinstance(ready, Connection)
-                try:
-                    i, result, error, lines = ready.recv()
-                except EOFError:
-                    raise ChildProcessError("a process was ended from outside") from None
+        waiting = iter(jobs)
+        # As many as keep every process busy: the results of a film's frames would fill the memory.
+        in_order = deque(pool.submit(_call, job) for job in islice(waiting, 2 * count))
+        running, done = set(in_order), set()
+        while running:
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            for _, error, lines in [future.result() for future in finished]:
                 for line in lines:
                     warnings.warn(line, SceneWarning, stacklevel=2)
                 if error is not None:
                     raise error
-                done[i] = result
-                busy -= 1
-                for job in islice(waiting, 1):
-                    ready.send(job)
-                    busy += 1
-            while following in done:
-                yield done.pop(following)
-                following += 1
+            done |= finished
+            more = [pool.submit(_call, job) for job in islice(waiting, len(finished))]
+            running.update(more)
+            in_order.extend(more)
+            while in_order and in_order[0] in done:
+                done.discard(first := in_order.popleft())
+                yield first.result()[0]
+    except BrokenProcessPool:
+        raise ChildProcessError(
+            "a process was ended from outside, or by a script that starts processes whenever it is "
+            'imported: put what it does below `if __name__ == "__main__":`'
+        ) from None
     finally:
-        for process, pipe in processes:
-            pipe.close()
+        # The pool itself would wait for the jobs that run.
+        processes = set(multiprocessing.active_children()) - others
+        for process in processes:
             process.terminate()
         late = time.monotonic() + GRACE
-        for process, _ in processes:
-            with CHILDREN:
-                process.join(max(0.0, late - time.monotonic()))
-                process.kill()
-                process.join()
+        for process in processes:
+            connection.wait([process.sentinel], max(0.0, late - time.monotonic()))
+            process.kill()
+        pool.shutdown(cancel_futures=True)
 
 
-def prepare(module: str) -> None:
-    """Have a module imported, while other work is done here, for the processes that will need it.
+_work: Callable[[Any], Any]
 
-    What they are asked for first decides; a process of its own holds it from there on.
+
+def _begin(work: Callable[[Any], Any]) -> None:
+    """Prepare a process for its jobs: it ends, and leaves no unfinished file, when it is told to.
+
+    It gets SIGIO where the process that asked for it has died.
     """
-    if allowed() > 1:
-        FORKSERVER.set_forkserver_preload([module, __name__])
-        with for_a_worker(module):
-            forkserver.ensure_running()
-
-
-def _started(work: Callable[[Any], Any]) -> tuple[Any, Connection]:
-    module = (work.func if isinstance(work, partial) else work).__module__
-    FORKSERVER.set_forkserver_preload([module, __name__])
-    ours, theirs = FORKSERVER.Pipe()
-    process = FORKSERVER.Process(target=_serve, args=(theirs, work), daemon=True)
-    with theirs, for_a_worker(module):
-        process.start()
-    return process, ours
-
-
-def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
-    """What a process does, until the pipe is closed, as it is where the other end has died."""
+    global _work
+    _work = work
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _end)
-    with suppress(EOFError, OSError), at_most(1):
-        while True:
-            i, job = pipe.recv()
-            result, error = None, None
-            with warnings.catch_warnings(record=True) as caught:
-                warnings.simplefilter("always", SceneWarning)
-                try:
-                    result = work(job)
-                except Exception as raised:
-                    error = raised
-            lines = [str(w.message) for w in caught if issubclass(w.category, SceneWarning)]
-            pipe.send((i, result, error, lines))
+    for number in (signal.SIGTERM, signal.SIGIO):
+        signal.signal(number, _end)
+    end_with_parent()
+    _most.set(1)
 
 
 def _end(*_: object) -> None:
@@ -229,25 +174,56 @@ def _end(*_: object) -> None:
     os._exit(0)
 
 
-@contextmanager
-def for_a_worker(module: str) -> Iterator[None]:
-    """What is started in the block has one thread a library, and leaves Ctrl-C to us.
-
-    Nor does it run the script again that asked for it, unless that is the module of its work.
-    """
-    with CHILDREN:
-        resource_tracker.ensure_running()  # whose start would unblock SIGINT
-        before = {name: os.environ[name] for name in ONE_THREAD if name in os.environ}
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        os.environ.update(ONE_THREAD)
-        main = sys.modules["__main__"]
-        if module != "__main__":
-            sys.modules["__main__"] = ModuleType("__main__")
+def _call(job: Any) -> tuple[Any, Exception | None, list[str]]:
+    """Return the result of a job, or its error, and the texts of its warnings."""
+    result, error = None, None
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", SceneWarning)
         try:
-            yield
-        finally:
-            sys.modules["__main__"] = main
-            for name in ONE_THREAD:
-                del os.environ[name]
-            os.environ.update(before)
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            result = _work(job)
+        except Exception as raised:
+            error = raised
+    lines = [str(w.message) for w in caught if issubclass(w.category, SceneWarning)]
+    return result, error, lines
+
+
+def end_with_parent() -> None:
+    """Have SIGIO end this process when the one that started it ends, even in compiled code.
+
+    Where the system ignores SIGIO, as macOS does, the process ends after its cell.
+    """
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    end_when_closed(parent.sentinel)
+
+
+def end_when_closed(pipe: int) -> None:
+    """Have SIGIO end this process when the other end of a pipe closes."""
+    fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(pipe, fcntl.F_SETFL, os.O_ASYNC)
+
+
+def prepare(module: str) -> None:
+    """Have a module imported for the processes that will need it, while other work is done here."""
+    if allowed() > 1:
+        start_server(module)
+
+
+def start_server(module: str) -> None:
+    """Start the server of processes, which imports a module for them; one that runs stays.
+
+    Its processes have one thread a library, and leave Ctrl-C to us, as they take over what the
+    server has from its start.
+    """
+    resource_tracker.ensure_running()  # whose start would unblock SIGINT
+    before = {name: os.environ[name] for name in ONE_THREAD if name in os.environ}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    os.environ.update(ONE_THREAD)
+    try:
+        FORKSERVER.set_forkserver_preload(["__main__", module, __name__])
+        forkserver.ensure_running()
+    finally:
+        for name in ONE_THREAD:
+            del os.environ[name]
+        os.environ.update(before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)

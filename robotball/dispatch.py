@@ -23,7 +23,6 @@ from robotball.engines import reduced
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.errors import InputError, unknown, warn
 from robotball.motion import ContactMotion, EngineSettings, Loads, ReferenceMotion, preset_named
-from robotball.room import let_go
 from robotball.rotations import Array
 from robotball.scene import Scene, check_times
 
@@ -236,7 +235,6 @@ def _check_finite(motion: ReferenceMotion) -> None:
     """Raises InputError, with the first number that overflowed, unless all are finite."""
     for part in (motion, motion.loads):
         for field in fields(part):
-            let_go()
             value = getattr(part, field.name)
             if isinstance(value, np.ndarray) and not np.isfinite(value).all():
                 i = int(np.argmin(np.isfinite(value).reshape(len(value), -1).all(axis=1)))

@@ -24,7 +24,6 @@ from robotball.drives import turns
 from robotball.equations import as_vector
 from robotball.errors import InputError, unknown
 from robotball.robot import Value
-from robotball.room import let_go, room
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 
@@ -327,16 +326,16 @@ def arrays_of(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[A
             yield from arrays_of(value, (*place, each.name))
 
 
-# Long motions are made and measured in pieces, so that what is needed on the way stays small.
+# Long motions are made and measured in pieces: temporaries of a whole one would need more memory
+# than the motion itself.
 
 PIECE = 65_536  # samples; a multiple of what BLAS takes at once, or last bits would change
 
 
 def pieces(count: int) -> Iterator[slice]:
-    """Consecutive slices over `count` samples; memory is given back of each after its use."""
+    """Yield consecutive slices over `count` samples."""
     for i in range(0, count, PIECE):
         yield slice(i, min(i + PIECE, count))
-        let_go()
 
 
 # How far a motion is from a reference, whose times have the motion's times among them.
@@ -345,9 +344,7 @@ def pieces(count: int) -> Iterator[slice]:
 def path_errors(motion: Motion, reference: Motion) -> Array:
     """(n,) m: the distance between the two contact points, at the motion's times."""
     ours, theirs = motion.contact_point, reference.contact_point[_shared(motion, reference)]
-    errors = np.empty(len(ours))
-    for piece in pieces(len(ours)):
-        errors[piece] = np.linalg.norm(ours[piece] - theirs[piece], axis=1)
+    errors: Array = np.linalg.norm(ours - theirs, axis=1)
     return errors
 
 
@@ -379,10 +376,7 @@ def gamma_error(motion: Motion, reference: Motion) -> float:
 def momentum_errors(motion: Motion, reference: Motion) -> Array:
     """(n,): |M - M of the reference| over the scene's `momentum_scale`, at the motion's times."""
     ours, theirs = motion.momentum, reference.momentum[_shared(motion, reference)]
-    errors = np.empty(len(ours))
-    for piece in pieces(len(ours)):
-        off = np.linalg.norm(ours[piece] - theirs[piece], axis=1)
-        errors[piece] = off / reference.scene.momentum_scale
+    errors: Array = np.linalg.norm(ours - theirs, axis=1) / reference.scene.momentum_scale
     return errors
 
 
@@ -408,19 +402,18 @@ AnyMotion = TypeVar("AnyMotion", bound=Motion)
 
 
 def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
-    """One motion of its consecutive parts, of `count` times at most in all.
+    """Return one motion of its consecutive parts, of `count` times at most in all.
 
-    Each part is let go before the next is made; a long motion is in files (room.py).
+    One part is in memory at a time, beside the whole.
     """
     done, whole, last = 0, {}, None
     for last in parts:
         size = len(last.times)
         for place, array in arrays_of(last):
             if place not in whole:
-                whole[place] = room((count, *array.shape[1:]), array.dtype)
+                whole[place] = np.empty((count, *array.shape[1:]), array.dtype)
             whole[place][done : done + size] = array
         done += size
-        let_go()
     assert last is not None
     return _with_arrays(last, {place: array[:done] for place, array in whole.items()})
 

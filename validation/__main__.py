@@ -1,10 +1,12 @@
-"""The `robotball` command as a process; `python -m validation` is the same."""
+"""The `robotball` command as a process; `python -m validation` is the same.
+
+The processes of a command import this module, so it imports little.
+"""
 
 import sys
 import traceback
 
-from validation.cli import open_closed
-from validation.endings import ended_by_signals
+from validation.endings import ended_by_signals, open_closed
 
 DEFECT = 3
 

@@ -85,17 +85,6 @@ class Lasting(io.TextIOWrapper):
         os.close(nowhere)
 
 
-def open_closed() -> None:
-    """Open each standard stream that is closed to nowhere, lest another file take its number."""
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            number = os.open(os.devnull, os.O_RDWR)  # the lowest that is free
-            os.set_inheritable(number, True)
-            stream = os.fdopen(number, mode)
-            setattr(sys, name, stream)
-            setattr(sys, f"__{name}__", stream)  # which keeps it open where another takes its place
-
-
 def make_lasting() -> None:
     """Let standard output and error outlast their readers, and show `?` for what they lack.
 

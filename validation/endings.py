@@ -23,6 +23,17 @@ class Interrupted(KeyboardInterrupt):
     """
 
 
+def open_closed() -> None:
+    """Open each standard stream that is closed to nowhere, lest another file take its number."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            number = os.open(os.devnull, os.O_RDWR)  # the lowest that is free
+            os.set_inheritable(number, True)
+            stream = os.fdopen(number, mode)
+            setattr(sys, name, stream)
+            setattr(sys, f"__{name}__", stream)  # which keeps it open where another takes its place
+
+
 def status_of(number: int) -> int:
     """The exit status of what a signal has ended, as shells give it: 130 after Ctrl-C."""
     return 128 + number

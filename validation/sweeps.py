@@ -34,7 +34,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, BinaryIO
 
 from robotball import InputError
-from robotball.cores import CHILDREN, FORKSERVER, at_most, cores, for_a_worker
+from robotball.cores import FORKSERVER, at_most, cores, end_with_parent, start_server
 from robotball.errors import check_count, check_positive
 from robotball.files.replacing import no_regular_file
 from validation.output import Show, versions, writable_file, write_rows
@@ -224,6 +224,8 @@ PARTS = 20
 """A limit is waited for in so many parts; however long we are stopped, it takes one of them."""
 TRIES = 10
 """How often a process is asked to begin a cell, and started again where it was idle or killed."""
+CHILDREN = threading.Lock()
+"""A process that is started looks after all others, which two threads must not do at a time."""
 Outcome = tuple[str, bool]
 """A result as a line, and whether the process died, of the cell or of a kill from outside."""
 
@@ -270,10 +272,10 @@ class Worker:
         raise ChildProcessError(f"no process takes one ({why}); more is on standard error")
 
     def _start(self, work: Work) -> None:
-        FORKSERVER.set_forkserver_preload([work.__module__, __name__])
         self._pipe, theirs = FORKSERVER.Pipe()
         process = FORKSERVER.Process(target=_serve, args=(theirs,), daemon=True)
-        with theirs, for_a_worker(work.__module__):
+        with theirs, CHILDREN:
+            start_server(work.__module__)
             process.start()
         self._process = process
         if self._closed:  # meanwhile
@@ -304,29 +306,12 @@ def _death(status: int) -> str:
 
 def _serve(pipe: Connection) -> None:
     """What the process does: of each cell it says that it begins, and then its line."""
-    _end_with_parent()
+    end_with_parent()
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while pipe.poll(IDLE):
             work, cell = pipe.recv()
             pipe.send(None)
             pipe.send(_line(work, cell))
-
-
-def _end_with_parent() -> None:
-    """Has SIGIO end this process when a pipe closes that multiprocessing opens in the parent.
-
-    It needs no step in Python, so it ends compiled code too. Where the system ignores SIGIO, as
-    macOS does, the process ends after its cell.
-    """
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    end_when_closed(parent.sentinel)
-
-
-def end_when_closed(pipe: int) -> None:
-    """Has SIGIO end this process when the other end of a pipe closes."""
-    fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
-    fcntl.fcntl(pipe, fcntl.F_SETFL, os.O_ASYNC)
 
 
 def _line(work: Work, cell: Cell) -> str:

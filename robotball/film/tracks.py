@@ -9,7 +9,6 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from robotball.motion import Motion
-from robotball.room import let_go
 from robotball.rotations import Array
 
 PART = 65_536  # samples that are read at a time
@@ -54,7 +53,6 @@ class Track:
         for part in _neighbours(near):
             first, last = max(near[part][0] - MARGIN, 0), near[part][-1] + MARGIN + 1
             parts.append(self._near(slice(first, last), inside[part]))
-            let_go()
         return Moments(
             **{
                 each.name: np.concatenate([getattr(part, each.name) for part in parts])

@@ -11,8 +11,9 @@ import pytest
 import robotball as rb
 import robotball.engines.mujoco.run as mujoco_run
 import robotball.motion
+from robotball.engines.mujoco.stepping import stretches
 from robotball.engines.reduced import motion_of
-from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
+from robotball.motion import PIECE, attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 
 FIG12 = rb.load_scene("fig12")
@@ -51,6 +52,19 @@ def test_a_run_that_breaks_off_has_its_first_pieces(monkeypatch: pytest.MonkeyPa
     stopped = rb.simulate(FIG12, settings=stopping)
     assert len(stopped.times) < len(motion.times)
     assert {len(each) for each in arrays(stopped).values()} == {len(stopped.times)}
+
+
+def test_a_long_runs_steps_are_those_of_a_short_one() -> None:
+    """Cut into pieces of samples: each span once, with its steps and its samples."""
+    times = 0.02 * np.arange(2.0 * PIECE + 10)
+    breaks = (1.0001, float(times[PIECE]), 1500.007)
+    parts = list(stretches(times, breaks, 0.005))
+    ends = np.concatenate([part.ends for part in parts])
+    edges = np.union1d(times, breaks)
+    assert np.array_equal(ends[:, 0], edges[:-1])
+    assert np.abs(ends[:, 1] - edges[1:]).max() < 1e-12
+    assert sum(len(part.samples) for part in parts) == len(times) - 1
+    assert max(int(part.counts.sum()) for part in parts) <= 2 * 4096
 
 
 def peak_of(work: Callable[[], object]) -> int:

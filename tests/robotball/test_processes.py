@@ -102,30 +102,41 @@ from functools import partial
 from robotball.cores import in_processes
 from robotball.cores import at_most
 from tests.robotball.test_processes import late
-print("script")
-with at_most(2):
-    for _, process, _ in in_processes(partial(late, 200), range(200)):
-        print(process, flush=True)
+def main():
+    with at_most(2):
+        for _, process, _ in in_processes(partial(late, 200), range(200)):
+            print(process, flush=True)
 """
+GUARDED = f"{SCRIPT}if __name__ == '__main__':\n    main()"
 
 
 @pytest.mark.slow
 def test_no_process_outlives_who_asked_for_it(tmp_path: Path) -> None:
-    """Killed without warning; and its script was not run again, though it has no guard."""
-    (tmp_path / "script.py").write_text(SCRIPT)
+    """Not even where that is killed without warning."""
+    (tmp_path / "script.py").write_text(GUARDED)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     with subprocess.Popen(
         [sys.executable, tmp_path / "script.py"], stdout=subprocess.PIPE, text=True, env=environment
     ) as script:
         assert script.stdout is not None
-        lines = [script.stdout.readline().strip() for _ in range(3)]
+        processes = {int(script.stdout.readline()) for _ in range(2)}
         script.kill()
-    assert lines[0] == "script"
-    for process in {int(line) for line in lines[1:]}:
+    for process in processes:
         deadline = time.monotonic() + 20
         while Path(f"/proc/{process}").exists() and time.monotonic() < deadline:
             time.sleep(0.1)
         assert not Path(f"/proc/{process}").exists()
+
+
+@pytest.mark.slow
+def test_a_script_that_its_processes_would_run_again_is_refused(tmp_path: Path) -> None:
+    """One line says what the script lacks, and the script is not run for ever."""
+    (tmp_path / "script.py").write_text(f"{SCRIPT}main()")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    script = [sys.executable, str(tmp_path / "script.py")]
+    done = subprocess.run(script, capture_output=True, text=True, env=environment)
+    assert done.stdout == ""
+    assert 'put what it does below `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
 
 
 PREPARED = """

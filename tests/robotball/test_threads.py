@@ -1,10 +1,8 @@
 """Work on several cores: everything once, the same digits, and no more cores than are allowed."""
 
-import math
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numba
@@ -12,7 +10,7 @@ import numpy as np
 import pytest
 
 from robotball import InputError, load_scene
-from robotball.cores import Queue, allowed, at_most, cores, in_threads, quota
+from robotball.cores import Queue, allowed, at_most, in_threads
 from robotball.engines.ensembles.orbits import orbits, take
 from robotball.qualitative.basins import basins
 from robotball.qualitative.exponents import exponents
@@ -109,49 +107,3 @@ def test_less_than_one_thread_is_refused(count: int) -> None:
         at_most(count),
     ):
         pass
-
-
-def groups(folder: Path, files: dict[str, str], own: str) -> float:
-    """The quota of a process in these control groups."""
-    for name, text in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text)
-    (folder / "own").write_text(own)
-    return quota(folder, folder / "own")
-
-
-@pytest.mark.parametrize(
-    ("files", "own", "least"),
-    [
-        ({"cpu.max": "150000 100000\n"}, "0::/\n", 1.5),
-        ({"cpu.max": "max 100000\n"}, "0::/\n", math.inf),
-        ({"a/cpu.max": "400000 100000\n", "a/b/cpu.max": "max 100000"}, "0::/a/b\n", 4.0),
-        ({"cpu.max": "200000 100000\n"}, "0::/of/the/host\n", 2.0),
-        (
-            {"cpu/a/cpu.cfs_quota_us": "50000\n", "cpu/a/cpu.cfs_period_us": "100000\n"},
-            "4:memory:/a\n3:cpu,cpuacct:/a\n0::/\n",
-            0.5,
-        ),
-        (
-            {"cpu/a/cpu.cfs_quota_us": "-1\n", "cpu/a/cpu.cfs_period_us": "100000\n"},
-            "3:cpu,cpuacct:/a\n",
-            math.inf,
-        ),
-        ({}, "", math.inf),
-    ],
-)
-def test_a_containers_quota_is_respected(
-    tmp_path: Path, files: dict[str, str], own: str, least: float
-) -> None:
-    """Of both versions of control groups, of a group and of those around it, and of none."""
-    assert groups(tmp_path, files, own) == least
-
-
-def test_cores_are_at_most_what_the_quota_and_the_affinity_allow(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A part of a core is one; without a limit it is the affinity's number."""
-    monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(8)), raising=False)
-    for left, expected in ((math.inf, 8), (2.5, 3), (0.5, 1), (64.0, 8)):
-        monkeypatch.setattr("robotball.cores.quota", lambda left=left: left)
-        assert cores() == expected

@@ -177,16 +177,19 @@ def test_a_process_has_one_thread(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_script_that_sweeps_is_not_run_by_the_processes(tmp_path: Path) -> None:
-    """So it needs no guard, and need not even be a file."""
-    script = f"""
+def test_a_script_sweeps_below_its_guard(tmp_path: Path) -> None:
+    """Its processes import it, and say nothing."""
+    (tmp_path / "script.py").write_text(f"""
 from pathlib import Path
 from tests.validation.work import cells_of, square
 from validation.sweeps import sweep
 folder = Path({str(tmp_path)!r})
-print(len(sweep(square, cells_of(folder, 2), folder / "sweep.jsonl")))
-"""
-    ran = subprocess.run([sys.executable, "-"], input=script, capture_output=True, text=True)
+if __name__ == "__main__":
+    print(len(sweep(square, cells_of(folder, 2), folder / "sweep.jsonl")))
+""")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    script = [sys.executable, str(tmp_path / "script.py")]
+    ran = subprocess.run(script, capture_output=True, text=True, env=environment)
     assert (ran.stdout, ran.stderr) == ("2\n", "")
 
 

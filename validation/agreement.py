@@ -19,7 +19,7 @@ from robotball.motion import (
     path_error,
     path_errors,
 )
-from robotball.notebook import cell, path_lines
+from robotball.notebook import cell
 from robotball.robot import Value
 from robotball.rotations import Array
 from validation.output import scientific
@@ -47,7 +47,7 @@ class Agreement(Value):
         return f"<Agreement of {self.scene.name} by {by}: {self.verdict}; {errors}>"
 
     def _repr_html_(self) -> str:
-        return cell(repr(self), path_lines([self.theory, self.motion]))
+        return cell(repr(self), [self.theory, self.motion])
 
     @property
     def scene(self) -> Scene:

@@ -23,7 +23,7 @@ MOTION = rb.simulate(SCENE, TIMES, "fast")
 
 
 def test_a_scene_and_a_motion_are_a_line() -> None:
-    """With what a reader asks first, and no array."""
+    """The line has the scene, engine, settings and faults, and no array."""
     assert repr(SCENE) == "<Scene fig12: rubber, 1 rotor, 0.9 kg, radius 1 m; 10 s>"
     assert repr(THEORY).startswith("<ReferenceMotion of fig12 by equations ")
     assert repr(MOTION).endswith(", fast: 51 times to 1 s, path 2.737 m, no fault>")
@@ -64,7 +64,7 @@ def test_a_notebook_shows_the_paths() -> None:
 
 @pytest.mark.parametrize(("across", "along", "height"), [(1, 1, 720), (1, 30, 480), (0, 0, 480)])
 def test_a_flat_path_makes_a_low_picture(across: float, along: float, height: int) -> None:
-    """Of 960 pixels across, half at the lowest; a ball that stands still has a picture, too."""
+    """The height is half of the 960 pixels at least, also for a ball that stands still."""
     circle = np.column_stack([along * np.cos(TIMES), across * np.sin(6 * TIMES)])
     shown = cell("flat", [replace(THEORY, contact_point=circle)])
     assert pixels_of(shown).shape == (height, 960, 3)
@@ -90,7 +90,7 @@ def test_a_notebook_shows_what_is_in_a_scene() -> None:
 
 
 def test_a_scene_that_has_no_path_is_shown_all_the_same() -> None:
-    """With the reason: it must not raise in a cell, nor take minutes."""
+    """The cell gives the reason: it neither raises nor takes minutes."""
     shown = rb.load_scene("servo_motors")._repr_html_()
     assert "4000 steps reach t = " in shown
     assert "<img" not in shown
@@ -111,7 +111,7 @@ def test_plot_draws_paths_to_one_scale() -> None:
 
 
 def test_equality_is_of_values_and_never_raises() -> None:
-    """The same scene twice, the same motion twice; a changed number, another type."""
+    """Equal values make equal scenes and motions; a changed number or another type does not."""
     assert rb.load_scene("fig12") == SCENE
     assert rb.integrate(SCENE, TIMES) == THEORY
     assert rb.simulate(SCENE, TIMES, "fast") == MOTION  # though it took another time
@@ -127,7 +127,7 @@ def test_equality_is_of_values_and_never_raises() -> None:
 
 @pytest.mark.parametrize("kind", [rb.Shell, rb.Frame, rb.Rotor, rb.Pendulum, rb.Ball, rb.Start])
 def test_what_a_scene_is_made_of_is_a_name_of_robotball(kind: type) -> None:
-    """And is compared by its values."""
+    """Each is exported, and compared by its values."""
     assert issubclass(kind, Value)
 
 
@@ -163,7 +163,7 @@ def test_a_rate_of_ones_own_that_cannot_be_compared_equals_itself() -> None:
 
 
 def test_nan_equals_nan_within_an_array() -> None:
-    """As in what a file does not say of a motion."""
+    """Quantities that a file lacks are NaN in its motion, which still equals itself."""
     unknown = replace(THEORY.loads, spin_torque=np.full(51, np.nan))
     assert unknown == replace(unknown, spin_torque=np.full(51, np.nan))
     assert unknown != THEORY.loads

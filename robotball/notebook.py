@@ -1,33 +1,39 @@
-"""How scenes and motions show themselves: in a line, in a notebook's cell, as a picture."""
+"""Present scenes and motions: a line of text, a notebook cell, a matplotlib figure.
+
+matplotlib is loaded when a picture is asked for, never by a run.
+"""
 
 import io
-from collections.abc import Iterable, Sequence
+from base64 import b64encode
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robotball.chart import Line, chart, legend
 from robotball.drives import Constant
 from robotball.errors import InputError
 from robotball.rotations import Array
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-DASHES = ("", "7 4", "2 3", "10 3 2 3")  # tell lines apart without colour
-SIDE = 480  # px, of a path in a notebook
+WIDTH = 480  # px, of the picture of a path in a cell
+FLATTEST, TALLEST = 0.5, 0.75  # of that width is its height, by the path's own form
+SHARP = 2  # pixels of the file for one on the page: screens of high resolution show them
 SHOWN, STEPS = 10.0, 4000  # s of a scene's path at most, and steps: a cell must not take long
 MOVED = {"Servo": "velocity servo", "PositionServo": "position servo"}  # else the class's name
+STYLES = ("-", "--", ":", "-.")  # lines differ without colour, too
 
 
 def counted(count: int, what: str) -> str:
-    """`1 rotor`, `2 rotors`."""
+    """Return a number and its noun, as in `1 rotor` and `2 rotors`."""
     return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def scene_line(scene: Any) -> str:
-    """A scene in a line: name, rolling model, what is inside, duration."""
+    """Return one line: the name, rolling model, rotors and pendulums, mass, radius, duration."""
     ball = scene.ball
     inside = [counted(len(ball.rotors), "rotor")] if ball.rotors else []
     inside += [counted(len(ball.pendulums), "pendulum")] if ball.pendulums else []
@@ -36,8 +42,11 @@ def scene_line(scene: Any) -> str:
 
 
 def scene_cell(scene: Any) -> str:
-    """A scene in a notebook: its line, its bodies as a table, and its path by the equations."""
-    # The equations know scenes, so a scene finds them only when it is looked at.
+    """Return HTML of the scene's line, a table of its bodies, and its path by the equations.
+
+    A path that the equations cannot give in STEPS steps is replaced by the reason.
+    """
+    # The equations import scenes, so a scene imports them only when it is displayed.
     from robotball import integrate, sample_times
 
     hinges = {hinge.name: _moved(hinge) for hinge in scene.hinges}
@@ -53,11 +62,11 @@ def scene_cell(scene: Any) -> str:
         return (
             f"<div><code>{escape(repr(scene))}</code>{above}<div>{escape(str(error))}</div></div>"
         )
-    return cell(repr(scene), path_lines([motion]), f"{above}<div>Its path, by the equations:</div>")
+    return cell(repr(scene), [motion], f"{above}<div>Its path, by the equations:</div>")
 
 
 def _moved(hinge: Any) -> str:
-    """What turns a hinge, in a few words."""
+    """Name the motor of a hinge, or give the rate that drives it."""
     if hinge.motor is not None:
         name = type(hinge.motor).__name__
         return MOVED.get(name, name.lower())
@@ -66,7 +75,7 @@ def _moved(hinge: Any) -> str:
 
 
 def motion_line(motion: Any) -> str:
-    """A motion in a line: of what, by whom, how far, and how many faults."""
+    """Return one line: scene, engine, settings, duration, length of the path, faults."""
     report = getattr(motion, "report", None)
     by = f"{motion.engine.name} {motion.engine.version}"
     if report is not None:
@@ -79,36 +88,48 @@ def motion_line(motion: Any) -> str:
 
 def motion_cell(motion: Any) -> str:
     """Return HTML of the motion's line and its path."""
-    return cell(motion_line(motion), path_lines([motion]))
+    return cell(motion_line(motion), [motion])
 
 
-def path_lines(motions: Iterable[Any], names: Iterable[str] | None = None) -> list[Line]:
-    """The contact points' paths of motions, a line each, named after their engines if not given."""
-    motions = list(motions)
-    named = [each.engine.name for each in motions] if names is None else list(names)
-    return [
-        Line(
-            name,
-            each.engine.colour,
-            each.contact_point[:, 0],
-            each.contact_point[:, 1],
-            dash=DASHES[i % len(DASHES)],
-            width=4 if i == 0 and len(motions) > 1 else 1.8,
-            times=each.times,
-        )
-        for i, (name, each) in enumerate(zip(named, motions, strict=True))
-    ]
+def cell(line: str, motions: Sequence[Any], above: str = "") -> str:
+    """Return a notebook cell: a line of text, optional HTML, and the motions' paths as a PNG."""
+    figure = _figure((WIDTH / 100, WIDTH * TALLEST / 100))
+    axes = figure.add_subplot()
+    _draw_paths(axes, motions)
+    # A ball that stands still has no width.
+    form = axes.dataLim.height / (axes.dataLim.width or 1.0)
+    figure.set_figheight(WIDTH * float(np.clip(form, FLATTEST, TALLEST)) / 100)
+    png = b64encode(_png(figure, SHARP)).decode("ascii")
+    names = escape(", ".join(each.engine.name for each in motions), quote=True)
+    return (
+        f'<div><code>{escape(line)}</code>{above}<div><img width="{WIDTH}" '
+        f'alt="path of the contact point: {names}" src="data:image/png;base64,{png}"/></div></div>'
+    )
 
 
-def cell(line: str, lines: Sequence[Line], above: str = "") -> str:
-    """A notebook's cell: a line of words, HTML above the picture if there is any, the paths."""
-    drawn = chart(lines, "X [m]", "Y [m]", equal=True, size=(SIDE, SIDE * 3 // 4))
-    names = f"<div>{legend(lines)}</div>" if len(lines) > 1 else ""
-    return f"<div><code>{escape(line)}</code>{above}{names}{drawn}</div>"
+def picture(motions: Sequence[Any]) -> "Figure":
+    """Draw the paths and the momenta of motions of one scene side by side."""
+    figure = _figure((10.0, 4.2))
+    path, momentum = figure.subplots(1, 2)
+    _draw_paths(path, motions)
+    path.set_title("contact point")
+    for i, each in enumerate(motions):
+        for component in each.momentum.T:
+            momentum.plot(
+                each.times, component, color=each.engine.colour, linestyle=STYLES[i % len(STYLES)]
+            )
+    for value, name in by_value(motions[0].momentum[0]).items():
+        momentum.annotate(
+            name, (1.0, value), xycoords=("axes fraction", "data"), xytext=(4, 0),
+            textcoords="offset points", va="center",
+        )  # fmt: skip
+    momentum.set(xlabel="time [s]", ylabel="M, world axes [kg m²/s]", title="momentum M")
+    momentum.grid(alpha=0.3)
+    return figure
 
 
 def by_value(momentum: Array) -> dict[float, str]:
-    """The names of M's components (3,) by their value; those within a label's height are one."""
+    """Name the components of M (3,) by their values; those within a label's height share one."""
     groups: dict[float, str] = {}
     for value, name in zip(momentum.tolist(), ("X", "Y", "Z"), strict=True):
         near = [other for other in groups if abs(other - value) <= 0.05 * np.abs(momentum).max()]
@@ -117,36 +138,36 @@ def by_value(momentum: Array) -> dict[float, str]:
     return groups
 
 
-def picture(motions: Sequence[Any]) -> "Figure":
-    """Paths and momenta of motions of one scene, side by side, as a figure of matplotlib."""
+def _figure(size: tuple[float, float]) -> "Figure":
+    """Return an empty figure of a size [inch] that a notebook displays without pyplot."""
     from matplotlib.figure import Figure
 
     class Picture(Figure):
-        """A figure that a notebook shows without pyplot."""
+        """A figure with the method that notebooks look for."""
 
         def _repr_png_(self) -> bytes:
-            png = io.BytesIO()
-            self.savefig(png, format="png", dpi=100)
-            return png.getvalue()
+            return _png(self)
 
-    figure = Picture(figsize=(10.0, 4.2), layout="constrained")
-    path, momentum = figure.subplots(1, 2)
-    styles = ("-", "--", ":", "-.")
+    return Picture(figsize=size, layout="constrained")
+
+
+def _png(figure: "Figure", scale: int = 1) -> bytes:
+    png = io.BytesIO()
+    figure.savefig(png, format="png", dpi=100 * scale)
+    return png.getvalue()
+
+
+def _draw_paths(axes: "Axes", motions: Sequence[Any]) -> None:
+    """Draw each motion's contact point; a legend names the engines where there are several."""
     for i, each in enumerate(motions):
-        style = {"color": each.engine.colour, "linestyle": styles[i % len(styles)]}
-        path.plot(*each.contact_point.T, label=each.engine.name, **style)
-        for component in each.momentum.T:
-            momentum.plot(each.times, component, **style)
-    for value, name in by_value(motions[0].momentum[0]).items():
-        momentum.annotate(
-            name, (1.0, value), xycoords=("axes fraction", "data"), xytext=(4, 0),
-            textcoords="offset points", va="center",
+        # Motions that agree hide each other, so the first one is wide below the others.
+        wide = 3.0 if i == 0 and len(motions) > 1 else 1.5
+        axes.plot(
+            *each.contact_point.T, label=each.engine.name, color=each.engine.colour,
+            linestyle=STYLES[i % len(STYLES)], linewidth=wide,
         )  # fmt: skip
-    path.set(xlabel="X [m]", ylabel="Y [m]", title="contact point")
-    path.set_aspect("equal", "datalim")
-    momentum.set(xlabel="time [s]", ylabel="M, world axes [kg m²/s]", title="momentum M")
-    for axes in (path, momentum):
-        axes.grid(alpha=0.3)
+    axes.set(xlabel="X [m]", ylabel="Y [m]")
+    axes.set_aspect("equal", "datalim")
+    axes.grid(alpha=0.3)
     if len(motions) > 1:
-        path.legend(loc="best")
-    return figure
+        axes.legend(loc="best")

@@ -50,9 +50,9 @@ class Agreement(Value):
         return f"<Agreement of {self.scene.name} by {by}: {self.verdict}; {errors}>"
 
     def _repr_html_(self) -> str:
-        from robotball.notebook import cell, path_lines
+        from robotball.notebook import cell
 
-        return cell(repr(self), path_lines([self.theory, self.motion]))
+        return cell(repr(self), [self.theory, self.motion])
 
     @property
     def scene(self) -> Scene:

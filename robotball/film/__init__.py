@@ -1,1 +1,1 @@
-"""Motions as moving pictures, without a screen."""
+"""Draw motions without a screen: films, MuJoCo's viewer, and pages to orbit and play."""

@@ -1,18 +1,12 @@
-"""The two shaders that draw balls, floor, paths and shadows, for films and for pages alike.
+"""Draw balls, paths, arrows and shadows on a floor by off-screen OpenGL 2.1.
 
-They are written once, in what GLSL 1.20 and GLSL ES 3.00 have in common but for these names.
+The two shaders also draw the 3-D view of a page: they are written in what GLSL 1.20 and GLSL ES
+3.00 share but for a few names. Surfaces are triangles, corners (n, 6) with a place and a normal
+each, three a triangle.
 
-Shapes as triangles: corners (n, 6), three a triangle, each a place and its normal.
-
-Where a picture is seen from.
-
-What a picture shows: balls, their paths and arrows, under a camera.
-
-The canvas: balls, paths and arrows on a floor → pixels, by off-screen OpenGL 2.1.
-
-The floor and the paths average their own edges. Only what is near a ball is drawn with several
-samples a pixel, and shadows are the bodies themselves, laid flat. Without a GPU the samples take
-half of a picture's time.
+Multisampling a whole picture takes most of its time without a GPU. So floor and paths average
+their own edges in the shader, and only the surroundings of a ball are drawn with several samples a
+pixel. Shadows are the bodies projected onto the floor along the light.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,7 +30,7 @@ HERE = Path(__file__).parent
 
 
 class Kind(IntEnum):
-    """What is drawn: how its light is computed."""
+    """How the light on a surface is computed."""
 
     LIT, FLOOR, GLASS, SHADOW, PATH = range(5)
 
@@ -53,14 +47,14 @@ PAGE = (
 
 
 def shaders(page: bool = False) -> tuple[str, str]:
-    """The vertex and the fragment shader, for a page's WebGL 2 or for OpenGL from 2.1 on."""
+    """Return the vertex and fragment shaders, for a page's WebGL 2 or for OpenGL 2.1."""
     head = (PAGE if page else DESKTOP) + KINDS
     vertex, fragment = ((HERE / f"shade.{name}").read_text("utf-8") for name in ("vert", "frag"))
     return head + vertex, head + ("out vec4 SEEN;\n" if page else "") + fragment
 
 
 def linked(GL: Any) -> int:
-    """The program of both in the OpenGL that is current; raises OSError where it is refused."""
+    """Compile and link the shaders in the current OpenGL. Raises OSError if it refuses them."""
     program = GL.glCreateProgram()
     for kind, text in zip((GL.GL_VERTEX_SHADER, GL.GL_FRAGMENT_SHADER), shaders(), strict=True):
         shader = GL.glCreateShader(kind)
@@ -76,9 +70,9 @@ def linked(GL: Any) -> int:
 
 
 def framebuffer(GL: Any, size: tuple[int, int], samples: int, *, deep: bool = False) -> int:
-    """A framebuffer (height, width) of so many samples a pixel; deep: with depth and stencil.
+    """Return a framebuffer (height, width); deep: with depth and stencil.
 
-    Raises OSError where this OpenGL has none.
+    Raises OSError if this OpenGL has no framebuffers.
     """
     height, width = size
     made = int(GL.glGenFramebuffers(1))
@@ -98,22 +92,22 @@ def framebuffer(GL: Any, size: tuple[int, int], samples: int, *, deep: bool = Fa
 
 AROUND = 48  # steps of a shape about its axis
 SECTION = 8  # of a torus's tube, and of a round end
-SMALL = 12  # steps about the axis of what is thin
+SMALL = 12  # steps about the axis of a thin shape
 
 
 def triangles_of(shape: Shape) -> Array:
-    """The shape where it stands; lengths in radii of the ball."""
+    """Return the triangles (n, 6) of a shape in its body's axes; lengths in radii of the ball."""
     own = _box(shape.size) if shape.kind == "box" else _turned(*_profile(shape))
     return moved(own, rotation_matrix(shape.turn), shape.pos)
 
 
 def moved(corners: Array, turn: Array, pos: Array) -> Array:
-    """Corners (n, 6) turned by a matrix (3, 3) and then shifted by (3,)."""
+    """Turn corners (n, 6) by a matrix (3, 3) and then shift them by (3,)."""
     return np.concatenate([corners[:, :3] @ turn.T + pos, corners[:, 3:] @ turn.T], axis=1)
 
 
 def arrow(vector: Array, thickness: float) -> Array:
-    """An arrow (n, 6) from the origin along `vector` (3,), its head included."""
+    """Return an arrow (n, 6) from the origin to the tip of `vector` (3,)."""
     length = float(np.linalg.norm(vector))
     head = min(4 * thickness, length / 2)
     neck, slope = length - head, np.array([head, 2 * thickness]) / np.hypot(head, 2 * thickness)
@@ -128,7 +122,7 @@ def arrow(vector: Array, thickness: float) -> Array:
 
 
 def _profile(shape: Shape) -> tuple[Array, int]:
-    """The section (m, 4) of a shape turned about z, as r, z and their normal; and the steps."""
+    """Return the section (m, 4) of a shape turned about z, r, z and normal, and its steps."""
     a, b, _ = shape.size
     if shape.kind == "torus":
         c, s = _circle(0.0, 2 * np.pi, SECTION)
@@ -151,7 +145,7 @@ def _circle(begin: float, end: float, steps: int) -> tuple[Array, Array]:
 
 
 def _turned(profile: Array, steps: int) -> Array:
-    """The surface of a profile (m, 4) turned about z."""
+    """Return the surface that a profile (m, 4) sweeps when it is turned about z."""
     c, s = _circle(0.0, 2 * np.pi, steps)
     r, z, nr, nz = profile.T
     grid = np.stack(
@@ -173,7 +167,7 @@ def _box(size: Array) -> Array:
     square: Sequence[tuple[int, int]] = ((-1, -1), (1, -1), (1, 1), (-1, -1), (1, 1), (-1, 1))
     for axis in range(3):
         for side in (-1, 1):
-            for a, b in square[::side]:  # seen from outside, anticlockwise
+            for a, b in square[::side]:  # anticlockwise from outside, as OpenGL culls
                 place, normal = np.zeros(3), np.zeros(3)
                 place[axis] = normal[axis] = side
                 place[(axis + 1) % 3], place[(axis + 2) % 3] = a, b
@@ -188,7 +182,7 @@ EDGE = 3  # pixels around what is framed
 
 @dataclass(frozen=True)
 class Camera:
-    """Looks at a point (3,) from a distance, azimuth and elevation [rad]; lengths in radii."""
+    """A view of a point (3,) from a distance, azimuth and elevation [rad]; lengths in radii."""
 
     look: Array
     distance: float
@@ -197,7 +191,7 @@ class Camera:
 
     @property
     def back(self) -> Array:
-        """From the point looked at to the eye (3,), a unit vector."""
+        """The unit vector (3,) from the point to the eye."""
         c = np.cos(self.elevation)
         return np.array(
             [c * np.cos(self.azimuth), c * np.sin(self.azimuth), np.sin(self.elevation)]
@@ -208,7 +202,7 @@ class Camera:
         return self.look + self.distance * self.back
 
     def matrix(self, width: int, height: int) -> Array:
-        """From the world to GL's clip space (4, 4) of a picture of so many pixels."""
+        """Return the matrix (4, 4) from the world to GL's clip space for a picture's size."""
         right = np.array([-np.sin(self.azimuth), np.cos(self.azimuth), 0.0])
         axes = np.stack([right, np.cross(self.back, right), self.back])
         view = np.eye(4)
@@ -221,7 +215,10 @@ class Camera:
         return np.asarray(project @ view, dtype=np.float32)
 
     def frame(self, points: Array, width: int, height: int) -> tuple[int, int, int, int]:
-        """The part (x, y, width, height) of a picture in pixels that shows points (n, 3)."""
+        """Return the part (x, y, width, height) of a picture that shows points (n, 3), in pixels.
+
+        A point behind the eye projects nowhere; the whole picture is returned then.
+        """
         clip = np.column_stack([points, np.ones(len(points))]) @ self.matrix(width, height).T
         if clip[:, 3].min() <= NEAR:
             return 0, 0, width, height
@@ -239,8 +236,10 @@ BOX = np.array(list(product((-1.05, 1.05), repeat=3)))  # around a ball
 class Drawn:
     """One ball in one picture; lengths in radii.
 
-    colour  of its shell; stands  a (4, 4) matrix for each body; blurred  of each body, from 0, its
-    marks are seen, to 1, it turns too fast for them; opacity  1, or less of a ghost
+    colour   of its shell
+    stands   a (4, 4) matrix for each body
+    blurred  for each body 0, where its marks are seen, to 1, where it turns too fast for them
+    opacity  1, or less for a ghost
     """
 
     colour: str
@@ -251,7 +250,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Line:
-    """A path's first `count` corners on the floor, of a strip that `Canvas.keep` has."""
+    """The first `count` corners of a path's strip, which `Canvas.keep` has by that name."""
 
     strip: str
     count: int
@@ -261,7 +260,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Loose:
-    """Triangles (n, 6) where they are, as of an arrow."""
+    """Triangles (n, 6) in the world's axes, for shapes that change from frame to frame."""
 
     corners: Array
     colour: str
@@ -269,7 +268,7 @@ class Loose:
 
 @dataclass(frozen=True)
 class Pane:
-    """A picture: balls, lines and loose shapes under a camera."""
+    """One picture: balls, lines and loose shapes under a camera."""
 
     camera: Camera
     balls: Sequence[Drawn]
@@ -278,7 +277,7 @@ class Pane:
 
 
 def around(pane: Pane) -> Array:
-    """Corners (n, 3) of what holds balls, their shadows, and loose shapes."""
+    """Return points (n, 3) whose hull holds the balls, their shadows and the loose shapes."""
     around = []
     for ball in pane.balls:
         corners = BOX + ball.stands["shell"][:3, 3]
@@ -298,10 +297,10 @@ FLOOR = np.array([[x, y, 0, 0, 0, 1] for x, y in
 
 
 class Canvas:
-    """Draws pictures of balls that look alike.
+    """An off-screen OpenGL that draws pictures of balls with the same shapes.
 
-    size: (height, width) in pixels; backend: as `gl.find_backend` told. Raises OSError where
-    there is no off-screen GL. To be closed.
+    size: (height, width) in pixels; backend: as `gl.find_backend` returned. Raises OSError if
+    there is no off-screen GL. Call `close` when done.
     """
 
     def __init__(
@@ -344,7 +343,7 @@ class Canvas:
         GL.glEnable(GL.GL_BLEND)
 
     def keep(self, name: str, corners: Array, *, strip: bool = False) -> None:
-        """Keeps the corners (n, 6) of triangles, or of a strip, to be drawn by their name."""
+        """Copy the corners (n, 6) of triangles, or of a strip, to OpenGL under a name."""
         GL = self._gl
         numbers: Any = corners.astype(np.float32)
         order: Any = np.zeros(0)
@@ -361,11 +360,12 @@ class Canvas:
         self._kept[name] = (first, second, len(corners))
 
     def draw(self, panes: Sequence[Pane]) -> Pixels:
-        """The panes side by side, each as wide as the others: (height, width, 3)."""
+        """Draw the panes side by side, equally wide, and return the pixels (height, width, 3)."""
         GL = self._gl
         self._context.make_current()
         width = self.width // len(panes)
         lefts = [width * i for i in range(len(panes))]
+        # The whole floor is drawn with one sample a pixel; the balls' surroundings then replace it.
         GL.glDisable(GL.GL_DEPTH_TEST)
         GL.glDisable(GL.GL_SCISSOR_TEST)
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._whole)
@@ -403,7 +403,7 @@ class Canvas:
         GL.glUniform3f(self._at["look"], *map(float, camera.look))
 
     def _floor(self, pane: Pane, *, shadows: bool = False) -> None:
-        """The floor with what lies on it; the first line lies over the others."""
+        """Draw the floor, shadows and paths; the first line lies over the others."""
         ground = np.diag([WIDE, WIDE, 1.0, 1.0])
         ground[:2, 3] = pane.camera.look[:2]
         self._draw("floor", Kind.FLOOR, ground, (0, 0, 0, 1))
@@ -420,7 +420,8 @@ class Canvas:
         GL = self._gl
         GL.glEnable(GL.GL_STENCIL_TEST)
         GL.glStencilOp(GL.GL_KEEP, GL.GL_KEEP, GL.GL_INCR)
-        for level, glass in ((0, True), (1, False)):  # no pixel is darkened twice
+        # The stencil counts how often a pixel was darkened: by glass once, by a solid once more.
+        for level, glass in ((0, True), (1, False)):
             GL.glStencilFunc(GL.GL_GEQUAL, level, 255)
             GL.glEnable(GL.GL_CULL_FACE)
             GL.glCullFace(GL.GL_BACK)
@@ -452,6 +453,7 @@ class Canvas:
                     self._draw(*job)
                 elif opacity > 0.01:
                     clear.append(job)
+        # Clear surfaces are not sorted: the far sides of all are drawn before the near ones.
         GL.glDepthMask(False)
         for side in (GL.GL_FRONT, GL.GL_BACK):
             GL.glCullFace(side)
@@ -468,7 +470,7 @@ class Canvas:
         rgba: tuple[float, ...],
         count: int | None = None,
     ) -> None:
-        """Draws triangles that are kept, or so many corners of a strip."""
+        """Draw the triangles kept under a name, or the first `count` corners of a strip."""
         GL = self._gl
         corners, order, whole = self._kept[name]
         GL.glUniform1i(self._at["kind"], int(kind))
@@ -485,5 +487,5 @@ class Canvas:
         GL.glDrawElements(GL.GL_TRIANGLES, whole, GL.GL_UNSIGNED_INT, None)
 
     def close(self) -> None:
-        """Frees what GL holds."""
+        """Free the OpenGL context and all that it holds."""
         self._context.free()

@@ -1,6 +1,6 @@
-"""Which OpenGL draws off-screen here; `python -m robotball.film.gl` tells what is missing.
+"""Find an OpenGL that draws off-screen; `python -m robotball.film.gl` prints which, or the fix.
 
-A broken OpenGL can end the process that tries it, so each candidate is tried in a child.
+A broken OpenGL can end the process that tries it, so each candidate is tried in a child process.
 """
 
 import functools
@@ -30,18 +30,18 @@ with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8) as rende
 
 @functools.cache
 def find_backend() -> str | None:
-    """The name of an off-screen GL that works here ("egl", "osmesa", …), or None.
+    """Return the name of an off-screen GL that works here ("egl", "osmesa", …), or None.
 
-    MUJOCO_GL, where set, is the only candidate. The answer is kept for the process.
+    If MUJOCO_GL is set, it is the only candidate. The result is cached for the process.
     """
     return next(filter(_works, _candidates()), None)
 
 
 def context(width: int, height: int, backend: str | None) -> Any:
-    """A MuJoCo GLContext of a backend, current, for pictures up to this size in pixels.
+    """Return a MuJoCo GLContext, made current, for pictures up to this size in pixels.
 
-    backend: as `find_backend()` told, here or in another process. It is used without regard to
-    what `import mujoco` chose before. Raises OSError if it is None.
+    backend: as `find_backend()` returned, here or in another process. It is independent of the
+    backend that `import mujoco` chose. Raises OSError if it is None.
     """
     if backend is None:
         raise OSError(advice())
@@ -51,7 +51,7 @@ def context(width: int, height: int, backend: str | None) -> Any:
 
 
 def advice() -> str:
-    """One line: why there is no off-screen GL, and what would bring one."""
+    """Return one line: why there is no off-screen GL, and how to get one."""
     chosen = os.environ.get("MUJOCO_GL")
     if chosen:
         return f"no off-screen GL with MUJOCO_GL={chosen}; unset it, or name one that works here"
@@ -60,7 +60,7 @@ def advice() -> str:
 
 
 def ended_import(error: Exception) -> bool:
-    """Whether it ended MuJoCo's import, which loads the OpenGL that MUJOCO_GL names."""
+    """Return whether the error was raised in MuJoCo's import, which loads MUJOCO_GL's OpenGL."""
     modules = (frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__))
     return bool(os.environ.get("MUJOCO_GL")) and "mujoco" in modules
 

@@ -1,15 +1,11 @@
-"""The colours of what is drawn; each engine has its own in its label.
+"""Colours, and the simple shapes of each body, shared by films, models and pages.
 
-From Okabe and Ito's set, which stays apart for colour-blind eyes and in grey.
-
-What a ball looks like: simple shapes for each body, the same in films, models and pages.
-
-Shell, frame and rotors are the hand-written parts of mjcf/; a pendulum is drawn from its numbers.
-Sizes are chosen so that nothing runs into anything else: the frame's hoop is near the shell, what
-turns inside it stays inside, and rotors with one centre are rings within rings. A frame off balance
-has a weight on the side of its centre of mass.
-
-The shapes of a ball as MJCF: materials, meshes and geoms that only pictures see.
+The colours are Okabe and Ito's, which colour-blind readers distinguish, also in grey; each engine
+has its own in its label. Shell, frame and rotors are the hand-written parts in mjcf/; a pendulum is
+drawn from its numbers. Sizes are chosen so that no two parts touch: the frame's hoop is near the
+shell, what turns inside it stays inside, and rotors with one centre are rings within rings. A frame
+off balance has a weight on the side of its centre of mass. The shapes become MJCF with materials,
+meshes and geoms that take no part in contact and have no mass.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -29,28 +25,30 @@ from robotball.rotations import Array, z_along
 INK = "#22262B"  # text
 ACCENT = "#D55E00"  # what the rest is held against
 FAINT = "#B4B9BF"  # what stands behind
+GHOST = 0.35  # opacity of a second ball that is drawn over the first
 
 
 def rgb(colour: str) -> tuple[float, float, float]:
-    """(red, green, blue), each 0 to 1, of "#rrggbb"."""
+    """Return (red, green, blue), each 0 to 1, for a colour "#rrggbb"."""
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
     return red / 255, green / 255, blue / 255
 
 
 PARTS = Path(__file__).parents[2] / "mjcf"
-MARKS, BLUR = "spoke", "blur"  # the materials that show a rotor's angle, or stand for its speed
-HUB = ("capsule", "cylinder")  # of a rotor: what is inside its rim
+# The materials that show a rotor's angle, and its disc when it turns too fast to be seen.
+MARKS, BLUR = "spoke", "blur"
+HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim
 
 # Lengths in radii of the ball.
-INSIDE = 0.75  # what turns in the frame's hoop stays within it
+INSIDE = 0.75  # bodies that turn in the frame's hoop reach no further
 RIM = 0.61  # how far the part "rotor" reaches
-RING = 0.7  # of a rotor, the next one inside it
-LEAST = 0.06  # of a rotor, or of a pendulum's bob
-CORE = 0.28  # of rotors at the centre, where a pendulum swings around them
-BOB, ARM = 0.17, 0.035  # radii of a pendulum's
+RING = 0.7  # the size of a ring over that of the ring around it
+LEAST = 0.06  # the smallest rotor, and the smallest bob, that can still be seen
+CORE = 0.28  # room for rotors at the centre where a pendulum swings around them
+BOB, ARM = 0.17, 0.035  # radii of a pendulum's bob and arm
 HOOP, OUTSIDE = 0.82, 0.96  # the frame's hoop, and how far out a weight on it reaches
-BALANCED = 0.01  # a frame's centre of mass that is nearer has no weight
-TOGETHER = 0.05  # rotors whose centres are nearer than that have one centre
+BALANCED = 0.01  # a frame whose centre of mass is nearer to the ball's has no weight
+TOGETHER = 0.05  # rotors whose centres are nearer are nested
 
 ORIGIN, AS_IT_IS = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -59,13 +57,13 @@ Kind = Literal["torus", "sphere", "capsule", "cylinder", "box"]
 
 @dataclass(frozen=True)
 class Shape:
-    """A shape of a body where it is at its hinge's angle 0: lengths in radii, the frame's axes.
+    """A shape of a body at hinge angle 0, in the frame's axes; lengths in radii of the ball.
 
-    size      (3,)  as in MJCF; of a torus about z its radius and its tube's, then 0
+    size      (3,)  as in MJCF; for a torus about z its radius and its tube's, then 0
     pos       (3,)  from the sphere's centre
     turn      (4,)  quaternion
     material  its name
-    profile   of a torus: the exponent of its section, 1 for a round one
+    profile   the exponent of a torus's section, 1 for a round one
     """
 
     kind: Kind
@@ -77,7 +75,7 @@ class Shape:
 
 
 def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
-    """The shapes of each body, by the bodies' names."""
+    """Return the shapes of each body by its name."""
     axis = ball.shell.axis
     looks = {"shell": _placed(_part("shell"), axis), "frame": _frame(ball)}
     for (name, rotor), (size, inmost) in zip(ball.named_rotors, _rings(ball), strict=True):
@@ -90,7 +88,7 @@ def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
 
 @cache
 def colours() -> dict[str, tuple[float, ...]]:
-    """The parts' materials: red, green, blue and opacity, each 0 to 1."""
+    """Return (red, green, blue, opacity), each 0 to 1, of the parts' materials by name."""
     return {
         material.attrib["name"]: tuple(map(float, material.attrib["rgba"].split()))
         for part in ("shell", "frame", "rotor")
@@ -99,7 +97,7 @@ def colours() -> dict[str, tuple[float, ...]]:
 
 
 def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
-    """Of each rotor: its size, 1 for the part's own, and whether no other is inside it."""
+    """Yield each rotor's size, 1 for the part's own, and whether no other rotor is inside it."""
     centres = [rotor.centre / ball.radius for rotor in ball.rotors]
     for i, centre in enumerate(centres):
         away = [float(np.linalg.norm(centre - other)) for other in centres]
@@ -113,7 +111,7 @@ def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
 
 
 def _frame(ball: Ball) -> tuple[Shape, ...]:
-    """The frame's part; off balance, its hoop is turned to carry a weight there."""
+    """Return the frame's shapes; off balance, the hoop is turned to carry a weight there."""
     part, axis, centre = _part("frame"), ball.shell.axis, ball.frame.centre / ball.radius
     off = float(np.linalg.norm(centre))
     if off < BALANCED:
@@ -124,7 +122,7 @@ def _frame(ball: Ball) -> tuple[Shape, ...]:
 
 
 def _weight(ball: Ball, side: Array, off: float) -> Iterator[Shape]:
-    """On an arm at the frame's centre of mass, or on the hoop where something turns inside."""
+    """Yield a weight on an arm at the frame's centre of mass, or on the hoop above moving parts."""
     reach = INSIDE if ball.pendulums else 0.0
     for rotor, (size, _) in zip(ball.rotors, _rings(ball), strict=True):
         reach = max(reach, float(np.linalg.norm(rotor.centre)) / ball.radius + RIM * size)
@@ -137,7 +135,7 @@ def _weight(ball: Ball, side: Array, off: float) -> Iterator[Shape]:
 
 
 def _pendulum(ball: Ball, pendulum: Pendulum) -> Iterator[Shape]:
-    """An arm from the hinge to a bob at the centre of mass, and the hinge's own axle."""
+    """Yield an arm from the hinge to a bob at the centre of mass, and the hinge's axle."""
     pivot, arm = pendulum.pivot / ball.radius, (pendulum.centre - pendulum.pivot) / ball.radius
     along = float(pivot @ pendulum.axis) * pendulum.axis
     reach = float(np.linalg.norm(along) + np.linalg.norm(pivot - along) + np.linalg.norm(arm))
@@ -161,9 +159,9 @@ def _placed(
     centre: Array = ORIGIN,
     spin: float = 0.0,
 ) -> tuple[Shape, ...]:
-    """Shapes of a part, about z and in the part's own size, as they stand about an axis (3,).
+    """Turn a part's shapes from z to an axis (3,), scale them, and move them to a centre (3,).
 
-    spin: by which they are turned about it [rad].
+    spin: the angle about that axis [rad].
     """
     turn = Rotation.from_quat(z_along(axis), scalar_first=True) * Rotation.from_rotvec([0, 0, spin])
     return tuple(
@@ -181,7 +179,7 @@ def _placed(
 
 @cache
 def _part(name: str) -> tuple[Shape, ...]:
-    """The shapes of a hand-written part."""
+    """Read the shapes of a hand-written part."""
     root = ElementTree.parse(PARTS / f"{name}.xml").getroot()
     meshes = {mesh.attrib["name"]: mesh for mesh in root.iter("mesh")}
     return tuple(_shape(geom, meshes) for geom in root.iterfind("worldbody/geom"))
@@ -208,7 +206,7 @@ def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) ->
     return Shape(cast(Kind, kind), size, pos, turn, material)
 
 
-RESOLUTION = 48  # of a torus: points around it, and around its tube
+RESOLUTION = 48  # points around a torus, and around its tube
 BLUR_GROUP = "3"  # hidden until a picture asks for it
 
 
@@ -218,7 +216,7 @@ def add_materials(
     prefix: str = "",
     opacity: float = 1.0,
 ) -> None:
-    """Adds the parts' materials; own: "r g b" of those that have another colour here."""
+    """Add the parts' materials; own: "r g b" for those that have another colour here."""
     for name, (red, green, blue, solid) in colours().items():
         rgb = (own or {}).get(name, f"{red:g} {green:g} {blue:g}")
         SubElement(
@@ -238,7 +236,7 @@ def add_shapes(
     unit: float = 1.0,
     prefix: str = "",
 ) -> None:
-    """Adds shapes to a body whose axes are theirs; unit: the ball's radius [m]."""
+    """Add shapes to a body that has the same axes; unit: the ball's radius [m]."""
     for shape in shapes:
         geom = SubElement(body, "geom", contype="0", conaffinity="0", mass="0")
         if shape.kind == "torus":

@@ -1,6 +1,7 @@
-"""What stands around a film's pictures: title, names, time, and the error with a moving cursor.
+"""Draw two motions frame by frame: two balls under one camera, and the error below them.
 
-Two motions → frames: their balls under the same camera, each in its engine's colour.
+Each ball has its engine's colour. A sheet has the title, the names, the time, and the distance of
+the contact points with a moving cursor; all that does not change is drawn once.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -31,7 +32,7 @@ from robotball.film.canvas import (
     arrow,
     moved,
 )
-from robotball.film.looks import Shape, looks_of
+from robotball.film.looks import GHOST, Shape, looks_of
 from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.motion import ContactMotion, Motion
 from robotball.rotations import Array, rotation_matrix
@@ -40,14 +41,14 @@ FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 PAPER = "#FFFFFF"
 LINES = 30  # of text in the picture's height
-HEADER, FOOTER = 2.7, 6.0  # lines
-LEAST_DISTANCE = 1e-17  # m: what is less is drawn there
-FINE = 3  # times as many pixels, in which the curve is drawn
+HEADER, FOOTER = 2.7, 6.0  # heights in lines
+LEAST_DISTANCE = 1e-17  # m; smaller ones are drawn there, as a logarithm has no zero
+FINE = 3  # the curve is drawn so many times larger, as Pillow does not smooth lines
 
 
 @dataclass(frozen=True)
 class Name:
-    """A name over a pane, or of an arrow: text, colour, and how far from the left, 0 to 1."""
+    """A heading of a pane, or the name of an arrow; at: its place from the left, 0 to 1."""
 
     text: str
     colour: str
@@ -55,10 +56,10 @@ class Name:
 
 
 class Sheet:
-    """Everything but the pictures, drawn once, and what changes in it, a frame at a time.
+    """The frame around the pictures: what is fixed is drawn once, the rest in each frame.
 
-    size: (height, width) in pixels; panes: how many pictures stand side by side; times (m,) s and
-    apart (m,) m: the error's curve. pane: the (height, width) of a picture.
+    size: (height, width) in pixels; panes: the number of pictures side by side; times (m,) [s] and
+    apart (m,) [m]: the error's curve. Its `pane` is the (height, width) of one picture.
     """
 
     def __init__(
@@ -111,7 +112,7 @@ class Sheet:
         self._still = np.asarray(image)
 
     def frame(self, pictures: Pixels, t: float, apart: float) -> Pixels:
-        """The whole frame (height, width, 3) at t [s], with the pictures in it."""
+        """Return the frame (height, width, 3) at t [s] with the pictures in it."""
         whole = self._still.copy()
         whole[self.top : self.bottom] = pictures
         for edge in self._edges:
@@ -135,7 +136,10 @@ class Sheet:
         whole[y : y + patch.height, x : x + patch.width] = np.asarray(patch)
 
     def _scale(self, apart: Array) -> None:
-        """Decades from the least to the most, or from 0 where they are few."""
+        """Choose decades for an error that spans a factor of 100, else a linear scale from 0.
+
+        The tenth percentile stands for the least: the first errors are often rounding alone.
+        """
         positive = apart[apart > LEAST_DISTANCE]
         self._log = len(positive) > 0 and positive.max() > 100 * np.percentile(positive, 10)
         self._least, self._most = 0.0, float(apart.max()) or 1.0
@@ -168,7 +172,7 @@ class Sheet:
 
 
 def metres(length: float) -> str:
-    """A length [m] for reading: 0.123 m, 4.2 × 10⁻¹² m, 10⁻⁹ m."""
+    """Write a length [m] as text: 0.123 m, 4.2 × 10⁻¹² m, 10⁻⁹ m."""
     if length == 0 or length >= 1e-3:
         return f"{length:.3g} m" if length < 1000 else f"{length:.0f} m"
     digits, exponent = f"{length:.1e}".split("e")
@@ -178,28 +182,32 @@ def metres(length: float) -> str:
 
 Progress = Callable[[float], None]
 
-MANY = 100  # frames, worth more than one process
+MANY = 100  # frames; for fewer, starting processes takes longer than it saves
 SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
 BLUR_FROM, BLUR_TO = 0.25, 0.75  # rad a frame: beyond it a rotor's marks would mislead
 CAMERAS = {"follow": (7.2, 24.0), "above": (9.0, 80.0), "whole": (9.0, 40.0)}  # radii, degrees
-TRAIL = 0.035  # half of a path's width, at the distance of the first camera
-OTHER, GHOST = 0.4, 0.35  # opacity of the other ball's path, and of a ghost
+TRAIL = 0.035  # half of a path's width in radii, at the distance of the camera "follow"
+OTHER = 0.4  # opacity of the other ball's path
 # Arrows: colour, length in radii of the largest, and thickness.
 ARROWS = {"M": ("#CC79A7", 1.5), "ω": ("#009E73", 1.2), "contact force": ("#22262B", 0.9)}
 THICK = 0.045
-LEAST = 1e-3  # of the largest: a shorter arrow is not seen
-ROOM = 1.3  # that arrows take
+LEAST = 1e-3  # an arrow shorter than that part of the largest is left out
+ROOM = 1.3  # the camera's distance is so many times larger with arrows
 CLEAR = 1.06  # from the centre: outside the shell
 
 
 @dataclass(frozen=True)
 class Film:
-    """How a film is to be made.
+    """The options of a film.
 
-    fps: frames a second; size: (height, width) in pixels, even; slow: so many times slower than
-    life; camera: it follows the ball, looks from above, or stands still and sees the whole path;
-    ghost: one picture with the second ball as a ghost, in place of two pictures; arrows: M, ω and
-    the contact force. Raises InputError for what cannot be.
+    fps     frames a second
+    size    (height, width) in pixels, even
+    slow    how many times slower than life
+    camera  "follow" a ball, look from "above", or stand still and see the "whole" path
+    ghost   one picture with the second ball as a ghost, in place of two pictures
+    arrows  draw M, ω and the contact force
+
+    Raises InputError, with the limit, for a value that no film can have.
     """
 
     fps: int = 30
@@ -223,9 +231,9 @@ class Film:
             raise InputError(f"camera must be one of {', '.join(CAMERAS)}, not {self.camera!r}")
 
     def times(self, motion: Motion, theory: Motion) -> Array:
-        """The times of its frames (m,) [s], while both motions last.
+        """Return the times (m,) of the frames [s], up to the end of the shorter motion.
 
-        Raises InputError where these are not sampled at the same times.
+        Raises InputError if the motions are not sampled at the same times.
         """
         shared = min(len(motion.times), len(theory.times))
         if shared < 2 or not np.array_equal(motion.times[:shared], theory.times[:shared]):
@@ -235,10 +243,10 @@ class Film:
 
 
 def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator[Pixels]:
-    """The pictures (height, width, 3) of a film, one by one.
+    """Yield the pictures (height, width, 3) of a film.
 
-    motion: an engine's, on the left; theory: that of the equations of the same scene. Raises
-    InputError where the times differ, or where there is no off-screen GL.
+    motion: an engine's, on the left; theory: the equations' motion of the same scene. Raises
+    InputError if the times differ, or if there is no off-screen GL.
     """
     film = film or Film()
     times, backend = film.times(motion, theory), gl.find_backend()
@@ -268,7 +276,7 @@ def _painted(painter: "_Painter") -> Iterator[Pixels]:
 
 @dataclass(frozen=True)
 class _Painter:
-    """Draws the frames of a film by their numbers, with an OpenGL of its own in each process."""
+    """Draws the frames of a film by number, with an OpenGL of its own in each process."""
 
     film: Film
     times: Array
@@ -338,7 +346,7 @@ class _Painter:
         return canvas
 
     def close(self) -> None:
-        """Frees what this process has drawn with."""
+        """Free the OpenGL of this process."""
         if "_canvas" in vars(self):
             self._canvas.close()
 
@@ -374,7 +382,10 @@ def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) ->
 
 
 def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int], Camera]:
-    """The camera of a frame, by its number; points (m, 2) of each ball in the picture."""
+    """Return the camera as a function of the frame's number.
+
+    points: the path (m, 2) of each ball in the picture, in radii; aspect: width over height.
+    """
     distance, elevation = CAMERAS[film.camera]
     room = ROOM if film.arrows else 1.0
     between = np.linalg.norm(points[0] - points[-1], axis=1)
@@ -396,7 +407,10 @@ def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int
 
 
 def _strip(points: Array, distance: float) -> Array:
-    """A path's strip (2 m, 6) on the floor through points (m, 2); its normals say which side."""
+    """Return a strip (2 m, 6) on the floor through points (m, 2).
+
+    Its normals are -1 on one side and 1 on the other, from which the shader smooths the edges.
+    """
     steps = np.gradient(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1, keepdims=True)
     along = np.divide(steps, lengths, out=np.tile([1.0, 0.0], (len(points), 1)), where=lengths > 0)
@@ -408,14 +422,14 @@ def _strip(points: Array, distance: float) -> Array:
 
 
 def _vectors(then: Moments) -> dict[str, Array]:
-    """What arrows show (n, 3), world axes."""
+    """Return the vectors (n, 3) that arrows show, in world axes."""
     omega = np.einsum("nij,nj->ni", rotation_matrix(then.attitude), then.angular_velocity)
     return dict(zip(ARROWS, (then.momentum, omega, then.contact_force), strict=True))
 
 
 def _lengths(reference: Moments, momentum_scale: float) -> dict[str, float]:
-    """What an arrow of one radius stands for, by the reference's largest."""
-    least = {"M": LEAST * momentum_scale}  # of a ball at M = 0 it is rounding
+    """Return the size of the vector that an arrow of one radius shows, for each kind of arrow."""
+    least = {"M": LEAST * momentum_scale}  # a ball at M = 0 has rounding alone
     return {
         name: max(float(np.linalg.norm(vectors, axis=1).max()), least.get(name, 0.0))
         / ARROWS[name][1]
@@ -424,7 +438,7 @@ def _lengths(reference: Moments, momentum_scale: float) -> dict[str, float]:
 
 
 def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Loose]:
-    """The arrows at one time; the contact force's begins where its line leaves the ball."""
+    """Return the arrows at one time; the contact force's begins where its line leaves the ball."""
     found = []
     place = np.append(then.contact_point[0] / radius, 0.0)
     vectors = _vectors(then)

@@ -1,4 +1,4 @@
-"""Motions at any times, and where the bodies of their balls stand then; plain data alone."""
+"""Interpolate motions at any times, and place the bodies of their balls there."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
@@ -11,13 +11,14 @@ from scipy.spatial.transform import Rotation, Slerp
 from robotball.motion import Motion
 from robotball.rotations import Array
 
-PART = 65_536  # samples that are read at a time
-MARGIN = 16  # more on each side: a spline forgets what is so far away, but for 1e-9 of it
+PART = 65_536  # samples that are read at a time, to bound the memory of a long motion
+# More samples on each side: the influence of one so far away on a cubic spline is below 1e-9.
+MARGIN = 16
 
 
 @dataclass(frozen=True)
 class Moments:
-    """What a picture shows of a motion at m times; as in Motion and its loads."""
+    """The part of a motion that a picture shows, at m times; fields as in Motion and its loads."""
 
     contact_point: Array
     attitude: Array
@@ -30,9 +31,9 @@ class Moments:
 
 @dataclass(frozen=True)
 class Track:
-    """A motion to be asked at any times: attitude by slerp, the rest by splines.
+    """A motion interpolated at any times: attitude by slerp, the rest by cubic splines.
 
-    hinges: name, axis (3,) and pivot (3,), in radii, of each. After its end it stands still.
+    hinges: the name, axis (3,) and pivot (3,) [radii] of each. After its end it stands still.
     """
 
     times: Array
@@ -46,7 +47,7 @@ class Track:
         return self.sampled.contact_point / self.radius
 
     def at(self, times: Array) -> Moments:
-        """What the motion is at ascending times (m,) [s]; a long one is read part by part."""
+        """Return the motion at ascending times (m,) [s]; a long one is read part by part."""
         inside = np.minimum(times, self.times[-1])
         near = np.searchsorted(self.times, inside)
         parts = []
@@ -70,23 +71,23 @@ class Track:
         )
 
     def sampled_at(self, times: Array) -> "Track":
-        """The same track with no other samples than at ascending times (m,) [s]."""
+        """Return the track resampled at ascending times (m,) [s]."""
         return replace(self, times=times, sampled=self.at(times))
 
     def sample(self, k: int) -> Moments:
-        """The sample of that number."""
+        """Return the sample with that number."""
         return Moments(
             **{each.name: getattr(self.sampled, each.name)[k : k + 1] for each in fields(Moments)}
         )
 
     def stands(self, then: Moments) -> dict[str, tuple[Array, Array]]:
-        """Where each body's looks stand: the turn (m, 3, 3) and the shift (m, 3) in radii."""
+        """Return each body's rotation (m, 3, 3) and shift (m, 3) in radii."""
         frame = Rotation.from_quat(then.attitude, scalar_first=True)
         ones = np.ones((len(then.attitude), 1))
         centre = np.concatenate([then.contact_point / self.radius, ones], axis=1)
         found = {"frame": (frame.as_matrix(), centre)}
         for index, (hung, axis, pivot) in enumerate(self.hinges):
-            # The frame is where it is; what turns by its hinge's angle is the shell, the other way.
+            # The attitude is the frame's, so the first hinge turns the shell, and backwards.
             name, sign = ("shell", -1) if index == 0 else (hung, 1)
             turn = Rotation.from_rotvec(np.outer(sign * then.hinge_angles[:, index], axis))
             shift = centre + frame.apply(pivot - turn.apply(pivot))
@@ -95,7 +96,7 @@ class Track:
 
 
 def _neighbours(near: NDArray[np.intp]) -> Iterator[slice]:
-    """Parts of ascending sample numbers (m,), each of which are not far from each other."""
+    """Yield slices of ascending sample numbers (m,) that each span less than PART samples."""
     start = 0
     while start < len(near):
         stop = int(np.searchsorted(near, near[start] + PART, "right"))
@@ -104,7 +105,7 @@ def _neighbours(near: NDArray[np.intp]) -> Iterator[slice]:
 
 
 def track_of(motion: Motion) -> Track:
-    """The track of a motion of two times at least."""
+    """Return the track of a motion of at least two times."""
     ball = motion.scene.ball
     own = {each.name for each in fields(Moments)} - {"contact_force"}
     return Track(
@@ -119,6 +120,6 @@ def track_of(motion: Motion) -> Track:
 
 
 def heading_of(points: Array) -> float:
-    """The direction (rad) from the first of the points (m, 2) to the last."""
+    """Return the direction [rad] from the first of the points (m, 2) to the last."""
     travel = points[-1] - points[0]
     return float(np.arctan2(travel[1], travel[0]))

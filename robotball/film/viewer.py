@@ -1,7 +1,4 @@
-"""Two balls as MJCF, to be posed and looked at: the second is a ghost over the first.
-
-Both balls in MuJoCo's interactive viewer, rolling in step, the second as a ghost.
-"""
+"""Play two balls in step in MuJoCo's interactive viewer, the second as a ghost."""
 
 import os
 import sys
@@ -17,18 +14,16 @@ from scipy.spatial.transform import Rotation
 
 from robotball.errors import InputError
 from robotball.film import looks as palette
-from robotball.film.looks import BLUR, PARTS, Shape, add_materials, add_shapes, looks_of
+from robotball.film.looks import BLUR, GHOST, PARTS, Shape, add_materials, add_shapes, looks_of
 from robotball.film.tracks import track_of
 from robotball.motion import Motion
 from robotball.rotations import Array
 
-GHOST = 0.35  # opacity of all balls but the first
-
 
 def build_stage(looks: Mapping[str, Sequence[Shape]], colours: Sequence[str]) -> mujoco.MjModel:
-    """The floor, and a ball in each of the colours; lengths in radii.
+    """Build a model of the floor and a ball in each of the colours; lengths in radii.
 
-    Its mocap bodies are those of the first ball in the order of `looks`, then of the next.
+    Its mocap bodies are the first ball's in the order of `looks`, then the next one's.
     """
     root = ElementTree.parse(PARTS / "floor.xml").getroot()
     assets, world = root.find("asset"), root.find("worldbody")
@@ -46,7 +41,7 @@ def build_stage(looks: Mapping[str, Sequence[Shape]], colours: Sequence[str]) ->
 
 
 def pose(data: mujoco.MjData, stands: Sequence[Mapping[str, tuple[Array, Array]]]) -> None:
-    """Places the balls, each as `Track.stands` says for one time."""
+    """Place the balls, each by the rotations and shifts of `Track.stands` at one time."""
     bodies = [body for each in stands for body in each.values()]
     data.mocap_pos[:] = np.array([shift[0] for _, shift in bodies])
     turns = Rotation.from_matrix(np.array([turn[0] for turn, _ in bodies]))
@@ -60,7 +55,7 @@ JUMP, FRAME = 0.5, 1 / 60  # s
 
 @dataclass
 class Clock:
-    """The time of a motion [s] that is being played, and what a key does to it."""
+    """The time [s] and speed at which a motion is played, and how keys change them."""
 
     end: float
     t: float = 0.0
@@ -68,7 +63,7 @@ class Clock:
     playing: bool = True
 
     def key(self, code: int) -> None:
-        """A key of the viewer, by GLFW's code."""
+        """Apply a key of the viewer, by GLFW's code."""
         if code == SPACE:
             self.playing = not self.playing
         elif code in (LEFT, RIGHT):
@@ -80,7 +75,7 @@ class Clock:
             self.t = 0.0
 
     def pass_on(self, seconds: float) -> None:
-        """Lets so much of real time pass; at the end it begins anew."""
+        """Advance by real time [s]; after the end the motion begins anew."""
         if self.playing:
             self.t += seconds * self.speed
             if self.t > self.end:
@@ -88,7 +83,7 @@ class Clock:
 
 
 def check_display() -> None:
-    """Raises InputError where no window can be opened."""
+    """Raise InputError if no window can be opened."""
     no_display = "there is no display for a viewer here; --web writes a page for any browser"
     if sys.platform == "linux" and not (
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
@@ -107,9 +102,9 @@ def check_display() -> None:
 
 
 def view(motion: Motion, theory: Motion, seconds: float | None = None) -> None:
-    """Shows both motions until the window is closed, or for so many seconds.
+    """Show both motions until the window is closed, or for so many seconds.
 
-    Raises InputError where there is no display.
+    Raises InputError if there is no display.
     """
     check_display()
     from mujoco import viewer

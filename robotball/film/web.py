@@ -1,4 +1,4 @@
-"""Motions in a web page: a 3-D view to orbit, play and scrub, with no need of a network."""
+"""Write motions as a web page with a 3-D view to orbit, play and scrub, without a network."""
 
 import html
 import json
@@ -18,8 +18,8 @@ from robotball.motion import Motion
 from robotball.rotations import Array
 
 HERE = Path(__file__).parent
-STEP = 0.02  # s, between the samples of a view
-MOST = 20_000  # samples: some megabytes
+STEP = 0.02  # s between the samples of a view
+MOST = 20_000  # samples, which keep a page to some megabytes
 SPEEDS = (0.1, 0.25, 0.5, 1, 2, 4)
 
 CONTROLS = """
@@ -37,7 +37,7 @@ CONTROLS = """
 
 
 def view_head() -> str:
-    """The style and the script that every view of a page needs; once a page."""
+    """Return the style and script that the views of a page share; it stands once a page."""
     style, script = ((HERE / f"web.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
     return (
         f"<style>{style}</style>\n<script>const SHADERS = {json.dumps(shaders(page=True))};\n"
@@ -46,10 +46,10 @@ def view_head() -> str:
 
 
 def view_fragment(motions: Sequence[Motion]) -> str:
-    """HTML of a 3-D view of one motion or two of one scene; `view_head` must stand before it.
+    """Return HTML of a 3-D view of one or two motions of a scene; put `view_head` before it.
 
-    A ball a motion, side by side, or the second as a ghost over the first. Motions longer than
-    MOST samples are shown as far as that. Raises InputError for motions of fewer than two times.
+    The balls stand side by side, or the second is a ghost over the first. Motions longer than MOST
+    samples are cut there. Raises InputError for a motion of fewer than two times.
     """
     data = view_data(motions)
     scene, names = motions[0].scene, " and ".join(motion.engine.name for motion in motions)
@@ -75,7 +75,7 @@ def view_fragment(motions: Sequence[Motion]) -> str:
 
 
 def view_page(motions: Sequence[Motion]) -> str:
-    """A whole HTML page with the view alone."""
+    """Return an HTML page with the view alone."""
     title = html.escape(" ".join(motions[0].scene.title.split()))
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -89,7 +89,7 @@ def view_page(motions: Sequence[Motion]) -> str:
 
 
 def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
-    """What the script draws: bodies, materials, and a row a sample of each ball."""
+    """Return the script's data: bodies, materials, and for each ball a row a sample."""
     scene = motions[0].scene
     if min(len(motion.times) for motion in motions) < 2:
         raise InputError("a view needs motions of two times at least")
@@ -102,7 +102,7 @@ def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
     ball, hinges = scene.ball, {hinge.name: i for i, hinge in enumerate(scene.hinges)}
     bodies = []
     for name, shapes in looks_of(ball).items():
-        # The frame is where it is; what turns by its hinge's angle is the shell, the other way.
+        # The attitude is the frame's, so the first hinge turns the shell, and backwards.
         index = {"frame": -1, "shell": 0}.get(name, hinges.get(name, -1))
         hinge = scene.hinges[max(index, 0)]
         bodies.append(
@@ -157,5 +157,5 @@ def _rounded(numbers: Array) -> list[float]:
 
 
 def _packed(numbers: Array) -> str:
-    """Little-endian 32-bit floats in base 64."""
+    """Encode numbers as little-endian 32-bit floats in base 64."""
     return b64encode(numbers.astype("<f4").tobytes()).decode("ascii")

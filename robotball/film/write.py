@@ -1,4 +1,4 @@
-"""Frames → a film's file, one by one: memory does not grow with its length."""
+"""Encode the frames of a film into a file one by one, so memory does not grow with its length."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +16,7 @@ from robotball.motion import Motion
 FORMATS: dict[str, tuple[str, int | None, str]] = {
     ".mp4": ("h264", 20, "-preset veryfast"),
     ".webm": ("vp9", 32, "-deadline realtime -cpu-used 7 -row-mt 1"),
-    # A palette a frame, so that ffmpeg need not wait for the last one.
+    # A palette for each frame: a common one would make ffmpeg hold all frames until the last.
     ".gif": (
         "gif",
         None,
@@ -34,11 +34,11 @@ def write_video(
     *,
     progress: Progress | None = None,
 ) -> None:
-    """Writes `frames` as mp4, webm or gif, by the suffix; a file that is there is replaced once the
-    new one is complete.
+    """Write `frames` as mp4, webm or gif, by the suffix of the path.
 
-    progress is called with the fraction that is done. Raises InputError as `frames` does, and
-    where `path` can be no such file.
+    An existing file is replaced once the new one is complete. progress is called with the
+    fraction that is done. Raises InputError as `frames` does, and for a path that has no such
+    suffix or folder.
     """
     path, film = Path(path), film or Film()
     if path.suffix not in FORMATS or not path.parent.is_dir():
@@ -62,7 +62,7 @@ def write_video(
 
 @contextmanager
 def _refused_by_the_encoder(path: Path) -> Iterator[None]:
-    """Makes an InputError of what mediapy raises where the encoder ends before the film does."""
+    """Turn mediapy's error, where the encoder ends before the film, into an InputError."""
     try:
         yield
     except RuntimeError as error:

@@ -1,4 +1,4 @@
-"""What a ball looks like: whole, inside its shell, and with nothing in anything else."""
+"""The shapes of a ball are complete, inside its shell, and do not intersect."""
 
 from dataclasses import replace
 

@@ -1,13 +1,17 @@
 """Scenes and motions in a notebook: a line of words, the path, a picture, and equality."""
 
+from base64 import b64decode
 from dataclasses import dataclass, replace
+from io import BytesIO
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import robotball as rb
-from robotball.chart import LEAST_LOG, Line, chart, legend, ticks
+from robotball.film.looks import rgb
+from robotball.notebook import cell
 from robotball.robot import Value
 from robotball.rotations import Array
 from validation import compare
@@ -19,7 +23,7 @@ MOTION = rb.simulate(SCENE, TIMES, "fast")
 
 
 def test_a_scene_and_a_motion_are_a_line() -> None:
-    """With what a reader asks first, and no array."""
+    """The line has the scene, engine, settings and faults, and no array."""
     assert repr(SCENE) == "<Scene fig12: rubber, 1 rotor, 0.9 kg, radius 1 m; 10 s>"
     assert repr(THEORY).startswith("<ReferenceMotion of fig12 by equations ")
     assert repr(MOTION).endswith(", fast: 51 times to 1 s, path 2.737 m, no fault>")
@@ -36,16 +40,34 @@ def test_an_agreement_says_its_verdict_in_a_line() -> None:
     assert agreement == compare(SCENE, "fast", TIMES)
 
 
-def test_a_notebook_shows_the_path() -> None:
-    """As well-formed SVG, a line a motion, beside the words."""
+def pixels_of(shown: str) -> Array:
+    """The picture (height, width, 3) of a cell, each channel 0 to 255."""
+    (image,) = ElementTree.fromstring(shown).iter("img")
+    png = b64decode((image.get("src") or "").removeprefix("data:image/png;base64,"))
+    return np.asarray(Image.open(BytesIO(png)).convert("RGB"), dtype=float)
+
+
+def test_a_notebook_shows_the_paths() -> None:
+    """A cell has its engines' colours alone: 0.39 % to 0.70 % of the pixels measured, and 0."""
     agreement = compare(SCENE, "fast", TIMES, theory=THEORY)
-    for shown, lines in (
-        (SCENE._repr_html_(), 1), (MOTION._repr_html_(), 1), (agreement._repr_html_(), 2),
+    for shown, motions in (
+        (SCENE._repr_html_(), [THEORY]), (MOTION._repr_html_(), [MOTION]),
+        (agreement._repr_html_(), [THEORY, MOTION]),
     ):  # fmt: skip
-        root = ElementTree.fromstring(shown)
-        charts = [each for each in root.iter("svg") if each.get("class") == "chart"]
-        assert [len(list(each.iter("polyline"))) for each in charts] == [lines]
+        pixels = pixels_of(shown)
+        for each in (THEORY, MOTION):
+            colour = 255 * np.array(rgb(each.engine.colour))
+            share = np.all(np.abs(pixels - colour) < 2, axis=2).mean()
+            assert (share > 1e-3) == (each in motions)
     assert "&lt;ContactMotion of fig12" in MOTION._repr_html_()
+
+
+@pytest.mark.parametrize(("across", "along", "height"), [(1, 1, 720), (1, 30, 480), (0, 0, 480)])
+def test_a_flat_path_makes_a_low_picture(across: float, along: float, height: int) -> None:
+    """The height is half of the 960 pixels at least, also for a ball that stands still."""
+    circle = np.column_stack([along * np.cos(TIMES), across * np.sin(6 * TIMES)])
+    shown = cell("flat", [replace(THEORY, contact_point=circle)])
+    assert pixels_of(shown).shape == (height, 960, 3)
 
 
 def cells_of(shown: str) -> list[list[str]]:
@@ -68,10 +90,10 @@ def test_a_notebook_shows_what_is_in_a_scene() -> None:
 
 
 def test_a_scene_that_has_no_path_is_shown_all_the_same() -> None:
-    """With the reason: it must not raise in a cell, nor take minutes."""
+    """The cell gives the reason: it neither raises nor takes minutes."""
     shown = rb.load_scene("servo_motors")._repr_html_()
     assert "4000 steps reach t = " in shown
-    assert "<svg" not in shown
+    assert "<img" not in shown
     odd = replace(SCENE, title="<b> & $x$", duration=0.5)._repr_html_()
     ElementTree.fromstring(odd)
     assert "&lt;b&gt; &amp; $x$" in odd
@@ -89,7 +111,7 @@ def test_plot_draws_paths_to_one_scale() -> None:
 
 
 def test_equality_is_of_values_and_never_raises() -> None:
-    """The same scene twice, the same motion twice; a changed number, another type."""
+    """Equal values make equal scenes and motions; a changed number or another type does not."""
     assert rb.load_scene("fig12") == SCENE
     assert rb.integrate(SCENE, TIMES) == THEORY
     assert rb.simulate(SCENE, TIMES, "fast") == MOTION  # though it took another time
@@ -105,7 +127,7 @@ def test_equality_is_of_values_and_never_raises() -> None:
 
 @pytest.mark.parametrize("kind", [rb.Shell, rb.Frame, rb.Rotor, rb.Pendulum, rb.Ball, rb.Start])
 def test_what_a_scene_is_made_of_is_a_name_of_robotball(kind: type) -> None:
-    """And is compared by its values."""
+    """Each is exported, and compared by its values."""
     assert issubclass(kind, Value)
 
 
@@ -141,63 +163,7 @@ def test_a_rate_of_ones_own_that_cannot_be_compared_equals_itself() -> None:
 
 
 def test_nan_equals_nan_within_an_array() -> None:
-    """As in what a file does not say of a motion."""
+    """Quantities that a file lacks are NaN in its motion, which still equals itself."""
     unknown = replace(THEORY.loads, spin_torque=np.full(51, np.nan))
     assert unknown == replace(unknown, spin_torque=np.full(51, np.nan))
     assert unknown != THEORY.loads
-
-
-# Charts ------------------------------------------------------------------------------------------
-
-
-def lines_of(svg: str) -> ElementTree.Element:
-    return ElementTree.fromstring(svg)
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "expected"),
-    [
-        (0.0, 10.0, [0, 2, 4, 6, 8, 10]),
-        (-0.31, 0.52, [-0.2, 0, 0.2, 0.4]),
-        (1000.05, 1000.7, [1000.1, 1000.2, 1000.3, 1000.4, 1000.5, 1000.6, 1000.7]),
-    ],
-)
-def test_ticks_are_round(low: float, high: float, expected: list[float]) -> None:
-    """Steps of 1, 2 or 5 times a power of ten, at most seven of them."""
-    assert ticks(low, high) == pytest.approx(expected, abs=1e-12)
-
-
-def test_a_chart_stands_a_line_that_goes_nowhere() -> None:
-    """A point, a constant, a zero on a logarithmic axis, a hole: as of M(0) = 0."""
-    t = np.linspace(0.0, 1.0, 5)
-    for y, log in (
-        (np.zeros(5), False),
-        (np.zeros(5), True),
-        (np.full(5, 7.0), False),
-        (np.array([0.0, 1e-3, np.nan, 1e-9, 1.0]), True),
-    ):
-        svg = chart([Line("a & b", "#000000", t, y)], "t < 1", "y", log=log)
-        text = " ".join(each.text or "" for each in lines_of(svg).iter("text"))
-        assert "t < 1" in text
-        assert "nan" not in svg
-    assert np.finfo(float).eps > LEAST_LOG
-
-
-def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
-    """The pixels of a metre are the same on both axes."""
-    x = np.linspace(0.0, 30.0, 900)
-    svg = lines_of(chart([Line("a", "#000000", x, np.sin(x))], "X", "Y", equal=True))
-    assert float((svg.get("viewBox") or "").split()[3]) == 180.0
-    (line,) = svg.iter("polyline")
-    points = np.array([p.split(",") for p in (line.get("points") or "").split()], dtype=float)
-    assert len(points) == 400
-    across, up = np.ptp(points, axis=0)
-    assert across / up == pytest.approx(30 / 2, rel=0.01)  # measured 15.02
-
-
-def test_a_legend_has_the_dashes_that_tell_lines_apart_without_colour() -> None:
-    """Beside each name."""
-    t = np.linspace(0.0, 1.0, 3)
-    made = legend([Line("a", "#0072B2", t, t), Line("b", "#0072B2", t, t, dash="2 3")])
-    assert made.count("stroke-dasharray") == 1
-    assert made.index("dasharray") > made.index("> a<")

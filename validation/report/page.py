@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from robotball.chart import Line, chart, legend
+from validation.report.chart import Line, chart, legend
 
 HERE = Path(__file__).parent
 ROWS = 21  # of the table beside a plot

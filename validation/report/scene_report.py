@@ -8,15 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from robotball import scene_toml
-from robotball.chart import Line
 from robotball.film.web import view_fragment, view_head
-from robotball.notebook import DASHES, counted, path_lines
+from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.output import scientific, versions
+from validation.report.chart import Line
 from validation.report.page import embedded, folded, page, paragraph, plain, plot, table
 from validation.results import needs
 
+DASHES = ("", "7 4", "2 3", "10 3 2 3")  # of lines in SVG: they differ without colour, too
 ERRORS = {
     "path error": "the largest distance of the two contact points, over the path's length",
     "γ error": "the largest angle between the two verticals [rad]",
@@ -132,7 +133,19 @@ def _numbers(group: Sequence[Agreement]) -> str:
 
 def _plots(group: Sequence[Agreement]) -> list[str]:
     theory, names = group[0].theory, [f"{e.motion.engine.name}, {e.settings.name}" for e in group]
-    paths = path_lines([theory, *(each.motion for each in group)], [theory.engine.name, *names])
+    named = zip([theory.engine.name, *names], [theory, *(e.motion for e in group)], strict=True)
+    paths = [
+        Line(
+            name,
+            each.engine.colour,
+            each.contact_point[:, 0],
+            each.contact_point[:, 1],
+            dash=DASHES[i % len(DASHES)],
+            width=1.8 if i else 4,  # the equations' path is wide below the others
+            times=each.times,
+        )
+        for i, (name, each) in enumerate(named)
+    ]
     drawn = [
         plot(
             "Path of the contact point", paths, "X [m]", "Y [m]", equal=True,

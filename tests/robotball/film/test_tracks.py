@@ -49,7 +49,7 @@ def test_poses_between_samples_follow_the_motion(scene: rb.Scene) -> None:
 def test_a_long_motion_is_read_part_by_part(
     scene: rb.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As from splines through all of it, to 5e-15 radii; with a margin too narrow 2e-6 off."""
+    """Splines through all samples agree to 5e-15 radii; a margin too narrow is 2e-6 off."""
     times = np.linspace(0.0, 2.0, 101)
     track, between = track_of(rb.integrate(scene, times)), (times[:-1] + times[1:]) / 2
     whole = track.stands(track.at(between))

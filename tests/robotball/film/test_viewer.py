@@ -44,7 +44,7 @@ def test_the_stage_s_bodies_stand_as_the_motion_s(name: str) -> None:
 
 
 def test_keys_pause_scrub_and_change_the_speed() -> None:
-    """And nothing leaves the motion's times."""
+    """The time never leaves the motion's own."""
     clock = Clock(end=2.0)
     clock.pass_on(0.25)
     assert clock.t == 0.25

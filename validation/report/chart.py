@@ -1,7 +1,7 @@
-"""Line charts as SVG, in plain text: for a notebook's cell and for a page, with no library.
+"""Line charts as SVG for a self-contained page, with the values that its script reads out.
 
-Text and axes have the page's own colour. A line is known by its dashes and its name as well as by
-its colour.
+Text and axes take the page's colour, so a chart suits a dark page. Lines differ by their dashes
+and names as well as by their colours.
 """
 
 import json
@@ -14,17 +14,18 @@ import numpy as np
 
 from robotball.rotations import Array
 
-POINTS = 400  # of a line, at most: a screen shows no more
+POINTS = 400  # of a line at most, since a screen shows no more
 LEFT, RIGHT, TOP, BOTTOM = 68, 16, 10, 44  # px around the axes
-DIGITS = 5  # of a number that is written for hovering over it
-LEAST_LOG = 1e-17  # what a logarithmic axis shows of a zero: below the rounding of 1
+DIGITS = 5  # of a value shown under the pointer
+LEAST_LOG = 1e-17  # a zero on a logarithmic axis is drawn here, below the rounding of 1
 
 
 @dataclass(frozen=True)
 class Line:
-    """What is drawn: x and y (n,); dash as SVG has it, "" for an unbroken line.
+    """A named line through x and y (n,).
 
-    times (n,): what is told of a point that is hovered over, where x is not the time [s].
+    dash   SVG's stroke-dasharray, "" for an unbroken line
+    times  (n,) shown for the point under the pointer, where x is not the time [s]
     """
 
     name: str
@@ -45,11 +46,11 @@ def chart(
     equal: bool = False,
     size: tuple[int, int] = (640, 360),
 ) -> str:
-    """An <svg> with axes, round ticks, lines and their names.
+    """Return an <svg> with axes, round ticks, lines and their names.
 
     log: the y axis is logarithmic; equal: a metre is as long on both axes, and the picture is
-    lower, down to half of `size` [px], where the lines are flat. Its attribute `data-lines` has
-    what a page's script needs to tell the values under a pointer.
+    lower, down to half of `size` [px], where the lines are flat. The attribute `data-lines` holds
+    the values that the page's script shows under the pointer.
     """
     thin = [_thinned(line) for line in lines]
     x0, x1 = _range(np.concatenate([line.x for line in thin]))
@@ -92,7 +93,7 @@ def chart(
 
 
 def legend(lines: Sequence[Line]) -> str:
-    """The lines' names, each beside a piece of its line, as HTML."""
+    """Return HTML of the lines' names, each beside a piece of its line."""
     return "".join(
         '<span style="white-space:nowrap;margin-right:1.2em">'
         '<svg width="34" height="10" aria-hidden="true">'
@@ -102,7 +103,7 @@ def legend(lines: Sequence[Line]) -> str:
 
 
 def ticks(low: float, high: float, most: int = 7) -> list[float]:
-    """Round numbers between two, at most so many: steps of 1, 2 or 5 times a power of ten."""
+    """Return at most `most` round numbers from low to high, in steps of 1, 2 or 5 times 10^n."""
     raw = (high - low) / most
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(n * power for n in (1, 2, 5, 10) if n * power >= raw * (1 - 1e-9))
@@ -120,7 +121,7 @@ def _thinned(line: Line) -> Line:
 
 
 def _range(values: Array) -> tuple[float, float]:
-    """Where an axis begins and ends: a little beyond the values, and never at one place."""
+    """Return the ends of an axis, a little beyond the finite values and never equal."""
     values = values[np.isfinite(values)]
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     least = 1e-6 * max(abs(low), abs(high)) or 1.0
@@ -131,7 +132,7 @@ def _range(values: Array) -> tuple[float, float]:
 
 
 def _log_range(values: Array) -> tuple[float, float]:
-    """Decades around the positive values."""
+    """Return the exponents of the decades around the positive values."""
     positive = values[np.isfinite(values) & (values > LEAST_LOG)]
     if not len(positive):
         return math.log10(LEAST_LOG), math.log10(LEAST_LOG) + 2
@@ -146,7 +147,7 @@ def _log_ticks(low: float, high: float) -> list[float]:
 def _equal_ranges(
     x0: float, x1: float, y0: float, y1: float, aspect: float
 ) -> tuple[float, float, float, float]:
-    """The ranges, one of them widened, so that both axes have one scale."""
+    """Widen one of the two ranges so that both axes have one scale."""
     across, up = max(x1 - x0, aspect * (y1 - y0)), max(y1 - y0, (x1 - x0) / aspect)
     x, y = (x0 + x1) / 2, (y0 + y1) / 2
     return x - across / 2, x + across / 2, y - up / 2, y + up / 2
@@ -200,7 +201,7 @@ def _polyline(line: Line, x: Array, y: Array) -> str:
 
 
 def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
-    """A line as a page's script takes it: pixels, and the values there."""
+    """Return a line as the page's script reads it: pixels, and the values there."""
     data: dict[str, object] = {
         "name": line.name,
         "colour": line.colour,

@@ -1,17 +1,9 @@
-"""A cell of a sweep and what came of it: as data, as a line of JSON, as a row of a table.
+"""Run many cells, on this machine's cores or on a dask cluster, and lose no result.
 
-The file of a sweep: a header, then a line a result, each on disk as soon as it is known.
-
-A process that runs one cell after another, and is ended where one outlasts its limit.
-
-It shares a pipe with the process that started it and nothing with any other, so that no lock stays
-taken whenever it is killed.
-
-Where cells run: on this machine, or, in cluster.py, on others.
-
-A dask cluster that runs already.
-
-A sweep: every cell's result, in spite of cells that fail and of being killed.
+A cell is plain data. Each result is a line of JSON in the sweep's journal, on disk as soon as it is
+known, so a sweep that was killed goes on where it ended. Each cell runs in a process that shares a
+pipe with its parent and nothing with any other: no lock stays taken whenever one is killed, and a
+cell that outlasts its limit, even in compiled code, is ended with its process.
 """
 
 import fcntl
@@ -49,7 +41,7 @@ Work = Callable[[Cell], Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a cell: a record, or the reason why there is none.
+    """The outcome of a cell: a record, or the reason why there is none.
 
     cell, record: as JSON gives them back, so a tuple is a list; failure: one line.
     """
@@ -150,7 +142,7 @@ def journal(path: Path, work: Work) -> Iterator[Journal]:
 
 @contextmanager
 def _refusals(path: Path) -> Iterator[None]:
-    """What the system refuses in the block is said in one line."""
+    """Make one line of what the system refuses in the block."""
     try:
         yield
     except BlockingIOError:
@@ -305,7 +297,7 @@ def _death(status: int) -> str:
 
 
 def _serve(pipe: Connection) -> None:
-    """What the process does: of each cell it says that it begins, and then its line."""
+    """Run cells in this process: answer that one begins, and then its line."""
     end_with_parent()
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while pipe.poll(IDLE):
@@ -470,7 +462,7 @@ def cluster_pool(work: Work, limit: float | None, address: str) -> Iterator[Pool
 
 
 def _outcome(work: Work, cell: Cell, limit: float | None) -> Outcome:
-    """What comes of a cell in a process of this thread of a dask worker."""
+    """Return the outcome of a cell, run in a process of this thread of a dask worker."""
     # A nanny makes its worker a daemon, which may start none lest they outlive it: ours do not.
     multiprocessing.current_process().daemon = False
     worker: Worker = _own.__dict__.setdefault("worker", Worker())
@@ -565,7 +557,7 @@ def _pool(
 
 
 class Progress:
-    """Tells `show` after every result; those there `before` say nothing about the speed."""
+    """Report to `show` after every result; those there `before` say nothing about the speed."""
 
     def __init__(self, show: Show | None, before: Sequence[Result], total: int) -> None:
         self.show, self.total = show, total

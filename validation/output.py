@@ -37,7 +37,7 @@ PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
 
 
 def versions() -> dict[str, str]:
-    """What a number depends on besides its scene and settings."""
+    """Return the versions and machine that a number depends on besides scene and settings."""
     return {
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
@@ -46,7 +46,7 @@ def versions() -> dict[str, str]:
 
 
 def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
-    """One record with the versions it depends on as JSON, if a path is given."""
+    """Write a record with the versions that it depends on as JSON, if a path is given."""
     if path is None:
         return
     text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
@@ -54,26 +54,26 @@ def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """A text file, in UTF-8 wherever it is written."""
+    """Write a text file in UTF-8, wherever it is written."""
     with replacing(path) as temporary:
         # Bytes of a file's name that are no text, or half a character of a JSON file, are `?`.
         temporary.write_text(text, encoding="utf-8", errors="replace")
 
 
 def in_picture(text: str) -> str:
-    """A user's text as a picture shows it: its dollars are no formula."""
+    """Return a user's text for a picture, in which its dollars are no formula."""
     return text.replace("$", r"\$")
 
 
 def halo(width: float = 3.0) -> "list[AbstractPathEffect]":
-    """A white rim, in points, that sets lines and letters off from what is behind them."""
+    """Return a white rim, in points, that sets lines and letters off from their background."""
     from matplotlib.patheffects import withStroke
 
     return [withStroke(linewidth=width, foreground="white")]
 
 
 def title(figure: "Figure", text: str) -> None:
-    """A user's title above a figure; one that is wider is small, and in two lines at most."""
+    """Put a user's title above a figure; a wider one is small, and in two lines at most."""
     wide, lines = figure.get_size_inches()[0], [text]
     if small := len(text) > CHARACTERS * wide:
         lines = wrap(text, int(4 / 3 * CHARACTERS * wide), max_lines=2, placeholder=" …")
@@ -81,7 +81,7 @@ def title(figure: "Figure", text: str) -> None:
 
 
 def write_picture(path: Path, figure: "Figure") -> Path:
-    """A picture as PNG; returns its path."""
+    """Write a picture as PNG, and return its path."""
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=DPI)
     return path
@@ -90,7 +90,7 @@ def write_picture(path: Path, figure: "Figure") -> Path:
 def write_rows(
     path: Path, rows: Sequence[Mapping[str, Any]], columns: Sequence[str] | None = None
 ) -> None:
-    """A table as CSV, with these columns of the rows, or those of the first; None is empty.
+    """Write rows as CSV, with these columns, or those of the first row; None is empty.
 
     A text that a spreadsheet would take for a formula has an apostrophe before it.
     """
@@ -107,7 +107,7 @@ def _cell(value: Any) -> Any:
 
 
 def scientific(value: float | None) -> str:
-    """A number in two digits; a dash where a run that broke off has none."""
+    """Return a number in two digits; a dash where a run that broke off has none."""
     return "-" if value is None else f"{value:.1e}"
 
 
@@ -119,7 +119,7 @@ def print_whole(table: "Table", console: "Console") -> None:
 
 
 def writable_folder(path: Path) -> Path:
-    """`path`, in which files can be written; raises InputError where they can't.
+    """Return `path`, in which files can be written; raises InputError where they can't.
 
     It is tried by making the folder; one that was not there is taken away again, so that nothing
     stays of a command that is refused later.
@@ -139,7 +139,7 @@ def writable_folder(path: Path) -> Path:
 
 
 def writable_file(path: Path) -> Path:
-    """`path`, if it can be written as `replacing` does it; raises InputError where it cannot."""
+    """Return `path` if `replacing` can write it; raises InputError where it cannot."""
     with refused(path):
         if path.is_dir():
             raise InputError(f"{path} cannot be written: it is a folder")

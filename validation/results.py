@@ -1,10 +1,7 @@
-"""What files are called: no two of different runs share a name.
+"""Names of files, and agreements as records: JSON, CSV, Markdown and a table in the terminal.
 
-A name has the scene, the engine, the preset, and every option that is not at its default.
-
-Results on disk: records that can be made again, in files that are whole or not there.
-
-Agreements as a table in the terminal.
+No two files of different runs share a name. It has the scene, the engine, the preset, and every
+option that is not at its default.
 """
 
 import json
@@ -33,7 +30,7 @@ ALL = "all"  # of an engine's presets
 
 
 def scenes_of(names: Sequence[str]) -> dict[str, Scene]:
-    """The scenes of catalog names and paths, by these; each once, and no two with one name.
+    """Return the scenes of catalog names and paths, by these; each once, and none named alike.
 
     Those of files with the same name in two folders are named after the folder as well. Raises
     InputError where one cannot be loaded.
@@ -54,7 +51,7 @@ def scenes_of(names: Sequence[str]) -> dict[str, Scene]:
 
 
 def file_stem(agreements: Sequence[Agreement]) -> str:
-    """The scene, the engine and the settings of one scene's agreements by one engine.
+    """Return the file name of one scene's agreements by one engine: scene, engine and settings.
 
     All of the engine's presets are `all`. Simulated time is named where it is not the scene's own.
     """
@@ -67,19 +64,19 @@ def file_stem(agreements: Sequence[Agreement]) -> str:
 
 
 def fault_window_path(folder: Path, scene: Scene, engine: Label, settings: str) -> Path:
-    """Where the states around the first fault of a run go, by the name of its settings."""
+    """Return the path of the fault window of a run, by the name of its settings."""
     return folder / f"{file_name(scene.name, engine, [settings])}-fault.json"
 
 
 def file_name(scene: str, engine: Label | None, words: Sequence[str]) -> str:
-    """The scene, the engine if there is one, and what else tells a file apart."""
+    """Return a file's name: the scene, the engine if there is one, and the other words."""
     by = [] if engine is None else [engine.name.lower()]
     plain = [re.sub(r" - |[^\w.+-]+", "-", word).strip("-") for word in (*by, *words)]
     return "-".join([scene.replace(" ", "-").replace("/", "-"), *plain])
 
 
 def changed(options: Any, *names: str) -> list[str]:
-    """A word for each of these fields of a dataclass that is not at its default."""
+    """Return a word for each of these fields of a dataclass that is not at its default."""
     words = []
     for each in fields(options):
         value = getattr(options, each.name)

@@ -107,7 +107,7 @@ class Run:
     """Go on after a fault, as long as there is a state."""
 
     def request(self, preset: str | None) -> Request:
-        """What is requested of the engine."""
+        """Return the request to the engine."""
         from robotball.dispatch import request_of
 
         return request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)

@@ -1,4 +1,4 @@
-"""What work costs: ratios to a bare loop of mj_step, taken in turn with it in the same run.
+"""The cost of work as a ratio to a bare loop of mj_step, taken in turn with it in one run.
 
 A machine's speed wanders, and other work shares its caches: seconds are one machine's at one time.
 The ratio of two neighbours in time is what lasts; seconds are derived from it.
@@ -21,12 +21,12 @@ BASELINE = ("fig12", "accurate")  # the scene and preset of the bare loop
 STEPS = 250  # of it, at every turn
 
 Work = Callable[[], float]
-"""Does a piece of work, set-up excluded, and tells its processor time [s]."""
+"""Does a piece of work, set-up excluded, and returns its processor time [s]."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a piece of work costs, over rounds.
+    """The cost of a piece of work, over rounds.
 
     ratios    of its processor time to the bare loop's of one simulated second, one a round
     baseline  s, processor time of the bare loop for one simulated second, the rounds' median
@@ -37,21 +37,21 @@ class Cost:
 
     @property
     def ratio(self) -> float:
-        """The rounds' median."""
+        """Return the rounds' median."""
         return statistics.median(self.ratios)
 
     @property
     def spread(self) -> tuple[float, float]:
-        """The least and the largest of the rounds' ratios."""
+        """Return the least and the largest of the rounds' ratios."""
         return min(self.ratios), max(self.ratios)
 
     @property
     def seconds(self) -> float:
-        """Processor time [s] at the baseline's median speed."""
+        """Return the processor time [s] at the baseline's median speed."""
         return self.ratio * self.baseline
 
     def over(self, other: "Cost") -> "Cost":
-        """The same work by the side of another's of the same rounds, which is now the baseline."""
+        """Return the cost relative to another's of the same rounds, which becomes the baseline."""
         ratios = zip(self.ratios, other.ratios, strict=True)
         return Cost(tuple(ours / theirs for ours, theirs in ratios), other.seconds)
 
@@ -65,12 +65,12 @@ class BareLoop:
         return build(load_scene(scene), preset(settings))
 
     def __call__(self) -> float:
-        """Processor time of one simulated second [s]."""
+        """Return the processor time of one simulated second [s]."""
         return one_step(self._model.compiled) / self._model.compiled.opt.timestep
 
 
 def one_step(compiled: mujoco.MjModel) -> float:
-    """Processor time of one mj_step [s], the mean of STEPS from the model's start."""
+    """Return the processor time of one mj_step [s], the mean of STEPS from the model's start."""
     data = mujoco.MjData(compiled)
     mujoco.mj_resetDataKeyframe(compiled, data, 0)
     began = time.thread_time()
@@ -80,7 +80,7 @@ def one_step(compiled: mujoco.MjModel) -> float:
 
 
 def simulated_second(model: Model, times: Array) -> Work:
-    """The work of one simulated second of a run over `times` (n,) [s], stepping and reading."""
+    """Return the work of a simulated second of a run over `times` (n,) [s]: stepping, reading."""
 
     def work() -> float:
         motion = run(model, times)
@@ -96,7 +96,7 @@ def simulated_second(model: Model, times: Array) -> Work:
 def measure_costs(
     works: Sequence[Work], rounds: int = 5, show: Callable[[int], None] | None = None
 ) -> list[Cost]:
-    """The cost of every work, all in turn, each between two bare loops; one round more warms up.
+    """Measure every work, all in turn, each between two bare loops; one round more warms up.
 
     show: called with the number of works done, of (rounds + 1) times as many.
     """

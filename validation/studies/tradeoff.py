@@ -66,7 +66,7 @@ SEED = 4
 
 
 def _both(*names: str) -> tuple[Options, Options]:
-    """The recipe's choice and the naive model's, of settings that go together."""
+    """Return the recipe's choice and the naive model's, of settings that go together."""
     return {n: getattr(RECIPE, n) for n in names}, {n: getattr(NAIVE, n) for n in names}
 
 
@@ -101,7 +101,7 @@ CHOICES: Mapping[str, Sequence[Options]] = {
 
 
 def configurations(quick: bool = False) -> list[Settings]:
-    """The study's settings, each once, the presets first; the quick form has a few of each kind."""
+    """Return the study's settings, each once, presets first; the quick form has a few a kind."""
     if quick:
         every = [*PRESETS.values(), *_lines((RECIPE,), LINE[3:6], ("RK4", "Euler"))]
         every += [*_line_of_tolerances(RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
@@ -124,7 +124,7 @@ def configurations(quick: bool = False) -> list[Settings]:
 def _lines(
     bases: Sequence[Settings], steps: Sequence[float], integrators: Sequence[str]
 ) -> Iterator[Settings]:
-    """The bases at all steps."""
+    """Yield the bases at all steps."""
     for base, integrator, step in product(bases, integrators, steps):
         yield replace(base, integrator=integrator, timestep=step)
 
@@ -135,14 +135,14 @@ def _line_of_tolerances(rtols: Sequence[float]) -> Iterator[Settings]:
 
 
 def _star(base: Settings, steps: Sequence[float], integrators: Sequence[str]) -> Iterator[Settings]:
-    """The base with every single choice made otherwise."""
+    """Yield the base with every single choice made otherwise."""
     for level in chain.from_iterable(CHOICES.values()):
         if (changed := replace(base, **level)) != base:
             yield from _lines((changed,), steps, integrators)
 
 
 def _sample() -> Iterator[Settings]:
-    """Random combinations of all choices."""
+    """Yield random combinations of all choices."""
     pick = random.Random(SEED).choice
     for _ in range(SAMPLE):
         level = {name: value for levels in CHOICES.values() for name, value in pick(levels).items()}
@@ -156,7 +156,7 @@ _DEFAULTS = {field.name: field.default for field in fields(Settings)}
 
 
 def options_of(settings: Settings) -> Options:
-    """What the settings have other than MuJoCo's defaults, as JSON would give it back."""
+    """Return the options that differ from MuJoCo's defaults, as JSON gives them back."""
     return {
         name: value
         for name, value in settings.plain().items()
@@ -165,7 +165,7 @@ def options_of(settings: Settings) -> Options:
 
 
 def describe(options: Mapping[str, Any]) -> str:
-    """The recipe or the naive model, whichever is nearer, and what is otherwise but the steps."""
+    """Name the recipe or the naive model, whichever is nearer, and the changes but the steps."""
     name, changes = min(
         ((base.name, _changes(options, options_of(base))) for base in (RECIPE, NAIVE)),
         key=lambda each: len(each[1]),
@@ -174,7 +174,7 @@ def describe(options: Mapping[str, Any]) -> str:
 
 
 def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
-    """What to say of the options that differ."""
+    """Return a description of each option that differs."""
     changed = []
     for name in _DEFAULTS:
         value = options.get(name)
@@ -191,7 +191,7 @@ def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
 
 
 def settings_with(options: Mapping[str, Any]) -> Settings:
-    """The settings with these options, that go on after a fault; other keys are left out."""
+    """Return settings with these options that go on after a fault; other keys are left out."""
     known = {key: value for key, value in options.items() if key in _DEFAULTS}
     named = {"name": describe(options), "error_tolerance": NO_TOLERANCE, "stop_at_fault": False}
     return settings_from({**known, **named})
@@ -205,7 +205,7 @@ TIMED = 0.05  # s of processor time that is timed at every turn
 
 
 def scene_cell(scene: str, duration: float) -> dict[str, Any]:
-    """What a cell says of its scene, a catalog name or a path.
+    """Return the part of a cell that describes its scene, a catalog name or a path.
 
     The ball is in it by a digest, so that no result outlives a change of the file.
     """
@@ -215,13 +215,13 @@ def scene_cell(scene: str, duration: float) -> dict[str, Any]:
 
 
 def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: int) -> list[Cell]:
-    """A run and its timing for each of the settings, as plain data with all their options."""
+    """Return a cell for each of the settings, plain data with all their options."""
     shared = {**scene_cell(scene, duration), "rounds": rounds}
     return [{**shared, **options_of(each)} for each in settings]
 
 
 def measure(cell: Cell) -> dict[str, Any]:
-    """Errors against the equations, faults, and the cost of one simulated second."""
+    """Measure errors against the equations, faults, and the cost of a simulated second."""
     scene, theory = reference(cell["scene"], cell["duration"])
     model = build(scene, settings_with(cell))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
@@ -244,13 +244,13 @@ def measure(cell: Cell) -> dict[str, Any]:
 
 
 def _worth(seconds: float, whole: float, times: Array) -> Array:
-    """As many of the times, of which all cost `whole`, as are worth these seconds."""
+    """Return as many of the times as cost these seconds, where all of them cost `whole`."""
     return times[: max(2, math.ceil(len(times) * min(1.0, seconds / whole)))]
 
 
 @cache
 def reference(name: str, duration: float, interval: float = INTERVAL) -> tuple[Scene, Motion]:
-    """A scene and its motion by the equations at samples so far apart [s], once a process."""
+    """Return a scene and its motion by the equations, sampled every `interval` s; cached."""
     scene = load_scene(name)
     return scene, integrate(scene, sample_times(duration, interval))
 
@@ -259,9 +259,9 @@ def reference(name: str, duration: float, interval: float = INTERVAL) -> tuple[S
 class Configuration:
     """A configuration that was run, or why it could not be.
 
-    error, momentum_error  the same of M
+    error         path error; momentum_error: that of M
     ratio         cost of a simulated second, relative to the bare loop's; spread: least and most
-    cost          the same as processor time [s per simulated s], at the study's baseline
+    cost          processor time at the study's baseline [s per simulated s]
     trouble       its faults, or why it failed; empty for a sound run
 
     Where a run broke off or failed, what it has not is NaN.
@@ -291,14 +291,14 @@ class Configuration:
 
     @property
     def steps(self) -> str:
-        """The timestep, or the tolerance of steps that are chosen."""
+        """Return the timestep, or the tolerance where the integrator chooses its steps."""
         if "rtol" in self.options:
             return f"rtol {self.options['rtol']:.0e}"
         return f"{self.timestep * 1e3:.3g} ms"
 
     @property
     def preset(self) -> str | None:
-        """The preset that has just these options."""
+        """Return the preset that has just these options."""
         return _PRESETS.get(repr(sorted(self.options.items())))
 
     @property
@@ -310,7 +310,7 @@ _PRESETS = {repr(sorted(options_of(s).items())): name for name, s in PRESETS.ite
 
 
 def configurations_of(results: Sequence[Result]) -> tuple[list[Configuration], float]:
-    """The results as configurations, and the baseline: the bare loop's simulated second [s].
+    """Return the results as configurations, and the cost of the bare loop's second [s].
 
     It is the median over the whole study.
     """
@@ -343,12 +343,12 @@ def _configuration(result: Result, baseline: float) -> Configuration:
 
 
 def known(number: float) -> float | None:
-    """The number, or None where it is none."""
+    """Return the number, or None for NaN."""
     return None if math.isnan(number) else number
 
 
 def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
-    """Which configurations no other beats, being as good and cheaper or as cheap and better.
+    """Return the indices that no other beats by being as good and cheaper, or as cheap and better.
 
     The cheapest first.
     """
@@ -360,7 +360,7 @@ def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
 
 
 def sound_pareto_front(configurations: Sequence[Configuration]) -> list[Configuration]:
-    """The front of path error against cost, of the sound ones, the cheapest first."""
+    """Return the front of path error against cost, of sound ones, the cheapest first."""
     sound = [each for each in configurations if each.sound]
     errors = [each.error for each in sound]
     return [sound[i] for i in pareto_front(errors, [each.cost for each in sound])]
@@ -375,12 +375,12 @@ class Line:
 
     @property
     def nearest(self) -> Configuration:
-        """The one whose error is nearest to the target's."""
+        """Return the configuration whose error is nearest to the target."""
         return min(self.configurations, key=lambda p: abs(math.log(p.error / TARGET)))
 
     @property
     def at_target(self) -> float:
-        """The cost of the target [s per simulated s]: from the nearest, at its cost of a step."""
+        """Return the cost of the target [s per simulated s], from the nearest's cost a step."""
         near = self.nearest
         return near.cost * (near.error / TARGET) ** (1 / self.order)
 
@@ -390,7 +390,7 @@ class Line:
 
 
 def first_order_lines(configurations: Sequence[Configuration]) -> list[Line]:
-    """Every line of a first-order integrator that is one: sound, and no steeper than its order."""
+    """Return the lines of first-order integrators: sound, and no steeper than their order."""
     groups: dict[str, list[Configuration]] = {}
     for each in configurations:
         if each.sound and each.integrator in FIRST_ORDER:
@@ -421,7 +421,7 @@ class Tradeoff:
 
     @property
     def ratio(self) -> float | None:
-        """How many times less than first order the front costs at the target."""
+        """Return the cost of first order at the target over that of the front."""
         if self.best is None or self.first_order is None:
             return None
         return self.first_order.at_target / self.best.cost
@@ -432,7 +432,7 @@ class Tradeoff:
 
 
 def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Tradeoff:
-    """The study of the results of `measure`."""
+    """Return the comparison that the results of `measure` make."""
     configurations, baseline = configurations_of(results)
     front = sound_pareto_front(configurations)
     good_enough = [each for each in front if each.error <= TARGET]
@@ -477,7 +477,7 @@ def tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
 
 
 def verdict(study: Tradeoff) -> str:
-    """What first order costs at the target, beside the front."""
+    """Compare the cost of first order at the target with the front's, in words."""
     if study.best is None:
         return f"No configuration reaches a path error of {TARGET:g}."
     best = f"At a path error of {TARGET:g}: {study.best.title} takes {study.best.cost:.2g} s"
@@ -515,7 +515,7 @@ COLUMNS = (
 
 
 def tradeoff_picture(study: Tradeoff) -> Figure:
-    """Every configuration that has an error, the front, the presets, and first order prolonged."""
+    """Draw all configurations with an error, the front, the presets, and first order prolonged."""
     figure = Figure(figsize=INCHES, layout="constrained")
     name = in_picture(study.scene.name)
     figure.suptitle(f"{name}: what accuracy costs, {len(study.configurations)} configurations")
@@ -567,7 +567,7 @@ def _scatter(axes: Axes, configurations: Sequence[Configuration]) -> None:
 
 
 def _prolong(axes: Axes, line: Line) -> None:
-    """The best line of first order, on to the target."""
+    """Draw the best line of first order, on to the target."""
     configurations = [(p.error, p.cost) for p in line.configurations]
     axes.plot(
         *zip(*configurations, strict=True), color=ACCENT, linewidth=1.4, label="first order, best"
@@ -584,7 +584,7 @@ def _prolong(axes: Axes, line: Line) -> None:
 
 
 def _compare(axes: Axes, study: Tradeoff) -> None:
-    """The two costs at the target, and how many times one is the other."""
+    """Draw the two costs at the target, and their ratio."""
     axes.axvline(TARGET, color=INK, linewidth=0.8, linestyle=":")
     if study.best is None or study.first_order is None or study.ratio is None:
         return
@@ -604,7 +604,7 @@ def _compare(axes: Axes, study: Tradeoff) -> None:
 
 
 def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
-    """A preset's ring and its name, on the side where nothing else is."""
+    """Draw a preset's ring and its name, on the side where nothing else is."""
     above = name in ABOVE
     axes.plot(*place, "o", color=INK, markerfacecolor="none", markersize=11, zorder=4)
     axes.annotate(
@@ -621,7 +621,7 @@ def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
 
 
 def record(study: Tradeoff) -> dict[str, Any]:
-    """The study as plain data; what has no number is None."""
+    """Return the study as plain data; what has no number is None."""
     line = study.first_order
     return {
         "scene": study.scene.name,

@@ -123,7 +123,7 @@ class Readings:
 
 
 def readings_of(scene: Scene, state: State) -> Readings:
-    """Return the frame's attitude, ω in frame axes, M of (3.1), and slip and spin at the contact."""
+    """Return the frame's attitude, ω in frame axes, M of (3.1), slip and spin."""
     arm = state.centre * [0.0, 0.0, 1.0]
     turn, turning = [state.attitude], [state.turning]
     place, moving = [arm], [state.velocity]

@@ -1,8 +1,8 @@
 """The tables of a scene's TOML, as msgspec decodes them, and the readers of hinges and starts.
 
 Each key has its meaning and unit beside it, from which docs/scene.md is written. In order: hinges,
-starts, bodies (by numbers, by parts, or from another file), the whole scene. `bodies` makes bodies of
-these tables.
+starts, bodies (by numbers, by parts, or from another file), the whole scene. The file
+`bodies` makes bodies of these tables.
 """
 
 from dataclasses import dataclass, replace

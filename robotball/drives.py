@@ -1,20 +1,13 @@
-"""What a key of a scene file says, told beside the key: the reader and docs/scene.md share it.
+"""Drives and motors: what a hinge is commanded over time, and what follows the command.
 
-Rates given by functions of time: what a drive needs beside the function is found for it.
+A drive is a function of time with its derivative and integral: a number, Ramp, Sine, Samples, Sum,
+or a function of the user's (Custom), whose derivative and integral are found by polynomials. It is
+smooth between its breakpoints and continuous at them, and every integration stops there. Times are
+scalars or increasing columns, in s from the start of the motion; SI units.
 
-Rates that can be written down: ramps, sines, samples; each with its derivative and integral.
-
-They are commands of a hinge: rates [rad/s], or to some motors angles [rad] or torques [N m].
-
-How a hinge turns: its rate over time, with the derivative and the integral of it.
-
-A drive is smooth between its breakpoints and continuous at them; both engines stop there.
-Times are scalars or increasing columns, in s from the start of the motion; SI units.
-
-How a hinge is moved that does not keep its rate exactly: by a motor, or by nothing at all.
-
-A hinge's command is a function of time: a rate [rad/s] for a Servo, an angle [rad] for a
-PositionServo, a torque [N m] for a Torque. Its torque is what the parent puts on the child [N m].
+A hinge without a motor keeps the drive as its rate [rad/s] exactly. To a motor it is a command: a
+rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a torque [N m] for a Torque. A hinge's
+torque is that of the parent on the child [N m].
 """
 
 import itertools
@@ -43,24 +36,27 @@ if TYPE_CHECKING:
 
 
 def key(meaning: str, unit: str = "") -> msgspec.Meta:
-    """The meaning of a key in a line of Markdown, and its unit; for `Annotated`."""
+    """Annotate a key of a scene file with its meaning, a line of Markdown, and its unit.
+
+    The reader of scene files and docs/scene.md both take them from here.
+    """
     return msgspec.Meta(description=meaning, extra={"unit": unit})
 
 
 Time = Any  # a float, or a column (n,)
 
-LONGEST = 1e5  # s, that a function is followed: half a minute for a cheap one
-END_ROUNDING = 1e-9  # relative: as far beyond the end a time is the end
+LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
+END_ROUNDING = 1e-9  # relative: a time so little beyond the end is taken as the end
 FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
-GIVEN = 1e-6  # relative: a derivative or integral that is given may be so far off the function
+GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
 
 
 @dataclass(frozen=True)
 class Custom:
     """A rate given by a function of time, continuous, and smooth between `breakpoints`.
 
-    derivative [rad/s²] and integral [rad], functions of time as well, are taken from polynomials
-    that follow the function, where they are not given. None is asked outside a run's times.
+    derivative [rad/s²] and integral [rad] are functions of time as well. Where they are None, they
+    are taken from polynomials that follow the function. None is called outside a run's times.
     """
 
     function: Callable[[float], float]
@@ -91,7 +87,7 @@ class Followed:
 
     @cached_property
     def polynomials(self) -> "Polynomials":
-        """What follows the function over the whole run.
+        """Polynomials that follow the function over the whole run.
 
         Raises InputError where the function jumps, or where a derivative or integral given for it
         is not its own; warns where it is not smooth and no derivative is given.
@@ -143,7 +139,7 @@ class Followed:
         return self.polynomials.area(t) if given is None else float(given(t)) - float(given(0.0))
 
     def _inside(self, t: float) -> float:
-        """The time, without the rounding that may carry it beyond the end."""
+        """Return the time without the rounding that may carry it beyond the end."""
         if not t <= self.end * (1 + END_ROUNDING):
             raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
         return min(t, self.end)
@@ -152,7 +148,7 @@ class Followed:
 def _check_own(
     name: str, given: Callable[[float], float], own: Callable[[float], float], at: Any, unit: str
 ) -> None:
-    """Raises InputError where what is given for a function is not its own at some time."""
+    """Raise InputError where a given derivative or integral is not the function's own."""
     for t in at.tolist():
         theirs, ours = given(t), own(t)
         if not abs(theirs - ours) <= GIVEN * (1 + abs(ours)):
@@ -181,8 +177,8 @@ class Ramp(
 ):
     """A rate that goes from `initial` to `final` between two times.
 
-    At the fraction u of the time it is u of the way (linear); 3u² - 2u³ (smooth: no jump of the
-    acceleration); or 10u³ - 15u⁴ + 6u⁵ (quintic: none of the jerk either).
+    At the fraction u of the time, the rate has covered u of the way (linear), 3u² - 2u³ (smooth:
+    the acceleration does not jump), or 10u³ - 15u⁴ + 6u⁵ (quintic: nor does the jerk).
     """
 
     final: Annotated[float, key("the value from `end` on", COMMAND)]
@@ -293,7 +289,7 @@ class Samples(
     """A rate through `values` at `times`, with a continuous slope.
 
     Between two samples it is a cubic that never leaves their range (Fritsch and Carlson's), so it
-    overshoots nowhere. It is not told before the first sample or after the last.
+    overshoots nowhere. It is not defined before the first sample or after the last.
     """
 
     times: tuple[float, ...]  # s
@@ -314,7 +310,7 @@ class Samples(
                     f"the times of samples must increase: time {i + 2} is {after:g} s, after "
                     f"{before:g} s"
                 )
-        # Arrays are taken too; as tuples of numbers two rates can be compared.
+        # Arrays are taken too, but only tuples of numbers make two rates comparable.
         for name in ("times", "values"):
             msgspec.structs.force_setattr(self, name, tuple(map(float, getattr(self, name))))
 
@@ -324,7 +320,7 @@ class Samples(
 
     @cached_property
     def _cubics(self) -> tuple[Array, Array]:
-        """(4, n - 1) coefficients from t³ to 1 of each piece, and (n - 1,) the area before it."""
+        """Coefficients (4, n - 1) from t³ to 1 of each piece, and the area (n - 1,) before it."""
         from scipy.interpolate import PchipInterpolator
 
         a, b, c, d = pieces = PchipInterpolator(self.times, self.values).c
@@ -333,7 +329,7 @@ class Samples(
         return pieces, np.concatenate([[0.0], np.cumsum(areas)[:-1]])
 
     def _piece(self, t: Time) -> Any:
-        """The piece of a time, and how far into it [s]."""
+        """Return the piece of a time, and the time from its begin [s]."""
         inner = self.times[1:-1]
         i: Any = (
             bisect_right(inner, t) if np.ndim(t) == 0 else np.searchsorted(inner, t, side="right")
@@ -354,7 +350,7 @@ class Samples(
         return self._area(t) - self._area(0.0 * t)
 
     def _area(self, t: Time) -> Any:
-        """The integral from the first sample."""
+        """Return the integral from the first sample."""
         i, s = self._piece(t)
         a, b, c, d = self._cubics[0][:, i]
         return self._cubics[1][i] + s * (d + s * (c / 2 + s * (b / 3 + s * a / 4)))
@@ -362,11 +358,11 @@ class Samples(
 
 @runtime_checkable
 class Drive(Protocol):
-    """What a hinge's rate must tell; an object of your own that tells it is a rate of a scene."""
+    """The rate of a hinge over time; any object with these members can be a rate of a scene."""
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
-        """Times at which the rate is not smooth."""
+        """Times at which the rate is not smooth [s]."""
         ...
 
     def rate(self, t: Time) -> Any:
@@ -374,11 +370,11 @@ class Drive(Protocol):
         ...
 
     def acceleration(self, t: Time) -> Any:
-        """Its derivative [rad/s²]; at a breakpoint, from there on."""
+        """The derivative of the rate [rad/s²]; at a breakpoint, the one from there on."""
         ...
 
     def angle(self, t: Time) -> Any:
-        """Its integral from 0 [rad]."""
+        """The integral of the rate from time 0 [rad]."""
         ...
 
 
@@ -436,7 +432,7 @@ Rate = float | Ramp | Sine | Samples | Sum | Custom | Drive | Callable[[float], 
 
 
 def as_drive(rate: Rate, end: float) -> Drive:
-    """The drive of a rate in a run from 0 to `end` [s].
+    """Return the drive of a rate in a run from 0 to `end` [s].
 
     rate: a number [rad/s], a Ramp, a Sine, Samples, a Sum, a function of time, a Custom, or an
     object of one's own with a Drive's members. Raises InputError where it is none of these, not
@@ -485,12 +481,12 @@ def _number(rate: Any) -> float:
 
 
 def turns(drive: Drive) -> bool:
-    """Whether the hinge turns at all; a body whose rate is zero for good is fixed, motorless."""
+    """Return whether the hinge ever turns. One whose rate is always 0 is fixed, motorless."""
     return drive != Constant(0.0)
 
 
 def functions_of(drive: Drive) -> Iterator[Followed]:
-    """What of a drive follows a function that is asked only when it is needed."""
+    """Yield the parts of a drive that follow a user's function."""
     if isinstance(drive, Followed):
         yield drive
     if isinstance(drive, Total):
@@ -502,7 +498,7 @@ Scalar = Any  # a float, or a column (n,)
 
 
 class Law(NamedTuple):
-    """What every motor's torque is, between -limit and limit [N m].
+    """The law of every motor's torque, between -limit and limit [N m].
 
     per_command · command - per_angle · angle - per_rate · rate + at_rest.
     """
@@ -514,7 +510,7 @@ class Law(NamedTuple):
     limit: float = math.inf
 
     def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
-        """The torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
+        """Return the torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
         free = (
             self.per_command * command
             - self.per_angle * angle
@@ -534,7 +530,7 @@ class Motor(Protocol):
     def law(self) -> Law: ...
 
     def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
-        """The law's torque on the child [N m]."""
+        """Return the law's torque on the child [N m]."""
         return self.law.torque(command, angle, rate)
 
 

@@ -1,12 +1,7 @@
-"""Faults: what makes a run no result, each kind with the sentence that a user reads.
+"""Motion: the result of every engine, with its loads, faults and report.
 
-What the settings of every engine have, whatever else they say.
-
-Motion: what every engine returns, and how far two motions of one scene are apart.
-
-One motion of its consecutive parts, which are made one after the other.
-
-What the motion by the equations asks of the plane and of the motors.
+In order: faults, engine settings, the report, loads, Motion, the four errors of a motion against a
+reference with one scale each, the joining of consecutive parts, and the loads by Newton and Euler.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -30,14 +25,16 @@ from robotball.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# What every engine's run is held to.
-DIVERGED = 1e10  # a state beyond it is none; MuJoCo's own limit (mjMAXVAL)
+# The limits that every engine's run is held to.
+DIVERGED = 1e10  # a state beyond it is no result; MuJoCo's own limit (mjMAXVAL)
 RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
-SHORTEST_PATH = 1e-9  # of the radius: a shorter path is none to slip on
+SHORTEST_PATH = (
+    1e-9  # of the radius; slip relative to a shorter path would be rounding over rounding
+)
 
 
 class FaultKind(Enum):
-    """The kinds of fault; {subject} says of what a fault is, {limit} what it has passed."""
+    """The kinds of fault; {subject} names the faulty thing, {limit} the limit that it passed."""
 
     DIVERGED = "the state diverged"
     RESET = "time went back: the engine reset the state"
@@ -58,10 +55,10 @@ class FaultKind(Enum):
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of a run: its kind, and from when it is there [s].
+    """A fault of a run: its kind, and the time at which it begins [s].
 
-    subject, limit: what its kind's sentence names; fatal: whether it ended the run; note: whether
-    it is no fault but belongs to the motion, as a scene's own motor at its limit.
+    subject, limit: named by its kind's sentence; fatal: whether it ended the run; note: whether
+    it belongs to the motion and is no fault, as a motor at the limit that its scene gives it.
     """
 
     kind: FaultKind
@@ -82,7 +79,7 @@ class Fault:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineSettings:
-    """How an engine is to run a scene; each engine adds its own.
+    """The settings that all engines have; each engine's own are added by a subclass.
 
     error_tolerance: the largest path error and momentum error, both relative, that the settings
     are held to over 10 s on the scenes of the catalog; accuracy: the path error that they were
@@ -96,7 +93,7 @@ class EngineSettings:
     stop_at_fault: bool = True
 
     def plain(self) -> dict[str, Any]:
-        """The settings as plain data, without what is left open."""
+        """Return the settings as plain data, without those that are None."""
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in asdict(self).items()
@@ -108,7 +105,7 @@ Preset = TypeVar("Preset", bound=EngineSettings)
 
 
 def preset_named(presets: Mapping[str, Preset], name: str) -> Preset:
-    """One of an engine's presets; raises InputError with the near matches where there is none."""
+    """Return an engine's preset by name. Raises InputError, with near matches, if there is none."""
     if name not in presets:
         raise unknown("preset", name, presets)
     return presets[name]
@@ -116,7 +113,7 @@ def preset_named(presets: Mapping[str, Preset], name: str) -> Preset:
 
 @dataclass(frozen=True)
 class Label:
-    """What an engine is called in tables, plots and films: its name, version and colour."""
+    """The name, version and colour of an engine in tables, plots and films."""
 
     name: str
     version: str
@@ -125,7 +122,7 @@ class Label:
 
 @dataclass(frozen=True)
 class ContactReport(Value):
-    """What a contact engine did besides moving the ball; arrays (n,) are at the motion's times.
+    """A contact engine's report on its run; arrays (n,) are at the motion's times.
 
     settings         those of the run
     slip             m/s      sliding velocity of the shell at the contact
@@ -133,16 +130,16 @@ class ContactReport(Value):
     depth            m        of the plane in the shell, by which the lever arm is short
     friction_used    fraction of the friction cone that the contact force needs; 1 is saturated
     hinge_rate_error largest error of a hinge's rate, relative to the rate
-    faults           what went wrong, the earliest first; empty for a sound run
-    notes            what belongs to the motion and is worth telling, as a motor at its limit
+    faults           the earliest first; empty for a sound run
+    notes            events that belong to the motion, as a motor at its limit
     timestep         s, the longest step taken
     steps            taken
     seconds          of processor time that they took, set-up excluded
     total_seconds    the same with the runs that chose the settings, if any did
     estimated_error  of the path, over its length; where an accuracy was requested, else None
-    python_seconds   of `seconds`, what Python does at every step, where that is told apart
+    python_seconds   the part of `seconds` that Python takes at every step, where it is measured
 
-    friction_used is NaN where an engine does not tell it.
+    friction_used is NaN where an engine does not report contact forces.
     """
 
     settings: EngineSettings
@@ -199,8 +196,8 @@ def _per_newton(load: Array, normal_force: Array) -> Array:
 class Motion(Value):
     """A sampled motion of a scene's ball, with n times, h hinges (the frame's, then the rotors').
 
-    scene                     what moved
-    engine                    who says so
+    scene                     the scene that was run
+    engine                    that made the motion
     times             (n,)    s; fewer than requested where an engine's run broke off
     contact_point     (n, 2)  m, world: where the ball touches the plane
     attitude          (n, 4)  quaternion (w, x, y, z) of the frame, frame to world
@@ -208,7 +205,7 @@ class Motion(Value):
     angular_velocity  (n, 3)  rad/s, of the frame, frame axes
     hinge_angles      (n, h)  rad, from those of the scene's start
     hinge_rates       (n, h)  rad/s
-    loads             what the motion asks of the plane and of the motors
+    loads                     forces and torques that the motion needs
     """
 
     scene: Scene
@@ -247,7 +244,7 @@ class Motion(Value):
 
     @property
     def motor_powers(self) -> Array:
-        """(n, h) W: what the motors put in."""
+        """The power (n, h) of the motors [W]."""
         return self.loads.motor_torques * self.hinge_rates
 
     @property
@@ -257,14 +254,14 @@ class Motion(Value):
 
     @property
     def path_scale(self) -> float:
-        """What path errors are measured by: the path's length or the radius, the longer [m].
+        """The unit of relative path errors: the path's length or the radius, the longer [m].
 
-        A ball that turns on the spot has no path.
+        A ball that turns on the spot has no path, and its errors are measured by the radius.
         """
         return max(self.path_length, self.scene.ball.radius)
 
     def save(self, path: str | Path) -> None:
-        """Write it as .csv, .npz or .parquet, from which `load_motion` has every bit again.
+        """Write the motion as .csv, .npz or .parquet; `load_motion` restores every bit.
 
         The header has the scene's TOML, the engine and the units; a contact engine's report is
         left out. Raises InputError where the file cannot be written.
@@ -277,17 +274,17 @@ class Motion(Value):
 
 
 def gamma_of(attitude: Array) -> Array:
-    """γ (n, 3) of attitudes (n, 4)."""
+    """Return γ (n, 3) of attitudes (n, 4)."""
     return rotation_matrix(attitude)[:, 2, :]
 
 
 @dataclass(frozen=True, repr=False)
 class ReferenceMotion(Motion):
-    """A motion that others are measured by, and that knows how good it is itself.
+    """A motion by equations, against which others are measured, with an estimate of its error.
 
     again               the contact points (n, 2) of the same motion, made by longer steps [m]
-    motor_work  (n, h)  J: what the motors have put in since the start; None of the small equations
-    rolling_loss  (n,)  J: what the plane's resistance to rolling has taken; None likewise
+    motor_work  (n, h)  work of the motors since the start [J]; None by the reduced equations
+    rolling_loss  (n,)  work lost to rolling resistance [J]; None by the reduced equations
     """
 
     again: Callable[[], Array] = field(compare=False)
@@ -296,11 +293,11 @@ class ReferenceMotion(Motion):
 
     @cached_property
     def reference_error(self) -> float:
-        """The motion's own path error, over its `path_scale`, as other steps tell it.
+        """The motion's own path error over its `path_scale`, estimated by integrating again.
 
-        Taken when it is first asked for, in the time of another motion. At least a few roundings,
-        as two motions may agree by chance. Measured 0.06 to 2.1 of the estimate on the catalog's
-        steady scenes, against steps in 80-bit numbers.
+        The second motion has longer steps; it is computed at the first use of this property. The
+        estimate is at least a few roundings, as two motions may agree by chance. Against steps in
+        80-bit numbers, the error was 0.06 to 2.1 of it on the catalog's steady scenes.
         """
         off = np.linalg.norm(self.contact_point - self.again(), axis=1)
         return max(float(off.max() / self.path_scale), 4 * float(np.finfo(float).eps))
@@ -317,7 +314,7 @@ Place = tuple[str, ...]
 
 
 def arrays_of(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[Any]]]:
-    """The arrays over the times of a motion, of its loads and of its report, by their names."""
+    """Yield the arrays over time of a motion, of its loads and of its report, by their names."""
     for each in fields(record):
         value = getattr(record, each.name)
         if isinstance(value, np.ndarray):

@@ -1,6 +1,7 @@
-"""The ball as a tree of links, as engines know bodies, and what their states say of a motion.
+"""The ball as the tree of links that engines take, and the motion read from their states.
 
-All links have the axes of the ball at the start, where hinges are at zero. The shell is the root.
+All links have the ball's axes at the start, where hinges are at zero. The shell is the root,
+because it is the body that touches the plane.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ SHELL = -1  # the parent of the root's children, among the hinges
 
 @dataclass(frozen=True)
 class Link:
-    """A body and the hinge that it hangs on, which the shell has not.
+    """A body and its hinge; the shell has none.
 
     parent   the index of its parent, -1 of the shell
     origin   (3,) m, of its hinge from the parent's; of the shell the centre of the sphere
@@ -37,14 +38,14 @@ class Link:
 
     @property
     def principal(self) -> tuple[Array, Array]:
-        """Moments (3,) and the quaternion (4,) of their axes, for engines that want these."""
+        """Moments (3,) and the quaternion (4,) of their axes, for engines that take no tensor."""
         moments, axes = np.linalg.eigh(self.inertia)
         axes = axes if np.linalg.det(axes) > 0 else -axes
         return moments, from_matrix(axes)
 
 
 def links_of(scene: Scene) -> tuple[Link, ...]:
-    """The shell, the frame, the rotors and the pendulums."""
+    """Return the links of the shell, the frame, the rotors and the pendulums."""
     _, *others = scene.ball.named_bodies
     shell, zero = scene.ball.shell, np.zeros(3)
     root = Link("shell", SHELL, zero, shell.axis, shell.mass, shell.centre, shell.inertia, None)
@@ -68,7 +69,7 @@ def links_of(scene: Scene) -> tuple[Link, ...]:
 
 @dataclass(frozen=True)
 class State:
-    """The shell and the hinges; of one time, or of n times with n rows each.
+    """The state of the shell and the hinges at one time, or at n times with n rows each.
 
     centre    (3,) m, world: of the sphere
     velocity  (3,) m/s, world: of the same point of the shell
@@ -87,20 +88,20 @@ class State:
 
     @property
     def row(self) -> Array:
-        """(13 + 2h,): all of it in this order."""
+        """All numbers (13 + 2h,) in the order of the fields."""
         return np.concatenate(
             [self.centre, self.velocity, self.attitude, self.turning, self.angles, self.rates]
         )
 
 
 def state_of_rows(rows: Array) -> State:
-    """The state of rows (n, 13 + 2h)."""
+    """Return the state at n times of rows (n, 13 + 2h)."""
     angles, rates = np.split(rows[:, 13:], 2, axis=1)
     return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
 
 
 def start_state(scene: Scene, start: Start | None = None) -> State:
-    """The state on the rolling model at a start, the scene's own if None."""
+    """Return the state on the rolling model at a start, the scene's own if None."""
     start = scene.start if start is None else start
     rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
     R = rotation_matrix(start.attitude)
@@ -112,7 +113,7 @@ def start_state(scene: Scene, start: Start | None = None) -> State:
 
 @dataclass(frozen=True)
 class Readings:
-    """What n states say of the motion: as in Motion, and slip (n,) m/s and spin (n,) rad/s."""
+    """Arrays over n states, as in Motion, with slip (n,) [m/s] and spin (n,) [rad/s]."""
 
     attitude: Array
     angular_velocity: Array
@@ -122,7 +123,7 @@ class Readings:
 
 
 def readings_of(scene: Scene, state: State) -> Readings:
-    """The frame's attitude, ω in frame axes, M (3.1), and how the shell moves at the contact."""
+    """Return the frame's attitude, ω in frame axes, M of (3.1), slip and spin."""
     arm = state.centre * [0.0, 0.0, 1.0]
     turn, turning = [state.attitude], [state.turning]
     place, moving = [arm], [state.velocity]

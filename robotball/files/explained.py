@@ -22,7 +22,7 @@ MANY = ("rotor", "pendulum", "part")
 
 
 def explained(message: str) -> str:
-    """Msgspec's message with the key's path first, near matches and what is known."""
+    """Return msgspec's message with the key's path first, and near matches or the known values."""
     where = re.search(r" - at `\$\.?(.*)`$", message)
     key, what = (where[1], message[: where.start()]) if where else ("", message)
     told = _told(key, what)
@@ -30,7 +30,7 @@ def explained(message: str) -> str:
 
 
 def counted(message: str) -> str:
-    """The message with all that is many counted as the bodies are: rotor1 is rotor[0]."""
+    """Return the message with bodies numbered from 1, as everywhere else: rotor[0] is rotor1."""
     many = rf"\b({'|'.join(MANY)})\[(\d+)\]"
     return re.sub(many, lambda found: f"{found[1]}{int(found[2]) + 1}", message)
 
@@ -62,12 +62,12 @@ def _listed(path: str) -> str:
 
 
 def known_keys(path: str) -> list[str]:
-    """The keys of the table at a path such as `frame.part[0]`, of any of its kinds."""
+    """Return the keys of the table at a path such as `frame.part[0]`, of any of its kinds."""
     return [field.name for table in tables_at(path) for field in table.fields]
 
 
 def tables_at(path: str) -> Iterator[inspect.StructType]:
-    """The tables that may stand at a path."""
+    """Yield the tables that may stand at a path."""
     words = [word for word in re.sub(r"\[.*?\]", "", path).split(".") if word]
     found = [*tables_in(inspect.type_info(SceneTable))]
     for word in words:
@@ -77,14 +77,14 @@ def tables_at(path: str) -> Iterator[inspect.StructType]:
 
 
 def tables_in(kind: inspect.Type) -> Iterator[inspect.StructType]:
-    """The tables that a value of a type may be, or hold in a list."""
+    """Yield the tables that a value of a type may be, or hold in a list."""
     for each in _parts_of(kind):
         if isinstance(each, inspect.StructType):
             yield each
 
 
 def _values_at(path: str) -> Iterator[str]:
-    """The words that may stand at a path."""
+    """Yield the words that may stand at a path."""
     above, _, name = path.rpartition(".")
     for table in tables_at(above):
         if name == table.tag_field:
@@ -97,7 +97,7 @@ def _values_at(path: str) -> Iterator[str]:
 
 
 def _parts_of(kind: inspect.Type) -> Iterator[inspect.Type]:
-    """A type without its notes, or the types of a union or of a list's items."""
+    """Yield a type without its annotations, or the types of a union or of a list's items."""
     if isinstance(kind, inspect.Metadata):
         yield from _parts_of(kind.type)
     elif isinstance(kind, inspect.UnionType):

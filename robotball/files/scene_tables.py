@@ -1,12 +1,8 @@
-"""What all tables of a scene's TOML share.
+"""The tables of a scene's TOML, as msgspec decodes them, and the readers of hinges and starts.
 
-The keys of a hinge: what it is commanded, what moves it, and where it starts.
-
-The table of a start: an attitude and a momentum, in one of several forms.
-
-The tables of bodies: told by numbers, by parts, or by a body of a file.
-
-The table of a whole scene.
+Each key has its meaning and unit beside it, from which docs/scene.md is written. In order: hinges,
+starts, bodies (by numbers, by parts, or from another file), the whole scene. The file
+`bodies` makes bodies of these tables.
 """
 
 from dataclasses import dataclass, replace
@@ -43,12 +39,12 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """A TOML table in which every key must be known."""
 
     def given(self, *keys: str) -> list[str]:
-        """Those of the keys that the table has."""
+        """Return those of the keys that the table has."""
         return [each for each in keys if getattr(self, each) is not None]
 
 
 def one_of(name: str, ways: dict[str, list[str]]) -> str:
-    """The one way of telling something whose keys are given; InputError unless it is one."""
+    """Return the alternative whose keys the user gave. Raises InputError for none or several."""
     told = [way for way, keys in ways.items() if keys]
     if len(told) != 1:
         given = " and ".join(", ".join(ways[way]) for way in told) or "nothing"
@@ -60,7 +56,7 @@ DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
 
 
 class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
-    """Samples, told here or in a file."""
+    """Samples, given here or in a file."""
 
     times: Annotated[list[float] | None, key("increasing times, over the whole run", "s")] = None
     values: Annotated[list[float] | None, key("as many values", COMMAND)] = None
@@ -131,7 +127,7 @@ class ReadHinge:
 
 
 def read_hinge(name: str, table: HingeTable, folder: Path) -> ReadHinge:
-    """What the hinge keys of a body's table say; InputError for keys that do not go together."""
+    """Read the hinge keys of a body's table. Raises InputError for keys that do not combine."""
     _check_keys(name, table)
     told = {"position": table.angle, "torque": table.torque}.get(table.drive, table.rate)
     try:
@@ -158,7 +154,7 @@ def _check_keys(name: str, table: HingeTable) -> None:
 
 
 def unit_of(name: str) -> str:
-    """The unit of one of a hinge's keys."""
+    """Return the unit of one of a hinge's keys."""
     table = msgspec.inspect.type_info(HingeTable)
     assert isinstance(table, msgspec.inspect.StructType)
     (told,) = (field.type for field in table.fields if field.name == name)
@@ -234,9 +230,9 @@ MOMENTUM_KEYS = {"momentum", "momentum_world", "angular_velocity", "rest"}
 
 
 def read_start(table: StartTable, ball: Ball) -> Start:
-    """The one start that the table gives; a section's is in principal axes.
+    """Return the one start that the table gives; a section's is in principal axes.
 
-    The momentum of an angular velocity is left at 0, for `turning`.
+    An angular velocity leaves M at 0, which `turning` sets when the hinges are known.
     """
     given = {key for key in table.__struct_fields__ if getattr(table, key)}
     axes = ball.principal[1]
@@ -257,7 +253,7 @@ def read_start(table: StartTable, ball: Ball) -> Start:
 
 
 def turning(scene: Scene, omega: Triple) -> Scene:
-    """The scene that starts with the frame's angular velocity (3,), in frame axes [rad/s].
+    """Return the scene with the frame's angular velocity (3,) at its start, frame axes [rad/s].
 
     Raises InputError where the shell would spin on the spot and the rolling model is rubber.
     """
@@ -281,7 +277,7 @@ def _attitude(table: StartTable) -> Array:
 
 
 def _momentum(table: StartTable, to_world: Array) -> Array:
-    """M (3,) in world axes of a table with one of MOMENTUM_KEYS."""
+    """Return M (3,) in world axes of a table with one of MOMENTUM_KEYS."""
     if table.momentum:
         return to_world @ np.array(table.momentum)
     if table.momentum_world:
@@ -361,7 +357,7 @@ Centre = Annotated[
 
 
 class FrameTable(HingeTable, frozen=True):
-    """What turns inside the shell, about the shell's axis, and carries the other bodies."""
+    """The body that turns in the shell, about the shell's axis, and carries the others."""
 
     mass: Annotated[float | None, key("its mass", "kg")] = None
     inertia: Annotated[
@@ -387,7 +383,7 @@ class RotorTable(HingeTable, frozen=True, kw_only=True):
 
 
 class PendulumTable(HingeTable, frozen=True, kw_only=True):
-    """Any body on a hinge of the frame, told as it is at the hinge's angle 0."""
+    """Any body on a hinge of the frame, as it is at the hinge's angle 0."""
 
     axis: Annotated[Triple, key("the hinge's axis; a direction of any length")]
     pivot: Annotated[Triple, key("a point of the axis, from the sphere's centre", "m")] = ORIGIN
@@ -403,7 +399,7 @@ class PendulumTable(HingeTable, frozen=True, kw_only=True):
 
 
 class FrictionTable(Table, frozen=True):
-    """What the plane does to the shell besides carrying it."""
+    """Friction of the plane against the shell."""
 
     sliding: Annotated[
         float | None, key("largest friction over the normal force; as much as needed if not given")
@@ -426,7 +422,7 @@ class NumbersTable(Table, frozen=True):
 
 
 class SceneTable(Table, frozen=True):
-    """What a scene is, as a whole."""
+    """The table of a whole scene file."""
 
     title: Annotated[str, key("one line, for tables and plots")]
     rolling: Annotated[

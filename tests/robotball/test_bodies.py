@@ -1,5 +1,6 @@
 """Shell, frame and rotors, and the numbers A, K, d and Ω that the equations know of them."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -170,7 +171,7 @@ def test_thin_shell_has_the_inertia_of_points_on_the_sphere() -> None:
 # What cannot be a ball ---------------------------------------------------------------------
 
 
-REFUSED: list[tuple[str, dict[str, object], str]] = [
+REFUSED: list[tuple[str, Mapping[str, object], str]] = [
     *(
         (body, {"mass": bad}, f"{body}'s mass must be positive and finite, not .*kg")
         for body in ("shell", "frame", "rotor1")
@@ -211,7 +212,7 @@ REFUSED: list[tuple[str, dict[str, object], str]] = [
 
 @pytest.mark.parametrize(("body", "changes", "message"), REFUSED)
 def test_a_body_that_cannot_be_is_refused(
-    body: str, changes: dict[str, object], message: str
+    body: str, changes: Mapping[str, object], message: str
 ) -> None:
     """By its name, with the value, the unit and by how much."""
     with pytest.raises(rb.InputError, match=message):

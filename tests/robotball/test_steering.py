@@ -129,6 +129,7 @@ def test_what_is_lacking_is_told() -> None:
     assert "it slips" in lines[2]
 
 
+@pytest.mark.slow
 def test_a_trial_that_overflows_is_rejected() -> None:
     """The solver meets quaternions of 1e200 on the way, and ends without drives in one line."""
     scene = rb.load_scene("examples/my_robot.toml")

@@ -1,5 +1,6 @@
 """Shell, frame and rotors, and the numbers A, K, d and Ω that the equations know of them."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -170,60 +171,52 @@ def test_thin_shell_has_the_inertia_of_points_on_the_sphere() -> None:
 # What cannot be a ball ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("bad", [0.0, -1.0, NAN, INF])
-@pytest.mark.parametrize("body", ["shell", "frame", "rotor1"])
-def test_mass_that_is_not_positive_is_refused_by_name(body: str, bad: float) -> None:
-    """Every body's mass must be positive and finite; the message names body, value and unit."""
-    with pytest.raises(rb.InputError, match=f"{body}'s mass must be positive and finite, not .*kg"):
-        with_body(body, mass=bad)
+REFUSED: list[tuple[str, Mapping[str, object], str]] = [
+    *(
+        (body, {"mass": bad}, f"{body}'s mass must be positive and finite, not .*kg")
+        for body in ("shell", "frame", "rotor1")
+        for bad in (0.0, -1.0, NAN, INF)
+    ),
+    *(
+        ("shell", {"radius": bad}, "the shell's radius must be positive and finite")
+        for bad in (0.0, -1.0, NAN, INF)
+    ),
+    *(
+        ("frame", {"inertia": np.array(inertia)}, message)
+        for inertia, message in (
+            (np.diag([0.1, 0.2, 0.5]), r"0\.5 > 0\.1 \+ 0\.2 by 0\.2 kg m²"),
+            (np.diag([0.1, 0.1, -0.1]), r"not positive: its smallest .* moment is -0\.1 kg m²"),
+            (np.diag([0.1, 0.1, 0.0]), "not positive: its smallest principal moment is 0 kg m²"),
+            ([[0.1, 0.05, 0], [0, 0.1, 0], [0, 0, 0.1]], "frame's inertia is not symmetric"),
+            (np.diag([0.1, NAN, 0.1]), "frame's inertia has an entry that is not finite"),
+            (np.diag([0.1, INF, 0.1]), "frame's inertia has an entry that is not finite"),
+        )
+    ),
+    *(
+        (body, {"axial_inertia": 0.5, "transverse_inertia": 0.2}, message)
+        for body, message in (
+            ("shell", r"shell's inertia .*: 0\.5 > 0\.2 \+ 0\.2 by 0\.1"),
+            (
+                "rotor1",
+                r"rotor1 is flatter than a disk: .* exceeds twice the .* 0\.2 by 0\.1 kg m²",
+            ),
+        )
+    ),
+    *(
+        (body, {"axis": np.array(axis)}, f"{body}'s (axis must be a unit vector|inertia)")
+        for body in ("shell", "rotor1")
+        for axis in ([0.0, 0.0, 2.0], [0.0, 0.0, 0.0], [NAN, 0.0, 1.0])
+    ),
+]
 
 
-@pytest.mark.parametrize("bad", [0.0, -1.0, NAN, INF])
-def test_radius_that_is_not_positive_is_refused(bad: float) -> None:
-    """The shell's radius must be positive and finite."""
-    with pytest.raises(rb.InputError, match="the shell's radius must be positive and finite"):
-        with_body("shell", radius=bad)
-
-
-@pytest.mark.parametrize(
-    ("inertia", "message"),
-    [
-        (np.diag([0.1, 0.2, 0.5]), r"0\.5 > 0\.1 \+ 0\.2 by 0\.2 kg m²"),
-        (np.diag([0.1, 0.1, -0.1]), r"not positive: its smallest principal moment is -0\.1 kg m²"),
-        (np.diag([0.1, 0.1, 0.0]), "not positive: its smallest principal moment is 0 kg m²"),
-        (np.array([[0.1, 0.05, 0], [0, 0.1, 0], [0, 0, 0.1]]), "frame's inertia is not symmetric"),
-        (np.diag([0.1, NAN, 0.1]), "frame's inertia has an entry that is not finite"),
-        (np.diag([0.1, INF, 0.1]), "frame's inertia has an entry that is not finite"),
-    ],
-)
-def test_inertia_that_no_body_has_is_refused_with_the_amount(inertia: Array, message: str) -> None:
-    """Broken triangle inequality, negative, asymmetric or not finite: one line says which."""
+@pytest.mark.parametrize(("body", "changes", "message"), REFUSED)
+def test_a_body_that_cannot_be_is_refused(
+    body: str, changes: Mapping[str, object], message: str
+) -> None:
+    """By its name, with the value, the unit and by how much."""
     with pytest.raises(rb.InputError, match=message):
-        with_body("frame", inertia=inertia)
-
-
-@pytest.mark.parametrize(
-    ("body", "message"),
-    [
-        ("shell", r"shell's inertia .*: 0\.5 > 0\.2 \+ 0\.2 by 0\.1"),
-        (
-            "rotor1",
-            r"rotor1 is flatter than a disk: .* 0\.5 exceeds twice the .* 0\.2 by 0\.1 kg m²",
-        ),
-    ],
-)
-def test_symmetric_bodies_break_the_inequality_too(body: str, message: str) -> None:
-    """A disc's axial moment is at most twice its transverse one."""
-    with pytest.raises(rb.InputError, match=message):
-        with_body(body, axial_inertia=0.5, transverse_inertia=0.2)
-
-
-@pytest.mark.parametrize("axis", [[0.0, 0.0, 2.0], [0.0, 0.0, 0.0], [NAN, 0.0, 1.0]])
-@pytest.mark.parametrize("body", ["shell", "rotor1"])
-def test_axis_that_is_not_a_unit_vector_is_refused(body: str, axis: list[float]) -> None:
-    """The axes of shell and rotors are unit vectors."""
-    with pytest.raises(rb.InputError, match=f"{body}'s (axis must be a unit vector|inertia)"):
-        with_body(body, axis=np.array(axis))
+        with_body(body, **changes)
 
 
 def test_disc_is_a_body_in_spite_of_rounding() -> None:

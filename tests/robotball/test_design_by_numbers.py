@@ -57,6 +57,8 @@ def test_designed_bodies_keep_the_motion_of_their_scene(tmp_path: Path, name: st
 REFUSED = {
     "both": ("[start]", "[shell]\nradius = 1.0\nmass = 1.0\ninertia = 'thin'\n[start]",
              "a scene takes bodies or numbers, not both"),
+    "neither": (NUMBERS[NUMBERS.index("[numbers]") : NUMBERS.index("[start]")], "",
+                "a scene takes shell and frame, or numbers"),
     "no numbers": ("[numbers]", "[other]", "unknown key 'other'"),
     "too few": ("A = [0.7, 0.6, 0.8]", "A = [0.7, 0.6]", "numbers.A takes a diagonal of three"),
     "mixed": ("A = [0.7, 0.6, 0.8]", "A = [0.7, [0, 0.6, 0], 0.8]", "numbers.A takes a diagonal"),
@@ -74,10 +76,3 @@ def test_numbers_without_a_ball_are_refused(tmp_path: Path, case: str) -> None:
     with pytest.raises(rb.InputError, match=words) as refused:
         scene_of(tmp_path, NUMBERS.replace(old, new))
     assert "scene.toml" in str(refused.value)
-
-
-def test_a_scene_with_neither_bodies_nor_numbers_is_refused(tmp_path: Path) -> None:
-    """The line says which forms there are."""
-    text = NUMBERS[: NUMBERS.index("[numbers]")] + NUMBERS[NUMBERS.index("[start]") :]
-    with pytest.raises(rb.InputError, match="a scene takes shell and frame, or numbers"):
-        scene_of(tmp_path, text)

@@ -84,7 +84,7 @@ def test_two_rotors_share_the_inertia_as_well_as_they_can(seed: int) -> None:
         real.ball,
         Limits(rotor_speed=real.rotor_rates[0], rotor_radius=real.rotor_radius),
     )
-    B = np.linalg.inv(ball.A)
+    B = np.asarray(np.linalg.inv(ball.A), dtype=float)
     request = _request(B, real.Omega, real.K, ball.radius, ball.mass, limits)
     s, _, margin = _best(request, 2, request.frame_radius)
     least = np.linalg.norm(request.momentum(np.array(s))) / request.speed

@@ -114,7 +114,7 @@ def test_a_slip_is_a_fault_from_its_limit_on(name: str, share: float, causes: li
     readings = Readings(model, rows)
     steps = np.diff(readings.centre[:, :2], axis=0, prepend=readings.centre[:1, :2])
     contact = np.arange(rows.shape[1])[model.sensor_columns["contact"]]
-    rows[:, contact[14:16]] = share * FAST.error_tolerance * steps / FAST.timestep
+    rows[:, contact[14:16]] = share * FAST.error_tolerance * steps / model.compiled.opt.timestep
     rows[:, contact[16]] = 0.0
     found = Monitor(model).look(Readings(model, rows))
     assert [each.fault.text for each in found] == causes

@@ -22,7 +22,7 @@ from robotball.engine import Engine, Progress, Request
 from robotball.engines import reduced
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.errors import InputError, unknown, warn
-from robotball.motion import ContactMotion, EngineSettings, Loads, ReferenceMotion, preset_named
+from robotball.motion import ContactMotion, EngineSettings, ReferenceMotion, preset_named
 from robotball.room import let_go
 from robotball.rotations import Array
 from robotball.scene import Scene, check_times
@@ -96,13 +96,11 @@ def simulate(
     InputError on unusable times, an unknown engine or preset, a scene that the engine cannot
     express, an accuracy that rounding forbids and a run of more steps than the settings allow.
     """
+    request = request_of(engine, settings, accuracy)
     return run_request(
         scene,
         times,
-        request_of(engine, settings, accuracy),
-        strict=strict,
-        fault_window=fault_window,
-        progress=progress,
+        replace(request, strict=strict, fault_window=fault_window, progress=progress),
     )
 
 
@@ -127,29 +125,12 @@ def request_of(
     return Request(chosen, replace(settings, stop_at_fault=False) if keep_going else settings)
 
 
-def run_request(
-    scene: Scene,
-    times: Array | None,
-    request: Request,
-    *,
-    loads: Loads | None = None,
-    strict: bool = False,
-    fault_window: Path | None = None,
-    progress: Progress | None = None,
-) -> ContactMotion:
-    """`simulate` by a request; loads: of the whole motion, where a reference knows them."""
+def run_request(scene: Scene, times: Array | None, request: Request) -> ContactMotion:
+    """Simulate the scene as `simulate` does, by a request."""
     if why := request.engine.cannot_express(scene):
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
     times = scene.times if times is None else check_times(times)
-    motion = request.engine.run(
-        scene.until(float(times[-1])),
-        times,
-        request,
-        loads=loads,
-        strict=strict,
-        fault_window=fault_window,
-        progress=progress,
-    )
+    motion = request.engine.run(scene.until(float(times[-1])), times, request)
     for line in _doubts(motion):
         warn(f"{scene.name}: {line}")
     return replace(motion, scene=scene)

@@ -26,8 +26,8 @@ def run(
     model: Model,
     times: Array,
     progress: Progress | None = None,
-    start: Start | None = None,
     fault_window: Path | None = None,
+    start: Start | None = None,
 ) -> ContactMotion:
     """The motion of a built model at sample times (n,) [s] from 0, which are not checked.
 

@@ -12,14 +12,7 @@ import math
 import numpy as np
 
 from robotball.drives import Servo
-from robotball.engines.mujoco.planned_run import (
-    COST_MODEL,
-    Laws,
-    LimitCheck,
-    PlannedRun,
-    fastest_rate,
-    measured_loss,
-)
+from robotball.engines.mujoco.planned_run import COST_MODEL, Laws, LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Prescribed, Settings
 from robotball.engines.spans import step_count
 from robotball.errors import InputError, warn
@@ -350,7 +343,7 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
     with np.errstate(over="ignore"):
         value = float(steps * factor * np.float64(theta) ** order)
     if value > limit and plan.integrator.order == 4 and plan.reduced:
-        value = min(value, measured_loss(plan))
+        value = min(value, plan.measured_loss)
     shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
     fix = f"take a timestep below {shorter:.2g} s"
     fix += ", or RK4" if plan.integrator.order == 1 else ""
@@ -443,10 +436,10 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
     """kv·dt/j < 2.785 under RK4, 2 under Euler and discrete, no limit under the implicit ones.
 
     A velocity servo is a damper, and j the inertia that it feels with the ball rolling: kv/j is its
-    `fastest_rate`, with springs and position servos the size of a complex one. Measured on both
+    `servo_rate`, with springs and position servos the size of a complex one. Measured on both
     models: sound at 2.7 and diverged at 2.9 under RK4, at 1.95 and 2.1 under Euler.
     """
-    limit, fastest = plan.integrator.servo_limit, fastest_rate(plan.scene, plan.hinges)
+    limit, fastest = plan.integrator.servo_limit, plan.servo_rate
     if limit is None or not fastest:
         return None
     return LimitCheck(
@@ -458,8 +451,8 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
 
 
 def settling(plan: PlannedRun) -> LimitCheck | None:
-    """DOP853 is stable up to steps of 6.3/λ, λ the servos' `fastest_rate`, whatever their error."""
-    fastest = fastest_rate(plan.scene, plan.hinges)
+    """DOP853 is stable up to steps of 6.3/λ, λ the `servo_rate`, whatever their error."""
+    fastest = plan.servo_rate
     if not plan.settings.adaptive or not fastest:
         return None
     return LimitCheck(

@@ -6,33 +6,23 @@ Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene
 
 The depth at which the contact carries the weight, found in the model itself.
 
-A model dressed to be looked at: its bodies' shapes, floor, lights and a camera that follows it.
-
-Nothing is added that a step depends on, so a dressed model moves as the bare one does.
-
-What a model leaves out because its scene does not need it, and why.
 """
 
 import contextlib
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
-from scipy.spatial.transform import Rotation
 
 from robotball import scene as hinges
 from robotball.drives import Drive, Free, Motor, PositionServo, Servo, turns
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings
 from robotball.errors import InputError
 from robotball.files.foreign_bodies import part, text_of
-from robotball.film.looks import BLUR, PARTS, Shape, add_materials, add_shapes, looks_of
-from robotball.robot import Ball
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
 from robotball.scene import Scene, Start
 
@@ -211,7 +201,11 @@ def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
     if settings.start_in_equilibrium:
         pair.margin = carrying_depth(scene, settings, text_of(root))
     xml = text_of(root)
-    model = Model(scene, settings, dress(xml, scene.ball) if dressed else xml, hinges)
+    if dressed:
+        from robotball.engines.mujoco.dress import dress
+
+        xml = dress(xml, scene.ball)
+    model = Model(scene, settings, xml, hinges)
     assert model.compiled is not None  # refused here, if at all
     return model
 
@@ -407,121 +401,3 @@ def carrying_depth(scene: Scene, settings: Settings, xml: str) -> float:
             return float(found.root)
     # A ball that slips from the start is thrown up at any depth; the normal force alone has one.
     return chosen.equilibrium_depth
-
-
-# In radii of the ball.
-CAMERA, EXTENT, SUN, TILE = "0 -5 2", 4.0, 12.0, 0.5
-
-
-def dress(xml: str, ball: Ball) -> str:
-    """The MJCF text of a bare model of `ball`, dressed."""
-    root, unit = ElementTree.fromstring(xml), ball.radius
-    floor = ElementTree.parse(PARTS / "floor.xml").getroot()
-    worldbody, assets = _child(root, "worldbody"), Element("asset")
-    assets.extend(_child(floor, "asset"))
-    _child(assets, "material").set("texrepeat", f"{TILE / unit:g} {TILE / unit:g}")
-    _child(worldbody, "geom").set("material", "floor")
-    add_materials(assets)
-    looks, stands = looks_of(ball), _stands(xml)
-    for body in worldbody.iter("body"):
-        shapes = [each for each in looks[body.attrib["name"]] if each.material != BLUR]
-        if (sphere := body.find("geom")) is not None:  # the shell's, which the model has
-            sphere.set("material", "shell")
-            shapes = [each for each in shapes if each.material != "shell"]
-        stand = stands[body.attrib["name"]]
-        add_shapes(assets, body, [_seen_from(stand, unit, each) for each in shapes], unit)
-    ball_body, sun = _child(worldbody, "body"), _child(_child(floor, "worldbody"), "light")
-    place = " ".join(f"{float(part) * unit:g}" for part in CAMERA.split())
-    SubElement(ball_body, "camera", name="track", mode="trackcom", pos=place, xyaxes="1 0 0 0 2 5")
-    sun.attrib.update(mode="trackcom", pos=f"0 0 {SUN * unit:g}")
-    ball_body.append(sun)
-    size = Element("statistic", center=f"0 0 {unit:g}", extent=f"{EXTENT * unit:g}")
-    place_of_world = list(root).index(worldbody)
-    root[place_of_world:place_of_world] = [size, _child(floor, "visual"), assets]
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _child(element: Element, tag: str) -> Element:
-    found = element.find(tag)
-    assert found is not None
-    return found
-
-
-def _stands(xml: str) -> dict[str, tuple[Array, Rotation]]:
-    """Where each body's own axes are from the sphere's centre [m] as all hinges are at 0."""
-    model = mujoco.MjModel.from_xml_string(xml)
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0
-    data.qpos[3] = 1
-    mujoco.mj_kinematics(model, data)
-    centre = data.body("shell").xpos
-    return {
-        model.body(i).name: (
-            data.xpos[i] - centre,
-            Rotation.from_quat(data.xquat[i], scalar_first=True),
-        )
-        for i in range(1, model.nbody)
-    }
-
-
-def _seen_from(stand: tuple[Array, Rotation], unit: float, shape: Shape) -> Shape:
-    """The shape in a body's own axes."""
-    origin, turn = stand
-    own = turn.inv() * Rotation.from_quat(shape.turn, scalar_first=True)
-    return replace(
-        shape,
-        pos=turn.inv().apply(shape.pos - origin / unit),
-        turn=own.as_quat(scalar_first=True),
-    )
-
-
-DEFAULT_ITERATIONS = 100  # MuJoCo's own
-
-
-def left_out(scene: Scene, settings: Settings) -> list[str]:
-    """One line for each thing that a MuJoCo model of the ball could have and this one has not."""
-    lines, settings = [], Chosen(scene, settings).settings
-    if not scene.ball.rotors:
-        lines.append("rotor bodies: the scene has none")
-    elif len(scene.ball.rotors) == 1:
-        lines.append("more rotor bodies: one along K + (J_s + d)Ω makes the same motion")
-    turning = {hinge.body for hinge in hinges_of(scene, settings)}
-    lines += [
-        f"the hinge of {hinge.name}: its rate is zero for good, so it is fixed to its parent"
-        for hinge in scene.hinges
-        if hinge.name not in turning
-    ]
-    if scene.rolling == "classical":
-        lines.append(
-            "the torsional friction row (condim 4): the classical ball may spin on the spot"
-        )
-    if scene.friction.rolling:
-        lines.append(
-            "rolling friction (condim 6): it acts against an acceleration and shares a cone with "
-            "what holds the ball; a torque on the shell resists the rolling, at every evaluation"
-        )
-    else:
-        lines.append("rolling friction (condim 6): neither rolling model has it; it would eat M")
-    lines.append("collision detection but for one pair: the shell and the plane")
-    lines.append("geoms of frame and rotors, lights, textures, materials: a run is not looked at")
-    lines.append("sensors but for those that a Motion is made of")
-    if settings.solver == "PGS" and settings.iterations is not None:
-        lines.append(
-            f"Newton's solver and {DEFAULT_ITERATIONS} iterations: one contact is solved by PGS in "
-            f"{settings.iterations}"
-        )
-    if settings.softness != 1:
-        lines.append(
-            f"the contact's softness but for {settings.softness:g} of it, as the load varies: once "
-            "the model is compiled its body_invweight0 is scaled, for which MJCF has no word"
-        )
-        lines.append(
-            f"the quicker PGS: a load that varies couples it with friction; {settings.solver} "
-            f"solves both in {settings.iterations} iterations"
-        )
-    if settings.warmstart == "disable":
-        lines.append("the warm start: so few iterations need no guess, and a state has one motion")
-    if settings.island == "disable":
-        lines.append("the search for islands of contacts: there is one contact")
-    return lines

@@ -4,22 +4,25 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import mujoco
 import numpy as np
 
 from robotball.engine import Progress
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.adaptive import by_forward
-from robotball.engines.mujoco.fault_window import Window, window_around, write
 from robotball.engines.mujoco.limits import check_length
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.monitor import Found, Monitor
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
+from robotball.engines.mujoco.stepping import Control, Portion, by_steps, controlled
 from robotball.files.replacing import discard
 from robotball.motion import PIECE, ContactMotion, ContactReport, Fault, FaultKind, joined
 from robotball.rotations import Array
 from robotball.scene import Start
+
+if TYPE_CHECKING:
+    from robotball.engines.mujoco.fault_window import Window
 
 
 def run(
@@ -43,6 +46,8 @@ def run(
         if record.window is None:
             discard(fault_window)  # that of a former run
         else:
+            from robotball.engines.mujoco.fault_window import write
+
             write(fault_window, model, record.window)
     report = replace(
         motion.report,
@@ -117,7 +122,7 @@ class _Record:
 
     keeps_window: bool
     faults: dict[tuple[FaultKind, str], Fault] = field(default_factory=dict)
-    window: Window | None = None
+    window: "Window | None" = None
     steps: int = 0
     longest: float = 0.0
     seconds: float = 0.0
@@ -139,10 +144,9 @@ def _run(
     """What is read at the times, fewer if the run breaks off; fills its record meanwhile."""
     monitor = Monitor(model)
     data = model.start_data(start)
-    march = by_forward if model.settings.adaptive else by_steps
     before: Portion | None = None
     with controlled(model) as control:
-        portions = march(control, data, times)
+        portions = _march(control, data, times)
         while True:
             began = time.thread_time()
             portion = next(portions, None)
@@ -154,6 +158,8 @@ def _run(
             ends = record.add(portion, found)
             wrong = [each for each in found if not each.fault.note]
             if record.keeps_window and wrong and record.window is None:
+                from robotball.engines.mujoco.fault_window import window_around
+
                 record.window = window_around(wrong, portion, before)
             kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
             whole = len(kept) == len(portion.rows)
@@ -163,3 +169,12 @@ def _run(
             before = portion
             if progress is not None:
                 progress(monitor.last_time / times[-1])
+
+
+def _march(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
+    """Return the run's portions, by MuJoCo's own steps or by those of DOP853."""
+    if not control.model.settings.adaptive:
+        return by_steps(control, data, times)
+    from robotball.engines.mujoco.adaptive import by_forward
+
+    return by_forward(control, data, times)

@@ -15,17 +15,20 @@ force with friction, so that three iterations of PGS no longer solve them.
 What settings come to in a model of a scene: MuJoCo's own numbers where they leave it open.
 """
 
-from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, is_dataclass, replace
 from functools import cache, cached_property
-from typing import Any, Literal, NamedTuple
+from types import NoneType
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
+import msgspec
 import mujoco
 import numpy as np
+from msgspec import Meta
 
 from robotball.drives import Servo
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.errors import LARGEST, InputError, check_positive, is_number
+from robotball.errors import LARGEST, InputError, check_positive
 from robotball.motion import EngineSettings, preset_named
 from robotball.scene import Scene
 
@@ -75,6 +78,79 @@ FIRST_ORDER = tuple(each.name for each in INTEGRATORS.values() if each.order == 
 MUJOCOS_DEFAULT = "Euler"
 
 
+def _one_of(*names: str) -> Meta:
+    return Meta(pattern=f"^({'|'.join(names)})$", description=f"one of {', '.join(names)}")
+
+
+# The types of the fields: msgspec checks their bounds, and a refusal quotes their descriptions.
+Positive = Annotated[
+    float,
+    Meta(
+        ge=1 / LARGEST,
+        le=LARGEST,
+        description=f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}",
+    ),
+]
+NotNegative = Annotated[
+    float, Meta(ge=0, le=LARGEST, description=f"finite and not negative, {LARGEST:g} at most")
+]
+# MuJoCo's counters are of 32 bits.
+Count = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number, 0 at least")]
+AtLeastOne = Annotated[int, Meta(ge=1, lt=2**31, description="a whole number, 1 at least")]
+Reference = Annotated[
+    tuple[float, float],
+    Meta(description="two finite numbers: a positive time constant and ratio, or neither positive"),
+]
+Inside = Annotated[float, Meta(gt=0, lt=1)]
+Impedance = Annotated[
+    tuple[
+        Inside,
+        Inside,
+        Annotated[float, Meta(gt=0, le=LARGEST)],
+        Inside,
+        Annotated[float, Meta(ge=1, le=LARGEST)],
+    ],
+    Meta(
+        description="dmin, dmax, width, midpoint, power: the first two and the midpoint between 0 "
+        "and 1, the width positive, the power 1 at least"
+    ),
+]
+
+
+def _checked(name: str, value: Any, kind: Any) -> Any:
+    """Return a field's value as plain data; raises InputError where its type does not allow it."""
+    if is_dataclass(value) and type(value) in get_args(kind):
+        return value  # it has checked itself
+    try:
+        return msgspec.convert(_plain(value), kind)
+    # No schema holds the two kinds of drive, so whatever is neither of them ends as a TypeError.
+    except (msgspec.ValidationError, TypeError):
+        raise InputError(f"{name} must be {_allowed(kind)}, not {value!r}") from None
+
+
+def _plain(value: Any) -> Any:
+    """Return NumPy's numbers as Python's, of which alone msgspec knows."""
+    if isinstance(value, tuple | list | np.ndarray):
+        return tuple(map(_plain, value))
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _allowed(kind: Any) -> str:
+    """Return the values of a field's type, in words."""
+    if get_origin(kind) is Annotated:
+        return str(kind.__metadata__[0].description)
+    if get_origin(kind) is Literal:
+        return f"one of {', '.join(map(str, get_args(kind)))}"
+    members = [each for each in get_args(kind) if each is not NoneType]
+    return " or ".join(map(_allowed, members)) or f"a {kind.__name__}"
+
+
+def _is_reference(value: tuple[float, float]) -> bool:
+    """Whether both are positive (time constant, damping ratio) or none (-stiffness, -damping)."""
+    positive = all(1 / LARGEST <= each <= LARGEST for each in value)
+    return positive or all(-LARGEST <= each <= 0 for each in value)
+
+
 BY_LOAD: Any = "by load"
 MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
 
@@ -91,9 +167,12 @@ class Prescribed:
 
 @dataclass(frozen=True)
 class Radii:
-    """A length in radii of the ball, which so goes with the ball's size."""
+    """A length in radii of the ball, so that it scales with the ball."""
 
-    radii: float
+    radii: NotNegative
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radii", _checked("radii", self.radii, NotNegative))
 
 
 # The recipe's values for a constant load; load.py has those for a varying one.
@@ -120,28 +199,38 @@ class Settings(EngineSettings):
     would replace in silence.
     """
 
-    timestep: float | None = None  # s
-    integrator: str | None = None
-    rtol: float | None = None  # DOP853's alone: the error allowed in one step, relative
-    solver: str | None = None
-    jacobian: str | None = None
-    iterations: int | None = None
-    tolerance: float | None = None
-    ls_tolerance: float | None = None
-    noslip_iterations: int | None = None
-    noslip_tolerance: float | None = None
-    cone: str | None = None
-    impratio: float | None = None
-    warmstart: str | None = None
-    island: str | None = None
-    solref: tuple[float, float] | None = None
-    solimp: tuple[float, float, float, float, float] | None = None
-    solreffriction: tuple[float, float] | None = None
+    name: Annotated[str, Meta(pattern=r"^[^\0]*$", description="a text")]
+    error_tolerance: Positive
+    accuracy: Positive | None = None
+    timestep: Positive | None = None  # s
+    integrator: Annotated[str, _one_of(*INTEGRATORS)] | None = None
+    # The error allowed in one step, relative; DOP853's alone.
+    rtol: (
+        Annotated[
+            float,
+            Meta(ge=LEAST_RTOL, le=LARGEST, description=f"finite and {LEAST_RTOL:g} at least"),
+        ]
+        | None
+    ) = None
+    solver: Annotated[str, _one_of("PGS", "CG", "Newton")] | None = None
+    jacobian: Annotated[str, _one_of("dense", "sparse", "auto")] | None = None
+    iterations: AtLeastOne | None = None
+    tolerance: NotNegative | None = None
+    ls_tolerance: NotNegative | None = None
+    noslip_iterations: Count | None = None
+    noslip_tolerance: NotNegative | None = None
+    cone: Annotated[str, _one_of("pyramidal", "elliptic")] | None = None
+    impratio: Positive | None = None
+    warmstart: Annotated[str, _one_of("enable", "disable")] | None = None
+    island: Annotated[str, _one_of("enable", "disable")] | None = None
+    solref: Reference | None = None
+    solimp: Impedance | None = None
+    solreffriction: Reference | None = None
     # The contact's dimension; None is what the rolling model needs: 4 for rubber, 3 for classical.
-    condim: int | None = None
-    sliding_friction: float = 1.0  # MuJoCo's default
-    torsional_friction: float | Radii = 0.005  # m, MuJoCo's default
-    rolling_friction: float = 1e-4  # m, MuJoCo's default; in force where condim is 6
+    condim: Literal[3, 4, 6] | None = None
+    sliding_friction: NotNegative = 1.0  # MuJoCo's default
+    torsional_friction: NotNegative | Radii = 0.005  # m, MuJoCo's default
+    rolling_friction: NotNegative = 1e-4  # m, MuJoCo's default; in force where condim is 6
     # The body with the free joint; the other one hangs on it by the frame's hinge.
     root: Literal["shell", "frame"] = "shell"
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
@@ -149,20 +238,19 @@ class Settings(EngineSettings):
     start_in_equilibrium: bool = False
     # Times the softness of the contact's constraint; set once the model is compiled, for MJCF has
     # no word for it.
-    softness: float = 1.0
-    max_steps: int = MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
+    softness: Positive = 1.0
+    max_steps: AtLeastOne = MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
     drive: Servo | Prescribed
 
     def __post_init__(self) -> None:
-        left_open = {each.name for each in fields(self) if each.default is None}
-        for name, rule in RULES.items():
+        for name, kind in get_type_hints(Settings, include_extras=True).items():
             value = getattr(self, name)
-            left = name in CONSTANT and isinstance(value, str) and value == BY_LOAD
-            if left or (value is None and name in left_open):
+            if name in CONSTANT and isinstance(value, str) and value == BY_LOAD:
                 continue
-            if not rule.allows(value):
-                raise InputError(f"{name} must be {rule.words}, not {value!r}")
-            object.__setattr__(self, name, rule.plain(value))
+            object.__setattr__(self, name, _checked(name, value, kind))
+            # No schema says that two numbers have the same sign.
+            if Reference in get_args(kind) and not (value is None or _is_reference(value)):
+                raise InputError(f"{name} must be {_allowed(kind)}, not {value!r}")
         if self.adaptive and self.rtol is None:
             raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
 
@@ -177,122 +265,6 @@ class Settings(EngineSettings):
         return self.integrator == ADAPTIVE
 
 
-class Rule(NamedTuple):
-    """What a value of a field has to satisfy, how that is said, and the value as plain data."""
-
-    fits: Callable[[Any], bool]
-    words: str
-    plain: Callable[[Any], Any] = lambda value: value
-
-    def allows(self, value: Any) -> bool:
-        try:
-            return bool(self.fits(value))
-        except (TypeError, ValueError, OverflowError):  # of another type altogether
-            return False
-
-
-def _numbers(value: Any) -> tuple[float, ...]:
-    return tuple(map(float, value))
-
-
-def _not_huge(*values: float) -> bool:
-    return all(is_number(value) and abs(value) <= LARGEST for value in values)  # NaN is not
-
-
-def _positive(value: float) -> bool:
-    return is_number(value) and 1 / LARGEST <= value <= LARGEST
-
-
-def _not_negative(value: float) -> bool:
-    return is_number(value) and 0 <= value <= LARGEST
-
-
-def _count(least: int) -> Rule:
-    return Rule(
-        lambda value: is_number(value) and int(value) == value and least <= value < 2**31,
-        f"a whole number, {least} at least",
-        int,
-    )
-
-
-def _one_of(*names: Any) -> Rule:
-    return Rule(
-        lambda value: isinstance(value, Hashable) and value in names,
-        f"one of {', '.join(map(str, names))}",
-        lambda value: names[names.index(value)],
-    )
-
-
-def _reference(value: tuple[float, float]) -> bool:
-    """Both positive (time constant, damping ratio), or both not (-stiffness, -damping)."""
-    first, second = value
-    both = _positive(first) and _positive(second)
-    return both or (_not_huge(first, second) and first <= 0 and second <= 0)
-
-
-def _impedance(value: tuple[float, float, float, float, float]) -> bool:
-    least, most, width, midpoint, power = value
-    return (
-        _not_huge(*value)
-        and all(0 < each < 1 for each in (least, most, midpoint))
-        and width > 0
-        and power >= 1
-    )
-
-
-REFERENCE = Rule(
-    _reference,
-    "two finite numbers: a positive time constant and ratio, or neither positive",
-    _numbers,
-)
-POSITIVE = Rule(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}", float)
-NOT_NEGATIVE = Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most", float)
-# What is not None must fit; MuJoCo's own choices are named as it names them.
-RULES = {
-    "name": Rule(lambda value: isinstance(value, str) and "\0" not in value, "a text"),
-    "error_tolerance": POSITIVE,
-    "accuracy": POSITIVE,
-    "timestep": POSITIVE._replace(words=f"{POSITIVE.words} s"),
-    "integrator": _one_of(*INTEGRATORS),
-    "rtol": Rule(
-        lambda value: is_number(value) and LEAST_RTOL <= value <= LARGEST,
-        f"finite and {LEAST_RTOL:g} at least",
-        float,
-    ),
-    "solver": _one_of("PGS", "CG", "Newton"),
-    "jacobian": _one_of("dense", "sparse", "auto"),
-    "iterations": _count(1),
-    "tolerance": NOT_NEGATIVE,
-    "ls_tolerance": NOT_NEGATIVE,
-    "noslip_iterations": _count(0),
-    "noslip_tolerance": NOT_NEGATIVE,
-    "cone": _one_of("pyramidal", "elliptic"),
-    "impratio": POSITIVE,
-    "warmstart": _one_of("enable", "disable"),
-    "island": _one_of("enable", "disable"),
-    "solref": REFERENCE,
-    "solreffriction": REFERENCE,
-    "solimp": Rule(
-        _impedance,
-        "dmin, dmax, width, midpoint, power: the first two and the "
-        "midpoint between 0 and 1, the width positive, the power 1 at least",
-        _numbers,
-    ),
-    "condim": _one_of(3, 4, 6),
-    "sliding_friction": NOT_NEGATIVE,
-    "torsional_friction": Rule(
-        lambda value: _not_negative(value.radii if isinstance(value, Radii) else value),
-        f"{NOT_NEGATIVE.words}, or Radii of such a number",
-        lambda value: value if isinstance(value, Radii) else float(value),
-    ),
-    "rolling_friction": NOT_NEGATIVE,
-    "root": _one_of("shell", "frame"),
-    "start_in_equilibrium": _one_of(True, False),
-    "stop_at_fault": _one_of(True, False),
-    "softness": POSITIVE,
-    "max_steps": _count(1),
-    "drive": Rule(lambda value: isinstance(value, Servo | Prescribed), "a Servo or Prescribed"),
-}
 # It is there to show how wrong a newcomer's model gets, so it goes on.
 NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=Servo(gain=10.0))
 

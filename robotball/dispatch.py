@@ -1,11 +1,7 @@
-"""The engines there are: our own, and those that other packages bring.
+"""The engines there are, and the two motions of a scene: by a contact engine and by equations.
 
 A package adds an engine by an entry point of the group `robotball.engines`, whose name is the
 engine's and whose object is an Engine.
-
-Scene + request → Motion by a contact engine.
-
-Scene → ReferenceMotion, by the smallest equations that describe it.
 """
 
 from collections.abc import Iterator
@@ -46,12 +42,12 @@ OURS = {
 
 
 def engine_names() -> list[str]:
-    """The names of all engines, ours first."""
+    """Return the names of all engines, ours first."""
     return [*OURS, *sorted({point.name for point in entry_points(group=GROUP)} - OURS.keys())]
 
 
 def engine_named(name: str) -> Engine:
-    """The engine of this name; raises InputError where there is none, or it cannot be loaded."""
+    """Return the engine of this name. Raises InputError where it is unknown or cannot be loaded."""
     if name in OURS:
         module, attribute = OURS[name].split(":")
         return getattr(import_module(module), attribute)
@@ -82,7 +78,7 @@ def simulate(
     fault_window: Path | None = None,
     progress: Progress | None = None,
 ) -> ContactMotion:
-    """The motion of the ball as a contact engine rolls it, with a report.
+    """Return the motion of the ball as a contact engine rolls it, with a report.
 
     times: (n,) s, increasing from 0; the scene's own if None. settings: a preset's name or the
     engine's settings, its default preset if None. engine: its name or itself. accuracy: instead of
@@ -111,9 +107,9 @@ def request_of(
     *,
     keep_going: bool = False,
 ) -> Request:
-    """The request that a user's choices make.
+    """Return the request of a user's choices.
 
-    keep_going: not to end at the first fault. Raises InputError for an unknown engine or preset,
+    keep_going: do not end at the first fault. Raises InputError for an unknown engine or preset,
     for both settings and accuracy, and for an accuracy that the engine cannot reach.
     """
     chosen = engine_named(of) if isinstance(of, str) else of
@@ -137,7 +133,7 @@ def run_request(scene: Scene, times: Array | None, request: Request) -> ContactM
 
 
 def _doubts(motion: ContactMotion) -> Iterator[str]:
-    """Why the motion can hardly be what was meant, a line each; wrong units are the usual cause."""
+    """Yield why the motion can hardly be intended, a line each; wrong units are the usual cause."""
     scene, radius = motion.scene, motion.scene.ball.radius
     if radius > LARGEST_RADIUS:
         yield f"a radius of {radius:g} m is beyond any robot's; lengths are in m, 150 mm is 0.15"
@@ -186,7 +182,9 @@ def integrate(
     *,
     equations: Equations | None = None,
 ) -> ReferenceMotion:
-    """The scene's motion by equations, with an estimate of its own error; its label says by which.
+    """Return the scene's motion by equations, with an estimate of its own error.
+
+    The motion's label names the equations.
 
     times: (n,) s, increasing from 0; the scene's own if None. rtol: the error allowed in one step,
     from 1e-15 on; max_steps: a limit for motions that turn too often, some minutes' work if None.
@@ -214,7 +212,7 @@ def integrate(
 
 
 def _check_finite(motion: ReferenceMotion) -> None:
-    """Raises InputError, with the first number that overflowed, unless all are finite."""
+    """Raise InputError, with the first number that overflowed, unless all are finite."""
     for part in (motion, motion.loads):
         for field in fields(part):
             let_go()

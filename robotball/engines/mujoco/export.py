@@ -15,7 +15,7 @@ import numpy as np
 
 from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import START, Hinge, Model, build, hinges_of
+from robotball.engines.mujoco.model import START, Model, ModelHinge, build, hinges_of
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -178,7 +178,7 @@ def _held(model: Model) -> Array:
     return np.stack(columns, axis=1) if columns else np.zeros((len(edges) - 1, 0))
 
 
-def _mean(hinge: Hinge, edges: Array) -> Array:
+def _mean(hinge: ModelHinge, edges: Array) -> Array:
     """The mean (n,) of a hinge's control between n + 1 times [s]."""
     drive: Drive = hinge.drive
     if isinstance(hinge.actuation, Prescribed):

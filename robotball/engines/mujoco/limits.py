@@ -1,10 +1,9 @@
-"""Limits of the contact: friction, softness, and what numbers can hold.
+"""Predicted limits of a run: a law a function, and the precheck of a run against all of them.
 
-Limits of the time step: what an integrator does with rotations, springs, dampers, servos.
-
-Limits of the hinges: how much of its rate a servo or an armature loses under its load.
-
-The precheck of a run: is it beyond a predicted limit, and can it end at all.
+The laws are of the contact (friction, softness, and what numbers can hold), of the time step (what
+an integrator makes of rotations, springs, dampers and servos) and of the hinges (the part of its
+rate that a servo or an armature loses under its load). Each docstring has its derivation and how
+near measurements come to it.
 """
 
 import math
@@ -267,7 +266,7 @@ def _ratio(part: float, whole: float) -> float:
     return part / whole if whole else np.inf
 
 
-# Each prediction with its law, as a legend tells it.
+# Each prediction with its law, as a legend states it.
 CONTACT_LAWS: Laws = {
     sliding_friction: "μ is at least |F_horizontal|/N",
     torsional_friction: "μ_t is at least |λ₀|/N for rubber",
@@ -290,7 +289,7 @@ LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
 
 
 def allowed(tolerance: float, times: Array) -> Array:
-    """What of an error that grows with time may have come up by each of the times [s].
+    """Return the part of an error, growing with time, that is tolerated by each of the times [s].
 
     A tolerance is for ten seconds; a longer run has more, as long as it stays small.
     """
@@ -525,7 +524,7 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
-# Each prediction with its law, as a legend tells it.
+# Each prediction with its law, as a legend states it.
 HINGE_LAWS: Laws = {
     prescribed_rate: "a prescribed hinge gives way by ∫τ dt over its armature",
     servo_droop: "a velocity servo loses τ/kv of its rate",
@@ -538,7 +537,7 @@ LAWS = STEP_LAWS | CONTACT_LAWS | HINGE_LAWS
 def limit_checks(
     scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
 ) -> tuple[LimitCheck, ...]:
-    """Every limit that the settings have on this scene, exceeded or not.
+    """Return every limit that the settings have on this scene, exceeded or not.
 
     times: (n,) s, the run's; loads: of the whole motion by the equations, if known already, in
     place of the start's.
@@ -552,7 +551,7 @@ def limit_checks(
 def exceeded(
     scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
 ) -> tuple[LimitCheck, ...]:
-    """The limits that a run is predicted to be beyond; arguments as for `limit_checks`."""
+    """Return the limits that a run is predicted to exceed; arguments as for `limit_checks`."""
     return tuple(each for each in limit_checks(scene, settings, times, loads) if each.exceeded)
 
 
@@ -564,7 +563,7 @@ def precheck(
     *,
     strict: bool = False,
 ) -> None:
-    """Warns, a line each, of the limits that the run is beyond; InputError if strict."""
+    """Warn, a line each, of the limits that the run exceeds; raise InputError if strict."""
     for each in exceeded(scene, settings, times, loads):
         line = f"{scene.name}, {settings.name}: {each}"
         if strict:
@@ -573,7 +572,7 @@ def precheck(
 
 
 def check_length(scene: Scene, settings: Settings, times: Array) -> None:
-    """Raises InputError for a run of more steps than the settings allow.
+    """Raise InputError for a run of more steps than the settings allow.
 
     Steps that are chosen by their error are counted as they are taken instead, but for the least
     that the servos take.

@@ -1,11 +1,7 @@
-"""Which hinges a model needs, and how each is driven.
+"""Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs.
 
-Where a run begins: the coordinates, velocities and controls of a model at a scene's start.
-
-Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs.
-
-The depth at which the contact carries the weight, found in the model itself.
-
+The hinges that a model needs come first, then its state at the start, the model, and the depth at
+which its contact carries the weight.
 """
 
 import contextlib
@@ -18,7 +14,7 @@ import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
 
-from robotball import scene as hinges
+import robotball.scene
 from robotball.drives import Drive, Free, Motor, PositionServo, Servo, turns
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings
 from robotball.errors import InputError
@@ -30,19 +26,19 @@ RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is l
 
 
 @dataclass(frozen=True)
-class Hinge:
-    """A hinge of the model.
+class ModelHinge:
+    """A hinge of the scene as the model has it: its joint, and what actuates that.
 
     index         its place among the scene's hinges
     joint         the MJCF name of its joint and of the body that hangs on it
-    of            the scene's own words for it
+    of            the scene's hinge
     actuation     a motor, or the armature that lets its rate be prescribed
     largest_rate  of the drive during the scene, by which errors are measured [rad/s]
     """
 
     index: int
     joint: str
-    of: hinges.Hinge
+    of: robotball.scene.Hinge
     actuation: Motor | Prescribed
     largest_rate: float
 
@@ -82,12 +78,12 @@ class Hinge:
         return float((self.drive.acceleration if prescribed else self.drive.rate)(t))
 
 
-def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
+def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
     """The hinges that turn or stand at an angle; any other body is fixed to its parent."""
     times = np.linspace(0.0, scene.duration, RATES_SEEN)
     hung = "frame" if settings.root == "shell" else "shell"
     return tuple(
-        Hinge(
+        ModelHinge(
             index,
             each.name if index else hung,
             each,
@@ -99,17 +95,19 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
     )
 
 
-def start_state(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
-    """The start's qpos, qvel and ctrl."""
+def start_state(
+    scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]
+) -> dict[str, Array]:
+    """Return qpos, qvel and ctrl of the start."""
     qpos, qvel = state_at(scene, settings, scene.start, hinges)
     ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
     return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
 
 
 def state_at(
-    scene: Scene, settings: Settings, start: Start, hinges: tuple[Hinge, ...]
+    scene: Scene, settings: Settings, start: Start, hinges: tuple[ModelHinge, ...]
 ) -> tuple[Array, Array]:
-    """qpos and qvel of a start on the constraints, with its hinges' angles and rates."""
+    """Return qpos and qvel of a start on the constraints, with its hinges' angles and rates."""
     as_started = scene.hinges_at(start)
     shell, frame = scene.ball.shell, as_started[0]
     turning = [as_started[hinge.index] for hinge in hinges]
@@ -164,7 +162,7 @@ class Model:
     scene: Scene
     settings: Settings
     xml: str
-    hinges: tuple[Hinge, ...]
+    hinges: tuple[ModelHinge, ...]
 
     @cached_property
     def compiled(self) -> mujoco.MjModel:
@@ -190,9 +188,9 @@ class Model:
 
 
 def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
-    """The model of `scene` under `settings`, at its start; frames and shapes as in Scene.
+    """Return the model of `scene` under `settings`, at its start; frames and shapes as in Scene.
 
-    dressed: with what only a picture needs: shapes, materials, lights, a camera.
+    dressed: add what only a picture needs: shapes, materials, lights, a camera.
     Raises InputError where MuJoCo refuses it, or cannot hold the ball up at the start.
     """
     settings = Chosen(scene, settings).settings
@@ -210,7 +208,7 @@ def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
     return model
 
 
-def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tuple[Any, Any]:
+def _compose(scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     """The MJCF tree and its contact pair."""
     ball = scene.ball
     root = _bare("floor")
@@ -277,7 +275,10 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tup
 
 
 def _bare(name: str) -> Any:
-    """A part without what only a picture of it needs; MuJoCo would carry it through every step."""
+    """Return a part without its visual elements (lights, materials, meshes).
+
+    They would slow every step.
+    """
     tree = part(name)
     for kind in PICTURE_ONLY:
         for element in tree.find_all(kind, exclude_attachments=True):
@@ -300,7 +301,7 @@ def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) ->
     body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
 
 
-def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
+def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
     """The joint of `body` and its actuator: every hinge that turns has one, unless it is free."""
     joint, motor = body.add("joint", type="hinge", axis=axis), hinge.actuation
     if motor.armature:
@@ -324,7 +325,9 @@ def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
         actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
 
 
-def _add_sensors(root: Any, scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> None:
+def _add_sensors(
+    root: Any, scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]
+) -> None:
     """What a Motion needs, and nothing else; readings.py knows them by name."""
     add = root.sensor.add
     add("clock", name="time")

@@ -12,7 +12,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.drives import Free, PositionServo, Servo
-from robotball.engines.mujoco.model import Hinge, hinges_of
+from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Chosen
 from robotball.equations import Parameters, as_vector
 from robotball.motion import Loads, loads_of
@@ -115,7 +115,7 @@ class PlannedRun(Chosen):
         return scene.keeps_momentum and kept and not scene.ball.pendulums
 
     @cached_property
-    def hinges(self) -> tuple[Hinge, ...]:
+    def hinges(self) -> tuple[ModelHinge, ...]:
         """The hinges of the model."""
         return hinges_of(self.scene, self.settings)
 

@@ -1,4 +1,4 @@
-"""A built model over sample times → Motion, stepped, read and monitored."""
+"""One run of a built model: stepped over its times, monitored at every step, and recorded."""
 
 import time
 from collections.abc import Iterator
@@ -32,7 +32,7 @@ def run(
     fault_window: Path | None = None,
     start: Start | None = None,
 ) -> ContactMotion:
-    """The motion of a built model at sample times (n,) [s] from 0, which are not checked.
+    """Return the motion of a built model at sample times (n,) [s] from 0, which are not checked.
 
     start: where to begin, if not at the scene's own start; fault_window: the file for the states
     around the first fault, which is taken away if there is none. Raises InputError for a run of
@@ -44,7 +44,7 @@ def run(
     motion = joined(_parts(times, readings), len(times))
     if fault_window is not None:
         if record.window is None:
-            discard(fault_window)  # that of a former run
+            discard(fault_window)  # a former run's would pass for this one's
         else:
             from robotball.engines.mujoco.fault_window import write
 
@@ -62,7 +62,7 @@ def run(
 
 
 def _parts(times: Array, some: Iterator[Readings]) -> Iterator[ContactMotion]:
-    """The motion of consecutive readings at the times; of its report only what these tell."""
+    """Return the motion of consecutive readings, its report filled as far as these go."""
     done = 0
     for readings in some:
         model, count = readings.model, len(readings.rows)
@@ -95,7 +95,7 @@ def _parts(times: Array, some: Iterator[Readings]) -> Iterator[ContactMotion]:
 
 
 def _in_pieces(readings: Iterator[Readings]) -> Iterator[Readings]:
-    """The same, so many at once that their number costs nothing."""
+    """Join consecutive readings, so that each piece is long enough to be converted cheaply."""
     waiting: list[Readings] = []
     for some in readings:
         waiting.append(some)
@@ -107,7 +107,7 @@ def _in_pieces(readings: Iterator[Readings]) -> Iterator[Readings]:
 
 
 def _together(readings: list[Readings]) -> Readings:
-    """All in one; a single one as it is, with what the monitor has computed of it."""
+    """Join readings. A single one is kept as it is, with what the monitor has computed of it."""
     if len(readings) == 1:
         return readings[0]
     return Readings(readings[0].model, np.concatenate([each.rows for each in readings]))
@@ -115,9 +115,9 @@ def _together(readings: list[Readings]) -> Readings:
 
 @dataclass
 class _Record:
-    """What a run leaves besides its rows: the first fault of each kind, and what it took.
+    """The record of a run besides its rows: the first fault of each kind, and its cost.
 
-    keeps_window: whether it is to hold the window around the first fault.
+    keeps_window: whether the window around the first fault is kept.
     """
 
     keeps_window: bool
@@ -128,7 +128,7 @@ class _Record:
     seconds: float = 0.0
 
     def add(self, portion: Portion, found: list[Found]) -> int | None:
-        """The row at which the run ends, if it does."""
+        """Add a portion with its faults, and return the row at which the run ends, if it does."""
         self.steps += portion.steps
         self.longest = max(self.longest, portion.longest)
         ends = next((each.row for each in found if each.fault.fatal), None)
@@ -141,7 +141,7 @@ class _Record:
 def _run(
     model: Model, times: Array, progress: Progress | None, start: Start | None, record: _Record
 ) -> Iterator[Readings]:
-    """What is read at the times, fewer if the run breaks off; fills its record meanwhile."""
+    """Yield the readings at the times, fewer if the run breaks off, and fill the record."""
     monitor = Monitor(model)
     data = model.start_data(start)
     before: Portion | None = None

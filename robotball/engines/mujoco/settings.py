@@ -1,18 +1,10 @@
-"""The integrators of a MuJoCo model: their orders, how far a step may go, and their marks.
+"""Settings of a MuJoCo run: integrators, checks, the recipe with its presets, and a scene's choice.
 
-Limits are of a rate times the timestep, None where an integrator has none: beyond it a step makes
-grow what should keep its size or die out. The measurements behind them are in step_limits.py.
-
-Settings of a MuJoCo run, and the presets: every number of the recipe, once.
-
-The choice of the recipe by the plane's load, and what it is where the load varies.
-
-The depth at which the contact carries the ball goes with its load. Under a load that is constant
-the start's depth is right for good, however soft the contact; under one that varies the centre
-moves, and the lever arm with it. And a centre of mass off the sphere's centre couples the normal
-force with friction, so that three iterations of PGS no longer solve them.
-
-What settings come to in a model of a scene: MuJoCo's own numbers where they leave it open.
+The contact carries the ball at a depth that depends on its load. Under a constant load the depth
+at the start is right for good, however soft the contact, and CONSTANT is the recipe. Under a
+varying load the centre moves, and the lever arm with it; a centre of mass off the sphere's centre
+also couples the normal force with friction, so that three iterations of PGS no longer solve them.
+VARYING is the recipe for that. Whatever a setting leaves open is MuJoCo's own default.
 """
 
 from collections.abc import Mapping
@@ -39,6 +31,9 @@ EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 @dataclass(frozen=True)
 class Integrator:
     """One way to step a model.
+
+    Limits are of a rate times the timestep: beyond one, a step makes grow what should keep its size
+    or die out. They are None where an integrator has none; limits.py has their measurements.
 
     order            of its error in the timestep, for a smooth motion
     rotation_limit   of a rotation's rate
@@ -132,7 +127,10 @@ def _plain(value: Any) -> Any:
     """Return NumPy's numbers as Python's, of which alone msgspec knows."""
     if isinstance(value, tuple | list | np.ndarray):
         return tuple(map(_plain, value))
-    return value.item() if isinstance(value, np.generic) else value
+    number = value.item() if isinstance(value, np.generic) else value
+    # A whole number is one in either type; msgspec turns it to the field's own.
+    whole = isinstance(number, float) and number.is_integer() and abs(number) < 2**31
+    return int(number) if whole else number
 
 
 def _allowed(kind: Any) -> str:
@@ -175,7 +173,7 @@ class Radii:
         object.__setattr__(self, "radii", _checked("radii", self.radii, NotNegative))
 
 
-# The recipe's values for a constant load; load.py has those for a varying one.
+# The recipe's values for a constant load; VARYING has those for a varying one.
 CONSTANT: dict[str, Any] = {
     "solver": "PGS",
     "iterations": 3,
@@ -255,7 +253,7 @@ class Settings(EngineSettings):
             raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
 
     def torsional_friction_of(self, radius: float) -> float:
-        """Of a ball of this radius [m]: the coefficient [m]."""
+        """Return the coefficient [m] for a ball of this radius [m]."""
         given = self.torsional_friction
         return given.radii * radius if isinstance(given, Radii) else given
 
@@ -270,7 +268,7 @@ NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=
 
 
 def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
-    """What makes MuJoCo roll as the equations do, to the error of its steps.
+    """Return settings under which MuJoCo rolls as the equations do, to the error of its steps.
 
     steps: the fields timestep, integrator and rtol; the integrator is RK4 if not given.
     """
@@ -308,7 +306,7 @@ PRESETS: dict[str, Settings] = {
 
 
 def preset(name: str) -> Settings:
-    """The named preset; raises InputError with the near matches where there is none."""
+    """Return the named preset. Raises InputError with the near matches where there is none."""
     return preset_named(PRESETS, name)
 
 
@@ -316,7 +314,7 @@ FORMER_NAMES = {"promise": "error_tolerance"}
 
 
 def settings_from(plain: Mapping[str, Any]) -> Settings:
-    """The settings of plain data, as `Settings.plain` or JSON gives it.
+    """Return the settings of plain data, as `Settings.plain` or JSON holds it.
 
     Raises InputError for an unknown key and where a value is missing or does not fit.
     """
@@ -355,7 +353,7 @@ BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 
 
 def on_load(settings: Settings, scene: Scene) -> Settings:
-    """The settings on this scene: each value that is BY_LOAD is its recipe's, the others stay."""
+    """Return the settings with each value that is BY_LOAD taken from the recipe for the scene."""
     left = [name for name in CONSTANT if getattr(settings, name) == BY_LOAD]
     if not left:
         return settings
@@ -364,7 +362,7 @@ def on_load(settings: Settings, scene: Scene) -> Settings:
 
 
 def varying(settings: Settings) -> dict[str, Any]:
-    """The recipe for a varying load, in the steps of these settings."""
+    """Return the recipe for a varying load, for the steps of these settings."""
     chosen_steps = settings.adaptive and settings.timestep is None
     softness, constant = BY_ERROR if chosen_steps else BY_STEPS
     constant = max(constant, 2 * (settings.timestep or 0.0))
@@ -383,7 +381,7 @@ def _mujocos_own() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class Chosen:
-    """A scene under settings: every number that a model of it has, whoever chose it."""
+    """A scene under settings, with every number of its model, whether ours or MuJoCo's default."""
 
     scene: Scene
     settings: Settings  # BY_LOAD is given, and replaced by what the scene's load makes of it
@@ -462,7 +460,7 @@ class Chosen:
 
     @cached_property
     def friction_damping(self) -> float:
-        """b [1/s]: the rate at which slip dies out; solref's where solreffriction is not heard."""
+        """b [1/s]: the rate at which slip dies out; solref's where solreffriction is ignored."""
         given = self.settings.solreffriction
         heard = given is not None and any(given) and self.cone == "elliptic"
         return self._reference(given if heard and given else self.solref)[1]

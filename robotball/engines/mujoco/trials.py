@@ -14,7 +14,7 @@ import numpy as np
 import robotball.scene
 from robotball import equations as eq
 from robotball.drives import Free, PositionServo, Servo
-from robotball.engines.mujoco.model import Hinge, build
+from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import controlled, read_row
@@ -68,7 +68,7 @@ def _cross_matrix(v: Array) -> Array:
 SEEN = 8  # angles of the pendulums at which the motors' rates are evaluated
 
 
-def fastest_rate(scene: Scene, hinges: tuple[Hinge, ...]) -> float:
+def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     """Return the largest |λ| [1/s] of the hinges' motors about the start, with the ball rolling.
 
     H du/dt = -C u - K φ for the turning u of the shell and of the hinges that have a motor, where
@@ -110,7 +110,7 @@ def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
     return hinge.angle + np.linspace(0.0, 2 * np.pi, SEEN, endpoint=False)
 
 
-def _constants(hinge: Hinge) -> tuple[float, float]:
+def _constants(hinge: ModelHinge) -> tuple[float, float]:
     """Return the motor's stiffness [N m/rad] and damping [N m s/rad]."""
     motor = hinge.actuation
     if isinstance(motor, Servo):

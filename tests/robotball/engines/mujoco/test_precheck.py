@@ -166,18 +166,6 @@ def test_every_field_is_checked(name: str) -> None:
         replace(FAST, **no_value)
 
 
-def test_numpys_numbers_are_numbers() -> None:
-    """What NumPy computes is taken, and kept as Python's."""
-    given: dict[str, Any] = {
-        "timestep": np.float64(0.01),
-        "iterations": np.int64(3),
-        "solref": np.full(2, 0.5),
-    }
-    made = replace(FAST, **given)
-    assert made == replace(FAST, timestep=0.01, iterations=3, solref=(0.5, 0.5))
-    assert type(made.timestep) is float
-
-
 def test_what_mujoco_refuses_is_one_line() -> None:
     """A ball too light for MuJoCo, and a contact that carries nothing."""
     from validation.studies.random_runs import rescaled

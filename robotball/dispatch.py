@@ -1,11 +1,7 @@
-"""The engines there are: our own, and those that other packages bring.
+"""The engines there are, and the two motions of a scene: by a contact engine and by equations.
 
 A package adds an engine by an entry point of the group `robotball.engines`, whose name is the
 engine's and whose object is an Engine.
-
-Scene + request → Motion by a contact engine.
-
-Scene → ReferenceMotion, by the smallest equations that describe it.
 """
 
 from collections.abc import Iterator
@@ -22,7 +18,7 @@ from robotball.engine import Engine, Progress, Request
 from robotball.engines import reduced
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.errors import InputError, unknown, warn
-from robotball.motion import ContactMotion, EngineSettings, Loads, ReferenceMotion, preset_named
+from robotball.motion import ContactMotion, EngineSettings, ReferenceMotion, preset_named
 from robotball.rotations import Array
 from robotball.scene import Scene, check_times
 
@@ -45,12 +41,12 @@ OURS = {
 
 
 def engine_names() -> list[str]:
-    """The names of all engines, ours first."""
+    """Return the names of all engines, ours first."""
     return [*OURS, *sorted({point.name for point in entry_points(group=GROUP)} - OURS.keys())]
 
 
 def engine_named(name: str) -> Engine:
-    """The engine of this name; raises InputError where there is none, or it cannot be loaded."""
+    """Return the engine of this name. Raises InputError where it is unknown or cannot be loaded."""
     if name in OURS:
         module, attribute = OURS[name].split(":")
         return getattr(import_module(module), attribute)
@@ -81,7 +77,7 @@ def simulate(
     fault_window: Path | None = None,
     progress: Progress | None = None,
 ) -> ContactMotion:
-    """The motion of the ball as a contact engine rolls it, with a report.
+    """Return the motion of the ball as a contact engine rolls it, with a report.
 
     times: (n,) s, increasing from 0; the scene's own if None. settings: a preset's name or the
     engine's settings, its default preset if None. engine: its name or itself. accuracy: instead of
@@ -95,13 +91,11 @@ def simulate(
     InputError on unusable times, an unknown engine or preset, a scene that the engine cannot
     express, an accuracy that rounding forbids and a run of more steps than the settings allow.
     """
+    request = request_of(engine, settings, accuracy)
     return run_request(
         scene,
         times,
-        request_of(engine, settings, accuracy),
-        strict=strict,
-        fault_window=fault_window,
-        progress=progress,
+        replace(request, strict=strict, fault_window=fault_window, progress=progress),
     )
 
 
@@ -112,9 +106,9 @@ def request_of(
     *,
     keep_going: bool = False,
 ) -> Request:
-    """The request that a user's choices make.
+    """Return the request of a user's choices.
 
-    keep_going: not to end at the first fault. Raises InputError for an unknown engine or preset,
+    keep_going: do not end at the first fault. Raises InputError for an unknown engine or preset,
     for both settings and accuracy, and for an accuracy that the engine cannot reach.
     """
     chosen = engine_named(of) if isinstance(of, str) else of
@@ -126,36 +120,19 @@ def request_of(
     return Request(chosen, replace(settings, stop_at_fault=False) if keep_going else settings)
 
 
-def run_request(
-    scene: Scene,
-    times: Array | None,
-    request: Request,
-    *,
-    loads: Loads | None = None,
-    strict: bool = False,
-    fault_window: Path | None = None,
-    progress: Progress | None = None,
-) -> ContactMotion:
-    """`simulate` by a request; loads: of the whole motion, where a reference knows them."""
+def run_request(scene: Scene, times: Array | None, request: Request) -> ContactMotion:
+    """Simulate the scene as `simulate` does, by a request."""
     if why := request.engine.cannot_express(scene):
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
     times = scene.times if times is None else check_times(times)
-    motion = request.engine.run(
-        scene.until(float(times[-1])),
-        times,
-        request,
-        loads=loads,
-        strict=strict,
-        fault_window=fault_window,
-        progress=progress,
-    )
+    motion = request.engine.run(scene.until(float(times[-1])), times, request)
     for line in _doubts(motion):
         warn(f"{scene.name}: {line}")
     return replace(motion, scene=scene)
 
 
 def _doubts(motion: ContactMotion) -> Iterator[str]:
-    """Why the motion can hardly be what was meant, a line each; wrong units are the usual cause."""
+    """Yield why the motion can hardly be intended, a line each; wrong units are the usual cause."""
     scene, radius = motion.scene, motion.scene.ball.radius
     if radius > LARGEST_RADIUS:
         yield f"a radius of {radius:g} m is beyond any robot's; lengths are in m, 150 mm is 0.15"
@@ -204,7 +181,9 @@ def integrate(
     *,
     equations: Equations | None = None,
 ) -> ReferenceMotion:
-    """The scene's motion by equations, with an estimate of its own error; its label says by which.
+    """Return the scene's motion by equations, with an estimate of its own error.
+
+    The motion's label names the equations.
 
     times: (n,) s, increasing from 0; the scene's own if None. rtol: the error allowed in one step,
     from 1e-15 on; max_steps: a limit for motions that turn too often, some minutes' work if None.
@@ -232,7 +211,7 @@ def integrate(
 
 
 def _check_finite(motion: ReferenceMotion) -> None:
-    """Raises InputError, with the first number that overflowed, unless all are finite."""
+    """Raise InputError, with the first number that overflowed, unless all are finite."""
     for part in (motion, motion.loads):
         for field in fields(part):
             value = getattr(part, field.name)

@@ -40,23 +40,8 @@ class Engine(Protocol):
         """Why the engine cannot roll this scene, in a line; None where it can."""
         ...
 
-    def run(
-        self,
-        scene: Scene,
-        times: Array,
-        request: "Request",
-        *,
-        loads: Loads | None = None,
-        strict: bool = False,
-        fault_window: Path | None = None,
-        progress: Progress | None = None,
-    ) -> ContactMotion:
-        """The scene's motion at times (n,) [s] from 0; fewer times where the run broke off.
-
-        loads: of the whole motion, where a reference knows them, for predictions; strict: an
-        InputError where the settings are predicted to fail, in place of a warning; fault_window:
-        the file for the states around the first fault, of an engine that keeps them.
-        """
+    def run(self, scene: Scene, times: Array, request: "Request") -> ContactMotion:
+        """Return the scene's motion at times (n,) [s] from 0; fewer where the run broke off."""
         ...
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
@@ -67,19 +52,27 @@ class Engine(Protocol):
 
 @dataclass(frozen=True)
 class Request:
-    """What is requested of an engine: a run by its own settings, or by any that reach an accuracy.
+    """A run requested of an engine, by its own settings or by any that reach an accuracy.
 
-    settings: None where the accuracy chooses them; accuracy: the path error to reach, over the
-    path's length, None where settings are given.
+    settings      None where the accuracy chooses them
+    accuracy      the path error to reach, over the path's length; None where settings are given
+    strict        raise InputError where the settings are predicted to fail, instead of a warning
+    fault_window  the file for the states around the first fault, of an engine that keeps them
+    progress      is called with the simulated fraction
+    loads         of the whole motion, where a reference knows them, for the predictions
     """
 
     engine: Engine
     settings: EngineSettings | None
     accuracy: float | None = None
+    strict: bool = False
+    fault_window: Path | None = None
+    progress: Progress | None = None
+    loads: Loads | None = None
 
     @property
     def name(self) -> str:
-        """What the run is called."""
+        """The name of the run, for tables and files."""
         return f"to {self.accuracy:g}" if self.settings is None else self.settings.name
 
 

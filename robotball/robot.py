@@ -6,6 +6,7 @@
 import math
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,7 @@ def same(one: Any, other: Any) -> bool:
 
 # The largest error by which an inertia may miss a condition, relative to its largest part: a tensor
 # that was computed has some roundings of 1e-16, a wrong one misses by far more.
+PARTS = Path(__file__).parents[1] / "mjcf"  # hand-written MJCF of the floor and of the bodies
 ROUNDING = 1e-12
 LARGEST_MOMENT = LARGEST**3  # kg m²; the least is as far below 1
 

@@ -1,7 +1,6 @@
 """An engine of thirty lines: the equations' motion with an error that grows in time."""
 
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ class Off(Engine):
     def cannot_express(self, scene: Scene) -> str | None:
         return "it has no ball that may spin" if scene.rolling == "classical" else None
 
-    def run(self, scene: Scene, times: Array, request: Request, **_: Any) -> ContactMotion:
+    def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         exact, zero = integrate(scene, times), np.zeros(len(times))
         settings = request.settings or self.presets[self.default]
         report = ContactReport(

@@ -1,7 +1,7 @@
 """Agreement: how far a motion of a contact engine is from the reference's motion of its scene."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -198,31 +198,14 @@ def compare(
     """
     if isinstance(scene, str | Path):
         scene = load_scene(scene)
+    request = request_of(engine, settings, accuracy)
     return compare_with(
         integrate(scene, times) if theory is None else theory,
-        request_of(engine, settings, accuracy),
-        strict=strict,
-        fault_window=fault_window,
-        progress=progress,
+        replace(request, strict=strict, fault_window=fault_window, progress=progress),
     )
 
 
-def compare_with(
-    theory: Motion,
-    request: Request,
-    *,
-    strict: bool = False,
-    fault_window: Path | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Agreement:
-    """`compare` by a request, for a scene whose reference motion is known already."""
-    motion = run_request(
-        theory.scene,
-        theory.times,
-        request,
-        loads=theory.loads,
-        strict=strict,
-        fault_window=fault_window,
-        progress=progress,
-    )
+def compare_with(theory: Motion, request: Request) -> Agreement:
+    """Compare as `compare` does, by a request, where the reference motion is known already."""
+    motion = run_request(theory.scene, theory.times, replace(request, loads=theory.loads))
     return Agreement(theory, motion, request.engine)

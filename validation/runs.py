@@ -5,7 +5,7 @@ Long work with its progress shown: many comparisons, a film.
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -103,9 +103,8 @@ def agreements_of(
         if fault_windows is not None:
             label = request.engine.label
             window = fault_window_path(fault_windows, scene, label, request.name)
-        agreements.append(
-            compare_with(theory, request, strict=strict, fault_window=window, progress=progress)
-        )
+        asked = replace(request, strict=strict, fault_window=window, progress=progress)
+        agreements.append(compare_with(theory, asked))
     return agreements
 
 

@@ -20,12 +20,11 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from itertools import pairwise
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from robotball.engine import Engine, Progress, Request, as_own
+from robotball.engine import Engine, Request, as_own
 from robotball.engines.dop853 import Compensated
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.errors import InputError, warn
@@ -181,17 +180,7 @@ class Adapter(Engine, ABC):
             return "its adapter has the shell's centre of mass at the shell's centre"
         return self.limits(scene)
 
-    def run(
-        self,
-        scene: Scene,
-        times: Array,
-        request: Request,
-        *,
-        loads: Loads | None = None,
-        strict: bool = False,
-        fault_window: Path | None = None,
-        progress: Progress | None = None,
-    ) -> ContactMotion:
+    def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """The motion; of its loads nothing is known, and no fault window is kept."""
         settings = as_own(request.settings, self.settings_type, self.label)
         if not self.installed:
@@ -209,8 +198,8 @@ class Adapter(Engine, ABC):
             state = next(march)
             spent += time.process_time() - began
             rows.append(state.row)
-            if progress is not None:
-                progress(times[len(rows) - 1] / times[-1])
+            if request.progress is not None:
+                request.progress(times[len(rows) - 1] / times[-1])
         return motion_of(
             self.label, scene, times, np.array(rows), settings, timestep=world.longest,
             steps=world.steps, seconds=spent, python_seconds=world.python_seconds(),

@@ -11,7 +11,6 @@ meshes and geoms that take no part in contact and have no mass.
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 from typing import Literal, cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -19,7 +18,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball.robot import Ball, Pendulum
+from robotball.robot import PARTS, Ball, Pendulum
 from robotball.rotations import Array, z_along
 
 INK = "#22262B"  # text
@@ -34,7 +33,6 @@ def rgb(colour: str) -> tuple[float, float, float]:
     return red / 255, green / 255, blue / 255
 
 
-PARTS = Path(__file__).parents[2] / "mjcf"
 # The materials that show a rotor's angle, and its disc when it turns too fast to be seen.
 MARKS, BLUR = "spoke", "blur"
 HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim

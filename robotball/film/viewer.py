@@ -14,9 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from robotball.errors import InputError
 from robotball.film import looks as palette
-from robotball.film.looks import BLUR, GHOST, PARTS, Shape, add_materials, add_shapes, looks_of
+from robotball.film.looks import BLUR, GHOST, Shape, add_materials, add_shapes, looks_of
 from robotball.film.tracks import track_of
 from robotball.motion import Motion
+from robotball.robot import PARTS
 from robotball.rotations import Array
 
 

@@ -28,10 +28,10 @@ from robotball import (
     load_scene,
 )
 from robotball.dispatch import simulate
-from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS
+from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate
 from robotball.engines.mujoco.engine import own_settings
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.planned_run import COST_MODEL, scene_rate
+from robotball.engines.mujoco.planned_run import COST_MODEL
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import ADAPTIVE, recipe
 from robotball.rotations import Array

@@ -127,13 +127,13 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
     engine = engine_named(cell["engine"])
     preset = engine.presets[cell["preset"]]
     settings = settings_of(preset, cell["field"], cell["value"])
-    request = Request(engine, settings)
+    request = Request(engine, settings, loads=theory.loads)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         before = fixed_work()
-        motions = [run_request(scene, theory.times, request, loads=theory.loads)]
+        motions = [run_request(scene, theory.times, request)]
         while len(motions) < cell["rounds"] and motions[0].report.seconds < ENOUGH:
-            motions.append(run_request(scene, theory.times, request, loads=theory.loads))
+            motions.append(run_request(scene, theory.times, request))
         speed = (before + fixed_work()) / 2
         defect = None
         if cell["stretches"]:

@@ -10,7 +10,8 @@ import mujoco
 from robotball import PRESETS, Scene, Settings
 from robotball.drives import Motor, Servo
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import DEFAULT_ITERATIONS, build, hinges_of
+from robotball.engines.mujoco.export import DEFAULT_ITERATIONS
+from robotball.engines.mujoco.model import build, hinges_of
 from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
 from robotball.robot import Rotor

@@ -12,20 +12,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.mujoco.planned_run import COST_MODEL, PlannedRun, fastest_rate, scene_rate
+from robotball.engines.mujoco.planned_run import COST_MODEL, PlannedRun
 from robotball.engines.mujoco.settings import ADAPTIVE, BY_ERROR, PRESETS, Settings, recipe
 from robotball.errors import warn
 from robotball.motion import ContactMotion, path_error
-from robotball.rotations import Array
+from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, step_count
 
 Run = Callable[[Settings, Array], ContactMotion]
 
 # What a run may lose of M, or slip, before the monitor ends it: times the accuracy, and at most.
 MONITORED, MOST_MONITORED = 100.0, 0.1
-LEAST_ACCURACY = (
-    1e-11  # a ball near an unstable motion magnifies the rounding of its start to half of it
-)
 PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
 STABLE = 1.5  # of a servo's rate in a step of the pilot run: RK4 diverges not far above it
 AIM = 0.9  # of the error requested, at which steps are aimed by a measured error
@@ -61,7 +58,7 @@ class _Search:
         plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
         rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
         self.rate = max(rate, 1 / plan.duration)
-        self.servo_rate = fastest_rate(self.scene, plan.hinges)
+        self.servo_rate = plan.servo_rate
 
     def made(self, settings: Settings, apart: float = 0.0) -> ContactMotion:
         """A run at the times, or at those of them that are at least so far apart [s]."""
@@ -220,6 +217,22 @@ def reach(scene: Scene, times: Array, accuracy: float, run: Run) -> ContactMotio
     run: makes the motion at given settings and times. Warns where the accuracy is not reached.
     """
     return _Search(scene, times, accuracy, run).reach()
+
+
+def scene_rate(scene: Scene) -> float:
+    """Return the rate by which the scene's errors scale [1/s], the largest while its drives change.
+
+    The root of |AK|² + |Ω|² + |AM|² + |ω|², at the scene's start.
+    """
+    times = [0.0] if scene.steady else np.linspace(0.0, scene.duration, 50)
+    omega = scene.principal_axes.T @ scene.angular_velocity_at(scene.start)
+    M = scene.principal_axes.T @ rotation_matrix(scene.start.attitude).T @ scene.start.momentum
+    squares = []
+    for parameters in map(scene.parameters_at, times):
+        A = np.array(parameters.A)
+        rates = (A * parameters.K, parameters.Omega, A * M, omega)
+        squares.append(sum(float(np.dot(rate, rate)) for rate in rates))
+    return float(np.sqrt(max(squares)))
 
 
 def _momentum_change(motion: ContactMotion) -> float:

@@ -2,19 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from robotball.engine import Engine, Ladder, Progress, Request, Runner, as_own
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
 from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import PRESETS, Settings
-from robotball.motion import ContactMotion, EngineSettings, Label, Loads
+from robotball.motion import ContactMotion, EngineSettings, Label
 from robotball.rotations import Array
 from robotball.scene import Scene
 
+# A ball near an unstable motion magnifies the rounding of its start to half of it.
+LEAST_ACCURACY = 1e-11
 LADDERS: Mapping[str, Ladder] = {
     "naive": ("timestep", (2e-3,)),
     "balanced": ("timestep", (20e-3, 10e-3, 5e-3, 1e-3)),
@@ -39,24 +39,16 @@ class MuJoCo(Engine):
             return "its plane resists rolling, by a load that varies"
         return None
 
-    def run(
-        self,
-        scene: Scene,
-        times: Array,
-        request: Request,
-        *,
-        loads: Loads | None = None,
-        strict: bool = False,
-        fault_window: Path | None = None,
-        progress: Progress | None = None,
-    ) -> ContactMotion:
+    def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         if request.accuracy is not None:
-            motion = _to_accuracy(scene, times, request.accuracy, fault_window, progress)
-            precheck(scene, own_settings(motion.report.settings), times, loads, strict=strict)
+            # The search chooses the settings, so they are known only once it has run.
+            motion = _to_accuracy(scene, times, request, request.accuracy)
+            settings = own_settings(motion.report.settings)
+            precheck(scene, settings, times, request.loads, strict=request.strict)
             return motion
         settings = own_settings(request.settings)
-        precheck(scene, settings, times, loads, strict=strict)
-        return run(build(scene, settings), times, progress, fault_window=fault_window)
+        precheck(scene, settings, times, request.loads, strict=request.strict)
+        return run(build(scene, settings), times, request.progress, request.fault_window)
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
         """One model, built once, for every start."""
@@ -72,22 +64,18 @@ def own_settings(settings: EngineSettings | None) -> Settings:
     return as_own(settings, Settings, LABEL)
 
 
-def _to_accuracy(
-    scene: Scene,
-    times: Array,
-    accuracy: float,
-    fault_window: Path | None,
-    progress: Progress | None,
-) -> ContactMotion:
+def _to_accuracy(scene: Scene, times: Array, request: Request, accuracy: float) -> ContactMotion:
+    from robotball.engines.mujoco.accuracy import reach
+
     part = 1.0  # of the work left before each run; none knows how many follow it
 
     def another(settings: Settings, at: Array) -> ContactMotion:
         nonlocal part
         part /= 2
-        share = _share(progress, 1 - 2 * part, part)
+        share = _share(request.progress, 1 - 2 * part, part)
         # The pilot runs are coarse, and go on whatever they find.
-        window = fault_window if settings.stop_at_fault else None
-        return run(build(scene, settings), at, share, fault_window=window)
+        window = request.fault_window if settings.stop_at_fault else None
+        return run(build(scene, settings), at, share, window)
 
     return reach(scene, times, accuracy, another)
 

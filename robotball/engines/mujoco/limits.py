@@ -1,10 +1,9 @@
-"""Limits of the contact: friction, softness, and what numbers can hold.
+"""Predicted limits of a run: a law a function, and the precheck of a run against all of them.
 
-Limits of the time step: what an integrator does with rotations, springs, dampers, servos.
-
-Limits of the hinges: how much of its rate a servo or an armature loses under its load.
-
-The precheck of a run: is it beyond a predicted limit, and can it end at all.
+The laws are of the contact (friction, softness, and what numbers can hold), of the time step (what
+an integrator makes of rotations, springs, dampers and servos) and of the hinges (the part of its
+rate that a servo or an armature loses under its load). Each docstring has its derivation and how
+near measurements come to it.
 """
 
 import math
@@ -12,14 +11,7 @@ import math
 import numpy as np
 
 from robotball.drives import Servo
-from robotball.engines.mujoco.planned_run import (
-    COST_MODEL,
-    Laws,
-    LimitCheck,
-    PlannedRun,
-    fastest_rate,
-    measured_loss,
-)
+from robotball.engines.mujoco.planned_run import COST_MODEL, Laws, LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Prescribed, Settings
 from robotball.errors import InputError, warn
 from robotball.motion import Loads
@@ -273,7 +265,7 @@ def _ratio(part: float, whole: float) -> float:
     return part / whole if whole else np.inf
 
 
-# Each prediction with its law, as a legend tells it.
+# Each prediction with its law, as a legend states it.
 CONTACT_LAWS: Laws = {
     sliding_friction: "μ is at least |F_horizontal|/N",
     torsional_friction: "μ_t is at least |λ₀|/N for rubber",
@@ -296,7 +288,7 @@ LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
 
 
 def allowed(tolerance: float, times: Array) -> Array:
-    """What of an error that grows with time may have come up by each of the times [s].
+    """Return the part of an error, growing with time, that is tolerated by each of the times [s].
 
     A tolerance is for ten seconds; a longer run has more, as long as it stays small.
     """
@@ -349,7 +341,7 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
     with np.errstate(over="ignore"):
         value = float(steps * factor * np.float64(theta) ** order)
     if value > limit and plan.integrator.order == 4 and plan.reduced:
-        value = min(value, measured_loss(plan))
+        value = min(value, plan.measured_loss)
     shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
     fix = f"take a timestep below {shorter:.2g} s"
     fix += ", or RK4" if plan.integrator.order == 1 else ""
@@ -442,10 +434,10 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
     """kv·dt/j < 2.785 under RK4, 2 under Euler and discrete, no limit under the implicit ones.
 
     A velocity servo is a damper, and j the inertia that it feels with the ball rolling: kv/j is its
-    `fastest_rate`, with springs and position servos the size of a complex one. Measured on both
+    `servo_rate`, with springs and position servos the size of a complex one. Measured on both
     models: sound at 2.7 and diverged at 2.9 under RK4, at 1.95 and 2.1 under Euler.
     """
-    limit, fastest = plan.integrator.servo_limit, fastest_rate(plan.scene, plan.hinges)
+    limit, fastest = plan.integrator.servo_limit, plan.servo_rate
     if limit is None or not fastest:
         return None
     return LimitCheck(
@@ -457,8 +449,8 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
 
 
 def settling(plan: PlannedRun) -> LimitCheck | None:
-    """DOP853 is stable up to steps of 6.3/λ, λ the servos' `fastest_rate`, whatever their error."""
-    fastest = fastest_rate(plan.scene, plan.hinges)
+    """DOP853 is stable up to steps of 6.3/λ, λ the `servo_rate`, whatever their error."""
+    fastest = plan.servo_rate
     if not plan.settings.adaptive or not fastest:
         return None
     return LimitCheck(
@@ -531,7 +523,7 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
-# Each prediction with its law, as a legend tells it.
+# Each prediction with its law, as a legend states it.
 HINGE_LAWS: Laws = {
     prescribed_rate: "a prescribed hinge gives way by ∫τ dt over its armature",
     servo_droop: "a velocity servo loses τ/kv of its rate",
@@ -544,7 +536,7 @@ LAWS = STEP_LAWS | CONTACT_LAWS | HINGE_LAWS
 def limit_checks(
     scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
 ) -> tuple[LimitCheck, ...]:
-    """Every limit that the settings have on this scene, exceeded or not.
+    """Return every limit that the settings have on this scene, exceeded or not.
 
     times: (n,) s, the run's; loads: of the whole motion by the equations, if known already, in
     place of the start's.
@@ -558,7 +550,7 @@ def limit_checks(
 def exceeded(
     scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
 ) -> tuple[LimitCheck, ...]:
-    """The limits that a run is predicted to be beyond; arguments as for `limit_checks`."""
+    """Return the limits that a run is predicted to exceed; arguments as for `limit_checks`."""
     return tuple(each for each in limit_checks(scene, settings, times, loads) if each.exceeded)
 
 
@@ -570,7 +562,7 @@ def precheck(
     *,
     strict: bool = False,
 ) -> None:
-    """Warns, a line each, of the limits that the run is beyond; InputError if strict."""
+    """Warn, a line each, of the limits that the run exceeds; raise InputError if strict."""
     for each in exceeded(scene, settings, times, loads):
         line = f"{scene.name}, {settings.name}: {each}"
         if strict:
@@ -579,7 +571,7 @@ def precheck(
 
 
 def check_length(scene: Scene, settings: Settings, times: Array) -> None:
-    """Raises InputError for a run of more steps than the settings allow.
+    """Raise InputError for a run of more steps than the settings allow.
 
     Steps that are chosen by their error are counted as they are taken instead, but for the least
     that the servos take.

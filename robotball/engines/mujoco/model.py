@@ -1,37 +1,24 @@
-"""Which hinges a model needs, and how each is driven.
+"""Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs.
 
-Where a run begins: the coordinates, velocities and controls of a model at a scene's start.
-
-Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs.
-
-The depth at which the contact carries the weight, found in the model itself.
-
-A model dressed to be looked at: its bodies' shapes, floor, lights and a camera that follows it.
-
-Nothing is added that a step depends on, so a dressed model moves as the bare one does.
-
-What a model leaves out because its scene does not need it, and why.
+The hinges that a model needs come first, then its state at the start, the model, and the depth at
+which its contact carries the weight.
 """
 
 import contextlib
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
 from scipy.optimize import root_scalar
-from scipy.spatial.transform import Rotation
 
-from robotball import scene as hinges
+import robotball.scene
 from robotball.drives import Drive, Free, Motor, PositionServo, Servo, turns
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings
 from robotball.errors import InputError
-from robotball.film.looks import BLUR, PARTS, Shape, add_materials, add_shapes, looks_of
-from robotball.robot import Ball
+from robotball.robot import PARTS
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
 from robotball.scene import Scene, Start
 
@@ -44,19 +31,19 @@ RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is l
 
 
 @dataclass(frozen=True)
-class Hinge:
-    """A hinge of the model.
+class ModelHinge:
+    """A hinge of the scene as the model has it: its joint, and what actuates that.
 
     index         its place among the scene's hinges
     joint         the MJCF name of its joint and of the body that hangs on it
-    of            the scene's own words for it
+    of            the scene's hinge
     actuation     a motor, or the armature that lets its rate be prescribed
     largest_rate  of the drive during the scene, by which errors are measured [rad/s]
     """
 
     index: int
     joint: str
-    of: hinges.Hinge
+    of: robotball.scene.Hinge
     actuation: Motor | Prescribed
     largest_rate: float
 
@@ -96,12 +83,12 @@ class Hinge:
         return float((self.drive.acceleration if prescribed else self.drive.rate)(t))
 
 
-def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
+def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
     """The hinges that turn or stand at an angle; any other body is fixed to its parent."""
     times = np.linspace(0.0, scene.duration, RATES_SEEN)
     hung = "frame" if settings.root == "shell" else "shell"
     return tuple(
-        Hinge(
+        ModelHinge(
             index,
             each.name if index else hung,
             each,
@@ -113,17 +100,19 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[Hinge, ...]:
     )
 
 
-def start_state(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> dict[str, Array]:
-    """The start's qpos, qvel and ctrl."""
+def start_state(
+    scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]
+) -> dict[str, Array]:
+    """Return qpos, qvel and ctrl of the start."""
     qpos, qvel = state_at(scene, settings, scene.start, hinges)
     ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
     return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
 
 
 def state_at(
-    scene: Scene, settings: Settings, start: Start, hinges: tuple[Hinge, ...]
+    scene: Scene, settings: Settings, start: Start, hinges: tuple[ModelHinge, ...]
 ) -> tuple[Array, Array]:
-    """qpos and qvel of a start on the constraints, with its hinges' angles and rates."""
+    """Return qpos and qvel of a start on the constraints, with its hinges' angles and rates."""
     as_started = scene.hinges_at(start)
     shell, frame = scene.ball.shell, as_started[0]
     turning = [as_started[hinge.index] for hinge in hinges]
@@ -178,7 +167,7 @@ class Model:
     scene: Scene
     settings: Settings
     xml: str
-    hinges: tuple[Hinge, ...]
+    hinges: tuple[ModelHinge, ...]
 
     @cached_property
     def compiled(self) -> mujoco.MjModel:
@@ -204,9 +193,9 @@ class Model:
 
 
 def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
-    """The model of `scene` under `settings`, at its start; frames and shapes as in Scene.
+    """Return the model of `scene` under `settings`, at its start; frames and shapes as in Scene.
 
-    dressed: with what only a picture needs: shapes, materials, lights, a camera.
+    dressed: add what only a picture needs: shapes, materials, lights, a camera.
     Raises InputError where MuJoCo refuses it, or cannot hold the ball up at the start.
     """
     settings = Chosen(scene, settings).settings
@@ -215,12 +204,16 @@ def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
     if settings.start_in_equilibrium:
         pair.margin = carrying_depth(scene, settings, text_of(root))
     xml = text_of(root)
-    model = Model(scene, settings, dress(xml, scene.ball) if dressed else xml, hinges)
+    if dressed:
+        from robotball.engines.mujoco.dress import dress
+
+        xml = dress(xml, scene.ball)
+    model = Model(scene, settings, xml, hinges)
     assert model.compiled is not None  # refused here, if at all
     return model
 
 
-def _compose(scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> tuple[Any, Any]:
+def _compose(scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     """The MJCF tree and its contact pair."""
     ball = scene.ball
     root = _bare("floor")
@@ -311,7 +304,10 @@ def text_of(root: Any) -> str:
 
 
 def _bare(name: str) -> Any:
-    """A part without what only a picture of it needs; MuJoCo would carry it through every step."""
+    """Return a part without its visual elements (lights, materials, meshes).
+
+    They would slow every step.
+    """
     tree = part(name)
     for kind in PICTURE_ONLY:
         for element in tree.find_all(kind, exclude_attachments=True):
@@ -334,7 +330,7 @@ def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) ->
     body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
 
 
-def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
+def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
     """The joint of `body` and its actuator: every hinge that turns has one, unless it is free."""
     joint, motor = body.add("joint", type="hinge", axis=axis), hinge.actuation
     if motor.armature:
@@ -358,7 +354,9 @@ def _add_hinge(root: Any, hinge: Hinge, body: Any, axis: Array) -> None:
         actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
 
 
-def _add_sensors(root: Any, scene: Scene, settings: Settings, hinges: tuple[Hinge, ...]) -> None:
+def _add_sensors(
+    root: Any, scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]
+) -> None:
     """What a Motion needs, and nothing else; readings.py knows them by name."""
     add = root.sensor.add
     add("clock", name="time")
@@ -435,121 +433,3 @@ def carrying_depth(scene: Scene, settings: Settings, xml: str) -> float:
             return float(found.root)
     # A ball that slips from the start is thrown up at any depth; the normal force alone has one.
     return chosen.equilibrium_depth
-
-
-# In radii of the ball.
-CAMERA, EXTENT, SUN, TILE = "0 -5 2", 4.0, 12.0, 0.5
-
-
-def dress(xml: str, ball: Ball) -> str:
-    """The MJCF text of a bare model of `ball`, dressed."""
-    root, unit = ElementTree.fromstring(xml), ball.radius
-    floor = ElementTree.parse(PARTS / "floor.xml").getroot()
-    worldbody, assets = _child(root, "worldbody"), Element("asset")
-    assets.extend(_child(floor, "asset"))
-    _child(assets, "material").set("texrepeat", f"{TILE / unit:g} {TILE / unit:g}")
-    _child(worldbody, "geom").set("material", "floor")
-    add_materials(assets)
-    looks, stands = looks_of(ball), _stands(xml)
-    for body in worldbody.iter("body"):
-        shapes = [each for each in looks[body.attrib["name"]] if each.material != BLUR]
-        if (sphere := body.find("geom")) is not None:  # the shell's, which the model has
-            sphere.set("material", "shell")
-            shapes = [each for each in shapes if each.material != "shell"]
-        stand = stands[body.attrib["name"]]
-        add_shapes(assets, body, [_seen_from(stand, unit, each) for each in shapes], unit)
-    ball_body, sun = _child(worldbody, "body"), _child(_child(floor, "worldbody"), "light")
-    place = " ".join(f"{float(part) * unit:g}" for part in CAMERA.split())
-    SubElement(ball_body, "camera", name="track", mode="trackcom", pos=place, xyaxes="1 0 0 0 2 5")
-    sun.attrib.update(mode="trackcom", pos=f"0 0 {SUN * unit:g}")
-    ball_body.append(sun)
-    size = Element("statistic", center=f"0 0 {unit:g}", extent=f"{EXTENT * unit:g}")
-    place_of_world = list(root).index(worldbody)
-    root[place_of_world:place_of_world] = [size, _child(floor, "visual"), assets]
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _child(element: Element, tag: str) -> Element:
-    found = element.find(tag)
-    assert found is not None
-    return found
-
-
-def _stands(xml: str) -> dict[str, tuple[Array, Rotation]]:
-    """Where each body's own axes are from the sphere's centre [m] as all hinges are at 0."""
-    model = mujoco.MjModel.from_xml_string(xml)
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0
-    data.qpos[3] = 1
-    mujoco.mj_kinematics(model, data)
-    centre = data.body("shell").xpos
-    return {
-        model.body(i).name: (
-            data.xpos[i] - centre,
-            Rotation.from_quat(data.xquat[i], scalar_first=True),
-        )
-        for i in range(1, model.nbody)
-    }
-
-
-def _seen_from(stand: tuple[Array, Rotation], unit: float, shape: Shape) -> Shape:
-    """The shape in a body's own axes."""
-    origin, turn = stand
-    own = turn.inv() * Rotation.from_quat(shape.turn, scalar_first=True)
-    return replace(
-        shape,
-        pos=turn.inv().apply(shape.pos - origin / unit),
-        turn=own.as_quat(scalar_first=True),
-    )
-
-
-DEFAULT_ITERATIONS = 100  # MuJoCo's own
-
-
-def left_out(scene: Scene, settings: Settings) -> list[str]:
-    """One line for each thing that a MuJoCo model of the ball could have and this one has not."""
-    lines, settings = [], Chosen(scene, settings).settings
-    if not scene.ball.rotors:
-        lines.append("rotor bodies: the scene has none")
-    elif len(scene.ball.rotors) == 1:
-        lines.append("more rotor bodies: one along K + (J_s + d)Ω makes the same motion")
-    turning = {hinge.body for hinge in hinges_of(scene, settings)}
-    lines += [
-        f"the hinge of {hinge.name}: its rate is zero for good, so it is fixed to its parent"
-        for hinge in scene.hinges
-        if hinge.name not in turning
-    ]
-    if scene.rolling == "classical":
-        lines.append(
-            "the torsional friction row (condim 4): the classical ball may spin on the spot"
-        )
-    if scene.friction.rolling:
-        lines.append(
-            "rolling friction (condim 6): it acts against an acceleration and shares a cone with "
-            "what holds the ball; a torque on the shell resists the rolling, at every evaluation"
-        )
-    else:
-        lines.append("rolling friction (condim 6): neither rolling model has it; it would eat M")
-    lines.append("collision detection but for one pair: the shell and the plane")
-    lines.append("geoms of frame and rotors, lights, textures, materials: a run is not looked at")
-    lines.append("sensors but for those that a Motion is made of")
-    if settings.solver == "PGS" and settings.iterations is not None:
-        lines.append(
-            f"Newton's solver and {DEFAULT_ITERATIONS} iterations: one contact is solved by PGS in "
-            f"{settings.iterations}"
-        )
-    if settings.softness != 1:
-        lines.append(
-            f"the contact's softness but for {settings.softness:g} of it, as the load varies: once "
-            "the model is compiled its body_invweight0 is scaled, for which MJCF has no word"
-        )
-        lines.append(
-            f"the quicker PGS: a load that varies couples it with friction; {settings.solver} "
-            f"solves both in {settings.iterations} iterations"
-        )
-    if settings.warmstart == "disable":
-        lines.append("the warm start: so few iterations need no guess, and a state has one motion")
-    if settings.island == "disable":
-        lines.append("the search for islands of contacts: there is one contact")
-    return lines

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.drives import Free
-from robotball.engines.mujoco.model import Hinge, Model
+from robotball.engines.mujoco.model import Model, ModelHinge
 from robotball.motion import Loads
 from robotball.rotations import Array, Mask, rotation_matrix
 
@@ -158,7 +158,7 @@ class Readings:
             torques[:, hinge.index] = self._torque(hinge)
         return torques
 
-    def _torque(self, hinge: Hinge) -> Array:
+    def _torque(self, hinge: ModelHinge) -> Array:
         """(m,): a motor's own; of a prescribed rate what the joint carries, its site's z [N m]."""
         if isinstance(hinge.actuation, Free):
             angle, rate = (self.column(f"{hinge.body}_{name}")[:, 0] for name in ("angle", "rate"))
@@ -169,7 +169,7 @@ class Readings:
     def loads(self) -> Loads:
         return Loads(self.contact_force_world, self.spin_torque, self.motor_torques)
 
-    def hinge_rate_error(self, hinges: Iterable[Hinge]) -> Array:
+    def hinge_rate_error(self, hinges: Iterable[ModelHinge]) -> Array:
         """(m,): the largest over `hinges`, relative to the largest rate that each has to reach."""
         worst = np.zeros(len(self.rows))
         times = np.where(np.isfinite(self.time), self.time, 0.0)
@@ -178,7 +178,7 @@ class Readings:
             worst = np.maximum(worst, error / hinge.largest_rate)
         return worst
 
-    def servo_saturation(self, hinge: Hinge) -> Mask:
+    def servo_saturation(self, hinge: ModelHinge) -> Mask:
         """(m,): whether a hinge's servo is at its torque limit."""
         limit = hinge.torque_limit
         torque = np.abs(self.motor_torques[:, hinge.index])

@@ -1,35 +1,38 @@
-"""A built model over sample times → Motion, stepped, read and monitored."""
+"""One run of a built model: stepped over its times, monitored at every step, and recorded."""
 
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import mujoco
 import numpy as np
 
 from robotball.engine import Progress
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.adaptive import by_forward
-from robotball.engines.mujoco.fault_window import Window, window_around, write
 from robotball.engines.mujoco.limits import check_length
 from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.monitor import Found, Monitor
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.stepping import Portion, by_steps, controlled
+from robotball.engines.mujoco.stepping import Control, Portion, by_steps, controlled
 from robotball.files.replacing import discard
 from robotball.motion import PIECE, ContactMotion, ContactReport, Fault, FaultKind, joined
 from robotball.rotations import Array
 from robotball.scene import Start
+
+if TYPE_CHECKING:
+    from robotball.engines.mujoco.fault_window import Window
 
 
 def run(
     model: Model,
     times: Array,
     progress: Progress | None = None,
-    start: Start | None = None,
     fault_window: Path | None = None,
+    start: Start | None = None,
 ) -> ContactMotion:
-    """The motion of a built model at sample times (n,) [s] from 0, which are not checked.
+    """Return the motion of a built model at sample times (n,) [s] from 0, which are not checked.
 
     start: where to begin, if not at the scene's own start; fault_window: the file for the states
     around the first fault, which is taken away if there is none. Raises InputError for a run of
@@ -41,8 +44,10 @@ def run(
     motion = joined(_parts(times, readings), len(times))
     if fault_window is not None:
         if record.window is None:
-            discard(fault_window)  # that of a former run
+            discard(fault_window)  # a former run's would pass for this one's
         else:
+            from robotball.engines.mujoco.fault_window import write
+
             write(fault_window, model, record.window)
     report = replace(
         motion.report,
@@ -57,7 +62,7 @@ def run(
 
 
 def _parts(times: Array, some: Iterator[Readings]) -> Iterator[ContactMotion]:
-    """The motion of consecutive readings at the times; of its report only what these tell."""
+    """Return the motion of consecutive readings, its report filled as far as these go."""
     done = 0
     for readings in some:
         model, count = readings.model, len(readings.rows)
@@ -90,7 +95,7 @@ def _parts(times: Array, some: Iterator[Readings]) -> Iterator[ContactMotion]:
 
 
 def _in_pieces(readings: Iterator[Readings]) -> Iterator[Readings]:
-    """The same, so many at once that their number costs nothing."""
+    """Join consecutive readings, so that each piece is long enough to be converted cheaply."""
     waiting: list[Readings] = []
     for some in readings:
         waiting.append(some)
@@ -102,7 +107,7 @@ def _in_pieces(readings: Iterator[Readings]) -> Iterator[Readings]:
 
 
 def _together(readings: list[Readings]) -> Readings:
-    """All in one; a single one as it is, with what the monitor has computed of it."""
+    """Join readings. A single one is kept as it is, with what the monitor has computed of it."""
     if len(readings) == 1:
         return readings[0]
     return Readings(readings[0].model, np.concatenate([each.rows for each in readings]))
@@ -110,20 +115,20 @@ def _together(readings: list[Readings]) -> Readings:
 
 @dataclass
 class _Record:
-    """What a run leaves besides its rows: the first fault of each kind, and what it took.
+    """The record of a run besides its rows: the first fault of each kind, and its cost.
 
-    keeps_window: whether it is to hold the window around the first fault.
+    keeps_window: whether the window around the first fault is kept.
     """
 
     keeps_window: bool
     faults: dict[tuple[FaultKind, str], Fault] = field(default_factory=dict)
-    window: Window | None = None
+    window: "Window | None" = None
     steps: int = 0
     longest: float = 0.0
     seconds: float = 0.0
 
     def add(self, portion: Portion, found: list[Found]) -> int | None:
-        """The row at which the run ends, if it does."""
+        """Add a portion with its faults, and return the row at which the run ends, if it does."""
         self.steps += portion.steps
         self.longest = max(self.longest, portion.longest)
         ends = next((each.row for each in found if each.fault.fatal), None)
@@ -136,13 +141,12 @@ class _Record:
 def _run(
     model: Model, times: Array, progress: Progress | None, start: Start | None, record: _Record
 ) -> Iterator[Readings]:
-    """What is read at the times, fewer if the run breaks off; fills its record meanwhile."""
+    """Yield the readings at the times, fewer if the run breaks off, and fill the record."""
     monitor = Monitor(model)
     data = model.start_data(start)
-    march = by_forward if model.settings.adaptive else by_steps
     before: Portion | None = None
     with controlled(model) as control:
-        portions = march(control, data, times)
+        portions = _march(control, data, times)
         while True:
             began = time.thread_time()
             portion = next(portions, None)
@@ -154,6 +158,8 @@ def _run(
             ends = record.add(portion, found)
             wrong = [each for each in found if not each.fault.note]
             if record.keeps_window and wrong and record.window is None:
+                from robotball.engines.mujoco.fault_window import window_around
+
                 record.window = window_around(wrong, portion, before)
             kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
             whole = len(kept) == len(portion.rows)
@@ -163,3 +169,12 @@ def _run(
             before = portion
             if progress is not None:
                 progress(monitor.last_time / times[-1])
+
+
+def _march(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
+    """Return the run's portions, by MuJoCo's own steps or by those of DOP853."""
+    if not control.model.settings.adaptive:
+        return by_steps(control, data, times)
+    from robotball.engines.mujoco.adaptive import by_forward
+
+    return by_forward(control, data, times)

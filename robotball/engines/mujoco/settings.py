@@ -1,31 +1,26 @@
-"""The integrators of a MuJoCo model: their orders, how far a step may go, and their marks.
+"""Settings of a MuJoCo run: integrators, checks, the recipe with its presets, and a scene's choice.
 
-Limits are of a rate times the timestep, None where an integrator has none: beyond it a step makes
-grow what should keep its size or die out. The measurements behind them are in step_limits.py.
-
-Settings of a MuJoCo run, and the presets: every number of the recipe, once.
-
-The choice of the recipe by the plane's load, and what it is where the load varies.
-
-The depth at which the contact carries the ball goes with its load. Under a load that is constant
-the start's depth is right for good, however soft the contact; under one that varies the centre
-moves, and the lever arm with it. And a centre of mass off the sphere's centre couples the normal
-force with friction, so that three iterations of PGS no longer solve them.
-
-What settings come to in a model of a scene: MuJoCo's own numbers where they leave it open.
+The contact carries the ball at a depth that depends on its load. Under a constant load the depth
+at the start is right for good, however soft the contact, and CONSTANT is the recipe. Under a
+varying load the centre moves, and the lever arm with it; a centre of mass off the sphere's centre
+also couples the normal force with friction, so that three iterations of PGS no longer solve them.
+VARYING is the recipe for that. Whatever a setting leaves open is MuJoCo's own default.
 """
 
-from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, is_dataclass, replace
 from functools import cache, cached_property
-from typing import Any, Literal, NamedTuple
+from types import NoneType
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
+import msgspec
 import mujoco
 import numpy as np
+from msgspec import Meta
 
 from robotball.drives import Servo
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.errors import LARGEST, InputError, check_positive, is_number
+from robotball.errors import LARGEST, InputError, check_positive
 from robotball.motion import EngineSettings, preset_named
 from robotball.scene import Scene
 
@@ -36,6 +31,9 @@ EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 @dataclass(frozen=True)
 class Integrator:
     """One way to step a model.
+
+    Limits are of a rate times the timestep: beyond one, a step makes grow what should keep its size
+    or die out. They are None where an integrator has none; limits.py has their measurements.
 
     order            of its error in the timestep, for a smooth motion
     rotation_limit   of a rotation's rate
@@ -75,6 +73,82 @@ FIRST_ORDER = tuple(each.name for each in INTEGRATORS.values() if each.order == 
 MUJOCOS_DEFAULT = "Euler"
 
 
+def _one_of(*names: str) -> Meta:
+    return Meta(pattern=f"^({'|'.join(names)})$", description=f"one of {', '.join(names)}")
+
+
+# The types of the fields: msgspec checks their bounds, and a refusal quotes their descriptions.
+Positive = Annotated[
+    float,
+    Meta(
+        ge=1 / LARGEST,
+        le=LARGEST,
+        description=f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}",
+    ),
+]
+NotNegative = Annotated[
+    float, Meta(ge=0, le=LARGEST, description=f"finite and not negative, {LARGEST:g} at most")
+]
+# MuJoCo's counters are of 32 bits.
+Count = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number, 0 at least")]
+AtLeastOne = Annotated[int, Meta(ge=1, lt=2**31, description="a whole number, 1 at least")]
+Reference = Annotated[
+    tuple[float, float],
+    Meta(description="two finite numbers: a positive time constant and ratio, or neither positive"),
+]
+Inside = Annotated[float, Meta(gt=0, lt=1)]
+Impedance = Annotated[
+    tuple[
+        Inside,
+        Inside,
+        Annotated[float, Meta(gt=0, le=LARGEST)],
+        Inside,
+        Annotated[float, Meta(ge=1, le=LARGEST)],
+    ],
+    Meta(
+        description="dmin, dmax, width, midpoint, power: the first two and the midpoint between 0 "
+        "and 1, the width positive, the power 1 at least"
+    ),
+]
+
+
+def _checked(name: str, value: Any, kind: Any) -> Any:
+    """Return a field's value as plain data; raises InputError where its type does not allow it."""
+    if is_dataclass(value) and type(value) in get_args(kind):
+        return value  # it has checked itself
+    try:
+        return msgspec.convert(_plain(value), kind)
+    # No schema holds the two kinds of drive, so whatever is neither of them ends as a TypeError.
+    except (msgspec.ValidationError, TypeError):
+        raise InputError(f"{name} must be {_allowed(kind)}, not {value!r}") from None
+
+
+def _plain(value: Any) -> Any:
+    """Return NumPy's numbers as Python's, of which alone msgspec knows."""
+    if isinstance(value, tuple | list | np.ndarray):
+        return tuple(map(_plain, value))
+    number = value.item() if isinstance(value, np.generic) else value
+    # A whole number is one in either type; msgspec turns it to the field's own.
+    whole = isinstance(number, float) and number.is_integer() and abs(number) < 2**31
+    return int(number) if whole else number
+
+
+def _allowed(kind: Any) -> str:
+    """Return the values of a field's type, in words."""
+    if get_origin(kind) is Annotated:
+        return str(kind.__metadata__[0].description)
+    if get_origin(kind) is Literal:
+        return f"one of {', '.join(map(str, get_args(kind)))}"
+    members = [each for each in get_args(kind) if each is not NoneType]
+    return " or ".join(map(_allowed, members)) or f"a {kind.__name__}"
+
+
+def _is_reference(value: tuple[float, float]) -> bool:
+    """Whether both are positive (time constant, damping ratio) or none (-stiffness, -damping)."""
+    positive = all(1 / LARGEST <= each <= LARGEST for each in value)
+    return positive or all(-LARGEST <= each <= 0 for each in value)
+
+
 BY_LOAD: Any = "by load"
 MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
 
@@ -91,12 +165,15 @@ class Prescribed:
 
 @dataclass(frozen=True)
 class Radii:
-    """A length in radii of the ball, which so goes with the ball's size."""
+    """A length in radii of the ball, so that it scales with the ball."""
 
-    radii: float
+    radii: NotNegative
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radii", _checked("radii", self.radii, NotNegative))
 
 
-# The recipe's values for a constant load; load.py has those for a varying one.
+# The recipe's values for a constant load; VARYING has those for a varying one.
 CONSTANT: dict[str, Any] = {
     "solver": "PGS",
     "iterations": 3,
@@ -120,28 +197,38 @@ class Settings(EngineSettings):
     would replace in silence.
     """
 
-    timestep: float | None = None  # s
-    integrator: str | None = None
-    rtol: float | None = None  # DOP853's alone: the error allowed in one step, relative
-    solver: str | None = None
-    jacobian: str | None = None
-    iterations: int | None = None
-    tolerance: float | None = None
-    ls_tolerance: float | None = None
-    noslip_iterations: int | None = None
-    noslip_tolerance: float | None = None
-    cone: str | None = None
-    impratio: float | None = None
-    warmstart: str | None = None
-    island: str | None = None
-    solref: tuple[float, float] | None = None
-    solimp: tuple[float, float, float, float, float] | None = None
-    solreffriction: tuple[float, float] | None = None
+    name: Annotated[str, Meta(pattern=r"^[^\0]*$", description="a text")]
+    error_tolerance: Positive
+    accuracy: Positive | None = None
+    timestep: Positive | None = None  # s
+    integrator: Annotated[str, _one_of(*INTEGRATORS)] | None = None
+    # The error allowed in one step, relative; DOP853's alone.
+    rtol: (
+        Annotated[
+            float,
+            Meta(ge=LEAST_RTOL, le=LARGEST, description=f"finite and {LEAST_RTOL:g} at least"),
+        ]
+        | None
+    ) = None
+    solver: Annotated[str, _one_of("PGS", "CG", "Newton")] | None = None
+    jacobian: Annotated[str, _one_of("dense", "sparse", "auto")] | None = None
+    iterations: AtLeastOne | None = None
+    tolerance: NotNegative | None = None
+    ls_tolerance: NotNegative | None = None
+    noslip_iterations: Count | None = None
+    noslip_tolerance: NotNegative | None = None
+    cone: Annotated[str, _one_of("pyramidal", "elliptic")] | None = None
+    impratio: Positive | None = None
+    warmstart: Annotated[str, _one_of("enable", "disable")] | None = None
+    island: Annotated[str, _one_of("enable", "disable")] | None = None
+    solref: Reference | None = None
+    solimp: Impedance | None = None
+    solreffriction: Reference | None = None
     # The contact's dimension; None is what the rolling model needs: 4 for rubber, 3 for classical.
-    condim: int | None = None
-    sliding_friction: float = 1.0  # MuJoCo's default
-    torsional_friction: float | Radii = 0.005  # m, MuJoCo's default
-    rolling_friction: float = 1e-4  # m, MuJoCo's default; in force where condim is 6
+    condim: Literal[3, 4, 6] | None = None
+    sliding_friction: NotNegative = 1.0  # MuJoCo's default
+    torsional_friction: NotNegative | Radii = 0.005  # m, MuJoCo's default
+    rolling_friction: NotNegative = 1e-4  # m, MuJoCo's default; in force where condim is 6
     # The body with the free joint; the other one hangs on it by the frame's hinge.
     root: Literal["shell", "frame"] = "shell"
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
@@ -149,25 +236,24 @@ class Settings(EngineSettings):
     start_in_equilibrium: bool = False
     # Times the softness of the contact's constraint; set once the model is compiled, for MJCF has
     # no word for it.
-    softness: float = 1.0
-    max_steps: int = MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
+    softness: Positive = 1.0
+    max_steps: AtLeastOne = MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
     drive: Servo | Prescribed
 
     def __post_init__(self) -> None:
-        left_open = {each.name for each in fields(self) if each.default is None}
-        for name, rule in RULES.items():
+        for name, kind in get_type_hints(Settings, include_extras=True).items():
             value = getattr(self, name)
-            left = name in CONSTANT and isinstance(value, str) and value == BY_LOAD
-            if left or (value is None and name in left_open):
+            if name in CONSTANT and isinstance(value, str) and value == BY_LOAD:
                 continue
-            if not rule.allows(value):
-                raise InputError(f"{name} must be {rule.words}, not {value!r}")
-            object.__setattr__(self, name, rule.plain(value))
+            object.__setattr__(self, name, _checked(name, value, kind))
+            # No schema says that two numbers have the same sign.
+            if Reference in get_args(kind) and not (value is None or _is_reference(value)):
+                raise InputError(f"{name} must be {_allowed(kind)}, not {value!r}")
         if self.adaptive and self.rtol is None:
             raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
 
     def torsional_friction_of(self, radius: float) -> float:
-        """Of a ball of this radius [m]: the coefficient [m]."""
+        """Return the coefficient [m] for a ball of this radius [m]."""
         given = self.torsional_friction
         return given.radii * radius if isinstance(given, Radii) else given
 
@@ -177,128 +263,12 @@ class Settings(EngineSettings):
         return self.integrator == ADAPTIVE
 
 
-class Rule(NamedTuple):
-    """What a value of a field has to satisfy, how that is said, and the value as plain data."""
-
-    fits: Callable[[Any], bool]
-    words: str
-    plain: Callable[[Any], Any] = lambda value: value
-
-    def allows(self, value: Any) -> bool:
-        try:
-            return bool(self.fits(value))
-        except (TypeError, ValueError, OverflowError):  # of another type altogether
-            return False
-
-
-def _numbers(value: Any) -> tuple[float, ...]:
-    return tuple(map(float, value))
-
-
-def _not_huge(*values: float) -> bool:
-    return all(is_number(value) and abs(value) <= LARGEST for value in values)  # NaN is not
-
-
-def _positive(value: float) -> bool:
-    return is_number(value) and 1 / LARGEST <= value <= LARGEST
-
-
-def _not_negative(value: float) -> bool:
-    return is_number(value) and 0 <= value <= LARGEST
-
-
-def _count(least: int) -> Rule:
-    return Rule(
-        lambda value: is_number(value) and int(value) == value and least <= value < 2**31,
-        f"a whole number, {least} at least",
-        int,
-    )
-
-
-def _one_of(*names: Any) -> Rule:
-    return Rule(
-        lambda value: isinstance(value, Hashable) and value in names,
-        f"one of {', '.join(map(str, names))}",
-        lambda value: names[names.index(value)],
-    )
-
-
-def _reference(value: tuple[float, float]) -> bool:
-    """Both positive (time constant, damping ratio), or both not (-stiffness, -damping)."""
-    first, second = value
-    both = _positive(first) and _positive(second)
-    return both or (_not_huge(first, second) and first <= 0 and second <= 0)
-
-
-def _impedance(value: tuple[float, float, float, float, float]) -> bool:
-    least, most, width, midpoint, power = value
-    return (
-        _not_huge(*value)
-        and all(0 < each < 1 for each in (least, most, midpoint))
-        and width > 0
-        and power >= 1
-    )
-
-
-REFERENCE = Rule(
-    _reference,
-    "two finite numbers: a positive time constant and ratio, or neither positive",
-    _numbers,
-)
-POSITIVE = Rule(_positive, f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}", float)
-NOT_NEGATIVE = Rule(_not_negative, f"finite and not negative, {LARGEST:g} at most", float)
-# What is not None must fit; MuJoCo's own choices are named as it names them.
-RULES = {
-    "name": Rule(lambda value: isinstance(value, str) and "\0" not in value, "a text"),
-    "error_tolerance": POSITIVE,
-    "accuracy": POSITIVE,
-    "timestep": POSITIVE._replace(words=f"{POSITIVE.words} s"),
-    "integrator": _one_of(*INTEGRATORS),
-    "rtol": Rule(
-        lambda value: is_number(value) and LEAST_RTOL <= value <= LARGEST,
-        f"finite and {LEAST_RTOL:g} at least",
-        float,
-    ),
-    "solver": _one_of("PGS", "CG", "Newton"),
-    "jacobian": _one_of("dense", "sparse", "auto"),
-    "iterations": _count(1),
-    "tolerance": NOT_NEGATIVE,
-    "ls_tolerance": NOT_NEGATIVE,
-    "noslip_iterations": _count(0),
-    "noslip_tolerance": NOT_NEGATIVE,
-    "cone": _one_of("pyramidal", "elliptic"),
-    "impratio": POSITIVE,
-    "warmstart": _one_of("enable", "disable"),
-    "island": _one_of("enable", "disable"),
-    "solref": REFERENCE,
-    "solreffriction": REFERENCE,
-    "solimp": Rule(
-        _impedance,
-        "dmin, dmax, width, midpoint, power: the first two and the "
-        "midpoint between 0 and 1, the width positive, the power 1 at least",
-        _numbers,
-    ),
-    "condim": _one_of(3, 4, 6),
-    "sliding_friction": NOT_NEGATIVE,
-    "torsional_friction": Rule(
-        lambda value: _not_negative(value.radii if isinstance(value, Radii) else value),
-        f"{NOT_NEGATIVE.words}, or Radii of such a number",
-        lambda value: value if isinstance(value, Radii) else float(value),
-    ),
-    "rolling_friction": NOT_NEGATIVE,
-    "root": _one_of("shell", "frame"),
-    "start_in_equilibrium": _one_of(True, False),
-    "stop_at_fault": _one_of(True, False),
-    "softness": POSITIVE,
-    "max_steps": _count(1),
-    "drive": Rule(lambda value: isinstance(value, Servo | Prescribed), "a Servo or Prescribed"),
-}
 # It is there to show how wrong a newcomer's model gets, so it goes on.
 NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=Servo(gain=10.0))
 
 
 def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
-    """What makes MuJoCo roll as the equations do, to the error of its steps.
+    """Return settings under which MuJoCo rolls as the equations do, to the error of its steps.
 
     steps: the fields timestep, integrator and rtol; the integrator is RK4 if not given.
     """
@@ -336,7 +306,7 @@ PRESETS: dict[str, Settings] = {
 
 
 def preset(name: str) -> Settings:
-    """The named preset; raises InputError with the near matches where there is none."""
+    """Return the named preset. Raises InputError with the near matches where there is none."""
     return preset_named(PRESETS, name)
 
 
@@ -344,7 +314,7 @@ FORMER_NAMES = {"promise": "error_tolerance"}
 
 
 def settings_from(plain: Mapping[str, Any]) -> Settings:
-    """The settings of plain data, as `Settings.plain` or JSON gives it.
+    """Return the settings of plain data, as `Settings.plain` or JSON holds it.
 
     Raises InputError for an unknown key and where a value is missing or does not fit.
     """
@@ -383,7 +353,7 @@ BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 
 
 def on_load(settings: Settings, scene: Scene) -> Settings:
-    """The settings on this scene: each value that is BY_LOAD is its recipe's, the others stay."""
+    """Return the settings with each value that is BY_LOAD taken from the recipe for the scene."""
     left = [name for name in CONSTANT if getattr(settings, name) == BY_LOAD]
     if not left:
         return settings
@@ -392,7 +362,7 @@ def on_load(settings: Settings, scene: Scene) -> Settings:
 
 
 def varying(settings: Settings) -> dict[str, Any]:
-    """The recipe for a varying load, in the steps of these settings."""
+    """Return the recipe for a varying load, for the steps of these settings."""
     chosen_steps = settings.adaptive and settings.timestep is None
     softness, constant = BY_ERROR if chosen_steps else BY_STEPS
     constant = max(constant, 2 * (settings.timestep or 0.0))
@@ -411,7 +381,7 @@ def _mujocos_own() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class Chosen:
-    """A scene under settings: every number that a model of it has, whoever chose it."""
+    """A scene under settings, with every number of its model, whether ours or MuJoCo's default."""
 
     scene: Scene
     settings: Settings  # BY_LOAD is given, and replaced by what the scene's load makes of it
@@ -490,7 +460,7 @@ class Chosen:
 
     @cached_property
     def friction_damping(self) -> float:
-        """b [1/s]: the rate at which slip dies out; solref's where solreffriction is not heard."""
+        """b [1/s]: the rate at which slip dies out; solref's where solreffriction is ignored."""
         given = self.settings.solreffriction
         heard = given is not None and any(given) and self.cone == "elliptic"
         return self._reference(given if heard and given else self.solref)[1]

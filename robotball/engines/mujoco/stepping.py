@@ -1,18 +1,12 @@
-"""What a step begins from, and what can be read of it.
+"""A model stepped by MuJoCo's own integrators between sample times and breakpoints.
 
-What acts on a model besides itself, at every evaluation of the forces: so RK4 keeps its order.
+Controls, and the plane's resistance to rolling, are computed at every evaluation of the forces, so
+that RK4 keeps its order. MuJoCo's own rolling friction (condim 6) is another law: it shares one
+cone with the friction that holds the ball, and acts against an acceleration, not the rolling.
 
-The controls of the actuators, and the plane's resistance to rolling where the scene has one.
-MuJoCo's own rolling friction (condim 6) is another law: it shares one cone with the friction that
-holds the ball, and acts against an acceleration rather than against the rolling.
-
-Torque limits of servos: a step ends where one is reached or left, so that RK4 keeps its order.
-
-Across a switch of its forces RK4 is of second order. Within one step each servo therefore stays on
-its side of the limit, by its law or at the limit whatever the law says, and where it should not
-have stayed, the step is taken once more, as far as the switch.
-
-A model stepped by its own integrators between sample times and breakpoints, every step read.
+Across a torque limit that a servo reaches or leaves RK4 is of second order. Within one step each
+servo therefore stays on its side of the limit, and a step that should have switched is taken once
+more, as far as the switch.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -28,7 +22,7 @@ from scipy.optimize import brentq
 
 from robotball.drives import Motor, PositionServo, Servo
 from robotball.engines.links import State
-from robotball.engines.mujoco.model import Hinge, Model
+from robotball.engines.mujoco.model import Model, ModelHinge
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.motion import Fault, pieces
 from robotball.rotations import Array, rotation_matrix
@@ -191,7 +185,7 @@ OWN = 2  # in place of a side: MuJoCo limits the torque itself
 class Limited:
     """A servo with a torque limit: its law without it, and the places of its numbers in MjModel."""
 
-    hinge: Hinge
+    hinge: ModelHinge
     law: Motor
     limit: float
     actuator: int
@@ -336,7 +330,7 @@ def switched(control: Control) -> Iterator[Switches | None]:
         switches.restore()
 
 
-def _limited(compiled: mujoco.MjModel, hinge: Hinge) -> Limited:
+def _limited(compiled: mujoco.MjModel, hinge: ModelHinge) -> Limited:
     actuator, joint = compiled.actuator(hinge.body), compiled.joint(hinge.joint)
     servo = hinge.actuation
     assert isinstance(servo, Servo | PositionServo)

@@ -10,7 +10,7 @@ from robotball.drives import Servo
 from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
 from robotball.engines.links import State
-from robotball.engines.mujoco.model import Hinge, build
+from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
 from robotball.engines.mujoco.stepping import shell_state
 from robotball.motion import Label
@@ -51,7 +51,7 @@ class WarpWorld(SteppedWorld):
         controls = [self._control(hinge, t + step / 2) for hinge in self.built.hinges]
         self.data.ctrl.assign(np.array([controls], dtype=np.float32))
 
-    def _control(self, hinge: Hinge, t: float) -> float:
+    def _control(self, hinge: ModelHinge, t: float) -> float:
         """With what a servo needs to turn its own armature, which it would lag by."""
         servo = hinge.actuation
         if not isinstance(servo, Servo):

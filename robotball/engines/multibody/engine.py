@@ -3,14 +3,13 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from pathlib import Path
 
 import numpy as np
 
-from robotball.engine import Engine, Ladder, Progress, Request, as_own
+from robotball.engine import Engine, Ladder, Request, as_own
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.multibody.integrate import LABEL, integrate
-from robotball.motion import ContactMotion, ContactReport, EngineSettings, Label, Loads, Motion
+from robotball.motion import ContactMotion, ContactReport, EngineSettings, Label, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -37,17 +36,7 @@ class Multibody(Engine):
         """Nothing: it describes every scene."""
         return None
 
-    def run(
-        self,
-        scene: Scene,
-        times: Array,
-        request: Request,
-        *,
-        loads: Loads | None = None,
-        strict: bool = False,
-        fault_window: Path | None = None,
-        progress: Progress | None = None,
-    ) -> ContactMotion:
+    def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """The motion; what compiles on the way is set-up."""
         settings = as_own(request.settings, MultibodySettings, LABEL)
         integrate(scene, times[:2], settings.rtol)

@@ -19,10 +19,10 @@ from robotball.engines.mujoco import LABEL, model
 from robotball.film import gl
 from robotball.film import looks as palette
 from robotball.film.canvas import Pixels
-from robotball.film.looks import PARTS
 from robotball.film.render import Film, frames
 from robotball.film.write import write_video
 from robotball.motion import Loads
+from robotball.robot import PARTS
 from robotball.rotations import multiply
 from tests.scenes import FOUR
 

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 import robotball as rb
 from robotball import Settings
 from robotball.drives import Servo
-from robotball.engines.mujoco.model import build, left_out
+from robotball.engines.mujoco.export import left_out
+from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import BY_LOAD, FIRST_ORDER, NAIVE, Prescribed, recipe
 from validation.bench.gallery import numbers_of_tradeoff

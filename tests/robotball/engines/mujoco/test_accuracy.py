@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco.accuracy import LEAST_ACCURACY, reach
-from robotball.engines.mujoco.engine import own_settings
-from robotball.engines.mujoco.planned_run import scene_rate
+from robotball.engines.mujoco.accuracy import reach, scene_rate
+from robotball.engines.mujoco.engine import LEAST_ACCURACY, own_settings
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
 from tests.motions import as_contact

@@ -63,7 +63,7 @@ def test_friction_in_radii_comes_back_from_plain_data() -> None:
     for settings in (FAST, whole):
         assert settings_from(json.loads(json.dumps(settings.plain()))) == settings
     assert replace(FAST, torsional_friction=0.3).torsional_friction_of(100.0) == 0.3
-    with pytest.raises(rb.InputError, match=r"torsional_friction must be finite .*, not Radii"):
+    with pytest.raises(rb.InputError, match=r"radii must be finite and not neg.*, not -1\.0"):
         replace(FAST, torsional_friction=Radii(-1.0))
 
 

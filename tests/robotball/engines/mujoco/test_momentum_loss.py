@@ -7,7 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import limits as step_limits
-from robotball.engines.mujoco.planned_run import PlannedRun, measured_loss
+from robotball.engines.mujoco.planned_run import PlannedRun
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, of_momentum, run, the_limit
 from tests.scenes import FOUR
 from validation import compare
@@ -78,7 +78,7 @@ def test_the_loss_is_measured_under_drives_in_time_as_well() -> None:
     still = rb.Sine(mean=2.0, amplitude=0.0, frequency=1.0)
     settings = replace(FAST, timestep=0.1)
     losses = [
-        measured_loss(PlannedRun(replace(FIG12, frame_rate=rate), settings, 10.0))
+        PlannedRun(replace(FIG12, frame_rate=rate), settings, 10.0).measured_loss
         for rate in (2.0, still)
     ]
     assert losses[0] == pytest.approx(losses[1], rel=1e-9)

@@ -1,0 +1,241 @@
+"""Short trials of a planned run, for numbers that no formula of its limits gives.
+
+Three things are measured: the loads and eigenvalues of MuJoCo's own model at its start, the rate
+at which the motors settle with the ball rolling under them, and the momentum that RK4 loses.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+import robotball.scene
+from robotball import equations as eq
+from robotball.drives import Free, PositionServo, Servo
+from robotball.engines.mujoco.model import ModelHinge, build
+from robotball.engines.mujoco.readings import Readings
+from robotball.engines.mujoco.settings import Settings, recipe
+from robotball.engines.mujoco.stepping import controlled, read_row
+from robotball.equations import Quaternion, Vector, as_vector
+from robotball.motion import Loads
+from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.scene import Friction, Scene
+
+PUSH = 1e-6  # of the central differences: a velocity [m/s or rad/s] and an angle [rad]
+
+
+def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
+    """Return the loads of a model's start, and its eigenvalues about it.
+
+    The eigenvalues (2 nv - 3,) are complex [1/s]: a small deviation grows or dies out with the real
+    part, and turns with the imaginary one.
+    """
+    # Unlimited friction, so that the loads show how much of it the motion needs.
+    upright = recipe("look", settings.error_tolerance, timestep=settings.timestep)
+    model = build(replace(scene, friction=Friction()), replace(upright, drive=settings.drive))
+    compiled, data = model.compiled, model.start_data()
+    with controlled(model):
+        mujoco.mj_forward(compiled, data)
+        loads = Readings(model, read_row(data)[None]).loads
+        qpos, qvel, nv = data.qpos.copy(), data.qvel.copy(), compiled.nv
+        columns = []
+        # The place on the plane changes nothing, and the height is the contact's.
+        for of_angle, i in [(True, i) for i in range(3, nv)] + [(False, i) for i in range(nv)]:
+            sides = []
+            for push in (PUSH, -PUSH):
+                data.qpos[:], data.qvel[:] = qpos, qvel
+                if of_angle:
+                    mujoco.mj_integratePos(compiled, data.qpos, np.eye(nv)[i], push)
+                else:
+                    data.qvel[i] += push
+                mujoco.mj_forward(compiled, data)
+                sides.append(data.qacc.copy())
+            columns.append((sides[0] - sides[1]) / (2 * PUSH))
+    turning = np.zeros((nv - 3, 2 * nv - 3))
+    turning[:, nv:] = np.eye(nv - 3)
+    # A deviation of attitude is measured in axes that turn with the shell.
+    turning[:3, :3] = -_cross_matrix(qvel[3:6])
+    return loads, np.linalg.eigvals(np.vstack([turning, np.array(columns).T]))
+
+
+def _cross_matrix(v: Array) -> Array:
+    """v× as a matrix (3, 3)."""
+    return np.cross(v, np.eye(3)).T
+
+
+SEEN = 8  # angles of the pendulums at which the motors' rates are evaluated
+
+
+def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
+    """Return the largest |λ| [1/s] of the hinges' motors about the start, with the ball rolling.
+
+    H du/dt = -C u - K φ for the turning u of the shell and of the hinges that have a motor, where
+    C holds its damping or gain and K its stiffness; H is the part of the robot's mass matrix that
+    is left once the shell rolls, and once the other hinges keep their rates. Where there are
+    pendulums, the largest over eight angles that they pass. At least one hinge has such a motor.
+    """
+    own = [each for each in hinges if isinstance(each.actuation, Servo | PositionServo | Free)]
+    gamma = rotation_matrix(scene.start.attitude)[2]
+    turns = np.linalg.svd(gamma[None])[2][1:] if scene.rolling == "rubber" else np.eye(3)
+    angles = np.stack([_angles(scene, each) for each in scene.hinges], axis=1)
+    still, upright = np.zeros_like(angles), np.tile(gamma, (SEEN, 1))
+    stands = scene.robot.states(upright, angles, np.zeros_like(upright), still)
+    rows = [0, 1, 2, *(3 + each.index for each in own)]
+    free, n = len(turns), len(own)
+    onto = np.zeros((free + n, 3 + n))
+    onto[:free, :3], onto[free:, 3:] = turns, np.eye(n)
+    stiffness, damping = np.array([_constants(each) for each in own]).T
+    worst = 0.0
+    for matrix in stands.matrix.transpose(2, 0, 1):
+        H = onto @ matrix[np.ix_(rows, rows)] @ onto.T
+        back = np.linalg.solve(H, np.eye(free + n)[:, free:])
+        system = np.zeros((2 * n + free, 2 * n + free))
+        system[:n, n + free :] = np.eye(n)
+        system[n:, :n], system[n:, n + free :] = -back * stiffness, -back * damping
+        worst = max(worst, float(np.abs(np.linalg.eigvals(system)).max()))
+    return worst
+
+
+def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
+    """Return the hinge's angles (SEEN,) [rad]: a servo's commands, or a whole turn without one."""
+    if hinge.name not in dict(scene.ball.named_pendulums):
+        return np.full(SEEN, hinge.angle)
+    times = np.linspace(0.0, scene.duration, SEEN - 1)
+    if isinstance(hinge.motor, PositionServo):
+        return np.array([hinge.angle, *hinge.command.rate(times)])
+    if isinstance(hinge.motor, Servo):
+        return hinge.angle + np.array([0.0, *hinge.command.angle(times)])
+    return hinge.angle + np.linspace(0.0, 2 * np.pi, SEEN, endpoint=False)
+
+
+def _constants(hinge: ModelHinge) -> tuple[float, float]:
+    """Return the motor's stiffness [N m/rad] and damping [N m s/rad]."""
+    motor = hinge.actuation
+    if isinstance(motor, Servo):
+        return 0.0, motor.gain
+    if isinstance(motor, PositionServo):
+        return motor.gain, motor.damping
+    assert isinstance(motor, Free)
+    return motor.stiffness, motor.damping
+
+
+MOST_STEPS = 500  # of a trial; the loss of a longer run is extrapolated in proportion
+
+
+def momentum_loss(scene: Scene, turning: Array, timestep: float, duration: float) -> float:
+    """Estimate how much momentum RK4 loses over a duration [s], relative to the scene's scale.
+
+    turning: of the shell at the start (3,), principal axes [rad/s]. The unreduced equations
+    (2.4)-(2.5) are integrated by RK4 in the variables that MuJoCo uses: the velocity of the root,
+    the shell, in its own axes. In the frame's axes RK4 errs differently, by up to 300 times less.
+    Takes some 60 ms. Infinite where the steps diverge.
+    """
+    count = duration / timestep
+    steps = int(min(np.ceil(count), MOST_STEPS))
+    ball = _Ball(scene, turning)
+    try:
+        with np.errstate(all="ignore"):
+            lost = _loss(ball, timestep, steps)
+    except ArithmeticError:  # a number beyond the largest
+        return np.inf
+    return lost / scene.momentum_scale * max(1.0, count / steps) if lost < np.inf else np.inf
+
+
+class _Ball:
+    """The rolling ball, its state the shell's turning u in the shell's axes and quaternion (7,)."""
+
+    def __init__(self, scene: Scene, turning: Array) -> None:
+        self.scene, self.rubber = scene, scene.rolling == "rubber"
+        self.axis = as_vector(scene.principal_axes.T @ scene.ball.shell.axis)
+        self.inertia = scene.principal_axes.T @ scene.ball.gyrostatic_inertia
+        self.I, self.d = as_vector(scene.ball.principal[0]), scene.ball.d
+        attitude = multiply(scene.start.attitude, scene.principal_quaternion)
+        self.start = np.array([*turning, *attitude])
+
+    @cached_property
+    def drives(self) -> Callable[[float], tuple[float, Array, Array]]:
+        """Time → the frame's angle on the shell, and the hinges' rates and accelerations."""
+        drives = self.scene.drives
+
+        def evaluated(t: float) -> tuple[float, Array, Array]:
+            rates = np.array([float(drive.rate(t)) for drive in drives])
+            changes = np.array([float(drive.acceleration(t)) for drive in drives])
+            return float(drives[0].angle(t)), rates, changes
+
+        if not self.scene.steady:
+            return evaluated
+        _, rates, changes = evaluated(0.0)
+        return lambda t: (rates[0] * t, rates, changes)
+
+    def rate(self, t: float, state: Array) -> Array:
+        """Return d/dt of the state by (2.4)-(2.5)."""
+        angle, rates, changes = self.drives(t)
+        u, q = _parts(state)
+        Omega, Omega_rate = eq.scale(rates[0], self.axis), eq.scale(changes[0], self.axis)
+        omega, attitude = self._of_frame(u, q, angle, Omega)
+        acceleration, _ = eq.full_angular_acceleration(
+            omega,
+            eq.space_axes(attitude)[2],
+            Omega,
+            Omega_rate,
+            as_vector(self.inertia @ rates),
+            as_vector(self.inertia @ changes),
+            self.I,
+            self.d,
+            self.rubber,
+        )
+        # Of ω - Ω, which turns with the frame about the shell's axis.
+        change = eq.subtract(acceleration, Omega_rate)
+        change = eq.add(change, eq.cross(Omega, eq.subtract(omega, Omega)))
+        return np.array([*_turned(self.axis, angle, change), *eq.attitude_rate(q, u)])
+
+    def momentum(self, t: float, state: Array) -> Array:
+        """Return M (3,) in world axes."""
+        angle, rates, _ = self.drives(t)
+        Omega = eq.scale(rates[0], self.axis)
+        omega, attitude = self._of_frame(*_parts(state), angle, Omega)
+        axes = eq.space_axes(attitude)
+        k = as_vector(self.inertia @ rates)
+        K = eq.subtract(k, eq.scale(self.d, Omega))
+        L = eq.contact_angular_momentum(omega, axes[2], Omega, K, self.I, self.d)
+        M = eq.cross(axes[2], L) if self.rubber else L
+        return np.array([eq.dot(axis, M) for axis in axes])
+
+    def _of_frame(
+        self, u: Vector, q: Quaternion, angle: float, Omega: Vector
+    ) -> tuple[Vector, Quaternion]:
+        """Return ω in frame axes, and the frame's quaternion."""
+        sine = np.sin(angle / 2)
+        turn = (np.cos(angle / 2), *eq.scale(sine, self.axis))
+        return eq.add(_turned(self.axis, -angle, u), Omega), eq.quaternion_product(q, turn)
+
+
+def _loss(ball: _Ball, dt: float, steps: int) -> float:
+    """Return the largest change of M over the steps [kg m²/s]."""
+    state, M, worst = ball.start, ball.momentum(0.0, ball.start), 0.0
+    for i in range(steps):
+        t = i * dt
+        k1 = ball.rate(t, state)
+        k2 = ball.rate(t + dt / 2, state + dt / 2 * k1)
+        k3 = ball.rate(t + dt / 2, state + dt / 2 * k2)
+        k4 = ball.rate(t + dt, state + dt * k3)
+        state = state + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        lost = float(np.linalg.norm(ball.momentum(t + dt, state) - M))
+        if not np.isfinite(lost):
+            return np.inf
+        worst = max(worst, lost)
+    return worst
+
+
+def _parts(state: Array) -> tuple[Vector, Quaternion]:
+    p, q, r, w, x, y, z = state.tolist()
+    return (p, q, r), (w, x, y, z)
+
+
+def _turned(axis: Vector, angle: float, v: Vector) -> Vector:
+    """Turn v about a unit axis by Rodrigues' formula."""
+    along = (1 - np.cos(angle)) * eq.dot(axis, v)
+    across = eq.scale(np.sin(angle), eq.cross(axis, v))
+    return eq.add(eq.add(eq.scale(np.cos(angle), v), across), eq.scale(along, axis))

@@ -9,6 +9,7 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np

@@ -90,8 +90,8 @@ def test_two_rotors_share_the_inertia_as_well_as_they_can(seed: int) -> None:
     least = np.linalg.norm(request.momentum(np.array(s))) / request.speed
     T = np.linspace(least, (1 - 3 * s) / 2, 2001)
     scanned = _margin(request, 2, request.frame_radius, np.full_like(T, s), T)
-    # Measured 2e-8 at most, the search's own intervals; on the end |g| alone it misses by 1e-3.
-    assert scanned.max() - margin < 1e-6
+    # Measured -3e-7 at most, as the scan is coarser; the end |g| alone keeps them by 9e-4 less.
+    assert scanned.max() - margin < 1e-9
     assert scanned.max() - scanned[0] > 1e-4
 
 

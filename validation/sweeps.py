@@ -358,12 +358,16 @@ class Pool:
         waiting = iter(cells)
         running: dict[Future[Outcome], Cell] = {}
         done: SimpleQueue[Future[Outcome]] = SimpleQueue()
+        resubmitted: set[int] = set()
+
+        def submit(cell: Cell) -> None:
+            future = self.submit(cell)
+            running[future] = cell
+            future.add_done_callback(done.put)
 
         def hand_in(count: int) -> None:
             for cell in islice(waiting, count):
-                future = self.submit(cell)
-                running[future] = cell
-                future.add_done_callback(done.put)
+                submit(cell)
 
         hand_in(self.window)
         while running:
@@ -373,10 +377,20 @@ class Pool:
                 self.check()
             else:
                 cell = running.pop(future)
-                yield cell, self._outcome(cell, future)
-                hand_in(1)
+                outcome = self._outcome(cell, future, last=id(cell) in resubmitted)
+                if outcome is None:
+                    resubmitted.add(id(cell))
+                    submit(cell)
+                else:
+                    yield cell, outcome
+                    hand_in(1)
 
-    def _outcome(self, cell: Cell, future: "Future[Outcome]") -> Outcome:
+    def _outcome(self, cell: Cell, future: "Future[Outcome]", last: bool) -> Outcome | None:
+        """Return what came of a cell; None where its result was lost and `last` is not set.
+
+        A worker that leaves while its result is fetched loses it, which dask reports by errors of
+        many types. Where nothing can run, the second attempt fails as well.
+        """
         try:
             return future.result()
         except self.killed:
@@ -384,6 +398,8 @@ class Pool:
         except CancelledError:  # by dask, whose scheduler does not answer
             raise InputError(f"{self.place} has gone: start it, and this again to go on") from None
         except Exception as error:
+            if not last:
+                return None
             raise InputError(f"no cells can run on {self.place}: {reason(error)}") from None
 
 

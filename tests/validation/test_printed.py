@@ -93,7 +93,7 @@ def folder(robotball: Robotball, tmp_path: Path) -> Path:
 @pytest.mark.parametrize("command", sorted({*PRINTED} - BY_EXAMPLE - {*NOT_RUN}))
 def test_a_printed_command_runs(command: str, robotball: Robotball, folder: Path) -> None:
     """As printed, or in the form of SHORT, with status 0."""
-    scene, times = rb.load_scene("fig12"), rb.sample_times(0.4)
+    scene, times = rb.load_scene("fig12"), rb.sample_times(1.2)
     for name, step in (("a", 4e-3), ("b", 2e-3), ("c", 1e-3), ("run", 2e-2)):
         if f" {name}.csv" in command:
             settings = replace(rb.preset("fast"), timestep=step)

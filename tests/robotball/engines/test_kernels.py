@@ -279,9 +279,9 @@ def test_a_ball_at_rest_stays() -> None:
 def test_the_compiled_stepper_loads_from_its_cache() -> None:
     """A new process compiles nothing: a step and the loops come from the cache, in 0.4 s."""
     code = (
-        "from robotball.engines.reduced.compiled import kernels, marching, steppers, systems\n"
-        "step = steppers.stepper(systems.PATH, 'rubber', marching.FEW)\n"
-        "compiled = [step, marching.march, marching.follow]\n"
+        "from robotball.engines.ensembles import orbits, steppers, systems\n"
+        "step = steppers.stepper(systems.PATH, 'rubber', orbits.FEW)\n"
+        "compiled = [step, orbits.march_lanes, orbits.follow]\n"
         "print(sum(each.stats.cache_misses.total() for each in compiled))"
     )
     misses = [

@@ -1,4 +1,6 @@
-"""The inertia of a ball shared among shell, frame and the fewest rotors: a small convex problem.
+"""Design a ball that has requested A, Ω, K and radius, or say why there is none.
+
+The inertia is shared among shell, frame and the fewest rotors: a small convex problem.
 
 Of a body only the second moments of mass count, Σ = ∫ r rᵀ dm = ½ tr(I) E - I. There is such a
 body iff Σ is positive (for I: the triangle inequality), and its mass m can lie within r of the
@@ -16,13 +18,9 @@ search goes uphill on s, and for each s on T.
 
 Units here: the trace of A⁻¹ is 1 [kg m²], the shell's radius 1 m.
 
-The limits of a design, and the reasons for which there is no ball.
-
-With b the eigenvalues of A⁻¹ and d = m a², the inertia A⁻¹ - d E is that of a body iff
-d <= Σb - 2 max b (the triangle inequality), and its mass can lie inside the shell iff
-d >= Σb/5; so both can be had iff max b <= (2/5) Σb.
-
-Requested A, Ω, K and radius → a Ball that has them, or why there is none.
+A request may have no ball. With b the eigenvalues of A⁻¹ and d = m a², the inertia A⁻¹ - d E is
+that of a body iff d <= Σb - 2 max b (the triangle inequality), and its mass can lie inside the
+shell iff d >= Σb/5; so both can be had iff max b <= (2/5) Σb.
 """
 
 import math

@@ -1,15 +1,11 @@
-"""Paths that a contact point may be wanted to take, from the origin along X at first.
-
-How a robot moves whose contact point goes along a path: an equation for its state alone.
-
-From a wanted path of the contact point to the drives of a robot that roll it along.
+"""Find the drives that roll a robot's contact point along a wanted path.
 
 The path tells how the shell turns, for it does not slip. The momentum tells the rest: M is what it
 is, so (L, h) = 𝓜u is, at every time, two equations for the rates of the hinges in the rubber
 model, and three in the classical one, where the shell's spin is unknown as well. Of more hinges
 than that the ones that take the least energy are taken.
 
-What a steered robot cannot do: torques, rates and friction beyond what there is.
+Torques, rates and friction beyond the robot's own are reported with the result.
 """
 
 import math

@@ -1,11 +1,8 @@
-"""What the pictures of a scene's agreements show, in plain numbers.
+"""Draw the pictures of a scene's agreements: paths and the momentum, each with its error below.
 
-A scene's pictures, from its sheet: paths and the momentum, each with its error below.
-
-Who draws the pictures of a comparison.
-
-matplotlib takes longer to come than a short motion to be compared. So other processes draw, which
-import it while this one works; a process that has it already draws by itself.
+A Sheet has what they show in plain numbers, so that another process can draw it. matplotlib takes
+longer to come than a short motion to be compared. So other processes draw, which import it while
+this one works; a process that has it already draws by itself.
 """
 
 import sys

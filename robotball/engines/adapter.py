@@ -1,12 +1,9 @@
-"""The ball made ready in an engine of another package, and marched over its sample times.
-
-What the engines of other packages share: steps, what is read after them, and the report.
+"""Run a scene in an engine of another package: steps, readings and the report.
 
 An adapter is a file: its settings, its presets, what it cannot express, and a World, which is the
 ball made ready in that engine. The package is imported when a world is made, not before.
 
-Ideal rolling on another engine's dynamics: its mass matrix and bias, our constraints.
-
+IdealWorld rolls ideally on the other engine's dynamics: its mass matrix and bias, our constraints.
 With u = (v of the sphere's centre, ω of the shell, hinge rates), world axes, rolling v = a ω×e_z,
 (ω, e_z) = 0 of the rubber model and given rates are linear in u with constant coefficients. So
 u = S w + s(t) with w the free part of ω, and the engine's M du/dt + h = 0 is projected on S: no

@@ -3,8 +3,6 @@
 Its rolling joints are for discs, whose contact point depends on the disc's axis. The rolling of a
 ball is a velocity constraint that we give it as a Python function, and so is the torque of what
 turns inside: as bodies of their own rotors would ask for tiny steps.
-
-Exudyn: the ball on an ideal rolling constraint of ours, and on Exudyn's own contact.
 """
 
 import time

@@ -1,8 +1,7 @@
-"""CSV as simulators write it: any delimiter, comments, a line of units, a byte order mark.
+"""Read and write tables of numbers with a header, as CSV, NPZ or Parquet.
 
-Tables of numbers with a header, as CSV, NPZ or Parquet; columns come back to the last bit.
-
-Samples of a command from a table of numbers.
+Columns come back to the last bit. CSV is read as simulators write it: with any delimiter, comments,
+a line of units, a byte order mark.
 """
 
 import codecs

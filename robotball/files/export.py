@@ -1,10 +1,7 @@
-"""A scene as plain data, with the numbers that an engine's model is made of.
+"""Export a scene for other simulators: a folder with JSON, MJCF, URDF, SDF and conventions.
 
-A scene as plain MJCF: bodies, hinges, contact and start, without any engine's recipe.
-
-A scene's bodies and hinges as URDF and as SDF.
-
-A folder with all that another simulator needs of a scene.
+The JSON has the numbers that an engine's model is made of. The MJCF has bodies, hinges, contact and
+start, without any engine's recipe; URDF and SDF have bodies and hinges.
 """
 
 import contextlib

@@ -3,11 +3,9 @@
 The section is an annulus: the points at L = ±√f differ with l. Orbits cross it in both
 directions, towards larger g (+1) and smaller (-1).
 
-Where a sampled Motion, of either engine, crosses the section g = g₀ of section 5.2.
-
-sections.py finds the crossings of the equations by its own steps; a contact engine's motion is
-known at its samples only, but with the exact rates there, for everything that stands still in
-space turns in the frame at v×ω.
+Crossings of the equations are found by the compiled steps. A contact engine's motion is known at
+its samples only, but with the exact rates there, for everything that stands still in space turns in
+the frame at v×ω.
 """
 
 import math

@@ -1,8 +1,6 @@
-"""What is ours and not the paper's: balances, symmetries and sums.
+"""Statements that are ours and not the paper's.
 
-What is ours and not the paper's: which balls exist.
-
-What is ours and not the paper's: the numbers of its figures' motions.
+Balances, symmetries and sums; which balls exist; the numbers of the motions of its figures.
 """
 
 from dataclasses import replace

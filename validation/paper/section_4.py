@@ -1,8 +1,6 @@
-"""Section 4, motion from rest for the rubber model, up to 4.1.
+"""Sections 4 and 4.1: motion from rest of the rubber model, and with K = 0.
 
-Section 4.1, motion from rest with K = 0: its fixed points, and the circle Σ¹ of them.
-
-Section 4.1, where motions from rest with K = 0 end, and Fig. 5.
+For K = 0: the fixed points, the circle Σ¹ of them, where motions end, and Fig. 5.
 """
 
 from dataclasses import replace

@@ -1,10 +1,8 @@
 """The atlas: each cell of the maps is run by the contact engine and judged by the equations.
 
-What the cells say together: outcomes, what was missed, and where the limits are.
-
-The maps as pictures: a panel an integrator and rolling model, one legend for all.
-
-A cell's outcome is told by its grey and its letter, so that no colour is needed.
+The cells together say which outcomes there are, what was missed and where the limits lie. A map's
+picture has a panel an integrator and rolling model; a cell shows its outcome by a grey and a
+letter, so that no colour is needed.
 """
 
 import logging

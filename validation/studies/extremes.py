@@ -1,8 +1,6 @@
-"""The catalog's ball with one thing changed and the rest held, over any number of decades.
+"""The maps of extremes as data: two axes each, how the run of a cell is made, what is held fixed.
 
-The maps as data: two axes each, how the run of a cell is made, and what is held fixed.
-
-The cells of a map: all integrators and values, or a few of them.
+A cell runs the catalog's ball with one thing changed and the rest held, over any number of decades.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,6 @@
-"""A trajectory's numbers beside the reference's, and how far they are apart, sample by sample.
+"""Mistakes that a trajectory's file may hold: other conventions of its numbers, or another scene.
 
-What the numbers of a file may mean other than what they should: the known mistakes.
-
-Scenes that somebody may have simulated instead of the one that was meant.
+Numbers of a file are compared with the reference's sample by sample, under each known mistake.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -1,8 +1,7 @@
-"""Random scenes: balls of mass points within their shell, in both rolling models.
+"""Measure whether failures are missed and alarms are false, over two seeded sets of random runs.
 
-Seeded random runs: extreme ones, each far out along a few axes, and ordinary ones.
-
-Are failures missed, and are alarms false? Two seeded sets of random runs.
+Scenes are balls of mass points within their shell, in both rolling models. Extreme runs lie far out
+along a few axes each; the others are ordinary.
 
 A run has failed where its path is over a tenth of its length off the equations', or where it broke
 off. It is reported where the precheck warned of it or the monitor found a fault.

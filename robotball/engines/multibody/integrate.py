@@ -1,15 +1,11 @@
-"""Ideal rolling of any robot in the shell: Scene → Motion, by the formulas of mechanics.
+"""Integrate the ideal rolling of any robot to round-off: Scene → Motion.
 
-What ends a smooth piece of a motion, as margins: each is positive while the modes stay.
-
-A motor reaches its torque limit or leaves it, the plane's resistance to rolling holds the shell no
-more, the ball lifts off. A margin is 1 where what it is of is farthest from its end.
-
-Steps of DOP853 along a motion that is smooth only between its breakpoints and its events.
+A motion is smooth between its breakpoints and its events, and DOP853 steps along each piece. Events
+are the zeros of margins, each positive while the modes stay: a motor reaches its torque limit or
+leaves it, the plane's resistance to rolling holds the shell no more, the ball lifts off. A margin
+is 1 where what it is of is farthest from its end.
 
 A step over an event is taken back: one that ends there takes its place, and the motion begins anew.
-
-Scene → Motion by the equations of any robot, integrated to round-off.
 """
 
 from dataclasses import dataclass, field, fields, replace

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from validation.commands.arguments import (
+from validation.options import (
     AGREES,
     DISAGREES,
     Names,

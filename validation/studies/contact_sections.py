@@ -17,13 +17,14 @@ A scene's Poincaré section by both engines, as points and as a picture.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from robotball import InputError, Motion, Scene, Settings, preset, sample_times
+from robotball import InputError, Motion, Scene, Settings, load_scene, preset, sample_times
 from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
@@ -38,9 +39,12 @@ from robotball.qualitative.sections import (
     section,
     section_starts,
 )
+from robotball.qualitative.straight_motions import straight_motions
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Start
-from validation.output import title
+from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
+from validation.output import progress_bar, title, writable_folder, write_picture, write_record
+from validation.results import changed, file_name
 
 STRETCH = 100.0  # s; in it M drifts by a few millionths at most
 NO_RETURN = 100  # stretches without enough crossings, after which a run is given up
@@ -141,8 +145,6 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
 
     The scene's own start for a count of 1, else random points of its section g = `g`.
     """
-    from robotball.qualitative.sections import section_starts  # compiled code takes a while to come
-
     check_count("starts", count, 1)
     check_seed(seed)
     M = scene.start.momentum
@@ -154,6 +156,47 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
     # The rubber model's M is horizontal by (3.1).
     c = float(M[2]) if scene.rolling == "classical" else 0.0
     return section_starts(L, random.uniform(-np.pi, np.pi, count), f, g, c)
+
+
+def steady_scene(name: str, purpose: str) -> Scene:
+    """A scene whose rates are constant; raises InputError for any other."""
+    scene = load_scene(name)
+    if not scene.steady:
+        raise InputError(
+            f"{scene.name}: its drives change in time, and {purpose} needs constant rates; "
+            f"'robotball compare {name}' shows its motion"
+        )
+    return scene
+
+
+def moving_scene(name: str, purpose: str) -> Scene:
+    """One that also has a momentum; raises InputError for a start from rest, M = 0."""
+    scene = steady_scene(name, purpose)
+    if not np.any(scene.start.momentum):
+        raise InputError(
+            f"{scene.name} starts from rest, and {purpose} needs a momentum M other than zero; "
+            f"'robotball equilibria {name}' shows the motion from rest"
+        )
+    return scene
+
+
+def attracted_scene(name: str, purpose: str) -> Scene:
+    """One that also has attractors; raises InputError where Ω = 0, and phase volume is kept."""
+    scene = moving_scene(name, purpose)
+    if not np.any(scene.parameters.Omega):
+        raise InputError(
+            f"{scene.name}: its frame does not turn (Ω = 0), so phase volume is kept and there "
+            f"are no attractors; 'robotball section {name}' shows its motion"
+        )
+    return scene
+
+
+def may_come_to_rest(scene: Scene) -> bool:
+    """Whether a straight-line motion with the scene's M² attracts: motions may end there."""
+    ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
+    if ball.rolling != "rubber" or not np.any(ball.Omega):
+        return False
+    return any(line.is_stable for line in straight_motions(ball, f))
 
 
 # An attractor forgives a longer step as well: 3e-5 of a path in 10 s at this one, in a third of
@@ -360,3 +403,71 @@ def draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) 
     axes.grid(alpha=0.3)
     axes.legend(loc="best", markerscale=2)
     return figure
+
+
+@dataclass(frozen=True)
+class Section:
+    """Draw a scene's Poincaré section g = g₀ on the annulus (l, L).
+
+    Example: robotball section fig12 --starts 4 --count 500
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    starts: int = 1
+    """Motions to follow: the scene's own alone, or as many random ones with its M² and (M, γ)."""
+    count: int = 2000
+    """Crossings of each."""
+    skip: int = 0
+    """Crossings of each to leave out first."""
+    g: float = 0.0
+    """The section's g₀ [rad]."""
+    preset: Preset = None
+    """Draw the engine's crossings as well, of the scene's own start, with these settings."""
+    seed: int = 0
+    """Of the random starts."""
+    out: Path = OUT
+    """Folder for the picture."""
+    threads: Threads = None
+    json: File = None
+    """Also write the points."""
+
+    def run(self) -> int:
+        scene = moving_scene(self.scene, "a section")
+        settings = None if self.preset is None else preset(self.preset)
+        words = ["section", *changed(self, "starts", "count", "skip", "g", "seed")]
+        if settings is None:
+            name = file_name(scene.name, None, words)
+        else:
+            name = file_name(scene.name, LABEL, [settings.name, *words])
+        path = writable_folder(self.out) / f"{name}.png"
+        attitudes, momenta = level_starts(scene, self.starts, self.seed, self.g)
+        total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
+        with progress_bar(1 if settings is None else 2) as show:
+            show(0, f"{scene.name}: equations")
+            points = section_by_equations(scene, attitudes, momenta, total, self.g)
+            engine = None
+            if settings is not None:
+                show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
+                duration = float(points.times[0, -1])
+                engine = section_by_contact(scene, settings, duration, self.g).late(self.skip)
+            points = points.late(self.skip)
+            write_picture(path, draw_section(scene, points, engine, self.g))
+        drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
+        for name, each in drawn.items():
+            growing = int(np.count_nonzero(each.directions == 1))
+            total = len(each.directions)
+            print(f"{name}: {total} crossings, {growing} with g growing, {total - growing} falling")
+        if may_come_to_rest(scene):
+            print("a straight-line motion with this M² attracts: what ends there crosses only by")
+            print(f"rounding; 'robotball equilibria {self.scene}' lists it")
+        print(path)
+        write_record(
+            self.json,
+            {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
+            | {
+                name: {field: values.tolist() for field, values in vars(each).items()}
+                for name, each in drawn.items()
+            },
+        )
+        return AGREES

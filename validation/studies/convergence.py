@@ -20,15 +20,25 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from operator import itemgetter
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.markup import escape
+from tyro.conf import arg
 
-from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate
+from robotball import (
+    ContactMotion,
+    InputError,
+    Motion,
+    Scene,
+    Settings,
+    integrate,
+    load_scene,
+    preset,
+)
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
@@ -38,7 +48,9 @@ from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
 from robotball.motion import path_error
 from robotball.rotations import Array
-from validation.output import Show, in_picture, scientific
+from validation.options import PRESET, Names, Once, OnceOptions, SceneName, listed
+from validation.output import Show, in_picture, progress_bar, scientific
+from validation.studies.ablation import without
 from validation.study import Column, Row, Study, table_of
 
 LEAST = 3  # points that make an order
@@ -197,7 +209,7 @@ class OwnLimit:
 
 
 @dataclass(frozen=True)
-class Convergence:
+class Runs:
     """All runs of one contact model, those of one integrator together, the longest step first."""
 
     scene: Scene
@@ -232,7 +244,7 @@ def measure_convergence(
     times: Array | None = None,
     halvings: int = HALVINGS,
     show: Show | None = None,
-) -> Convergence:
+) -> Runs:
     """Run every integrator at many steps on the contact model of `settings`.
 
     times: (n,) s, equally spaced from 0, the scene's own if None; halvings: of the sample interval,
@@ -251,7 +263,7 @@ def measure_convergence(
         _trial(runs, limit, before, method)
         for before, method in zip([None, *methods[:-1]], methods, strict=True)
     ]
-    return Convergence(scene, settings, float(theory.times[-1]), limit, tuple(trials))
+    return Runs(scene, settings, float(theory.times[-1]), limit, tuple(trials))
 
 
 def _methods(model: Model, interval: float, halvings: int) -> list[Method]:
@@ -375,7 +387,7 @@ TITLES: dict[Reference, str] = {
 NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
-def convergence_study(study: Convergence) -> Study:
+def convergence_study(study: Runs) -> Study:
     """Return every run, the orders, and the distance of the two references."""
     limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
     runs = rows(study)
@@ -414,7 +426,7 @@ RUNS = (
 )
 
 
-def _orders(study: Convergence, name: str) -> Row:
+def _orders(study: Runs, name: str) -> Row:
     """Return the texts of an integrator's orders, against each reference."""
     row = {"integrator": name, "claim": f"{ORDERS[name]}" if name in ORDERS else "rtol"}
     for against in REFERENCES:
@@ -442,7 +454,7 @@ def order_text(order: Order | None) -> str:
     return "-" if order is None else f"{order.order:.2f} ± {order.stderr:.2f}"
 
 
-def convergence_picture(study: Convergence) -> Figure:
+def convergence_picture(study: Runs) -> Figure:
     """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
     figure = Figure(figsize=INCHES, layout="constrained")
     title = f"{study.scene.name}, {study.settings.name}: {study.duration:g} s"
@@ -468,7 +480,7 @@ def convergence_picture(study: Convergence) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, study: Convergence, against: Reference) -> None:
+def _draw(axes: Axes, study: Runs, against: Reference) -> None:
     labelled: list[Order] = []
     for name, trials in study.by_name.items():
         order = study.order(name, against)
@@ -508,7 +520,7 @@ def _near(order: Order, other: Order) -> bool:
     return max(map(abs, apart)) < NEAR
 
 
-def rows(study: Convergence) -> list[dict[str, Any]]:
+def rows(study: Runs) -> list[dict[str, Any]]:
     """Return a row of plain numbers for every run."""
     return [
         {
@@ -523,7 +535,7 @@ def rows(study: Convergence) -> list[dict[str, Any]]:
     ]
 
 
-def record(study: Convergence) -> dict[str, Any]:
+def record(study: Runs) -> dict[str, Any]:
     """Return the study as plain data; an order or a stall that there is not is None."""
     orders = {
         name: {
@@ -547,3 +559,28 @@ def record(study: Convergence) -> dict[str, Any]:
         "orders": orders,
         "runs": rows(study),
     }
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Orders of convergence of every integrator, against the contact model's limit and theory.
+
+    Example: robotball convergence fig12 --quick --without softness,noslip
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    preset: Annotated[str, arg(metavar=PRESET)] = "accurate"
+    """The settings whose contact model it is; integrator and step are swept."""
+    without: Names = ()
+    """Choices of the ablation to undo in it. Several: softness,noslip. There are
+    drive, friction, cone, root, integrator, start, softness, noslip, solver, timestep."""
+    study: OnceOptions = field(default_factory=Once)
+
+    def run(self) -> int:
+        scene = load_scene(self.scene)
+        settings = without(preset(self.preset), listed(self.without))
+        times, halvings = self.study.times(scene), HALVINGS - 2 * self.study.quick
+        with progress_bar(1) as show:
+            measured = measure_convergence(scene, settings, times, halvings, show)
+        return self.study.present(convergence_study(measured))

@@ -6,30 +6,39 @@ import os
 import signal
 import statistics
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from operator import itemgetter
 from pathlib import Path
 from subprocess import PIPE
-from typing import Any
+from typing import Annotated, Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from rich import box
+from rich.console import Console
 from rich.markup import escape
+from rich.table import Table
+from tyro.conf import Positional, arg
 
-from robotball import InputError, Scene, engine_named, load_scene
+from robotball import InputError, Scene, engine_named, engine_names, load_scene
+from robotball.errors import unknown
 from robotball.film.looks import INK
-from validation.output import in_picture
+from validation.options import AGREES, Duration, Names, Sweep, SweepOptions, listed, seconds_of
+from validation.output import in_picture, print_whole, writable_folder
+from validation.results import changed
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs as process
 from validation.studies.convergence import Order, fit_order
-from validation.studies.engine_runs import Contestant, python_of
-from validation.studies.tradeoff import scene_cell
-from validation.study import Column, Row, Study, table_of
+from validation.studies.engine_runs import Contestant, contestants, install, python_of
+from validation.study import Column, Row, Study, scene_cell, table_of
 from validation.sweeps import Cell, Result, rows_of
 
+LIMIT = 300.0  # s that a run may take
+ROUNDS = 3  # of timing
 CANCELLED = 100.0  # a path so much better than M is one whose errors cancelled
 
 
@@ -334,3 +343,71 @@ def _plain(run: Run) -> dict[str, Any]:
 
 def _is_nan(value: Any) -> bool:
     return isinstance(value, float) and math.isnan(value)
+
+
+@dataclass(frozen=True)
+class Engines:
+    """List the engines and their presets; of scenes, each engine's error against its cost.
+
+    Example: robotball engines fig12 --only mujoco --quick
+    """
+
+    scenes: Positional[Annotated[tuple[str, ...], arg(metavar="[SCENE…]")]] = ()
+    """Names from the catalog, or paths to TOML files; without any the engines are listed."""
+    only: Names = ()
+    """Engines to run; all that are there if not given. Several: drake,bullet."""
+    install: Names = ()
+    """Make environments of their own for these engines first, by pip. Several: drake,bullet."""
+    environments: Path = Path("out/engines")
+    """Folder for the environments."""
+    duration: Duration = None
+    """Simulated time; each scene's own if not given."""
+    sweep: SweepOptions = field(default_factory=Sweep)
+
+    def run(self) -> int:
+        known = contestants()
+        for each in _chosen(known, listed(self.install)) if self.install else ():
+            print(install(each, writable_folder(self.environments)))
+        chosen = _chosen(known, listed(self.only) or tuple(known))
+        if not self.scenes:
+            if not self.install:
+                _list(chosen, self.environments)
+            return AGREES
+        writable_folder(self.sweep.out)
+        for name in self.scenes:
+            self._study(name, chosen)
+        return AGREES
+
+    def _study(self, name: str, chosen: Sequence[Contestant]) -> None:
+        scene, quick = load_scene(name), self.sweep.quick
+        seconds = seconds_of(self.duration, quick, scene)
+        cells = cells_of(name, chosen, self.environments, seconds, 1 if quick else ROUNDS)
+        results = self.sweep.results(measure, cells, f"{scene.name}-engines", LIMIT)
+        study = engines_study(scene, results, listed(self.only))
+        self.sweep.present(study, *changed(self, "duration"))
+
+
+def _chosen(known: dict[str, Contestant], names: tuple[str, ...]) -> list[Contestant]:
+    for name in names:
+        if name not in known:
+            raise unknown("engine", name, known)
+    return [known[name] for name in names]
+
+
+def _list(chosen: Sequence[Contestant], environments: Path) -> None:
+    table = Table("engine", "name", "version", "presets", "runs in", box=box.SIMPLE_HEAD)
+    there = {each.engine for each in chosen}
+    for each in chosen:
+        engine, python = engine_named(each.engine), python_of(each, environments)
+        place = "nowhere: not installed" if python is None else str(python.parents[1])
+        here = each.name == each.engine and python == Path(sys.executable)
+        version = engine.label.version if here else "-"
+        presets = ", ".join(engine.presets)
+        table.add_row(*map(escape, (each.name, engine.label.name, version, presets, place)))
+    for key in engine_names():
+        if key not in there:
+            try:
+                engine_named(key)
+            except InputError as error:
+                table.add_row(escape(key), "-", "-", escape(str(error)), "-")
+    print_whole(table, Console())

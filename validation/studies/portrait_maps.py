@@ -1,34 +1,31 @@
-"""Which phase portrait (4.1) has at each (K₃, Ω): the maps, a cell's record, and the sweep.
+"""Maps of the phase portraits of (4.1) over K₃ and Ω, with the curves of section 4.2 over them.
 
 (4.1) is linear in K and Ω together, so that of (K₃, Ω) only three ratios count: the size of both
 scales time alone. Each map is a plane through the ball of Figs 6 to 8.
-
-The maps of phase portraits as pictures and tables, with the curves of section 4.2 over them.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from operator import itemgetter
+from typing import Annotated, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from rich import box
-from rich.console import Console
 from rich.table import Table
+from tyro.conf import Positional, arg
 
-from robotball import InputError
 from robotball.equations import Parameters, Vector
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative.equilibria import kappa, name_of, proposition_2
 from robotball.rotations import Array
-from validation.output import Show, halo, print_whole
-from validation.sweeps import Cell, Result, sweep
+from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
+from validation.output import halo, writable_folder, write_record
+from validation.study import Column, Study, show, table_of
+from validation.sweeps import Cell, Result, rows_of
 
 A: Vector = (0.5, 0.4, 0.3)  # of Figs 5 to 8, 1/(kg m²)
 OMEGA: Vector = (4.0, 2.0, 1.0)  # rad/s
@@ -79,42 +76,10 @@ PLANES = {
 }  # fmt: skip
 
 
-def chosen(names: Sequence[str]) -> list[Plane]:
-    """The maps named, or all for none; raises InputError for one that there is not."""
-    for name in names:
-        if name not in PLANES:
-            raise InputError(f"no map is called {name!r}; there are {', '.join(PLANES)}")
-    return [PLANES[name] for name in names or PLANES]
-
-
 def cells_of(plane: Plane, count: int) -> list[Cell]:
     """The cells of a map, row by row."""
     across, up = plane.axes(count)
     return [{"map": plane.name, "K3": K3, "y": y} for y in up for K3 in across]
-
-
-def survey(
-    planes: Sequence[Plane],
-    count: int,
-    file: Path,
-    show: Show,
-    *,
-    workers: int | None = None,
-    cluster: str | None = None,
-) -> dict[str, list[Result]]:
-    """The results of the maps' cells by the map's name; `file` keeps them for another time."""
-    results: dict[str, list[Result]] = {}
-    for done, plane in enumerate(planes):
-        results[plane.name] = sweep(
-            measure,
-            cells_of(plane, count),
-            file,
-            workers=workers,
-            cluster=cluster,
-            limit=LIMIT,
-            show=partial(_show, show, done * count**2, plane.name),
-        )
-    return results
 
 
 def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
@@ -140,10 +105,6 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
         ],
         "basins": found.basins,
     }
-
-
-def _show(show: Show, done: int, name: str, part: float, words: str) -> None:
-    show(done + part, f"{name}: {words}")
 
 
 FINE = 70  # values of an axis for the curves
@@ -316,16 +277,50 @@ def as_predicted(ball: Parameters, record: Mapping[str, Any]) -> bool:
     return len(record["points"]) == expected and record["points"]["Γ₅"] == kind
 
 
-def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
-    """Print the counts, and how the formulas did."""
+def shown(records: Sequence[Mapping[str, Any]]) -> Iterator[Table | str]:
+    """Yield the counts, and how the formulas did."""
     for record in records:
-        table = Table(f"map {record['map']}: {record['cells']} cells", "cells", box=box.SIMPLE_HEAD)
-        for counts in record["counts"].values():
-            for words, count in counts.items():
-                table.add_row(words, str(count))
-            table.add_section()
-        print_whole(table, console)
-        console.print(
+        columns = (
+            Column(f"map {record['map']}: {record['cells']} cells", itemgetter("what"), words=True),
+            Column("cells", lambda row: str(row["count"])),
+        )
+        rows = [
+            {"title": title, "what": words, "count": count}
+            for title, counts in record["counts"].items()
+            for words, count in counts.items()
+        ]
+        yield table_of(columns, rows, section="title")
+        yield (
             f"number of fixed points and type of Γ₅ against the formulas: "
             f"{record['against_the_formulas']} cells differ; {record['failed']} without a result"
         )
+
+
+@dataclass(frozen=True)
+class Portraits:
+    """Map the phase portraits of motion from rest over K₃ and Ω, which section 4.2 leaves open.
+
+    Example: robotball portraits axial --quick
+    """
+
+    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
+    """Which maps, axial (K₃ and Ω₃) or azimuth (K₃ and the angle of Ω₁, Ω₂); both if none."""
+    sweep: SweepOptions = field(default_factory=Sweep)
+    json: File = None
+    """Also write how many cells have which portrait."""
+
+    def run(self) -> int:
+        planes = chosen("map", self.maps, PLANES)
+        writable_folder(self.sweep.out)
+        count = QUICK_COUNT if self.sweep.quick else COUNT
+        found = {
+            each.name: self.sweep.results(measure, cells_of(each, count), "portraits", LIMIT)
+            for each in planes
+        }
+        records = summary(planes, found)
+        show(shown(records))
+        for each, results in zip(planes, found.values(), strict=True):
+            rows, drawn = rows_of(results), picture(each, results)
+            self.sweep.present(Study("portraits", None, [each.name], rows, picture=drawn))
+        write_record(self.json, {"quick": self.sweep.quick, "summary": records})
+        return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

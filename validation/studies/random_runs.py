@@ -38,8 +38,7 @@ from robotball.rotations import Array
 from robotball.scene import Start
 from validation.agreement import compare
 from validation.output import Show
-from validation.studies.atlas import WRONG
-from validation.studies.extremes import scaled, scaled_frame, scaled_rotor, scaled_shell
+from validation.studies.extreme_maps import WRONG, scaled, scaled_body
 
 SEED = 20190501
 
@@ -176,11 +175,11 @@ def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
 def _heavier_part(scene: Scene, factor: float, part: str) -> Scene:
     ball = scene.ball
     if part == "shell":
-        heavier = replace(ball, shell=scaled_shell(ball.shell, factor))
+        heavier = replace(ball, shell=scaled_body(ball.shell, factor))
     elif part == "frame":
-        heavier = replace(ball, frame=scaled_frame(ball.frame, factor))
+        heavier = replace(ball, frame=scaled_body(ball.frame, factor))
     else:
-        rotors = tuple(scaled_rotor(rotor, factor) for rotor in ball.rotors)
+        rotors = tuple(scaled_body(rotor, factor) for rotor in ball.rotors)
         heavier = replace(ball, rotors=rotors)
     return replace(scene, ball=heavier)
 

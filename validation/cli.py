@@ -1,8 +1,8 @@
 """The `robotball` command: arguments in, exit status out.
 
 Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what the system refuses.
-Nothing that a command needs is imported before it runs. A character that a stream cannot show, and
-a reader that goes away, end no command.
+The module of a command is imported when that command is named. A character that a stream cannot
+show, and a reader that goes away, end no command.
 """
 
 import contextlib

@@ -5,7 +5,7 @@ Numbers of a file are compared with the reference's sample by sample, under each
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, partial, reduce
 from itertools import permutations, product
 from typing import Any
 
@@ -169,35 +169,26 @@ class Convention:
 
 
 def conventions(truth: Truth, has_height: bool) -> Iterator[Convention]:
-    """All that are tried on a trajectory of the reference's motion.
+    """Yield all that are tried on a trajectory of the reference's motion.
 
-    has_height: whether its z is known, without which no world but one with the same vertical is
-    tried.
+    has_height: whether its z is known. Without it only worlds with the same vertical are tried.
     """
-    yield from _combined("attitude", [_orders(), _senses(), _frames(truth)])
-    yield from _combined("position", [_origins(), _lengths(truth), _planes(), _places(truth)])
-    yield from _combined("angular velocity", [_units(), _signs(), _axes(truth), _bodies(truth)])
+    yield from _combined("attitude", _attitudes(truth))
+    yield from _combined("position", _positions(truth))
+    yield from _combined("angular velocity", _rates(truth))
     yield from (Convention("world", *part, 1) for part in _worlds(has_height))
 
 
 def _combined(family: str, parts: Sequence[Sequence[Part]]) -> Iterator[Convention]:
-    for chosen in product(*([("", _same), *each] for each in parts)):
+    """Yield all combinations with at most one of each kind of part."""
+    for chosen in product(*([("", lambda numbers: numbers), *each] for each in parts)):
         names = [name for name, _ in chosen if name]
         if names:
             yield Convention(family, "; ".join(names), _all([f for _, f in chosen]), len(names))
 
 
-def _same(numbers: Numbers) -> Numbers:
-    return numbers
-
-
 def _all(changes: Sequence[Change]) -> Change:
-    def undo(numbers: Numbers) -> Numbers:
-        for change in changes:
-            numbers = change(numbers)
-        return numbers
-
-    return undo
+    return lambda numbers: reduce(lambda some, change: change(some), changes, numbers)
 
 
 # Attitude ----------------------------------------------------------------------------------
@@ -207,47 +198,49 @@ def _turned(change: Callable[[Array], Array]) -> Change:
     return lambda numbers: numbers.changed(attitude=change(numbers.attitude))
 
 
-def _orders() -> list[Part]:
-    return [
+def _right(q: Array) -> Change:
+    return _turned(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
+
+
+def _attitudes(truth: Truth) -> list[list[Part]]:
+    """Return orders of a quaternion's numbers, its senses, and frames of which it may be."""
+    scene, start = truth.motion.scene, truth.motion.scene.start.attitude
+    counted = "the attitude is counted from the start, in"
+    orders = [
         ("the quaternion's order is x, y, z, w", _turned(lambda q: q[:, [3, 0, 1, 2]])),
         ("qx, qy, qz, qw hold w, x, y, z", _turned(lambda q: q[:, [1, 2, 3, 0]])),
     ]
-
-
-def _senses() -> list[Part]:
-    return [("the rotation is from world to frame (conjugate, transposed)", _turned(conjugate))]
-
-
-def _frames(truth: Truth) -> list[Part]:
-    scene, start = truth.motion.scene, truth.motion.scene.start.attitude
-    principal = conjugate(scene.principal_quaternion)
-    half = truth.frame_angle[:, None] / 2
-    axis = scene.ball.shell.axis
-    in_shell = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
-    parts = [
-        ("the attitude is the shell's, not the frame's", _right(in_shell)),
-        ("the attitude is that of the ball's principal axes", _right(principal)),
-        ("the attitude is counted from the start, in world axes", _right(start)),
+    senses = [("the rotation is from world to frame (conjugate, transposed)", _turned(conjugate))]
+    frames = [
+        ("the attitude is the shell's, not the frame's", _right(_in_shell(truth, 1))),
         (
-            "the attitude is counted from the start, in frame axes",
-            _turned(lambda q: multiply(start, q)),
+            "the attitude is that of the ball's principal axes",
+            _right(conjugate(scene.principal_quaternion)),
+        ),
+        (f"{counted} world axes", _right(start)),
+        (f"{counted} frame axes", _turned(lambda q: multiply(start, q))),
+        *(
+            (
+                f"the frame's axes are others: the file's {XYZ} are the scene's {_text(S)}",
+                _right(from_matrix(S)),
+            )
+            for S in _rotations()
         ),
     ]
-    for S in _rotations():
-        name = f"the frame's axes are others: the file's {XYZ} are the scene's {_text(S)}"
-        parts.append((name, _right(from_matrix(S))))
-    return parts
+    return [orders, senses, frames]
 
 
-def _right(q: Array) -> Change:
-    return _turned(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
+def _in_shell(truth: Truth, sense: int) -> Array:
+    """Return the frame's attitude in the shell (n, 4), or for the sense -1 its inverse."""
+    half, axis = sense * truth.frame_angle[:, None] / 2, truth.motion.scene.ball.shell.axis
+    return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
 
 
 # Position ----------------------------------------------------------------------------------
 
 
 def _moved(change: Callable[[Array], Array]) -> Change:
-    """Of the horizontal part (n, 2)."""
+    """Return what undoes a change of the horizontal part (n, 2)."""
 
     def undo(numbers: Numbers) -> Numbers:
         height = numbers.position[:, 2:]
@@ -257,28 +250,22 @@ def _moved(change: Callable[[Array], Array]) -> Change:
     return undo
 
 
-def _origins() -> list[Part]:
-    return [("the path does not start at (0, 0)", _moved(lambda p: p - p[0]))]
+def _resized(size: float) -> Change:
+    return lambda numbers: numbers.changed(position=size * numbers.position)
 
 
-def _lengths(truth: Truth) -> list[Part]:
-    units = {unit: size for unit, size in LENGTHS.items() if unit != "m"}
-    names = {f"the positions are in {SPELT.get(u, u)}": size for u, size in units.items()}
+def _positions(truth: Truth) -> list[list[Part]]:
+    """Return origins, units, axes of the plane, and points of the ball that x, y may be of."""
     a = truth.motion.scene.ball.radius
-    names |= {"the positions are in radii of the ball": a, "the positions are in diameters": 2 * a}
-    return [
-        (name, partial(_resized, size))
-        for name, size in names.items()
+    sizes = {SPELT.get(unit, unit): size for unit, size in LENGTHS.items() if unit != "m"}
+    sizes |= {"radii of the ball": a, "diameters": 2 * a}
+    origins = [("the path does not start at (0, 0)", _moved(lambda p: p - p[0]))]
+    lengths = [
+        (f"the positions are in {unit}", _resized(size))
+        for unit, size in sizes.items()
         if not 1 / NEAR < size < NEAR
     ]
-
-
-def _resized(size: float, numbers: Numbers) -> Numbers:
-    return numbers.changed(position=size * numbers.position)
-
-
-def _planes() -> list[Part]:
-    return [
+    planes = [
         ("x and y are exchanged", _moved(lambda p: p[:, ::-1])),
         ("x has the other sign", _moved(lambda p: p * [-1, 1])),
         ("y has the other sign", _moved(lambda p: p * [1, -1])),
@@ -287,16 +274,12 @@ def _planes() -> list[Part]:
         ("x, y are the scene's -y, x", _moved(lambda p: p[:, ::-1] * [1, -1])),
         ("x, y are the scene's -y, -x", _moved(lambda p: -p[:, ::-1])),
     ]
-
-
-def _places(truth: Truth) -> list[Part]:
-    scene = truth.motion.scene
-    reach = 1e-6 * scene.ball.radius
-    return [
+    places = [
         (f"x, y are of the {name}'s centre of mass", _moved(partial(np.add, -place)))
         for name, place in truth.places.items()
-        if np.abs(place).max() > reach
+        if np.abs(place).max() > 1e-6 * a
     ]
+    return [origins, lengths, planes, places]
 
 
 # Angular velocity --------------------------------------------------------------------------
@@ -311,23 +294,14 @@ def _rated(change: Callable[[Array, Numbers], Array]) -> Change:
     return undo
 
 
-def _units() -> list[Part]:
+def _rates(truth: Truth) -> list[list[Part]]:
+    """Return units, signs and axes of ω, and the bodies of which it may be."""
+    scene, to_frame = truth.motion.scene, _in_shell(truth, -1)
+    more = np.outer(truth.frame_rate, scene.ball.shell.axis)
     sizes = {"deg/s": np.pi / 180, "revolutions per second": 2 * np.pi, "rpm": 2 * np.pi / 60}
-    return [
-        (f"the angular velocity is in {unit}", _rated(partial(_times, size)))
-        for unit, size in sizes.items()
-    ]
-
-
-def _signs() -> list[Part]:
-    return [("the angular velocity has the other sign", _rated(lambda w, _: -w))]
-
-
-def _axes(truth: Truth) -> list[Part]:
-    scene = truth.motion.scene
-    half = -truth.frame_angle[:, None] / 2
-    to_frame = np.concatenate([np.cos(half), np.sin(half) * scene.ball.shell.axis], axis=1)
-    parts: list[Part] = [
+    units = [(f"the angular velocity is in {unit}", _scaled(size)) for unit, size in sizes.items()]
+    signs = [("the angular velocity has the other sign", _scaled(-1.0))]
+    axes = [
         (
             "the angular velocity is in world axes",
             _rated(lambda w, numbers: _rotated(w, conjugate(numbers.attitude))),
@@ -337,33 +311,24 @@ def _axes(truth: Truth) -> list[Part]:
             _rated(lambda w, numbers: _rotated(w, numbers.attitude)),
         ),
         ("the angular velocity is in the shell's axes", _rated(lambda w, _: _rotated(w, to_frame))),
-        (
-            "the angular velocity is in principal axes",
-            _rated(lambda w, _: w @ scene.principal_axes.T),
+        ("the angular velocity is in principal axes", _along(scene.principal_axes.T)),
+        *(
+            (f"the angular velocity's {XYZ} are along the scene's {_text(S)}", _along(S))
+            for S in _rotations()
         ),
     ]
-    for S in _rotations():
-        name = f"the angular velocity's {XYZ} are along the scene's {_text(S)}"
-        parts.append((name, _rated(partial(_along, S))))
-    return parts
-
-
-def _bodies(truth: Truth) -> list[Part]:
-    more = np.outer(truth.frame_rate, truth.motion.scene.ball.shell.axis)
-    return [
-        (
-            "the angular velocity is the shell's, not the frame's",
-            _rated(lambda w, _: w + more),
-        )
+    bodies = [
+        ("the angular velocity is the shell's, not the frame's", _rated(lambda w, _: w + more))
     ]
+    return [units, signs, axes, bodies]
 
 
-def _times(size: float, w: Array, _: Numbers) -> Array:
-    return w * size
+def _scaled(size: float) -> Change:
+    return _rated(lambda w, _: size * w)
 
 
-def _along(S: Array, w: Array, _: Numbers) -> Array:
-    return w @ S
+def _along(S: Array) -> Change:
+    return _rated(lambda w, _: w @ S)
 
 
 def _rotated(v: Array, attitude: Array) -> Array:

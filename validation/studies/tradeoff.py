@@ -301,36 +301,21 @@ class Configuration:
 _PRESETS = {repr(sorted(options_of(s).items())): name for name, s in PRESETS.items()}
 
 
-def configurations_of(results: Sequence[Result]) -> tuple[list[Configuration], float]:
-    """Return the results as configurations, and the cost of the bare loop's second [s].
-
-    It is the median over the whole study.
-    """
-    baselines = [r.record["baseline"] for r in results if r.record is not None]
-    baseline = float(np.median(baselines)) if baselines else math.nan
-    return [_configuration(result, baseline) for result in results], baseline
-
-
 def _configuration(result: Result, baseline: float) -> Configuration:
-    options = options_of(settings_with(result.cell))
-    record = result.record
-    if record is None:
-        reason = result.failure or ""
-        return Configuration(
-            options, math.nan, math.nan, math.nan, (math.nan,) * 2, math.nan, reason
-        )
-    error, of_momentum = (
-        math.nan if record[name] is None else float(record[name])
-        for name in ("path_error", "momentum_error")
-    )
+    record = result.record or {}
+
+    def number(name: str) -> float:
+        value = record.get(name)
+        return math.nan if value is None else float(value)
+
     return Configuration(
-        options,
-        error,
-        of_momentum,
-        record["ratio"],
-        (record["ratio_least"], record["ratio_most"]),
-        record["ratio"] * baseline,
-        "; ".join(record["faults"]),
+        options_of(settings_with(result.cell)),
+        number("path_error"),
+        number("momentum_error"),
+        number("ratio"),
+        (number("ratio_least"), number("ratio_most")),
+        number("ratio") * baseline,
+        "; ".join(record["faults"]) if record else result.failure or "",
     )
 
 
@@ -425,7 +410,9 @@ class Comparison:
 
 def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Comparison:
     """Return the comparison that the results of `measure` make."""
-    configurations, baseline = configurations_of(results)
+    baselines = [result.record["baseline"] for result in results if result.record is not None]
+    baseline = float(np.median(baselines)) if baselines else math.nan
+    configurations = [_configuration(result, baseline) for result in results]
     front = sound_pareto_front(configurations)
     good_enough = [each for each in front if each.error <= TARGET]
     lines = first_order_lines(configurations)

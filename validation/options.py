@@ -177,12 +177,12 @@ def chosen(kind: str, names: Sequence[str], known: Mapping[str, T]) -> list[T]:
 
 
 def listed(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names of an option of `Names`: lists with commas, of all times that it is given."""
+    """Return the names of an option of `Names`: lists with commas, given any number of times."""
     return tuple(name.strip() for each in names for name in each.split(",") if name.strip())
 
 
 def seconds_of(duration: float | None, quick: bool, scene: Scene) -> float:
-    """The simulated time [s] of a study; InputError unless it can be one."""
+    """Return the simulated time [s] of a study. Raises InputError unless it is positive."""
     from robotball.errors import check_positive
 
     if duration is None:
@@ -192,7 +192,7 @@ def seconds_of(duration: float | None, quick: bool, scene: Scene) -> float:
 
 
 def times_of(duration: float | None) -> Array | None:
-    """Sample times of a duration [s]; None, each scene's own, where none is given."""
+    """Return sample times of a duration [s]; None, each scene's own, where none is given."""
     from robotball import sample_times
 
     return None if duration is None else sample_times(duration)

@@ -138,7 +138,7 @@ class Steer:
 
 
 def points_of(text: str) -> list[tuple[float, float]]:
-    """Pairs X,Y of a text; raises InputError where it is none."""
+    """Return the pairs X,Y of a text. Raises InputError where it holds anything else."""
     from robotball import InputError
 
     try:

@@ -46,7 +46,7 @@ NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is roundin
 
 
 def circle_rows(circle: FixedCircle) -> list[tuple[str, str, str, str]]:
-    """The two halves of the circle of fixed points as rows of the table."""
+    """Return the two halves of the circle of fixed points as rows of the table."""
     rows = []
     for name, angles, word in (
         ("Σ_s", (0.0, np.pi / 2), "attracts"),
@@ -61,13 +61,13 @@ def circle_rows(circle: FixedCircle) -> list[tuple[str, str, str, str]]:
 
 
 def straight_row(line: StraightMotion) -> tuple[str, str, str, str]:
-    """A straight-line motion as a row of the table."""
+    """Return a straight-line motion as a row of the table."""
     kind = "stable" if line.is_stable else "unstable"
     return "straight", row(line.gamma), row(line.eigenvalues), kind
 
 
 def path_words(path: ContactPath, a: float) -> str:
-    """What the contact point runs on, at a fixed point of a ball of radius a [m]."""
+    """Describe the contact point's path at a fixed point of a ball of radius a [m]."""
     if path.speed < a * max(abs(path.turning), 1.0) / NEARLY_STRAIGHT:
         return "spins on the spot" if path.turning else "at rest"
     straight = path.radius > NEARLY_STRAIGHT * a
@@ -83,7 +83,7 @@ def record(
     more: dict[str, Any],
     names: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """All of it as plain data."""
+    """Return all that was found as plain data."""
     return {
         "fixed_points": [
             {
@@ -118,7 +118,7 @@ def record(
 
 
 def row(values: Array) -> str:
-    """Numbers side by side, rounding left out; conjugate ones as a ± bi."""
+    """Return numbers side by side, without rounding errors; conjugate ones as a ± bi."""
     values = np.round(values, 12) + 0.0
     if np.isrealobj(values) or not np.any(values.imag):
         return ", ".join(f"{x:.5g}" for x in values.real)
@@ -127,7 +127,7 @@ def row(values: Array) -> str:
 
 
 def pairs(values: Array) -> list[list[float]]:
-    """Complex numbers as [real, imaginary]."""
+    """Return complex numbers as [real, imaginary]."""
     return [[float(z.real), float(z.imag)] for z in values]
 
 
@@ -160,7 +160,7 @@ class Equilibria:
         return self._rubber(scene)
 
     def _classical(self, scene: Scene) -> int:
-        """A classical ball has an equilibrium at every γ, and no motion from rest of its own."""
+        """List the scene's own straight motion: a classical ball has one at every γ."""
         gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
         line = straight_motion(scene.parameters, gamma)
         table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)

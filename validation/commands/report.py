@@ -94,7 +94,7 @@ class Report:
         return AGREES if all(each.agrees for each in agreements) else DISAGREES
 
     def _filmed(self, agreement: "Agreement", folder: Path) -> Path:
-        """A small film of an agreement, so that the page stays below six megabytes."""
+        """Write a small film of an agreement, so that the page stays below six megabytes."""
         from robotball.film.render import Film
         from robotball.film.write import write_video
         from validation.output import progress_bar
@@ -111,7 +111,7 @@ class Report:
         return path
 
     def _command(self) -> str:
-        """The command line that makes the same report."""
+        """Return the command line that makes the same report."""
         import shlex
 
         options = self.run_options

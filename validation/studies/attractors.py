@@ -54,8 +54,10 @@ DRIFTS = {"fig12": 3.65907, "fig13": 3.665, "fig14": 3.276}  # m/s along OX
 
 @dataclass(frozen=True)
 class Measurement:
-    """One quantity by both engines; `apart`, which is to be below `bound`; error: the sampling's,
-    at one standard deviation, 0 where nothing is random.
+    """One quantity by both engines.
+
+    apart, bound: their difference and what it may be at most; error: the sampling's, at one
+    standard deviation, 0 where nothing is random.
     """
 
     claim: str
@@ -71,7 +73,7 @@ class Measurement:
 
 
 def measure_cycle(show: Show) -> Iterator[Measurement]:
-    """Fig. 11a's periodic orbit: period, fixed point, multiplier, drift."""
+    """Measure Fig. 11a's periodic orbit: period, fixed point, multiplier, drift."""
     show(0, "Fig. 11a: periodic orbit")
     scene = load_scene("fig12")
     cycle = fixed_point(scene.parameters, 3.6, 0.6, F)
@@ -92,13 +94,13 @@ def measure_cycle(show: Show) -> Iterator[Measurement]:
 
 
 def crossing_of(cycle: Cycle, parameters: Parameters) -> tuple[float, float]:
-    """(L, l) where a periodic orbit crosses g = 0 with g falling."""
+    """Return (L, l) where a periodic orbit crosses g = 0 with g falling."""
     found = section(parameters, cycle.attitude[None], cycle.momentum[None], 1, direction=-1)
     return float(found.L[0, 0]), float(found.l[0, 0])
 
 
 def measure_torus(show: Show) -> Iterator[Measurement]:
-    """Fig. 11a's limit torus: every section point of MuJoCo's against the equations' curve."""
+    """Measure Fig. 11a's limit torus: how far MuJoCo's section points are from the curve."""
     show(1, "Fig. 11a: limit torus")
     scene = load_scene("fig13")
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
@@ -110,7 +112,7 @@ def measure_torus(show: Show) -> Iterator[Measurement]:
 
 
 def measure_clouds(show: Show) -> Iterator[Measurement]:
-    """Fig. 11b's strange attractor: its cloud among the equations' own."""
+    """Measure Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
     contact = cloud_by_contact(
         build(scene, COARSE),
@@ -131,7 +133,7 @@ def measure_clouds(show: Show) -> Iterator[Measurement]:
 
 
 def measure_exponents(show: Show) -> Iterator[Measurement]:
-    """Fig. 11b's largest exponent, and the growth of both engines along the same motion."""
+    """Measure Fig. 11b's largest exponent, and the growth of both engines along one motion."""
     scene = load_scene("fig14")
     contact = contact_exponent(
         build(scene, COARSE),
@@ -163,7 +165,7 @@ def measure_drift(scene: str, velocity: float, error: float, bound: float) -> Me
 
 
 def measure_attractors(show: Show, quick: bool = False) -> list[Measurement]:
-    """All measurements, or if `quick` the periodic orbit's; show is told of eight parts."""
+    """Make all measurements, or if `quick` the periodic orbit's; show: called with 0 to 8 parts."""
     studies = (measure_cycle, measure_torus, measure_clouds, measure_exponents)[: 1 if quick else 4]
     return [measurement for study in studies for measurement in study(show)]
 
@@ -187,7 +189,7 @@ def show_attractors(measurements: Sequence[Measurement], console: Console) -> No
 
 
 def record(measurements: Sequence[Measurement]) -> dict[str, Any]:
-    """The measurements as plain data."""
+    """Return the measurements as plain data."""
     return {"measurements": [{**asdict(each), "holds": each.holds} for each in measurements]}
 
 

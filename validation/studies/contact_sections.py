@@ -64,18 +64,18 @@ class ContactCycle:
 
 
 def start_at(model: Model, L: float, l: float, f: float) -> Start:
-    """The start of the model's ball at the point (L, l) of g = 0, in its frame's own axes."""
+    """Return the start of the model's ball at (L, l) of g = 0, in its frame's own axes."""
     attitudes, momenta = section_starts(np.array([L]), np.array([l]), f)
     return own_start(model.scene, attitudes[0], momenta[0])
 
 
 def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
-    """A start of the equations, whose axes are principal axes, in the frame's own axes."""
+    """Return a start in the frame's own axes, given in principal axes, which the equations have."""
     return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
 
 
 def sound_run(model: Model, start: Start, duration: float) -> Motion:
-    """The motion sampled at every step; raises InputError where it has a fault."""
+    """Return the motion sampled at every step. Raises InputError where it has a fault."""
     motion = run(model, sample_times(duration, model.compiled.opt.timestep), start=start)
     if motion.report.faults:
         raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
@@ -85,9 +85,9 @@ def sound_run(model: Model, start: Start, duration: float) -> Motion:
 def returns(
     model: Model, start: Start, count: int, direction: int = 1
 ) -> tuple[Crossings, float, Array]:
-    """The first `count` crossings of g = 0 in a direction (0: in both).
+    """Return the first `count` crossings of g = 0 in a direction (0: in both).
 
-    Also how long the run was [s] and the contact point's displacement (2,) over it [m]. Raises
+    Besides, how long the run was [s], and the contact point's displacement (2,) over it [m]. Raises
     InputError where a run has a fault, or does not come back often enough.
     """
     found: list[Crossings] = []
@@ -106,9 +106,9 @@ def returns(
 def contact_cycle(
     model: Model, L: float, l: float, f: float, period: float, direction: int = 1
 ) -> ContactCycle:
-    """The periodic motion that crosses g = 0 near (L, l) in a direction, once in about `period` s.
+    """Find the periodic motion that crosses g = 0 near (L, l), once in about `period` [s].
 
-    Newton's method on MuJoCo's own map, whose derivative is from runs started a little apart.
+    By Newton's method on MuJoCo's own map, whose derivative comes from runs started a little apart.
     Raises InputError where that does not converge.
     """
 
@@ -135,15 +135,16 @@ def contact_cycle(
 
 
 def _short(difference: Array) -> Array:
-    """A difference (L, l) with the angle's part between -π and π."""
+    """Return a difference (L, l) with the angle's part between -π and π."""
     L, l = difference
     return np.array([L, (l + np.pi) % (2 * np.pi) - np.pi])
 
 
 def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[Array, Array]:
-    """Attitudes (n, 4), principal axes, and world momenta (n, 3) on the scene's level of M.
+    """Return starts on the scene's level of M: attitudes (n, 4) and world momenta (n, 3).
 
-    The scene's own start for a count of 1, else random points of its section g = `g`.
+    Attitudes are of the principal axes. The scene's own start for a count of 1, else random points
+    of its section g = `g`.
     """
     check_count("starts", count, 1)
     check_seed(seed)
@@ -159,7 +160,7 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
 
 
 def steady_scene(name: str, purpose: str) -> Scene:
-    """A scene whose rates are constant; raises InputError for any other."""
+    """Load a scene whose rates are constant. Raises InputError for any other."""
     scene = load_scene(name)
     if not scene.steady:
         raise InputError(
@@ -170,7 +171,7 @@ def steady_scene(name: str, purpose: str) -> Scene:
 
 
 def moving_scene(name: str, purpose: str) -> Scene:
-    """One that also has a momentum; raises InputError for a start from rest, M = 0."""
+    """Load a steady scene with a momentum. Raises InputError for a start from rest, M = 0."""
     scene = steady_scene(name, purpose)
     if not np.any(scene.start.momentum):
         raise InputError(
@@ -181,7 +182,10 @@ def moving_scene(name: str, purpose: str) -> Scene:
 
 
 def attracted_scene(name: str, purpose: str) -> Scene:
-    """One that also has attractors; raises InputError where Ω = 0, and phase volume is kept."""
+    """Load a moving scene that has attractors.
+
+    Raises InputError where Ω = 0, and phase volume is kept.
+    """
     scene = moving_scene(name, purpose)
     if not np.any(scene.parameters.Omega):
         raise InputError(
@@ -192,7 +196,7 @@ def attracted_scene(name: str, purpose: str) -> Scene:
 
 
 def may_come_to_rest(scene: Scene) -> bool:
-    """Whether a straight-line motion with the scene's M² attracts: motions may end there."""
+    """Return whether a straight-line motion with the scene's M² attracts: motions may end there."""
     ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
     if ball.rolling != "rubber" or not np.any(ball.Omega):
         return False
@@ -220,7 +224,7 @@ class Recipe:
     direction: int = 1
 
     def points(self, seed: int) -> tuple[Array, Array]:
-        """Attitudes (starts, 4) and world momenta (starts, 3), evenly over the annulus."""
+        """Return attitudes (starts, 4) and world momenta (starts, 3), evenly over the annulus."""
         random = np.random.default_rng(seed)
         L = random.uniform(-1.0, 1.0, self.starts) * np.sqrt(self.f)
         return section_starts(L, random.uniform(-np.pi, np.pi, self.starts), self.f)
@@ -243,7 +247,7 @@ class Torus:
     direction: int = 1
 
     def points(self, seed: int) -> tuple[Array, Array]:
-        """Attitudes (starts, 4) and world momenta (starts, 3)."""
+        """Return attitudes (starts, 4) and world momenta (starts, 3)."""
         offsets = np.random.default_rng(seed).uniform(-self.spread, self.spread, (2, self.starts))
         return section_starts(self.L + offsets[0], self.l + offsets[1], self.f)
 
@@ -263,7 +267,10 @@ class Cloud:
 
 
 def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int) -> Cloud:
-    """The recipe's cloud by the equations; raises InputError where a start gives too few points."""
+    """Return the recipe's cloud by the equations.
+
+    Raises InputError where a start gives too few points.
+    """
     attitudes, momenta = recipe.points(seed)
     total = recipe.skipped + recipe.count
     found = section(
@@ -282,7 +289,7 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int
 def cloud_by_contact(
     model: Model, recipe: Recipe | Torus, seed: int, progress: Callable[[float], None] | None = None
 ) -> Cloud:
-    """The same by MuJoCo's contact model; raises InputError where a run has a fault."""
+    """Return the recipe's cloud by MuJoCo. Raises InputError where a run has a fault."""
     parts, velocities = [], []
     for i, (attitude, momentum) in enumerate(zip(*recipe.points(seed), strict=True)):
         start = own_start(model.scene, attitude, momentum)
@@ -304,7 +311,7 @@ NEIGHBOURS = 8
 
 
 def states(gamma: Array, momenta: Array) -> Array:
-    """Points (n, 6): γ and M/|M| in frame axes, whose distance needs no angle.
+    """Return points (n, 6): γ and M/|M| in frame axes, whose distance needs no angle.
 
     On the annulus (l, L) two near states may lie far apart, at L = ±√f or at l = ±π.
     """
@@ -312,14 +319,15 @@ def states(gamma: Array, momenta: Array) -> Array:
 
 
 def distance(cloud: Array, reference: Array) -> float:
-    """2E|x - y| - E|x - x'| of clouds (n, k), (m, k): their energy distance, but for a part
-    that the reference alone has to do with.
+    """Return 2E|x - y| - E|x - x'| of clouds (n, k), (m, k).
+
+    That is their energy distance, but for a part that depends on the reference alone.
     """
     return float(2 * cdist(cloud, reference).mean() - cdist(cloud, cloud).mean())
 
 
 def rank_probability(cloud: Array, peers: Sequence[Array], reference: Array) -> float:
-    """The probability that by chance alone `cloud` is at least as far from `reference` as it is.
+    """Return how probable it is that by chance `cloud` is so far from `reference`, or farther.
 
     peers: clouds drawn by the very recipe that `cloud` claims to be drawn by, each from starts of
     its own. If the claim is true all of them and `cloud` are exchangeable, so the rank of its
@@ -331,10 +339,10 @@ def rank_probability(cloud: Array, peers: Sequence[Array], reference: Array) -> 
 
 
 def distance_to_curve(points: Array, curve: Array) -> Array:
-    """How far points (n, k) are from a curve that is known by many points (m, k) of it, (n,).
+    """Return how far points (n, k) are from a curve given by many points (m, k) of it, (n,).
 
-    To the straight line that fits the nearest few best; it misses a curve of curvature κ by
-    κs²/2 where those few reach s along it.
+    The distance is to the straight line that fits the nearest few best. It misses a curve of
+    curvature κ by κs²/2 where those few reach s along it.
     """
     _, nearest = cKDTree(curve).query(points, k=NEIGHBOURS)
     near = curve[nearest]
@@ -355,7 +363,7 @@ class Points:
     directions: Integers
 
     def late(self, skip: int) -> "Points":
-        """Without the first `skip` of each motion, and joined."""
+        """Return the crossings without the first `skip` of each motion, joined."""
         late = (..., slice(skip, None))
         return Points(
             self.times[late].ravel(),
@@ -368,7 +376,7 @@ class Points:
 def section_by_equations(
     scene: Scene, attitudes: Array, momenta: Array, count: int, g: float
 ) -> Points:
-    """The first `count` crossings of g = `g` of each of n starts, (n, count)."""
+    """Return the first `count` crossings of g = `g` of each of n starts, (n, count)."""
     found = section(scene.parameters, attitudes, momenta, count, g)
     if found.status.any():
         raise InputError(f"{np.count_nonzero(found.status)} motions do not keep crossing g = {g:g}")
@@ -376,14 +384,14 @@ def section_by_equations(
 
 
 def section_by_contact(scene: Scene, settings: Settings, duration: float, g: float) -> Points:
-    """MuJoCo's crossings (m,) from the scene's own start over a duration [s]."""
+    """Return MuJoCo's crossings (m,) from the scene's own start over a duration [s]."""
     model = build(scene, settings)
     found = crossings_of_motion(sound_run(model, scene.start, duration), scene, g)
     return Points(found.times, found.l, found.L, found.directions)
 
 
 def draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) -> Figure:
-    """The section's points on the annulus; filled where g grows, paler where it falls."""
+    """Draw the section's points on the annulus; filled where g grows, paler where it falls."""
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
     title(figure, f"{scene.name}: {scene.title}")

@@ -160,14 +160,14 @@ class Method:
 
     @property
     def name(self) -> str:
-        """The integrator's, by which runs at many steps belong together."""
+        """Return the integrator's name, by which runs at many steps belong together."""
         if self.integrator != ADAPTIVE:
             return self.integrator
         return ADAPTIVE if self.step is None else FIXED
 
     @property
     def size(self) -> float:
-        """The step [s], or else the tolerance."""
+        """Return the step [s], or else the tolerance."""
         size = self.rtol if self.step is None else self.step
         assert size is not None
         return size

@@ -53,7 +53,7 @@ class Contestant:
 
 
 def contestants() -> dict[str, Contestant]:
-    """All of them by name: the engines, and one of them in an older version."""
+    """Return all contestants by name: the engines, and one of them in an older version."""
     found = []
     for name in engine_names():
         try:
@@ -67,9 +67,10 @@ def contestants() -> dict[str, Contestant]:
 
 
 def python_of(contestant: Contestant, folder: Path) -> Path | None:
-    """The interpreter that runs it: its environment's, or ours where it needs none; else None.
+    """Return the interpreter of a contestant: its environment's, or ours where it needs none.
 
-    An environment without its link, which comes last, was not made to its end, and is none.
+    None where there is neither. The link is written last: an environment without it was not made to
+    its end, and is none.
     """
     home = folder / contestant.name
     if _link_of(home).exists():
@@ -80,7 +81,7 @@ def python_of(contestant: Contestant, folder: Path) -> Path | None:
 
 
 def install(contestant: Contestant, folder: Path) -> Path:
-    """Its environment, made anew by venv and pip.
+    """Make a contestant's environment anew by venv and pip, and return its folder.
 
     Raises InputError where pip fails, for what our own environment has, and in place of a folder
     that holds something else.
@@ -105,7 +106,7 @@ def install(contestant: Contestant, folder: Path) -> Path:
 
 
 def _link(home: Path) -> None:
-    """Has the environment look into ours, after its own packages."""
+    """Link the environment to ours, whose packages come after its own."""
     ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
     _link_of(home).write_text("\n".join(ours) + "\n")
 
@@ -121,7 +122,7 @@ FIXED_WORK = bytes(1 << 23)  # whose digest tells the speed of the machine at th
 
 
 def run(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """What came of a run: errors, what the engine did besides, cost and versions."""
+    """Run a cell and return its record: errors, other readings, cost and versions."""
     scene = load_scene(cell["scene"])
     theory = integrate(scene, sample_times(cell["duration"]))
     engine = engine_named(cell["engine"])
@@ -165,7 +166,7 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSettings:
-    """The preset with another value of a field, for a run that goes on in spite of its faults."""
+    """Return the preset with another value of a field, for a run that goes on after a fault."""
     changes: dict[str, Any] = {field: value, "stop_at_fault": False}
     if getattr(preset, field) != value:
         changes["error_tolerance"] = LOOSEST
@@ -173,19 +174,19 @@ def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSetti
 
 
 def known(value: float | None) -> float | None:
-    """A number that JSON has."""
+    """Return the number, or None where JSON has none for it."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
 def fixed_work() -> float:
-    """Processor time of a piece of work that no package takes part in [s]."""
+    """Measure the processor time of a piece of work in which no package takes part [s]."""
     began = time.process_time()
     hashlib.sha256(FIXED_WORK).digest()
     return time.process_time() - began
 
 
 def main() -> None:
-    """Reads a cell, ends with its reader, and writes the record."""
+    """Read a cell, write its record, and end when the reader does."""
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what engines print
     end_when_closed(int(sys.argv[1]))

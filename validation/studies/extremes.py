@@ -56,7 +56,7 @@ from validation.sweeps import Result, rows_of
 
 
 class Outcome(Enum):
-    """What a reader sees of a cell: its sign on the map, and the sentence that explains it."""
+    """The outcome of a cell: its sign on the map, and the sentence that explains it."""
 
     ACCURATE = ("", f"accurate: error at most {ACCURATE:g}")
     DEGRADED = ("·", f"degraded: error at most {WRONG:g}")
@@ -89,14 +89,14 @@ BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
 
 
 def largest_error(record: Mapping[str, Any]) -> float | None:
-    """The larger of path error and momentum error; None where the run has none."""
+    """Return the larger of path error and momentum error; None where the run has none."""
     errors = [record.get(name) for name in ("path_error", "momentum_error")]
     known = [error for error in errors if error is not None]
     return max(known) if len(known) == len(errors) else None
 
 
 def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
-    """The outcome of a run with these faults, the earliest first, and this error.
+    """Return the outcome of a run with these faults, the earliest first, and this error.
 
     The error is None where the run broke off. One that goes on is called by its first fault, from
     which the others follow: a ball that slips may well lose its contact later.
@@ -122,7 +122,7 @@ AMPLE = 3.0  # times the motion's demand
 
 
 def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """The record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
+    """Return the record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
 
     outcome: an Outcome's name; path_error, momentum_error: relative, gamma_error: rad, None where
     the run broke off; faults: of the run; foretold: the limits that the precheck finds exceeded;
@@ -158,7 +158,7 @@ def _measured(this: CellRun) -> dict[str, Any]:
 
 
 def errors_of(agreement: Agreement) -> dict[str, float | None]:
-    """The errors of a record, by their names; None where there is no number."""
+    """Return the errors of a record, by their names; None where there is no number."""
     names = ("path_error", "momentum_error", "gamma_error")
     errors = {name: getattr(agreement, name) for name in names}
     return {
@@ -168,7 +168,7 @@ def errors_of(agreement: Agreement) -> dict[str, float | None]:
 
 
 def nearness(plan: PlannedRun) -> dict[str, float | None]:
-    """How much of each predicted limit is used, by the name of its prediction.
+    """Return how much of each predicted limit is used, by the name of its prediction.
 
     What is used without end is None.
     """
@@ -181,23 +181,26 @@ def nearness(plan: PlannedRun) -> dict[str, float | None]:
 
 
 def reference(scene: Scene, times: Array) -> Motion:
-    """What `integrate` gives, to the same error, by the compiled step: some turn a million times.
+    """Integrate a steady scene over times (n,) [s] from 0 by the compiled step.
 
-    For steady drives; times (n,) s from 0. Raises InputError where the motion is given up.
+    The error is that of `integrate`, which would be too slow: some cells turn a million times.
+    Raises InputError where the motion is given up.
     """
     return motion_of(scene, times, compiled_states(scene, times))
 
 
 def speed_scale(scene: Scene) -> float:
-    """About how fast the ball turns: A(|M| + |K|) + |Ω| [rad/s]."""
+    """Estimate how fast the ball turns: A(|M| + |K|) + |Ω| [rad/s]."""
     numbers = scene.parameters
     size = np.linalg.norm(scene.start.momentum) + np.linalg.norm(numbers.K)
     return float(max(numbers.A) * size + np.linalg.norm(numbers.Omega))
 
 
 def sample_times(this: CellRun) -> Array:
-    """The times (n,) of a case, whole timesteps apart [s]: a few turns of the ball, unless it has
-    a duration, and in enough steps of a fixed length.
+    """Return the times (n,) of a cell, whole timesteps apart [s].
+
+    They cover a few turns of the ball, unless the cell has a duration, and enough steps of a fixed
+    length.
     """
     step = this.settings.timestep or TIMESTEP
     duration = this.duration or min(DURATION, TURNING / speed_scale(this.scene))
@@ -210,7 +213,7 @@ def sample_times(this: CellRun) -> Array:
 
 
 def ample(settings: Settings, theory: Motion) -> Settings:
-    """The settings with friction AMPLE times what the motion demands, where it is less."""
+    """Return the settings with friction AMPLE times the motion's demand, where it is less."""
     settings, loads = Chosen(theory.scene, settings).settings, theory.loads
     spin = settings.torsional_friction_of(theory.scene.ball.radius)
     return replace(
@@ -225,7 +228,7 @@ STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
 
 
 def outcome_of(result: Result) -> Outcome:
-    """The outcome of a cell, also of one that the sweep had to give up."""
+    """Return the outcome of a cell, also of one that the sweep had to give up."""
     if result.record is not None:
         return Outcome[result.record["outcome"]]
     assert result.failure is not None
@@ -233,22 +236,22 @@ def outcome_of(result: Result) -> Outcome:
 
 
 def foretold(result: Result) -> bool:
-    """Whether the precheck warned of it."""
+    """Return whether the precheck warned of the run."""
     return bool(result.record and result.record.get("foretold"))
 
 
 def noticed(result: Result) -> bool:
-    """Whether the monitor found a fault during the run."""
+    """Return whether the monitor found a fault during the run."""
     return bool(result.record and result.record.get("faults"))
 
 
 def error_of(result: Result) -> float | None:
-    """The larger of path error and momentum error; None where there is none."""
+    """Return the larger of path error and momentum error; None where there is none."""
     return largest_error(result.record or {})
 
 
 def missed(result: Result) -> bool:
-    """Whether a run is wrong, and neither the precheck nor the monitor said so."""
+    """Return whether a run is wrong, and neither the precheck nor the monitor said so."""
     error = error_of(result)
     return error is not None and error > WRONG and not (foretold(result) or noticed(result))
 
@@ -272,7 +275,7 @@ class Measured:
 
 
 def measured_limits(results: Sequence[Result]) -> Iterator[Measured]:
-    """The limits that some of the cells are beyond, as those cells tell."""
+    """Yield the limits that some of the cells are beyond, as those cells show them."""
     known = [(each, _nearness(each)) for each in results if each.record]
     for name in dict.fromkeys(name for _, nearness in known for name in nearness):
         beyond = sum(nearness.get(name, 0.0) > 1 for _, nearness in known)
@@ -304,13 +307,13 @@ def _broke(result: Result) -> bool:
 
 
 def _nearness(result: Result) -> dict[str, float]:
-    """How much of each limit is used; of a refused cell none."""
+    """Return how much of each limit is used; of a refused cell none."""
     numbers = (result.record or {}).get("nearness", {})
     return {name: np.inf if value is None else value for name, value in numbers.items()}
 
 
 def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
-    """A record for each map and integrator: outcomes, what was missed, and the limits."""
+    """Return a record for each map and integrator: outcomes, missed runs, and limits."""
     records = []
     for name, results in found.items():
         for integrator in dict.fromkeys(each.cell["integrator"] for each in results):
@@ -330,7 +333,7 @@ def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
 
 
 def totals(results: Sequence[Result]) -> dict[str, int]:
-    """How many runs were wrong, and who said so; how many were accurate, and called faulty.
+    """Count the wrong runs, by who reported them, and the accurate ones that raised an alarm.
 
     wrong: off by more than a tenth, or broken off, if by a limit of steps; reported_by_engine:
     those of them that ended in a state which is no number; alarms: accurate, but warned of or
@@ -413,7 +416,7 @@ SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
 def picture(of: Map, results: Sequence[Result]) -> Figure:
-    """The panels of a map, rolling models below each other, integrators three in a row."""
+    """Draw the panels of a map, rolling models below each other, integrators three in a row."""
     rollings = list(dict.fromkeys(each.cell["rolling"] for each in results))
     integrators = list(dict.fromkeys(each.cell["integrator"] for each in results))
     exceeded = _exceeded(results)
@@ -448,7 +451,7 @@ def picture(of: Map, results: Sequence[Result]) -> Figure:
 
 
 def _panels(rows: int, columns: int, lines: int) -> tuple[Figure, Any]:
-    """A figure of panels (rows, columns) with room below for a legend with so many lines."""
+    """Return a figure of panels (rows, columns) with room below for a legend of so many lines."""
     below = 2.05 + LINE * (lines + bool(lines))
     width, height = max(9.0, PANEL * columns + 1.2), (PANEL + GAP) * rows + 0.75 + below
     figure = Figure(figsize=(width, height))
@@ -469,7 +472,7 @@ def _values(results: Sequence[Result], key: str) -> list[float]:
 
 
 def _exceeded(results: Sequence[Result]) -> list[str]:
-    """The limits with cells on both sides in some panel, so that there is a line to draw."""
+    """Return the limits with cells on both sides in some panel, so that a line can be drawn."""
     sides: dict[tuple[str, ...], set[bool]] = {}
     for each in results:
         panel = (each.cell["rolling"], each.cell["integrator"])
@@ -529,7 +532,7 @@ def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
 
 
 def _to_the_borders(grid: Array) -> Array:
-    """The grid with one value more on every side, half a cell on by its slope.
+    """Return the grid with one value more on every side, half a cell on by its slope.
 
     A line that no two cells show is not made by that.
     """
@@ -549,7 +552,7 @@ def _label(axes: Axes, of: Map, results: Sequence[Result], integrator: str) -> N
 
 
 def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
-    """Places among the cells of these values, and labels, at powers of ten: TICKS at most.
+    """Return places among the cells of these values, and labels, at powers of ten: TICKS at most.
 
     A power need be no cell's own value. Where fewer than two lie in the range, some cells' values.
     """
@@ -566,7 +569,7 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
 
 
 def _sentence(limit: Measured) -> str:
-    """The prediction, and what it has come to."""
+    """Return the prediction, and what was measured of it."""
     words = f"{SENTENCES[limit.name]}; kept to {limit.kept:.2g}"
     return words if limit.broken is None else f"{words}, broken from {limit.broken:.2g} of it"
 
@@ -576,7 +579,7 @@ def _legend(
     styles: Mapping[str, Any],
     measured: Mapping[str, Measured],
 ) -> None:
-    """What the cells mean, then what the dots and the lines do."""
+    """Draw the meaning of the cells, then that of the dots and the lines."""
     outcomes = [
         Patch(
             facecolor=str(GREYS[each]),

@@ -50,17 +50,17 @@ class ContactExponent:
 
     @property
     def mean(self) -> float:
-        """λ₁ over all pairs and intervals, 1/s."""
+        """Return λ₁ over all pairs and intervals [1/s]."""
         return float(self.growth.mean() / self.interval)
 
     @property
     def error(self) -> float:
-        """The standard error of `mean`, from the scatter of the pairs, 1/s."""
+        """Return the standard error of `mean`, from the scatter of the pairs [1/s]."""
         return standard_error(self.growth.mean(axis=1) / self.interval)
 
     @property
     def duration(self) -> float:
-        """What all pairs together ran, s."""
+        """Return the time of all pairs together [s]."""
         return self.growth.size * self.interval
 
 
@@ -73,9 +73,9 @@ def contact_exponent(
     interval: float = 5.0,
     progress: Callable[[float], None] | None = None,
 ) -> ContactExponent:
-    """λ₁ of the motions from n starts, each over `duration` after a `transient` [s].
+    """Measure λ₁ of the motions from n starts, each over `duration` after a `transient` [s].
 
-    attitudes (n, 4), momenta (n, 3): in principal axes, as for robotball.lyapunov.exponents.
+    attitudes (n, 4), momenta (n, 3): in principal axes, as `qualitative.exponents` takes them.
     Raises InputError where a run has a fault.
     """
     skipped, kept = round(transient / interval), max(1, round(duration / interval))
@@ -98,7 +98,7 @@ def contact_exponent(
 
 
 def rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
-    """The attitude (4,), in principal axes, to which MuJoCo rolls the ball in `duration` s."""
+    """Return the attitude (4,), principal axes, to which MuJoCo rolls the ball in `duration` s."""
     motion = run(model, np.array([0.0, duration]), start=own_start(model.scene, attitude, momentum))
     if motion.report.faults:
         raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
@@ -106,7 +106,7 @@ def rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> A
 
 
 def growth_by_equations(parameters: Parameters, contact: ContactExponent) -> Array:
-    """What `growth` (n, k) the equations have from the same starts, in the same directions."""
+    """Return `growth` (n, k) by the equations, from the same starts in the same directions."""
     n, k = contact.growth.shape
     starts = Starts(
         parameters, contact.attitudes.reshape(-1, 4), np.repeat(contact.momenta, k, axis=0)

@@ -40,7 +40,7 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Truth:
-    """What the numbers should be, at the same samples.
+    """The right numbers, at the same samples.
 
     times (n,) s; contact_point (n, 2) m; attitude (n, 4); rate (n, 3) rad/s; frame_angle,
     frame_rate (n,) of the frame in the shell; places: of each body's centre of mass from the
@@ -60,7 +60,10 @@ class Truth:
 
 @dataclass(frozen=True)
 class Errors:
-    """Of the path, over its length; of the attitude [rad]; of ω, relative, None without it."""
+    """The errors of numbers.
+
+    path: over its length; attitude: rad; rate: that of ω, relative, None where it is not known.
+    """
 
     path: float
     attitude: float
@@ -73,7 +76,7 @@ class Errors:
 
 
 def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
-    """Those of a trajectory, at some of its samples."""
+    """Return the numbers of a trajectory, at some of its samples."""
     rate = trajectory.angular_velocity
     return Numbers(
         trajectory.position[at], trajectory.attitude[at], None if rate is None else rate[at]
@@ -81,7 +84,7 @@ def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
 
 
 def truth_of(motion: Motion, at: slice) -> Truth:
-    """The same of a reference motion that has the trajectory's times."""
+    """Return the numbers of a reference motion that has the trajectory's times."""
     centre = motion.contact_point
     return Truth(
         motion=motion,
@@ -97,7 +100,7 @@ def truth_of(motion: Motion, at: slice) -> Truth:
 
 
 def some_of(count: int) -> slice:
-    """Some of so many samples, the first among them, at equal distances."""
+    """Select some of `count` samples, the first among them, at equal distances."""
     return slice(None, None, max(1, count // MOST))
 
 
@@ -105,7 +108,7 @@ Base = tuple[Numbers, Truth, tuple[Array, ...]]
 
 
 def errors_at(numbers: Numbers, truth: Truth, base: Base | None = None) -> tuple[Array, ...]:
-    """Of path, attitude and, if it is there, ω: (n,) each, in the units of `Errors`.
+    """Return the errors of path, attitude and, if known, ω: (n,) each, in the units of `Errors`.
 
     base: numbers, truth and their errors, of which those are taken that have not changed.
     """
@@ -134,13 +137,13 @@ def errors_at(numbers: Numbers, truth: Truth, base: Base | None = None) -> tuple
 
 
 def largest(errors: tuple[Array, ...]) -> Errors:
-    """The largest of each."""
+    """Return the largest of each."""
     path, attitude, *rate = (float(each.max()) for each in errors)
     return Errors(path, attitude, rate[0] if rate else None)
 
 
 def typical(errors: tuple[Array, ...], times: Array) -> Array:
-    """(2 or 3,): the mean over ln(t) of ln(error) of each, at times (n,).
+    """Return the mean over ln(t) of ln(error) of each, (2 or 3,), at times (n,).
 
     An engine's error is small at the beginning, and a mistake is there from the beginning on; in a
     chaotic motion both are as large as they can be at the end.
@@ -346,7 +349,7 @@ WORLDS = {
 
 
 def _worlds(has_height: bool) -> Iterator[Part]:
-    """The file's axes x, y, z are others than the world's, and maybe the frame's likewise."""
+    """Yield axes x, y, z of the file other than the world's, and maybe the frame's likewise."""
     for S in _signed_permutations():
         if np.array_equal(S, np.eye(3)) or not (has_height or abs(S[2, 2]) == 1):
             continue
@@ -379,7 +382,7 @@ def _seen_from(S: Array, both: bool = True) -> Change:
 
 @cache
 def _signed_permutations() -> tuple[Array, ...]:
-    """The 48 (3, 3), turned and mirrored; row i is the i-th axis."""
+    """Return the 48 (3, 3), turned and mirrored; row i is the i-th axis."""
     return tuple(
         np.eye(3)[list(order)] * np.array(signs, dtype=float)[:, None]
         for order in permutations(range(3))
@@ -388,13 +391,13 @@ def _signed_permutations() -> tuple[Array, ...]:
 
 
 def _rotations() -> list[Array]:
-    """Those of them that turn, but for the one that does not."""
+    """Return the signed permutations that turn, without the identity."""
     turning = [S for S in _signed_permutations() if np.linalg.det(S) > 0]
     return [S for S in turning if not np.array_equal(S, np.eye(3))]
 
 
 def _text(S: Array) -> str:
-    """The axes by name: "y, -x, z"."""
+    """Return the axes by name: "y, -x, z"."""
     names = (("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in S)
     return ", ".join(names)
 
@@ -413,7 +416,7 @@ class MistakenScene:
 
 
 def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
-    """All that are tried; rolling_radius: as a file tells it [m], nan where it does not."""
+    """Yield all that are tried; rolling_radius: by the file [m], nan where it is not known."""
     names = [hinge.name for hinge in scene.hinges]
     moving = [i for i, hinge in enumerate(scene.hinges) if _has_rate(scene, i)]
     groups = [([i], f"the {names[i]}'s rate") for i in moving]
@@ -451,7 +454,7 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 
 
 def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, ...]:
-    """The rates of some hinges times a factor; with the same M, frame's ω, or shell's ω."""
+    """Return scenes with some rates times a factor: with the same M, frame's ω, or shell's ω."""
     given = [scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates]
     rates = [scaled(rate, factor) if i in which else rate for i, rate in enumerate(given)]
     rotors = 1 + len(scene.ball.rotors)
@@ -469,7 +472,7 @@ def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, .
 
 
 def scaled(rate: Rate, factor: float) -> Rate:
-    """A rate times a factor, whatever kind of rate it is."""
+    """Return a rate times a factor, whatever kind of rate it is."""
     if isinstance(rate, Ramp):
         return msgspec.structs.replace(
             rate, initial=factor * rate.initial, final=factor * rate.final
@@ -514,7 +517,7 @@ def _radii(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
 
 
 def _inertias(scene: Scene) -> Iterator[MistakenScene]:
-    """Moments that are exchanged, or about another point than the body's centre of mass."""
+    """Yield moments that are exchanged, or about another point than the body's centre of mass."""
     for name, body in scene.ball.named_bodies:
         others: dict[str, Body] = {}
         if isinstance(body, Shell | Rotor):
@@ -536,7 +539,7 @@ def _inertias(scene: Scene) -> Iterator[MistakenScene]:
 
 
 def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
-    """The scene with another body in one's place, with the same ω of the frame, or the same M."""
+    """Return the scene with another body in one's place, with the frame's ω kept, or M."""
     ball = scene.ball
 
     def chosen(each: Any) -> Any:
@@ -588,7 +591,7 @@ def _omega(scene: Scene) -> Array:
 
 
 def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> tuple[Scene, ...]:
-    """A changed scene that starts with the frame's ω of the other, or with another one."""
+    """Return a changed scene that starts with the frame's ω of the other, or with this ω."""
     hinges = changed.hinges
     start = changed.start
     M = momentum_at(
@@ -607,5 +610,5 @@ def _start(scene: Scene, M: Array) -> Start:
 
 
 def _level(scene: Scene, M: Array) -> Array:
-    """M as the rolling model has it: a rubber ball's is horizontal."""
+    """Return M as the rolling model has it: a rubber ball's is horizontal."""
     return M * [1.0, 1.0, 0.0] if scene.rolling == "rubber" else M

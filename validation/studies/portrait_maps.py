@@ -46,13 +46,13 @@ class Plane:
     Omega: Callable[[float], Vector]
 
     def ball(self, K3: float, y: float) -> Parameters:
-        """The ball at a place of the map."""
+        """Return the ball at a place of the map."""
         d = 1.0
         I = (1 / A[0] - d, 1 / A[1] - d, 1 / A[2] - d)
         return Parameters("rubber", I, d, 1.0, self.Omega(y), (0.0, 0.0, K3))
 
     def axes(self, count: int) -> tuple[list[float], list[float]]:
-        """The values of K₃ and of y; with an even count none falls on a line of symmetry."""
+        """Return the values of K₃ and of y; with an even count none is on a line of symmetry."""
         return tuple(
             [float(f"{value:.6g}") for value in np.linspace(low, high, count)]
             for low, high in ((-self.K3, self.K3), (self.low, self.high))
@@ -60,7 +60,7 @@ class Plane:
 
 
 def turned(degrees: float) -> Vector:
-    """OMEGA with its part across e₃ turned to this angle from e₁."""
+    """Return OMEGA with its part across e₃ turned to this angle from e₁."""
     size, angle = np.hypot(OMEGA[0], OMEGA[1]), np.radians(degrees)
     return (float(size * np.cos(angle)), float(size * np.sin(angle)), OMEGA[2])
 
@@ -77,13 +77,13 @@ PLANES = {
 
 
 def cells_of(plane: Plane, count: int) -> list[Cell]:
-    """The cells of a map, row by row."""
+    """Return the cells of a map, row by row."""
     across, up = plane.axes(count)
     return [{"map": plane.name, "K3": K3, "y": y} for y in up for K3 in across]
 
 
 def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """The phase portrait of a cell {map, K3, y}.
+    """Return the phase portrait of a cell {map, K3, y}.
 
     points: the type of each fixed point by its name; cycles: period s and multiplier of each, and
     whether it is its own opposite; basins: the share of the sphere of each attractor.
@@ -137,17 +137,17 @@ OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
 
 
 def number_of_points(record: Mapping[str, Any]) -> str:
-    """Of fixed points, those of index 1 counted with the saddles."""
+    """Return how many fixed points there are, those of index 1 counted with the saddles."""
     return f"{len(record['points'])} fixed points"
 
 
 def type_of_poles(record: Mapping[str, Any]) -> str:
-    """Of Γ₅ and Γ₆, which are of one type."""
+    """Return the type of Γ₅ and Γ₆, which have the same."""
     return f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}"
 
 
 def kind_of_cycles(record: Mapping[str, Any]) -> str:
-    """How many limit cycles there are, C and -C as one."""
+    """Return how many limit cycles there are, C and -C as one."""
     stable = sum(abs(cycle["multiplier"]) < 1 for cycle in record["cycles"])
     unstable = len(record["cycles"]) - stable
     if stable + unstable == 0:
@@ -157,7 +157,7 @@ def kind_of_cycles(record: Mapping[str, Any]) -> str:
 
 
 def largest_basin(record: Mapping[str, Any]) -> str:
-    """Whose basin is the largest."""
+    """Return the attractor with the largest basin."""
     name = max(record["basins"], key=lambda each: record["basins"][each])
     return f"largest basin: {'a cycle' if name.startswith('cycle') else name}"
 
@@ -171,7 +171,7 @@ PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
 
 
 def picture(plane: Plane, results: Sequence[Result]) -> Figure:
-    """Four panels of the same cells, each by one property, with the curves over them."""
+    """Draw four panels of the same cells, each by one property, with the curves over them."""
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     figure.suptitle(
         f"Phase portraits of motion from rest: A = diag{A}, K = (0, 0, K₃), {plane.held}",
@@ -200,7 +200,7 @@ def picture(plane: Plane, results: Sequence[Result]) -> Figure:
 def draw_cells(
     axes: Axes, results: Sequence[Result], property_of: Callable[[Mapping[str, Any]], str]
 ) -> None:
-    """Each cell in the colour of its property, with a legend of what is there."""
+    """Draw each cell in the colour of its property, with a legend of what is there."""
     across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
     words = [property_of(each.record) if each.record else "no result" for each in results]
     order = [*COLOURS]
@@ -233,7 +233,7 @@ def draw_cells(
 
 
 def curves_of(plane: Plane) -> list[tuple[Array, Array, Array]]:
-    """For each of CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
+    """Return for each of CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
     across = np.linspace(-plane.K3, plane.K3, FINE)
     up = np.linspace(plane.low, plane.high, FINE)
     balls = [[plane.ball(K3, y) for K3 in across] for y in up]
@@ -244,7 +244,7 @@ def curves_of(plane: Plane) -> list[tuple[Array, Array, Array]]:
 
 
 def summary(planes: Sequence[Plane], found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
-    """A record for each map: how many cells have which portrait, and where the formulas fail."""
+    """Return a record for each map: how many cells have which portrait, where formulas fail."""
     records = []
     for plane in planes:
         results = found[plane.name]
@@ -269,7 +269,7 @@ def summary(planes: Sequence[Plane], found: Mapping[str, Sequence[Result]]) -> l
 
 
 def as_predicted(ball: Parameters, record: Mapping[str, Any]) -> bool:
-    """Whether the number of points is that of κ₁, κ₂ and the type of Γ₅ that of Proposition 2."""
+    """Return whether κ₁, κ₂ give the number of points, and Proposition 2 the type of Γ₅."""
     expected = 2 + 4 * (abs(kappa(ball, 1)) < 1) + 4 * (abs(kappa(ball, 0)) < 1)
     A1, A2, B = proposition_2(ball)
     focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"

@@ -269,7 +269,7 @@ class Configuration:
 
     @property
     def sound(self) -> bool:
-        """Whether it is a result: no trouble, and no path that is good by accident."""
+        """Return whether it is a result: no trouble, and no path that is good by accident."""
         return not self.trouble and self.momentum_error <= CANCELLED * self.error
 
     @property
@@ -278,7 +278,7 @@ class Configuration:
 
     @property
     def timestep(self) -> float:
-        """s, of an integrator that has one; MuJoCo's default where none is set."""
+        """Return the timestep [s] of an integrator that has one; MuJoCo's default if not set."""
         return float(self.options.get("timestep", 2e-3))
 
     @property

@@ -1,6 +1,7 @@
-"""The attractors of Fig. 11 by the contact engine, and which attractor random starts reach.
+"""The attractors of Fig. 11 by the contact engine, each claim beside the equations.
 
-Each claim about Fig. 11 is measured beside the equations.
+The commands are `robotball attractors`, and `robotball basins`, which counts the random starts of a
+scene that reach each of its attractors.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,18 +1,13 @@
-"""The section map of the contact model: from crossing to crossing of g = 0 by MuJoCo.
+"""Poincaré sections of the contact model beside those of the equations, and `robotball section`.
 
-A run of many returns is cut into stretches, each begun on the constraints again and with the
-momentum it started from: so an attractor is seen at its own level of M² however long the run is.
+MuJoCo's section map goes from crossing to crossing of g = 0. A run of many returns is cut into
+stretches, each begun on the constraints again and with the momentum it started from: so an
+attractor is seen at its own level of M² however long the run is.
 
-Random starts with a scene's own M² and (M, γ): on such a level all its long-run motion is.
-
-The attractors of section 5.3, drawn by either engine by the same recipe.
-
-A recipe says from which starts, drawn by a seed, after how many returns, and how many crossings
-are taken.
-
-Clouds of section points compared: how far apart two are, and whether chance explains it.
-
-A scene's Poincaré section by both engines, as points and as a picture.
+Long-run motion needs a scene that is suited to it, and starts on the scene's level of M² and (M,
+γ), which every motion keeps. A recipe of a cloud of section points says from which starts, drawn by
+a seed, after how many returns, and how many crossings are taken. Two clouds are compared by their
+energy distance, and by its rank among those of clouds that the equations drew.
 """
 
 from collections.abc import Callable, Sequence
@@ -230,21 +225,16 @@ class Recipe:
         return section_starts(L, random.uniform(-np.pi, np.pi, self.starts), self.f)
 
 
-@dataclass(frozen=True)
-class Torus:
-    """Where a limit torus crosses g = 0: from `starts` starts evenly within `spread` of (L, l).
+@dataclass(frozen=True, kw_only=True)
+class Torus(Recipe):
+    """The cloud of a limit torus, from starts evenly within `spread` of (L, l) on g = 0.
 
-    spread is in kg m²/s and rad; f, skipped, count, direction as in Recipe.
+    spread is in kg m²/s and rad.
     """
 
     L: float
     l: float
     spread: float
-    f: float
-    starts: int
-    skipped: int
-    count: int
-    direction: int = 1
 
     def points(self, seed: int) -> tuple[Array, Array]:
         """Return attitudes (starts, 4) and world momenta (starts, 3)."""
@@ -254,9 +244,10 @@ class Torus:
 
 @dataclass(frozen=True)
 class Cloud:
-    """Section points of one engine: `states` (n, 6), as in clouds.py; L, l and directions (n,);
-    and, from MuJoCo, the mean velocity (starts, 2) of the contact point along OX = -M/√f and OY,
-    m/s.
+    """Section points of one engine.
+
+    states: (n, 6), as the function of that name gives them; L, l and directions (n,); velocities:
+    from MuJoCo, the mean (starts, 2) of the contact point along OX = -M/√f and OY [m/s].
     """
 
     states: Array
@@ -266,7 +257,7 @@ class Cloud:
     velocities: Array
 
 
-def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int) -> Cloud:
+def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> Cloud:
     """Return the recipe's cloud by the equations.
 
     Raises InputError where a start gives too few points.
@@ -287,7 +278,7 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int
 
 
 def cloud_by_contact(
-    model: Model, recipe: Recipe | Torus, seed: int, progress: Callable[[float], None] | None = None
+    model: Model, recipe: Recipe, seed: int, progress: Callable[[float], None] | None = None
 ) -> Cloud:
     """Return the recipe's cloud by MuJoCo. Raises InputError where a run has a fault."""
     parts, velocities = [], []

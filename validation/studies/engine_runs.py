@@ -1,12 +1,11 @@
-"""Environments of their own for engines, so that none decides on another's packages.
+"""One run of one engine as a process of its own: a cell as JSON in, its record as JSON out.
 
-An environment has the engine and what it asks for; everything else, robotball among it, it takes
-from ours, after its own. So MuJoCo of another version is only another environment.
+An engine has an environment of its own, so that none decides on another's packages. It holds the
+engine and what that requires; everything else, robotball among it, comes from our environment,
+which is searched after it. So MuJoCo of another version is only another environment.
 
-One run of one engine, as a process of its own: a cell as JSON in, its record as JSON out.
-
-It is started by the interpreter of the engine's environment, with a pipe whose closing ends it.
-What the engine prints goes to standard error.
+The process is started by the environment's interpreter, with a pipe whose closing ends it. What the
+engine prints goes to standard error.
 """
 
 import hashlib

@@ -2,7 +2,7 @@
 
 The cells together show which outcomes there are, what was missed and where the limits lie. The
 picture of a map has a panel for each integrator and rolling model; a cell shows its outcome by a
-grey and a letter, so that it needs no colour.
+grey and a letter, so that it needs no colour. The maps themselves are data, in `extreme_maps.py`.
 """
 
 import logging

@@ -1,6 +1,7 @@
-"""A trajectory held against the equations: how far off it is, and which mistakes explain that.
+"""A trajectory held against the equations, and `robotball judge`.
 
-A judgement as lines and a table in the terminal, and as plain data.
+The errors of a file are those of `Agreement`, with slip and spin where its rates are known. The
+search in `judge_search.py` finds mistakes that explain them; the file is then judged without these.
 """
 
 import contextlib

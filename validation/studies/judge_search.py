@@ -1,6 +1,8 @@
-"""Whether a shift in time explains how a trajectory differs from the reference.
+"""The search for mistakes that explain how a trajectory differs from the reference.
 
-The search for the mistakes that explain how a trajectory differs from the reference.
+Each known mistake (`mistakes.py`) is undone by itself. The one that lessens the errors most is
+taken for made, and the search goes on with what is left. Conventions come first: they are cheap to
+try, and another scene has to be integrated. A shift in time is reported, and undone nowhere.
 """
 
 import contextlib

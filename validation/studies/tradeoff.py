@@ -1,9 +1,8 @@
 """Error against processor time over many configurations, and the Pareto front.
 
-The configurations are two stars, a line through each, and a random sample.
-Every combination would be tens of thousands of runs. The stars change one choice of the recipe, or
-of the naive model, at a time; the lines change the steps alone; the sample has what happens where
-choices meet.
+Every combination of choices would be tens of thousands of runs. The configurations are two stars, a
+line through each, and a random sample: the stars change one choice of the recipe, or of the naive
+model, at a time; the lines change the steps alone; the sample shows choices that meet.
 """
 
 import logging

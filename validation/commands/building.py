@@ -1,16 +1,22 @@
-"""The commands of who builds a robot: bodies for requested numbers, drives for a wanted path."""
+"""The commands for builders of robots: bodies for requested numbers, drives for a wanted path."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+import numpy as np
 from tyro.conf import DisallowNone, arg
 
+from robotball import InputError, Limits, load_scene, scene_toml
+from robotball import steering as paths
+from robotball.designing import describe, redesign
+from robotball.steering import WantedPath, shortfalls, steer
+from validation.agreement import compare
 from validation.options import AGREES, DISAGREES, OUT, Preset, SceneName
-
-if TYPE_CHECKING:
-    from robotball.steering import WantedPath
+from validation.output import writable_folder, write_text
+from validation.plots import draw
+from validation.results import changed, file_name
 
 NEAR = 1e-3  # of the path's length: how near to it a robot that is steered must come
 
@@ -38,13 +44,6 @@ class Design:
     """Folder for the scene."""
 
     def run(self) -> int:
-        from dataclasses import replace
-
-        from robotball import Limits, load_scene, scene_toml
-        from robotball.designing import describe, redesign
-        from validation.output import writable_folder, write_text
-        from validation.results import changed, file_name
-
         scene = load_scene(self.scene)
         limits = Limits(
             rotor_speed=self.rotor_speed,
@@ -89,17 +88,6 @@ class Steer:
     """Folder for the scene and the pictures."""
 
     def run(self) -> int:
-        from dataclasses import replace
-
-        import numpy as np
-
-        from robotball import load_scene, scene_toml
-        from robotball.steering import shortfalls, steer
-        from validation.agreement import compare
-        from validation.output import writable_folder, write_text
-        from validation.plots import draw
-        from validation.results import changed, file_name
-
         robot, path = load_scene(self.scene), self._path()
         steered = steer(robot, path, self.duration)
         out = writable_folder(self.out)
@@ -127,9 +115,7 @@ class Steer:
         print(file, *draw([agreement], out), sep="\n")
         return AGREES if agreement.agrees and not missing else DISAGREES
 
-    def _path(self) -> "WantedPath":
-        from robotball import steering as paths
-
+    def _path(self) -> WantedPath:
         if self.through:
             return paths.through(points_of(self.through))
         if self.path == "circle":
@@ -139,8 +125,6 @@ class Steer:
 
 def points_of(text: str) -> list[tuple[float, float]]:
     """Return the pairs X,Y of a text. Raises InputError where it holds anything else."""
-    from robotball import InputError
-
     try:
         pairs = [tuple(float(part) for part in pair.split(",")) for pair in text.split()]
     except ValueError:

@@ -403,8 +403,7 @@ GREYS = {
     Outcome.UNFINISHED: 1.0,
     Outcome.FAILED: 0.1,
 }
-PANEL, MARGIN, LINE = 2.45, 0.15, 0.19  # inches; LINE is one of the legend's
-GAP = 0.7  # inches between panels, for a title and an axis
+WIDE, PANEL, LINE = 9.0, 3.5, 0.19  # inches: the picture; a panel's height; a legend's line
 TICKS = 4  # at most, on an axis
 ACROSS = 3  # panels side by side: their letters are read at a page's width
 LINES = [
@@ -423,10 +422,9 @@ def picture(of: Map, results: Sequence[Result]) -> Figure:
     styles = dict(zip(exceeded, LINES * (1 + len(exceeded) // len(LINES)), strict=False))
     across = min(ACROSS, len(integrators))
     rows = -(-len(integrators) // across)
-    figure, panels = _panels(len(rollings) * rows, across, lines=len(exceeded))
-    width, height = figure.get_size_inches()
-    figure.text(MARGIN / width, 1 - 0.3 / height, of.title, size=14, weight="bold")
-    figure.text(MARGIN / width, 1 - 0.52 / height, f"held: {of.held}", size=9)
+    height = PANEL * len(rollings) * rows + LINE * (len(exceeded) + len(Outcome))
+    figure = Figure(figsize=(WIDE, height), layout="constrained")
+    panels = figure.subplots(len(rollings) * rows, across, squeeze=False)
     for block, rolling in enumerate(rollings):
         for place in range(rows * across):
             axes = panels[block * rows + place // across, place % across]
@@ -446,25 +444,8 @@ def picture(of: Map, results: Sequence[Result]) -> Figure:
                 axes.set_ylabel(of.y.label, size=9)
             else:
                 axes.set_yticklabels([])
-    _legend(figure, styles, {each.name: each for each in measured_limits(results)})
+    _legends(figure, of, styles, {each.name: each for each in measured_limits(results)})
     return figure
-
-
-def _panels(rows: int, columns: int, lines: int) -> tuple[Figure, Any]:
-    """Return a figure of panels (rows, columns) with room below for a legend of so many lines."""
-    below = 2.05 + LINE * (lines + bool(lines))
-    width, height = max(9.0, PANEL * columns + 1.2), (PANEL + GAP) * rows + 0.75 + below
-    figure = Figure(figsize=(width, height))
-    panels = figure.subplots(rows, columns, squeeze=False)
-    figure.subplots_adjust(
-        left=1.05 / width,
-        right=1 - MARGIN / width,
-        top=1 - 0.85 / height,
-        bottom=below / height,
-        wspace=0.12,
-        hspace=GAP / PANEL,
-    )
-    return figure, panels
 
 
 def _values(results: Sequence[Result], key: str) -> list[float]:
@@ -574,12 +555,14 @@ def _sentence(limit: Measured) -> str:
     return words if limit.broken is None else f"{words}, broken from {limit.broken:.2g} of it"
 
 
-def _legend(
-    figure: Figure,
-    styles: Mapping[str, Any],
-    measured: Mapping[str, Measured],
+def _legends(
+    figure: Figure, of: Map, styles: Mapping[str, Any], measured: Mapping[str, Measured]
 ) -> None:
-    """Draw the meaning of the cells, then that of the dots and the lines."""
+    """Write the title and the meaning of the lines above, that of cells and dots below."""
+    limits = [
+        Line2D([], [], color=colour, linestyle=dashes, label=_sentence(measured[name]))
+        for name, (colour, dashes) in styles.items()
+    ]
     outcomes = [
         Patch(
             facecolor=str(GREYS[each]),
@@ -588,49 +571,22 @@ def _legend(
         )
         for each in Outcome
     ]
+    dot: dict[str, Any] = {"color": INK, "marker": ".", "linestyle": ""}
+    circle: dict[str, Any] = {"color": INK, "marker": "o", "mfc": "none", "linestyle": ""}
     marks = [
-        Line2D([], [], color=INK, marker=".", linestyle="", label=label)
-        for label in ("left dot: warned of before the run", "right dot: noticed during the run")
+        Line2D([], [], **dot, label="left dot: warned of before the run"),
+        Line2D([], [], **dot, label="right dot: noticed during the run"),
+        Line2D([], [], **circle, label="circle: wrong, and neither"),
     ]
-    marks.append(
-        Line2D([], [], markeredgecolor=INK, markerfacecolor="none", marker="o", linestyle="",
-               label="circle: wrong, and neither")
-    )  # fmt: skip
-    limits = [
-        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=label)
-        for (colour, dashes), label in zip(
-            styles.values(), (_sentence(measured[name]) for name in styles), strict=True
-        )
-    ]
-    width, height = figure.get_size_inches()
-    x = MARGIN / width
-    common: dict[str, Any] = {
-        "loc": "lower left",
-        "frameon": False,
-        "fontsize": 8,
-        "borderaxespad": 0.0,
-    }
-    above = 0.1
+    words = f"{of.title}\nheld: {of.held}"
     if limits:
-        title = (
-            f"lines: limits predicted for an error of {ERROR_TOLERANCE:g}, and what was measured"
-        )
-        figure.legend(
-            handles=limits,
-            bbox_to_anchor=(x, 0.06 / height),
-            title=title,
-            title_fontsize=8,
-            alignment="left",
-            **common,
-        )
-        above = 0.35 + LINE * len(limits)
+        words += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"
+    shared: dict[str, Any] = {"frameon": False, "fontsize": 8}
+    # Its title is the picture's: a legend outside the panels would lie on a title of the figure.
     figure.legend(
-        handles=[*outcomes, *marks],
-        ncols=2,
-        bbox_to_anchor=(x, above / height),
-        columnspacing=1.5,
-        **common,
-    )
+        handles=limits, loc="outside upper left", title=words, alignment="left", **shared,
+    )  # fmt: skip
+    figure.legend(handles=[*outcomes, *marks], loc="outside lower left", ncols=2, **shared)
 
 
 @dataclass(frozen=True)

@@ -257,7 +257,7 @@ def measure_convergence(
     contact = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
     model = build(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
     methods = _methods(model, interval, halvings)
-    runs = _Runs(model, theory, len(methods) + 1, show or (lambda part, what: None))
+    runs = _Runner(model, theory, len(methods) + 1, show or (lambda part, what: None))
     limit = _limit(runs, finest)
     trials = [
         _trial(runs, limit, before, method)
@@ -280,25 +280,17 @@ def _methods(model: Model, interval: float, halvings: int) -> list[Method]:
     ]
 
 
-@dataclass(frozen=True)
-class _Run:
-    """A run that came to its end, and its step [s], the mean if it chose them."""
-
-    motion: ContactMotion
-    step: float
-
-
 @dataclass
-class _Runs:
+class _Runner:
     """Runs of one model, each made once, beside the motion by the equations."""
 
     model: Model
     theory: Motion
     total: int
     show: Show
-    made: dict[Method, _Run | None] = field(default_factory=dict)
+    made: dict[Method, ContactMotion | None] = field(default_factory=dict)
 
-    def of(self, method: Method) -> _Run | None:
+    def of(self, method: Method) -> ContactMotion | None:
         """Return the run of a method; None if it broke off or would not end."""
         if method not in self.made:
             part = len(self.made) / self.total
@@ -306,14 +298,11 @@ class _Runs:
             self.made[method] = self._run(method)
         return self.made[method]
 
-    def _run(self, method: Method) -> _Run | None:
+    def _run(self, method: Method) -> ContactMotion | None:
         times = self.theory.times
         with np.errstate(all="ignore"):  # a run that diverges says so itself
             motion = run(_stepped(self.model, method, float(times[-1])), times)
-        if len(motion.times) < len(times):
-            return None
-        mean = float(times[-1]) / motion.report.steps
-        return _Run(motion, method.step or mean)
+        return motion if len(motion.times) == len(times) else None
 
 
 def _stepped(model: Model, method: Method, duration: float) -> Model:
@@ -332,7 +321,7 @@ def _stepped(model: Model, method: Method, duration: float) -> Model:
     return same
 
 
-def _limit(runs: _Runs, finest: Method) -> OwnLimit:
+def _limit(runs: _Runner, finest: Method) -> OwnLimit:
     """Return the limit of short steps, by DOP853 where the motion is smooth enough, or RK4."""
     assert finest.step is not None
     # What ten times the tolerance, or twice the step, changes is more than what is still wrong.
@@ -343,33 +332,33 @@ def _limit(runs: _Runs, finest: Method) -> OwnLimit:
     for method, coarser in candidates:
         best, near = runs.of(method), runs.of(coarser)
         if best is not None and near is not None:
-            known_to = path_error(near.motion, best.motion)
-            off = path_error(best.motion, runs.theory)
-            return OwnLimit(method, best.motion, known_to, off)
+            known_to = path_error(near, best)
+            off = path_error(best, runs.theory)
+            return OwnLimit(method, best, known_to, off)
     raise InputError(
         f"{runs.model.scene.name}: the contact model breaks off even at steps of "
         f"{finest.step:g} s; there is no limit to converge to"
     )
 
 
-def _trial(runs: _Runs, limit: OwnLimit, before: Method | None, method: Method) -> Trial:
+def _trial(runs: _Runner, limit: OwnLimit, before: Method | None, method: Method) -> Trial:
     """Compare the run of a method with both references, and with the one before it."""
     found = runs.of(method)
     if found is None:
         return Trial(method, method.step)
-    estimate = None
+    step, estimate = _step_of(method, found), None
     if before is not None and before.name == method.name and method.name in ORDERS:
         longer = runs.of(before)
         if longer is not None:
-            fall = (longer.step / found.step) ** ORDERS[method.name]
-            estimate = path_error(longer.motion, found.motion) / (fall - 1)
-    return Trial(
-        method,
-        found.step,
-        path_error(found.motion, limit.motion),
-        path_error(found.motion, runs.theory),
-        estimate,
-    )
+            fall = (_step_of(before, longer) / step) ** ORDERS[method.name]
+            estimate = path_error(longer, found) / (fall - 1)
+    own, equations = path_error(found, limit.motion), path_error(found, runs.theory)
+    return Trial(method, step, own, equations, estimate)
+
+
+def _step_of(method: Method, motion: ContactMotion) -> float:
+    """Return the step of a run [s], the mean if it chose its steps."""
+    return method.step or float(motion.times[-1]) / motion.report.steps
 
 
 NOTE = (
@@ -404,7 +393,7 @@ def convergence_study(study: Runs) -> Study:
     )  # fmt: skip
 
 
-def _step(row: Row) -> str:
+def _step_text(row: Row) -> str:
     return "-" if row["step"] is None else f"{row['step'] * 1e3:.3g}"
 
 
@@ -418,7 +407,7 @@ def _richardson(row: Row) -> str:
 
 RUNS = (
     Column("integrator", itemgetter("integrator"), words=True),
-    Column("step", _step, "ms"),
+    Column("step", _step_text, "ms"),
     Column("rtol", _rtol),
     Column("own limit", "own_error"),
     Column("Richardson", _richardson),

@@ -308,13 +308,13 @@ class _Search:
 
     def _integrated(self) -> Iterator[tuple[str, Scene, Truth]]:
         times = _from_zero(self.truth.times)
-        for each in mistaken_scenes(self.scene, self.rolling_radius):
-            for scene in each.scenes:
+        for name, scenes in mistaken_scenes(self.scene, self.rolling_radius):
+            for scene in scenes:
                 try:
                     theory = integrate(scene, times, rtol=TRIED)
                 except InputError:  # a ball that nobody can have simulated
                     continue
-                yield each.name, scene, self._truth(theory, 1)
+                yield name, scene, self._truth(theory, 1)
 
     def _stretched(self, before: tuple[Array, ...]) -> Iterator[_Option]:
         """Yield the scene's own motion, at times that are not the file's."""

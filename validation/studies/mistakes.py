@@ -407,12 +407,8 @@ CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engin
 LIKELY = 5.0  # times the radius, or less: any other is told from numbers that mean something else
 
 
-@dataclass(frozen=True)
-class MistakenScene:
-    """A mistake in setting up the scene, and the scenes that it may have led to."""
-
-    name: str
-    scenes: tuple[Scene, ...]
+MistakenScene = tuple[str, tuple[Scene, ...]]
+"""A mistake in setting up the scene, and the scenes that it may have led to."""
 
 
 def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
@@ -424,13 +420,11 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenSce
         groups.append((moving, "all rates"))
     for which, what in groups:
         signs = "have" if what == "all rates" else "has"
-        yield MistakenScene(f"{what} {signs} the other sign", _with_rates(scene, which, -1.0))
+        yield (f"{what} {signs} the other sign", _with_rates(scene, which, -1.0))
     for which, what in groups:
         missing = "are" if what == "all rates" else "is"
-        yield MistakenScene(f"{what} {missing} zero", _with_rates(scene, which, 0.0))
-        yield MistakenScene(
-            f"{what} {missing} taken in degrees", _with_rates(scene, which, DEGREES)
-        )
+        yield (f"{what} {missing} zero", _with_rates(scene, which, 0.0))
+        yield (f"{what} {missing} taken in degrees", _with_rates(scene, which, DEGREES))
     yield from _radii(scene, rolling_radius)
     other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
     flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
@@ -440,7 +434,7 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenSce
     up, omega = rotation_matrix(scene.start.attitude)[2], _omega(scene)
     shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
     still = _kept(level, scene, omega - up * (up @ shell)) if other == "rubber" else ()
-    yield MistakenScene(f"the ball {spin}", (*_kept(level, scene), *still, level))
+    yield (f"the ball {spin}", (*_kept(level, scene), *still, level))
     yield from _inertias(scene)
     yield from _starts(scene)
 
@@ -510,7 +504,7 @@ def _radii(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
         transverse_inertia=ratio**2 * shell.transverse_inertia,
     )
     scenes = [replace(scene, ball=replace(scene.ball, shell=each)) for each in (larger, heavier)]
-    yield MistakenScene(
+    yield (
         f"the ball's radius is {rolling_radius:.4g} m, not {radius:g} m",
         tuple(each for changed in scenes for each in (*_kept(changed, scene), changed)),
     )
@@ -535,7 +529,7 @@ def _inertias(scene: Scene) -> Iterator[MistakenScene]:
                 )
         for what, other in others.items():
             if np.abs(other.inertia - body.inertia).max() > CLEAR * np.abs(body.inertia).max():
-                yield MistakenScene(what, _with_body(scene, body, other))
+                yield (what, _with_body(scene, body, other))
 
 
 def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
@@ -557,17 +551,13 @@ def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
 def _starts(scene: Scene) -> Iterator[MistakenScene]:
     start, R = scene.start, rotation_matrix(scene.start.attitude)
     omega, q = _omega(scene), start.attitude
-    yield MistakenScene(
-        "the start's angular velocity is set in world axes", _kept(scene, scene, R.T @ omega)
-    )
-    yield MistakenScene(
+    yield ("the start's angular velocity is set in world axes", _kept(scene, scene, R.T @ omega))
+    yield (
         "the start's angular velocity is set in frame axes where world axes are meant",
         _kept(scene, scene, R @ omega),
     )
-    yield MistakenScene(
-        "the start's angular velocity has the other sign", _kept(scene, scene, -omega)
-    )
-    yield MistakenScene(
+    yield ("the start's angular velocity has the other sign", _kept(scene, scene, -omega))
+    yield (
         "the start's momentum is taken in frame axes",
         (replace(scene, start=replace(start, momentum=_level(scene, R @ start.momentum))),),
     )
@@ -581,9 +571,7 @@ def _starts(scene: Scene) -> Iterator[MistakenScene]:
         turned = replace(scene, start=replace(start, attitude=attitude))
         scenes = (*_kept(turned, scene, omega), turned)
         in_world = rotation_matrix(attitude).T @ R @ omega
-        yield MistakenScene(
-            f"the start's attitude is {how}", (*scenes, *_kept(turned, scene, in_world))
-        )
+        yield (f"the start's attitude is {how}", (*scenes, *_kept(turned, scene, in_world)))
 
 
 def _omega(scene: Scene) -> Array:

@@ -144,7 +144,7 @@ def test_no_step_is_so_long_that_mujoco_changes_the_contact() -> None:
 
 def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is refused in one line, with the shortest step that was tried."""
-    monkeypatch.setattr(convergence._Runs, "of", lambda *_: None)
+    monkeypatch.setattr(convergence._Runner, "of", lambda *_: None)
     with pytest.raises(rb.InputError, match=r"fig12: .* breaks off even at steps of 0\.0003125 s"):
         measured("fig12", TOP)
 

@@ -1,6 +1,6 @@
-"""What the commands share: exit statuses, and arguments of the same kind and name.
+"""Options and exit statuses that commands share.
 
-Commands load what they need when they run, so that `--help` loads none of it.
+Imports stand within the functions, so that `robotball --help` loads none of what a study needs.
 """
 
 from __future__ import annotations

@@ -117,7 +117,7 @@ def _link_of(home: Path) -> Path:
 
 ENOUGH = 1.0  # s of processor time after which a run is not timed again
 LOOSEST = 0.3  # that a run is held to at another value than the preset's own, which has no other
-FIXED_WORK = bytes(1 << 23)  # whose digest tells the speed of the machine at the time
+FIXED_WORK = bytes(1 << 23)  # the time of its digest is the speed of the machine at that moment
 
 
 def run(cell: Mapping[str, Any]) -> dict[str, Any]:

@@ -486,8 +486,8 @@ def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
         Rectangle((i - 0.5, j - 0.5), 1, 1, facecolor=str(grey), edgecolor="0.75", linewidth=0.4)
     )
     axes.text(i, j - 0.08, outcome.sign, color=ink, size=8, ha="center", va="center")
-    for told, side in ((foretold(result), -0.32), (noticed(result), 0.32)):
-        if told:
+    for marked, side in ((foretold(result), -0.32), (noticed(result), 0.32)):
+        if marked:
             axes.plot(i + side, j + 0.33, ".", color=ink, markersize=2)
     if missed(result):
         axes.plot(i, j, "o", markerfacecolor="none", markeredgecolor=ink, markersize=11)
@@ -635,8 +635,8 @@ class Extremes:
     def _random(self, count: int) -> int:
         check_count("random", count, 1)
         seed = check_seed(self.seed)
-        with progress_bar(2 * count) as tell:
-            found = measure_detection(count, seed, tell)
+        with progress_bar(2 * count) as progress:
+            found = measure_detection(count, seed, progress)
         print(*found.lines, sep="\n")
         write_record(self.json, found.record())
         return DISAGREES if found.missed else AGREES

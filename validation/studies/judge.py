@@ -453,7 +453,7 @@ def _table(judged: FileJudgement, every: bool) -> Table:
     rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
     named = {each.name for each in judged.mistakes}
     for family in dict.fromkeys(each.family for each in trials):
-        # The best of each name; those that change nothing tell nothing.
+        # The best of each name; those that change nothing say nothing of the file.
         own = [each for each in trials if each.family == family and each.name not in named]
         own = [each for each in own if not _same(each.errors, judged.plain_errors)]
         own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, ROUNDING)).sum()))

@@ -32,7 +32,7 @@ from validation.studies.mistakes import (
     typical,
 )
 
-SHIFT_EXPLAINS = 3.0  # times less error, from where on a shift is told
+SHIFT_EXPLAINS = 3.0  # times less error, from where on a shift is reported
 SHIFTS = 400  # that are tried, at most, before the best is found among its neighbours
 LONGEST = 0.1  # of the time, that a trajectory is shifted by, or stretched
 

@@ -404,7 +404,7 @@ def _text(S: Array) -> str:
 
 DEGREES = np.pi / 180
 CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engine's error
-LIKELY = 5.0  # times the radius, or less: any other is told from numbers that mean something else
+LIKELY = 5.0  # times the radius, or less: any other comes of numbers that mean something else
 
 
 MistakenScene = tuple[str, tuple[Scene, ...]]

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers, Starts, orbits
+from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers, orbits
 from robotball.equations import Parameters, speed_bound
 from robotball.errors import InputError
-from robotball.qualitative.cycles import Cycle, close
-from robotball.qualitative.exponents import exponents
+from robotball.qualitative.cycles import Cycle, close, nearest
+from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section
 from robotball.rotations import Array, Mask, rotation_matrix
 
@@ -75,7 +75,7 @@ def basins(
             continue
         own = section(parameters, cycle.attitude[None], cycle.momentum[None], CROSSINGS)
         through = level_points(own.attitudes, cycle.momentum[None])[0]
-        reached: Mask = distance(points[:, -1], through) < NEAR
+        reached: Mask = nearest(points[:, -1], through) < NEAR
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
             cycles.append(cycle)
@@ -122,54 +122,3 @@ def level_points(attitudes: Array, momenta: Array) -> Array:
     M = np.einsum("nmij,ni->nmj", axes, momenta)
     size = np.linalg.norm(momenta, axis=1)[:, None, None]
     return np.concatenate([axes[:, :, 2], M / size], axis=2)
-
-
-def distance(points: Array, others: Array) -> Array:
-    """How far points (n, k) are from the nearest of others (m, k): (n,)."""
-    return np.array([np.linalg.norm(others - point, axis=1).min() for point in points])
-
-
-@dataclass(frozen=True)
-class Drift:
-    """Mean motions of the contact points of n starts, along and across their momenta.
-
-    velocities (n, 2) m/s: along OX = -M/√f of section 3.3, which each start has for itself, and
-    OY, to its left. duration s, of the means.
-    """
-
-    velocities: Array
-    duration: float
-
-    @property
-    def mean(self) -> Array:
-        """The mean velocity (2,) over the starts, m/s."""
-        return self.velocities.mean(axis=0)
-
-    @property
-    def error(self) -> Array:
-        """The standard error (2,) of `mean`, from the scatter of the starts, m/s."""
-        return self.velocities.std(axis=0, ddof=1) / np.sqrt(len(self.velocities))
-
-
-def drift(
-    parameters: Parameters,
-    attitudes: Array,
-    momenta: Array,
-    duration: float,
-    transient: float = 1000.0,
-    tolerance: float = LONG_RUN_TOLERANCE,
-) -> Drift:
-    """The mean motion of the contact point over `duration` after a `transient` [s].
-
-    attitudes (n, 4), momenta (n, 3): as for kernels.orbits. Raises InputError on unusable starts
-    or durations, and where a motion could not be followed.
-    """
-    times = np.array([0.0, transient, transient + duration])
-    runs = orbits(parameters, attitudes, momenta, times, tolerance)
-    if runs.status.any():
-        raise InputError(f"{np.count_nonzero(runs.status)} motions could not be followed")
-    velocities = (runs.contact_points[:, 2] - runs.contact_points[:, 1]) / duration
-    turns = Starts(parameters, attitudes, momenta).turns
-    cos, sin = np.cos(turns), np.sin(turns)
-    VX, VY = velocities.T
-    return Drift(np.stack([cos * VX + sin * VY, cos * VY - sin * VX], axis=1), duration)

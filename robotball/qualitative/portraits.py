@@ -24,7 +24,7 @@ from robotball.engines.ensembles.orbits import Starts, components, orbit, orbits
 from robotball.engines.ensembles.systems import ARC
 from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
-from robotball.qualitative.cycles import Cycle, close
+from robotball.qualitative.cycles import Cycle, close, nearest
 from robotball.qualitative.equilibria import (
     FixedPoint,
     attitude_at,
@@ -325,7 +325,7 @@ def basin_shares(
     times = np.array([0.0, SETTLING / rate_scale(parameters)])
     ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, TOLERANCE).attitudes[:, 1]
     gamma = rotation_matrix(ends)[:, 2]
-    distances = np.array([distance(gamma, np.concatenate(each)) for each in attractors.values()])
+    distances = np.array([nearest(gamma, np.concatenate(each)) for each in attractors.values()])
     reached = distances.argmin(axis=0)
     return {name: float(np.mean(reached == i)) for i, name in enumerate(attractors)}
 
@@ -336,9 +336,3 @@ def pair_name(parameters: Parameters, point: FixedPoint) -> str:
     if len(names) < 2:
         return "unnamed"
     return f"{names[0]},{names[1][-1]}"
-
-
-def distance(gamma: Array, curve: Array) -> Array:
-    """How far each γ (n, 3) is from the nearest point of a curve (m, 3): (n,)."""
-    nearest: Array = (gamma @ curve.T).max(axis=1)
-    return np.sqrt(np.maximum(2 - 2 * nearest, 0.0))

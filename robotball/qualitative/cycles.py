@@ -15,7 +15,7 @@ from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
 from robotball.rotations import Array, multiply, rotation_matrix
 
-ITERATIONS = 30
+ITERATIONS = 30  # far more than Newton's method takes near a cycle: beyond, there is none
 CLOSED = 1e-11  # of γ and M/|M|; what a tolerance of 1e-14 keeps over a period
 
 
@@ -39,7 +39,7 @@ class Cycle:
 
 
 def close(parameters: Parameters, attitude: Array, momentum: Array, period: float) -> Cycle:
-    """The periodic motion near a start (4,), (3,), with a period near the one given [s].
+    """Return the periodic motion near a start (4,), (3,), with a period near a given one [s].
 
     Newton's method on a small turn of the start and on the period; of all corrections the
     smallest is taken, for every moment of the motion is as good a start as another. Raises
@@ -52,6 +52,7 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
         gap = (vectors[1] - vectors[0]).ravel()
         if np.abs(gap).max() < CLOSED:
             return Cycle(attitude, momentum, period, multipliers(monodromy, volume, momentum))
+        # A turn of the start moves the end by the monodromy, and what must be closed by both.
         by_turn = np.cross(vectors[1][:, None], monodromy.T) - np.cross(
             vectors[0][:, None], np.eye(3)
         )
@@ -60,6 +61,7 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
         # Turning along the motion itself changes nothing: singular, hence the least solution.
         jacobian = columns.transpose(0, 2, 1).reshape(-1, 4)
         correction = np.linalg.lstsq(jacobian, -gap, rcond=1e-9)[0]
+        # A turn by more than 0.3 rad is beyond what is linear about it.
         correction *= min(1.0, 0.3 / float(np.abs(correction[:3]).max()))
         turn = np.array([1.0, *(correction[:3] / 2)])
         attitude = multiply(attitude, turn / np.linalg.norm(turn))
@@ -72,35 +74,39 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
 def monodromy_of(
     parameters: Parameters, attitude: Array, momentum: Array, period: float
 ) -> tuple[Array, Array, float]:
-    """The attitude (4,) after a period, its turns by the start's (3, 3), and ln of the determinant.
+    """Return the attitude (4,) after a period, the monodromy (3, 3) and ln of its determinant.
+
+    The monodromy is the end's small turn by the start's.
 
     The determinant is up to a factor that is 1 where the motion is periodic.
     """
+    # The three turns about the axes are followed side by side, a lane each of the compiled steps.
     starts = Starts(parameters, np.tile(attitude, (3, 1)), np.tile(momentum, (3, 1)))
     rest = np.concatenate([np.eye(3), np.zeros((3, 2))], axis=1)
     states, status = starts.march(DEVIATION, rest, np.array([period]), STEP_TOLERANCE)
     if status.any():
         raise InputError("the motion could not be followed over the period")
     end = starts.to_world(states[:, :, :4])[0, 0]
+    # A deviation is kept at length one, with the logarithm of its growth beside it.
     monodromy = (states[:, 0, 4:7] * np.exp(states[:, 0, 7:8])).T
     return end, monodromy, float(states[0, 0, 8])
 
 
 def level_vectors(attitude: Array, momentum: Array) -> Array:
-    """γ and M/|M| (2, 3) in frame axes, or γ alone (1, 3) where M = 0."""
+    """Return γ and M/|M| (2, 3) in frame axes, or γ alone (1, 3) where M = 0."""
     axes = rotation_matrix(attitude)
     size = np.linalg.norm(momentum)
     return np.stack([axes[2], momentum @ axes / size]) if size > 0 else axes[2:]
 
 
 def angular_velocity(parameters: Parameters, attitude: Array, momentum: Array) -> Array:
-    """ω (3,) in frame axes [rad/s]."""
+    """Return ω (3,) in frame axes [rad/s]."""
     axes = rotation_matrix(attitude)
     return np.array(parameters.angular_velocity(as_vector(momentum @ axes), as_vector(axes[2])))
 
 
 def multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
-    """The multipliers without those that are 1, largest first.
+    """Return the multipliers without those that are 1, largest first.
 
     The motion's own is 1, and at M = 0 that of a turn about the vertical, so that there the
     determinant is all there is to know.
@@ -108,7 +114,7 @@ def multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
     if not np.any(momentum):
         return np.array([np.exp(volume)], dtype=complex)
     values = np.linalg.eigvals(monodromy).astype(complex)
-    values = values[np.argsort(np.abs(values - 1))][1:]
+    values = values[np.argsort(np.abs(values - 1))][1:]  # without the motion's own
     return values[np.argsort(-np.abs(values))]
 
 

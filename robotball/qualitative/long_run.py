@@ -79,7 +79,7 @@ def exponents(
     transient: float = 1000.0,
     tolerance: float = LONG_RUN_TOLERANCE,
 ) -> Exponents:
-    """The exponents of the motions from n starts, over `duration` after a `transient` [s].
+    """Estimate the exponents of motions from n starts, over `duration` after a `transient` [s].
 
     attitudes (n, 4), momenta (n, 3): as for kernels.orbits. Raises InputError on unusable starts
     or durations, and where a motion could not be followed.
@@ -89,11 +89,12 @@ def exponents(
     starts = Starts(parameters, attitudes, momenta)
     if not (starts.size > 0).all():
         raise InputError("exponents need M other than zero: with M = 0 the motion is on the sphere")
-    # Any direction will do: the transient turns it into the fastest growing one.
+    # Any direction will do, if none is special: the transient turns it into the fastest growing.
     rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (len(starts.rows), 1))
     times = np.array([transient, transient + duration])
     states, status = starts.march(DEVIATION, rest, times, tolerance)
     _check_followed(status)
+    # Logarithms at both ends of the duration: the transient's growth is no part of the mean.
     growth, volume = np.moveaxis(states[:, 1, 7:9] - states[:, 0, 7:9], -1, 0) / duration
     return Exponents(largest=growth, divergence=volume, duration=duration)
 
@@ -128,7 +129,7 @@ def drift(
     transient: float = 1000.0,
     tolerance: float = LONG_RUN_TOLERANCE,
 ) -> Drift:
-    """The mean motion of the contact point over `duration` after a `transient` [s].
+    """Estimate the mean motion of the contact point over `duration` after a `transient` [s].
 
     attitudes (n, 4), momenta (n, 3): as for kernels.orbits. Raises InputError on unusable starts
     or durations, and where a motion could not be followed.
@@ -137,6 +138,7 @@ def drift(
     runs = orbits(parameters, attitudes, momenta, times, tolerance)
     _check_followed(runs.status)
     velocities = (runs.contact_points[:, 2] - runs.contact_points[:, 1]) / duration
+    # Each start has its own OX, along which its momentum lies in the plane.
     turns = Starts(parameters, attitudes, momenta).turns
     cos, sin = np.cos(turns), np.sin(turns)
     VX, VY = velocities.T
@@ -144,17 +146,18 @@ def drift(
 
 
 def kaplan_yorke(largest: float, smallest: float) -> float:
-    """The dimension 1 + λ₁/|λ₆| of an attractor's section; 0 of a periodic, 1 of a torus's.
+    """Return the dimension 1 + λ₁/|λ₆| of an attractor's section; 0 of a cycle's, 1 of a torus's.
 
     From λ₁, 0, λ₆ with the direction of the motion left out.
     """
     if largest <= 0:
         return 0.0
+    # A sum that is not negative contracts no area: the section is filled.
     return 2.0 if largest + smallest >= 0 else 1 + largest / -smallest
 
 
 def standard_error(values: Array) -> float:
-    """The standard error of the mean of independent values (n,)."""
+    """Return the standard error of the mean of independent values (n,)."""
     return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
 
 

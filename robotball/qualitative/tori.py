@@ -26,7 +26,7 @@ from robotball.rotations import Array
 
 LINES = 4  # looked at; the strongest need not be ρ's own
 CORRECTIONS = 4
-HARMONICS = 120  # of a smooth curve; with fewer points, an eighth of their number
+HARMONICS = 120  # enough for a smooth curve; with fewer points, an eighth of their number
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class InvariantCurve:
     residual: float
 
     def at(self, phases: Array) -> Array:
-        """Points (n, k) along the curve at phases (n,) in turns; 0 is the orbit's first point."""
+        """Return points (n, k) at phases (n,) in turns; 0 is the orbit's first point."""
         return (waves(phases, len(self.coefficients) // 2) @ self.coefficients).real
 
 
 def invariant_curve(points: Array) -> InvariantCurve:
-    """The curve that the successive points (m, k) of one orbit of the section map fill.
+    """Return the curve that successive points (m, k) of an orbit of the section map fill.
 
     The points are to be of one direction of crossing, in coordinates without jumps. ρ is the one
     of the strongest spectral lines that fits best; every other point is held out. Raises
@@ -66,9 +66,10 @@ def invariant_curve(points: Array) -> InvariantCurve:
 
 
 def fitted(points: Array, rotation: float) -> InvariantCurve:
-    """The curve by every other point, with ρ near the one given, by Gauss and Newton."""
+    """Return the curve by every other point, with ρ near the one given, by Gauss and Newton."""
     count, highest = np.arange(float(len(points))), min(HARMONICS, len(points) // 8)
     orders = 2j * np.pi * np.arange(-highest, highest + 1)[:, None]
+    # An error of ρ shifts late points along the curve more than early ones: from that it is found.
     for _ in range(CORRECTIONS):
         table = waves(rotation * count, highest)
         coefficients = np.linalg.lstsq(table[::2], points[::2].astype(complex), rcond=None)[0]
@@ -84,11 +85,13 @@ def fitted(points: Array, rotation: float) -> InvariantCurve:
 
 
 def candidate_rotations(points: Array) -> list[float]:
-    """The strongest spectral lines (up to LINES) of an orbit (m, k), in turns: multiples of ρ.
+    """Return the strongest spectral lines (up to LINES) of an orbit (m, k), in turns.
 
     Each is refined on the spectrum of the points under a smooth window, whose lines are narrow.
     """
     m = len(points)
+    # A bump that is flat to all orders at both ends: beside a line its spectrum falls faster than
+    # any power, so that a strong line does not shift a weak one.
     times = np.arange(1, m + 1) / (m + 1)
     weights = np.exp(-1 / (times * (1 - times)))
     windowed = (points - weights @ points / weights.sum()) * weights[:, None]
@@ -109,12 +112,12 @@ def candidate_rotations(points: Array) -> list[float]:
 
 
 def waves(phases: Array, highest: int) -> Array:
-    """exp(2πi h phase) (n, 2 highest + 1) at phases (n,) in turns."""
+    """Return exp(2πi h phase) (n, 2 highest + 1) at phases (n,) in turns."""
     return np.exp(2j * np.pi * np.outer(phases, np.arange(-highest, highest + 1)))
 
 
 def shared_integral(parameters: Parameters, gamma: Array, level: Array) -> Array:
-    """J (n,) at γ and ℓ (n, 3), in principal axes, with the A of the rubber ball [J]."""
+    """Return J (n,) at γ and ℓ (n, 3), in principal axes, with the A of the rubber ball [J]."""
     A = np.array(parameters.A)
     weight, mixed = (A * gamma * gamma).sum(axis=1), (A * gamma * level).sum(axis=1)
     return np.asarray((A * level * level).sum(axis=1) - mixed**2 / weight)

@@ -32,6 +32,52 @@ FORMAT = "robotball scene 1"
 SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
 # Of a hinge's command; of a motor that is not here a torque.
 COMMANDED = {Servo: "rad/s", PositionServo: "rad", Free: "none"}
+# Times the friction that the motion needs: another engine's contact must not slip at the peak.
+MARGIN = 1.5
+# URDF's readers ask for limits of every joint; these limit nothing.
+FASTEST, STRONGEST = "1e6", "1e9"
+README = "README.md"
+
+
+def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -> list[Path]:
+    """Write a scene for other simulators into a folder; returns the files.
+
+    scene.json, scene.toml where the scene has one, drives.csv and reference.csv at the sample
+    times (n,) [s], the scene's own if None, model.xml (MJCF), model.urdf, model.sdf, README.md.
+    Raises InputError for a scene that the equations cannot integrate, and where nothing can be
+    written.
+    """
+    folder = Path(folder)
+    motion = integrate(scene, times)
+    conventions = files("robotball.files").joinpath("export_conventions.md")
+    texts = {
+        "scene.json": json.dumps(plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
+        "model.xml": mjcf(motion),
+        "model.urdf": urdf(scene),
+        "model.sdf": sdf(motion),
+        README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
+    }
+    with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
+        texts["scene.toml"] = scene_toml(scene)
+    # One by one, each whole or not there: a folder that was half written has no half file.
+    for name, text in texts.items():
+        with replacing(folder / name) as temporary:
+            temporary.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
+    write_table(folder / "drives.csv", _drives(motion))
+    motion.save(folder / "reference.csv")
+    return sorted(folder / name for name in (*texts, "drives.csv", "reference.csv"))
+
+
+def _drives(motion: Motion) -> Table:
+    """Return each hinge's command, with its slope and its integral from 0."""
+    times = motion.times
+    columns: dict[str, Array] = {"t": times}
+    for hinge in motion.scene.hinges:
+        command = hinge.command
+        columns[f"{hinge.name}_command"] = np.asarray(command.rate(times), dtype=float)
+        columns[f"{hinge.name}_slope"] = np.asarray(command.acceleration(times), dtype=float)
+        columns[f"{hinge.name}_integral"] = np.asarray(command.angle(times), dtype=float)
+    return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
 
 
 def plain(motion: Motion) -> dict[str, Any]:
@@ -160,21 +206,6 @@ def formula(command: Drive) -> dict[str, Any]:
     return {"kind": "function", "formula": "see drives.csv"}
 
 
-# Times the friction that the motion needs: another engine's contact must not slip at the peak.
-MARGIN = 1.5
-
-
-def numbers(values: Array | list[float]) -> str:
-    """Return numbers with all their digits, separated by blanks."""
-    return " ".join(repr(float(value)) for value in values)
-
-
-def xml_text(root: Element) -> str:
-    """Return an indented document."""
-    indent(root)
-    return tostring(root, encoding="unicode")
-
-
 def mjcf(motion: Motion) -> str:
     """Return the MJCF of a reference motion's scene, its start as the keyframe `start`.
 
@@ -224,10 +255,6 @@ def mjcf(motion: Motion) -> str:
     qvel = [*velocity, *turning, *(hinge.rate for hinge in hinges)]
     SubElement(keyframe, "key", name="start", qpos=numbers(qpos), qvel=numbers(qvel))
     return xml_text(root)
-
-
-# URDF's readers ask for limits of every joint; these limit nothing.
-FASTEST, STRONGEST = "1e6", "1e9"
 
 
 def urdf(scene: Scene) -> str:
@@ -332,45 +359,12 @@ def _text(parent: Element, name: str, text: str) -> None:
     SubElement(parent, name).text = text
 
 
-README = "README.md"
+def numbers(values: Array | list[float]) -> str:
+    """Return numbers with all their digits, separated by blanks."""
+    return " ".join(repr(float(value)) for value in values)
 
 
-def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -> list[Path]:
-    """Write a scene for other simulators into a folder; returns the files.
-
-    scene.json, scene.toml where the scene has one, drives.csv and reference.csv at the sample
-    times (n,) [s], the scene's own if None, model.xml (MJCF), model.urdf, model.sdf, README.md.
-    Raises InputError for a scene that the equations cannot integrate, and where nothing can be
-    written.
-    """
-    folder = Path(folder)
-    motion = integrate(scene, times)
-    conventions = files("robotball.files").joinpath("export_conventions.md")
-    texts = {
-        "scene.json": json.dumps(plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
-        "model.xml": mjcf(motion),
-        "model.urdf": urdf(scene),
-        "model.sdf": sdf(motion),
-        README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
-    }
-    with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
-        texts["scene.toml"] = scene_toml(scene)
-    # One by one, each whole or not there: a folder that was half written has no half file.
-    for name, text in texts.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
-    write_table(folder / "drives.csv", _drives(motion))
-    motion.save(folder / "reference.csv")
-    return sorted(folder / name for name in (*texts, "drives.csv", "reference.csv"))
-
-
-def _drives(motion: Motion) -> Table:
-    """Return each hinge's command, with its slope and its integral from 0."""
-    times = motion.times
-    columns: dict[str, Array] = {"t": times}
-    for hinge in motion.scene.hinges:
-        command = hinge.command
-        columns[f"{hinge.name}_command"] = np.asarray(command.rate(times), dtype=float)
-        columns[f"{hinge.name}_slope"] = np.asarray(command.acceleration(times), dtype=float)
-        columns[f"{hinge.name}_integral"] = np.asarray(command.angle(times), dtype=float)
-    return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
+def xml_text(root: Element) -> str:
+    """Return an indented document."""
+    indent(root)
+    return tostring(root, encoding="unicode")

@@ -83,8 +83,7 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
     by their indices, whose sum on a sphere is 2. With K = 0 they are (4.4). Raises InputError for a
     classical ball and a curve of fixed points, and where the check fails.
     """
-    if parameters.rolling != "rubber":
-        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
+    _check_rubber(parameters)
     parameters = without_rounding(parameters)
     if not np.any([parameters.Omega, parameters.K]):
         raise InputError("with Omega = 0 and K = 0 the ball rests at every gamma")
@@ -113,6 +112,11 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
             "are degenerate"
         )
     return points
+
+
+def _check_rubber(parameters: Parameters) -> None:
+    if parameters.rolling != "rubber":
+        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
 
 
 def fills_curve(parameters: Parameters) -> bool:
@@ -147,8 +151,7 @@ def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:
     fixed point.
     """
     vertical = as_vector(gamma)
-    if parameters.rolling != "rubber":
-        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
+    _check_rubber(parameters)
     if np.abs(flow(parameters, vertical)).max() > EIGENVALUE_ROUNDING * rate_scale(parameters):
         raise InputError("the contact point runs on a circle only where gamma is a fixed point")
     across = eq.cross(vertical, parameters.Omega)
@@ -296,9 +299,9 @@ def jacobian(parameters: Parameters, gamma: Array) -> Array:
 
 
 def tangents(gamma: Array) -> Array:
-    """Return two unit vectors (2, 3) across γ (3,) and each other."""
+    """Return two unit vectors (..., 2, 3) across γ (..., 3) and each other."""
     first = perpendicular(gamma)
-    return np.stack([first, np.cross(gamma, first)])
+    return np.stack([first, np.cross(gamma, first)], axis=-2)
 
 
 def rate_scale(parameters: Parameters) -> float:
@@ -310,8 +313,7 @@ def rate_scale(parameters: Parameters) -> float:
 
 def attitude_at(gamma: Array) -> Array:
     """Return some attitudes (..., 4) with the verticals γ (..., 3)."""
-    first = perpendicular(gamma)
-    return from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=-2))
+    return from_matrix(np.concatenate([tangents(gamma), gamma[..., None, :]], axis=-2))
 
 
 MOST_SAMPLES = 100_000  # of a line beside the circle
@@ -345,8 +347,7 @@ def fixed_circle(parameters: Parameters) -> FixedCircle | None:
     if parameters.rolling != "rubber" or np.any(parameters.K) or not np.any(parameters.Omega):
         return None
     along = np.array(parameters.Omega) / np.linalg.norm(parameters.Omega)
-    first = perpendicular(along)
-    plane = np.stack([first, np.cross(along, first)])
+    plane = tangents(along)
     # (Aγ, γ×Ω) is |Ω| (A₁₁ - A₂₂)/2 sin 2ψ in axes that make A diagonal there, the larger first.
     weights, vectors = np.linalg.eigh(plane * parameters.A @ plane.T)
     larger = vectors[:, np.argmax(weights)] @ plane

@@ -57,24 +57,23 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     back: of two cycles that cross it between neighbouring points neither is found. Raises
     InputError for a classical ball, and where fixed points are not isolated.
     """
-    if parameters.rolling != "rubber":
-        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
     cycles: list[Cycle] = []
     curves: list[Array] = []
     points = fixed_points(parameters)
     centres = of_index_one(points)
+
+    def known(gamma: Array) -> bool:
+        return any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
+
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
     for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
         # Two arcs each: where one has a cycle close to the end of what comes back, another has not.
         for arc in (Arc(gamma, side) for gamma in centres for side in tangents(gamma)):
             for gamma, period in returning(ball, arc, longest, starts):
-                if any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1)):
+                # Asked before, to save closing it, and after, when a point of it is exact.
+                if known(gamma) or (cycle := closed(ball, gamma, period)) is None:
                     continue
-                cycle = closed(ball, gamma, period)
-                if cycle is None or cycle.period > longest:
-                    continue
-                # Asked again: before, only a point near the cycle was known.
-                if any(lies_on(sign * cycle.gamma, curve) for curve in curves for sign in (1, -1)):
+                if cycle.period > longest or known(cycle.gamma):
                     continue
                 # Backwards in time a multiplier is its inverse.
                 cycles.append(replace(cycle, multipliers=cycle.multipliers**sense))

@@ -103,29 +103,18 @@ def crossings(
     times, states = np.full((n, count), np.nan), np.full((n, count, system.size), np.nan)
     directions = np.zeros((n, count), np.int64)
     found, status = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    results = times, states, directions, found, status
     step = stepper(system, starts.parameters.rolling)
     rows = starts.rows_of(system, np.zeros((n, 0)))
     lengths = starts.first_lengths(longest, tolerance)
 
     def find(queue: Queue) -> None:
         cross(
-            step,
-            queue,
-            rows,
-            lengths,
-            tolerance,
-            STEPS_PER_CROSSING,
-            longest,
-            direction,
-            times,
-            states,
-            directions,
-            found,
-            status,
+            step, queue, rows, lengths, tolerance, STEPS_PER_CROSSING, longest, direction, *results
         )
 
     in_threads(find, math.ceil(n / LANES))
-    return times, states, directions, found, status
+    return results
 
 
 def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:

@@ -152,6 +152,7 @@ def fixed_point(
     A fixed point of the map is one crossing of it; its multipliers are the orbit's. Raises
     InputError where Newton's method does not converge.
     """
+    # The given point need not be on a crossing that the map counts: it starts at the next one.
     attitudes, momenta = section_starts(L, l, f, g, c)
     first = section(parameters, attitudes, momenta, 1, g)
     if first.status[0] != marching.DONE:

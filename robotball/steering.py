@@ -1,7 +1,7 @@
 """Find the drives that roll a robot's contact point along a wanted path.
 
-The path tells how the shell turns, for it does not slip. The momentum tells the rest: M is what it
-is, so (L, h) = 𝓜u is, at every time, two equations for the rates of the hinges in the rubber
+The path determines how the shell turns, for it does not slip. The momentum gives the rest: M is
+known, so (L, h) = 𝓜u is, at every time, two equations for the rates of the hinges in the rubber
 model, and three in the classical one, where the shell's spin is unknown as well. Of more hinges
 than that the ones that take the least energy are taken.
 
@@ -124,9 +124,9 @@ class Steered:
 
 @dataclass(frozen=True)
 class Moves:
-    """axes (n, 3, 3), gamma (n, 3), placed, u (3 + h, n) and reach (n,).
+    """The motion of a robot at n times.
 
-    reach: how well the hinges move the ball in the direction that they move it least.
+    axes (n, 3, 3), gamma (n, 3), placed, u (3 + h, n) and reach (n,): how well the hinges move the ball in the direction that they move it least.
     """
 
     axes: Array

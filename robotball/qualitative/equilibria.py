@@ -38,6 +38,10 @@ REST = (0.0, 0.0, 0.0)
 GENERIC = rotation_matrix(np.array([0.51, 0.29, -0.63, 0.503]))
 EIGENVALUE_ROUNDING = 1e-9  # of an eigenvalue, relative to the rates of the flow
 SAME_SOLUTION = 1e-7  # how near two solutions are one
+MOST_SAMPLES = 100_000  # of a line beside the circle
+ROUNDING = 1e-14  # of what a number was computed from: one that is smaller is zero
+EQUAL = 1e-12  # of a moment: one that differs by less is the same
+SAME = 1e-6  # of a unit vector: what is that near a point of a formula is that point
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class ContactPath:
 
     @property
     def radius(self) -> float:
-        """Of the circle, m; infinite for a line, 0 where the ball spins on the spot."""
+        """The circle's radius [m]: infinite for a line, 0 where the ball spins on the spot."""
         return self.speed / abs(self.turning) if self.turning else float("inf")
 
 
@@ -316,9 +320,6 @@ def attitude_at(gamma: Array) -> Array:
     return from_matrix(np.concatenate([tangents(gamma), gamma[..., None, :]], axis=-2))
 
 
-MOST_SAMPLES = 100_000  # of a line beside the circle
-
-
 @dataclass(frozen=True)
 class FixedCircle:
     """Fixed points γ = cos ψ axes[0] + sin ψ axes[1], of which those with sin 2ψ > 0 attract: Σ_s.
@@ -376,11 +377,6 @@ def index_of(parameters: Parameters, axes: Array) -> int:
         direction = np.unwrap(np.arctan2(rate @ along, (rate * ahead).sum(axis=1)))
         turns.append(round(float(direction[-1] - direction[0]) / (2 * np.pi)))
     return turns[0] - turns[1]
-
-
-ROUNDING = 1e-14  # of what a number was computed from: one that is smaller is zero
-EQUAL = 1e-12  # of a moment: one that differs by less is the same
-SAME = 1e-6  # of a unit vector: what is that near a point of a formula is that point
 
 
 def without_rounding(parameters: Parameters) -> Parameters:

@@ -34,6 +34,7 @@ from robotball.scene import Scene, along_momentum, section_state
 
 # Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
 STEPS_PER_CROSSING = 100_000
+ON_SECTION = 1e-10  # a start that near counts as on the section, and is no crossing
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Section:
 
     times (n, m) s; l (n, m) rad and L (n, m) kg m²/s of (5.5); directions (n, m): +1 where g
     grows, -1 where it falls; attitudes (n, m, 4), frame to world; found (n,), of the m; status
-    (n,), a key of kernels.STATUS. What was not found is NaN, and its direction 0.
+    (n,), a key of `orbits.STATUS`. What was not found is NaN, and its direction 0.
     """
 
     times: Array
@@ -65,7 +66,7 @@ def section(
 ) -> Section:
     """Find the first `count` crossings of g = `g` [rad] by the motions from many starts.
 
-    attitudes (n, 4), momenta (n, 3), tolerance: as for kernels.orbits; direction: 1 or -1 for one
+    attitudes (n, 4), momenta (n, 3), tolerance: as for `orbits`; direction: 1 or -1 for one
     direction only, 0 for both. On the section to 1e-12 of sin(g - g₀)√(1 - L²/f). Raises
     InputError on unusable starts, such as M = 0, which has no g.
     """
@@ -163,9 +164,6 @@ def fixed_point(
     return close(parameters, same_way.attitudes[0, 0], momenta[0], period)
 
 
-ON_SECTION = 1e-10  # a start that near counts as on the section, and is no crossing
-
-
 @dataclass(frozen=True)
 class Crossings:
     """The m crossings of one motion, in principal axes.
@@ -252,6 +250,6 @@ def sampled_crossings(
         momenta=CubicHermiteSpline(times, M, np.cross(M, omega))(found),
         directions=np.sign(at(found, 1)).astype(int),
     )
-    # sin(g - g₀) is zero at g₀ + π as well; the cosine's sign tells which it is.
+    # sin(g - g₀) is zero at g₀ + π as well; the cosine's sign decides.
     faces = CubicHermiteSpline(times, facing[:, 2], np.cross(facing, omega)[:, 2])(found)
     return crossed[faces < 0]

@@ -126,7 +126,8 @@ class Steered:
 class Moves:
     """The motion of a robot at n times.
 
-    axes (n, 3, 3), gamma (n, 3), placed, u (3 + h, n) and reach (n,): how well the hinges move the ball in the direction that they move it least.
+    axes (n, 3, 3), gamma (n, 3), placed (as `mechanics` has it), u (3 + h, n); reach (n,): how well
+    the hinges move the ball in the direction in which they move it least.
     """
 
     axes: Array

@@ -1,1 +1,1 @@
-"""Scenes as files: TOML in and out, and frames from a user's own MJCF."""
+"""Files: scenes in TOML, bodies of MJCF and URDF, trajectories, exports for other simulators."""

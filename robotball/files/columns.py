@@ -1,7 +1,8 @@
 """Read and write tables of numbers with a header, as CSV, NPZ or Parquet.
 
 Columns come back to the last bit. CSV is read as simulators write it: with any delimiter, comments,
-a line of units, a byte order mark.
+a line of units, a byte order mark. In order: the table and its files, samples of a drive, then each
+kind of file.
 """
 
 import codecs
@@ -12,7 +13,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -25,50 +26,139 @@ from robotball.files.reading import MB, opened
 from robotball.files.replacing import replacing
 from robotball.rotations import Array
 
-COMMENT = ("#", "%", "//")
+COMMENT = ("#", "%", "//")  # Python's and gnuplot's, MATLAB's, C++'s
 MARKS = {
     codecs.BOM_UTF8: "utf-8-sig",
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
 LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
-UNITS_LINE = "units"  # the header's line of them, as JSON
+LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
+WORD = 8  # bytes of a number
+# Of an NPZ's own members and a Parquet's metadata, as JSON; units are a line of a CSV's header.
+HEADER, UNITS = "header", "units"
+# What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file,
+# OSError where a member is said to begin before the file.
+UNREADABLE = (
+    ValueError, TypeError, EOFError, OSError, KeyError, RuntimeError, zipfile.BadZipFile,
+    zlib.error,
+)  # fmt: skip
+PARQUET_EXTRA = (
+    "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
+)
+# Units that need no conversion: whether the value is a rate, an angle or a torque, the drive says.
+TIME, VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
+
+
 Line = tuple[int, str]  # its number in the file, from 1, and its text
 
 
-def write_csv(
-    columns: Mapping[str, Array], units: Mapping[str, str], header: Mapping[str, str]
-) -> str:
-    """The text of a CSV file, its header in comment lines `# name: text`, a line of text each."""
-    texts = {**header, UNITS_LINE: json.dumps(dict(units), ensure_ascii=False)}
+@dataclass(frozen=True)
+class Table:
+    """columns: names → numbers, all of one length; units, of columns; header: names → texts.
+
+    notes: what had to be understood on reading, a line each.
+    """
+
+    columns: Mapping[str, Array]
+    units: Mapping[str, str]
+    header: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+
+
+def write_table(path: Path, table: Table) -> None:
+    """Write a table as a file of the kind that its suffix says. Raises InputError for others."""
+    writers: dict[str, Callable[[Path, Table], None]] = {
+        ".csv": _write_csv,
+        ".npz": _write_npz,
+        ".parquet": _write_parquet,
+    }
+    write = _of_suffix(path, writers)
+    with replacing(path) as temporary:
+        write(temporary, table)
+
+
+def read_table(path: Path) -> Table:
+    """Return the table of a file. Raises InputError, with the file, where it holds none."""
+    readers: dict[str, Callable[[BinaryIO], Table]] = {
+        ".csv": _read_csv,
+        ".tsv": _read_csv,
+        ".txt": _read_csv,
+        ".npz": _read_npz,
+        ".parquet": _read_parquet,
+    }
+    read = _of_suffix(path, readers)
+    # A reader says what is wrong with the bytes; the file's name is put before it here.
+    with opened(path, LONGEST) as file:
+        try:
+            table = read(file)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+    lengths = {name: len(column) for name, column in table.columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"{path}: columns are of different lengths: {lengths}")
+    return table
+
+
+def _of_suffix(path: Path, by_suffix: Mapping[str, Any]) -> Any:
+    suffix = path.suffix.lower()
+    if suffix not in by_suffix:
+        kinds = ", ".join(by_suffix)
+        raise InputError(f"{path}: a trajectory's file is one of {kinds}, not {suffix!r}")
+    return by_suffix[suffix]
+
+
+def read_samples(path: Path) -> Samples:
+    """Return the samples of a file of two columns, a time [s] and a value.
+
+    Raises InputError, with the file, where it holds none, or a unit that is not SI's.
+    """
+    table = read_table(path)
+    if len(table.columns) != 2:
+        raise InputError(
+            f"{path}: samples take two columns, time and value, not {', '.join(table.columns)}"
+        )
+    for name, known in zip(table.columns, (TIME, VALUE), strict=True):
+        if (unit := table.units.get(name)) and unit not in known:
+            raise InputError(f"{path}: {name} is in {unit}; samples take {', '.join(known[:3])}")
+    times, values = (tuple(column.tolist()) for column in table.columns.values())
+    try:
+        return Samples(times=times, values=values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _write_csv(path: Path, table: Table) -> None:
+    """Write the header in comment lines `# name: text`, one for each line of a text."""
+    texts = {**table.header, UNITS: json.dumps(dict(table.units), ensure_ascii=False)}
     lines = [f"# {name}: {line}" for name, text in texts.items() for line in text.split("\n")]
-    lines.append(",".join(columns))
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    lines.append(",".join(table.columns))
+    rows = zip(*(column.tolist() for column in table.columns.values()), strict=True)
+    # By repr, the shortest text that is read back to the last bit.
     lines += [",".join(map(repr, row)) for row in rows]
-    return "\n".join(lines) + "\n"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def read_csv(
-    file: BinaryIO,
-) -> tuple[dict[str, Array], dict[str, str], dict[str, str], tuple[str, ...]]:
-    """Columns, units, header and notes of a file; raises InputError for what is no table.
+def _read_csv(file: BinaryIO) -> Table:
+    """Return the table of a CSV file. Raises InputError for what is no table.
 
     The line of names may be a comment, and a line of units may follow it. Numbers may have decimal
     commas where another character is between them.
     """
+    # Excel writes such marks. Without one a name would begin with a character that nobody sees.
     start = file.read(len(codecs.BOM_UTF8))
     encoding = next((MARKS[mark] for mark in MARKS if start.startswith(mark)), None)
     file.seek(0)
     notes = ("it begins with a byte order mark, which is skipped",) if encoding else ()
     lines = enumerate(io.TextIOWrapper(file, encoding or "utf-8"), 1)
     try:
-        return *_table(lines), notes
+        return replace(_table(lines), notes=notes)
     except UnicodeDecodeError:
         raise InputError("it is no text in UTF-8 or UTF-16") from None
 
 
-def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dict[str, str]]:
-    """Columns, units and header."""
+def _table(lines: Iterator[Line]) -> Table:
+    # One pass, in pieces: comments are collected on the way, as units and names may be in them.
     comments: list[str] = []
     rows = _rows(lines, comments)
     begun = [*islice(rows, 1)]
@@ -83,6 +173,7 @@ def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dic
             raise InputError("there is no line with the columns' names, as t,x,y,qw,qx,qy,qz")
     else:
         names, begun = first, [*islice(rows, 1)]
+        # A line below the names without a single number has the units.
         if begun and not any(map(_is_number, _cells(begun[0][1], delimiter))):
             below = dict(zip(names, _cells(begun.pop()[1], delimiter), strict=False))
     if len(set(names)) < len(names):
@@ -94,12 +185,12 @@ def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dic
     if not any(map(len, parts)):
         raise InputError("there are no rows of numbers below the columns' names")
     header = _header(comments)
-    units = below | _units_of(header.pop(UNITS_LINE, ""))
-    return dict(zip(names, np.concatenate(parts).T, strict=True)), units, header
+    units = below | _units_of(header.pop(UNITS, ""))
+    return Table(dict(zip(names, np.concatenate(parts).T, strict=True)), units, header)
 
 
 def _rows(lines: Iterable[Line], comments: list[str]) -> Iterator[Line]:
-    """The lines that are neither empty nor a comment; comments are added to the others."""
+    """Yield the lines that are neither empty nor a comment. Comments are added to the others."""
     for number, line in lines:
         stripped = line.strip()
         if stripped.startswith(COMMENT):
@@ -109,7 +200,7 @@ def _rows(lines: Iterable[Line], comments: list[str]) -> Iterator[Line]:
 
 
 def _header(comments: list[str]) -> dict[str, str]:
-    """The comments of the form `name: text`; those of one name are the lines of one text."""
+    """Return the comments of the form `name: text`. Those of one name are lines of one text."""
     found: dict[str, list[str]] = {}
     for line in comments:
         match = re.match(r"(\w+):(?: (.*))?$", line)
@@ -119,7 +210,7 @@ def _header(comments: list[str]) -> dict[str, str]:
 
 
 def _units_of(text: str) -> dict[str, str]:
-    """Units by JSON, or as `t s, x mm`."""
+    """Return units that are given as JSON, or as `t s, x mm`."""
     try:
         given: Any = json.loads(text)
     except ValueError:
@@ -129,7 +220,8 @@ def _units_of(text: str) -> dict[str, str]:
 
 
 def _delimiter(line: str) -> str | None:
-    """What is between the cells of a line; None is white space."""
+    """Return the character between the cells of a line; None is white space."""
+    # A comma last: where it is decimal, semicolons or tabs are between the numbers.
     return next((each for each in (";", "\t", ",") if each in line), None)
 
 
@@ -148,7 +240,8 @@ def _is_number(cell: str) -> bool:
 def _numbers(
     names: list[str], lines: list[Line], delimiter: str | None, comments: list[str]
 ) -> Array:
-    """The numbers (n, columns) of some lines; their comments are added to the others."""
+    """Return the numbers (n, columns) of some lines. Comments are added to the others."""
+    # NumPy reads a piece at once; what follows goes line by line, and names the one at fault.
     texts = [line if delimiter == "," else line.replace(",", ".") for _, line in lines]
     with contextlib.suppress(ValueError):  # by a comment, a cell in quotes, or what is no number
         if any(map(str.strip, texts)):
@@ -176,82 +269,6 @@ def _checked(
             raise InputError(f"line {number}: {names[i]} {what}, and must be a number") from None
 
 
-LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
-WORD = 8  # bytes of a number
-HEADER, UNITS = "header", "units"  # of an NPZ's own members, and of a Parquet's metadata
-# What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file,
-# OSError where a member is said to begin before the file.
-UNREADABLE = (
-    ValueError, TypeError, EOFError, OSError, KeyError, RuntimeError, zipfile.BadZipFile,
-    zlib.error,
-)  # fmt: skip
-PARQUET_EXTRA = (
-    "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
-)
-
-
-@dataclass(frozen=True)
-class Table:
-    """columns: names → numbers, all of one length; units, of columns; header: names → texts.
-
-    notes: what had to be understood on reading, a line each.
-    """
-
-    columns: Mapping[str, Array]
-    units: Mapping[str, str]
-    header: Mapping[str, str]
-    notes: tuple[str, ...] = ()
-
-
-def write_table(path: Path, table: Table) -> None:
-    """The table as a file of the kind that its suffix says; raises InputError for another one."""
-    writers: dict[str, Callable[[Path, Table], None]] = {
-        ".csv": _write_csv,
-        ".npz": _write_npz,
-        ".parquet": _write_parquet,
-    }
-    write = _of_suffix(path, writers)
-    with replacing(path) as temporary:
-        write(temporary, table)
-
-
-def read_table(path: Path) -> Table:
-    """The table of a file; raises InputError, with the file, where it holds none."""
-    readers: dict[str, Callable[[BinaryIO], Table]] = {
-        ".csv": _read_csv,
-        ".tsv": _read_csv,
-        ".txt": _read_csv,
-        ".npz": _read_npz,
-        ".parquet": _read_parquet,
-    }
-    read = _of_suffix(path, readers)
-    with opened(path, LONGEST) as file:
-        try:
-            table = read(file)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-    lengths = {name: len(column) for name, column in table.columns.items()}
-    if len(set(lengths.values())) > 1:
-        raise InputError(f"{path}: columns are of different lengths: {lengths}")
-    return table
-
-
-def _of_suffix(path: Path, by_suffix: Mapping[str, Any]) -> Any:
-    suffix = path.suffix.lower()
-    if suffix not in by_suffix:
-        kinds = ", ".join(by_suffix)
-        raise InputError(f"{path}: a trajectory's file is one of {kinds}, not {suffix!r}")
-    return by_suffix[suffix]
-
-
-def _write_csv(path: Path, table: Table) -> None:
-    path.write_text(write_csv(table.columns, table.units, table.header), encoding="utf-8")
-
-
-def _read_csv(file: BinaryIO) -> Table:
-    return Table(*read_csv(file))
-
-
 def _write_npz(path: Path, table: Table) -> None:
     own: dict[str, Any] = {
         HEADER: np.array(json.dumps(dict(table.header))),
@@ -263,7 +280,9 @@ def _write_npz(path: Path, table: Table) -> None:
 
 def _read_npz(file: BinaryIO) -> Table:
     try:
+        # A pickle may run any code of a stranger's.
         with np.load(file, allow_pickle=False) as members:
+            # Before anything is unpacked: a few kB of zeros may be gigabytes.
             _check_unpacked(sum(each.file_size for each in members.zip.filelist))
             arrays = {name: members[name] for name in members.files}
     except UNREADABLE as error:
@@ -274,24 +293,25 @@ def _read_npz(file: BinaryIO) -> Table:
 
 
 def _check_unpacked(size: int) -> None:
-    """Raises InputError where so many bytes come of a compressed file."""
+    """Raise InputError where a compressed file would take so many bytes."""
     if size > LONGEST:
         raise InputError(f"it unpacks to {size / MB:.4g} MB, and may to {LONGEST / MB:g}")
 
 
 def _texts(member: Any) -> dict[str, str]:
-    """The names and texts of a member that holds JSON; none where it holds anything else."""
+    """Return the names and texts of a member that holds JSON; none where it holds no such."""
     try:
         found = json.loads(str(member))
     except ValueError:
         return {}
+    # Another program's member of that name may hold any JSON.
     if not isinstance(found, dict):
         return {}
     return {str(name): str(text) for name, text in found.items()}
 
 
 def _columns(arrays: Mapping[str, Any]) -> list[tuple[str, Array]]:
-    """Columns (n,) as they are; those of an array (n, k) are `name.0`, `name.1` and so on."""
+    """Return columns (n,) as they are, and those of an array (n, k) as `name.0`, `name.1`, …."""
     columns = []
     for name, array in arrays.items():
         if array.dtype.kind not in "fiub" or array.ndim not in (1, 2):
@@ -340,26 +360,3 @@ def _read_parquet(file: BinaryIO) -> Table:
     }
     columns = dict(_columns(arrays))
     return Table(columns, _texts(metadata.get(UNITS)), _texts(metadata.get(HEADER)))
-
-
-TIME, VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
-
-
-def read_samples(path: Path) -> Samples:
-    """The samples of a file of two columns, a time [s] and a value.
-
-    Raises InputError, with the file, where it holds none, or a unit that is not SI's.
-    """
-    table = read_table(path)
-    if len(table.columns) != 2:
-        raise InputError(
-            f"{path}: samples take two columns, time and value, not {', '.join(table.columns)}"
-        )
-    for name, known in zip(table.columns, (TIME, VALUE), strict=True):
-        if (unit := table.units.get(name)) and unit not in known:
-            raise InputError(f"{path}: {name} is in {unit}; samples take {', '.join(known[:3])}")
-    times, values = (tuple(column.tolist()) for column in table.columns.values())
-    try:
-        return Samples(times=times, values=values)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None

@@ -6,6 +6,7 @@ start, without any engine's recipe; URDF and SDF have bodies and hinges.
 
 import contextlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -18,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from robotball.dispatch import integrate
 from robotball.drives import Constant, Drive, Free, PositionServo, Ramp, Samples, Servo, Sine, Total
-from robotball.engines.links import SHELL, Link, links_of
+from robotball.engines.links import SHELL, links_of
 from robotball.errors import InputError
 from robotball.files.columns import Table, write_table
 from robotball.files.replacing import replacing
@@ -30,11 +31,58 @@ from robotball.scene import Hinge, Scene
 
 FORMAT = "robotball scene 1"
 SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
+# Of a hinge's command; of a motor that is not here a torque.
 COMMANDED = {Servo: "rad/s", PositionServo: "rad", Free: "none"}
+# Times the friction that the motion needs: another engine's contact must not slip at the peak.
+MARGIN = 1.5
+# URDF's readers ask for limits of every joint; these limit nothing.
+FASTEST, STRONGEST = "1e6", "1e9"
+README = "README.md"
+
+
+def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -> list[Path]:
+    """Write a scene for other simulators into a folder; returns the files.
+
+    scene.json, scene.toml where the scene has one, drives.csv and reference.csv at the sample
+    times (n,) [s], the scene's own if None, model.xml (MJCF), model.urdf, model.sdf, README.md.
+    Raises InputError for a scene that the equations cannot integrate, and where nothing can be
+    written.
+    """
+    folder = Path(folder)
+    motion = integrate(scene, times)
+    conventions = files("robotball.files").joinpath("export_conventions.md")
+    texts = {
+        "scene.json": json.dumps(plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
+        "model.xml": mjcf(motion),
+        "model.urdf": urdf(scene),
+        "model.sdf": sdf(motion),
+        README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
+    }
+    with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
+        texts["scene.toml"] = scene_toml(scene)
+    # One by one, each whole or not there: a folder that was half written has no half file.
+    for name, text in texts.items():
+        with replacing(folder / name) as temporary:
+            temporary.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
+    write_table(folder / "drives.csv", _drives(motion))
+    motion.save(folder / "reference.csv")
+    return sorted(folder / name for name in (*texts, "drives.csv", "reference.csv"))
+
+
+def _drives(motion: Motion) -> Table:
+    """Return each hinge's command, with its slope and its integral from 0."""
+    times = motion.times
+    columns: dict[str, Array] = {"t": times}
+    for hinge in motion.scene.hinges:
+        command = hinge.command
+        columns[f"{hinge.name}_command"] = np.asarray(command.rate(times), dtype=float)
+        columns[f"{hinge.name}_slope"] = np.asarray(command.acceleration(times), dtype=float)
+        columns[f"{hinge.name}_integral"] = np.asarray(command.angle(times), dtype=float)
+    return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
 
 
 def plain(motion: Motion) -> dict[str, Any]:
-    """The scene of a reference motion, as JSON takes it; SI units, quaternions (w, x, y, z).
+    """Return the scene of a reference motion as JSON takes it; SI, quaternions (w, x, y, z).
 
     The bodies' states are those of the start, in world axes; friction is what the whole motion
     needs.
@@ -70,11 +118,12 @@ def plain(motion: Motion) -> dict[str, Any]:
 
 
 def friction_needed(motion: Motion) -> dict[str, Any]:
-    """The least coefficients without which the ball slips or, a rubber one, spins."""
+    """Return the least coefficients without which the ball slips or, a rubber one, spins."""
     sliding = float(motion.loads.sliding_friction.max())
     torsional = float(motion.loads.torsional_friction.max())
     return {
         "sliding": sliding,
+        # A classical ball spins freely: what torque its path would take says nothing.
         "torsional": torsional if motion.scene.rolling == "rubber" else 0.0,
         "torsional_unit": "m",
         "least_normal_force": float(motion.loads.normal_force.min()),
@@ -105,7 +154,7 @@ def _bodies(motion: Motion) -> list[dict[str, Any]]:
 
 
 def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:
-    """By Steiner's theorem."""
+    """Return the inertia (3, 3) about the sphere's centre, by Steiner's theorem."""
     return inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
 
@@ -124,7 +173,7 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
 
 
 def _motor(motor: Any) -> dict[str, Any]:
-    """Its kind and numbers; what it does with its command is in docs/scene.md."""
+    """Return a motor's kind and numbers. docs/scene.md says what it does with its command."""
     return {"kind": type(motor).__name__, **asdict(motor)}
 
 
@@ -133,7 +182,7 @@ def _times(command: Drive) -> list[float]:
 
 
 def formula(command: Drive) -> dict[str, Any]:
-    """A command by its formula, in plain data; one that has none is told by drives.csv alone."""
+    """Return a command by its formula, in plain data. Without one, drives.csv has it."""
     if isinstance(command, Constant):
         value = float(command.value)
         return {"kind": "constant", "value": value, "formula": repr(value)}
@@ -158,22 +207,8 @@ def formula(command: Drive) -> dict[str, Any]:
     return {"kind": "function", "formula": "see drives.csv"}
 
 
-MARGIN = 1.5  # times the friction that the motion needs
-
-
-def numbers(values: Array | list[float]) -> str:
-    """Numbers with all their digits."""
-    return " ".join(repr(float(value)) for value in values)
-
-
-def xml_text(root: Element) -> str:
-    """An indented document."""
-    indent(root)
-    return tostring(root, encoding="unicode")
-
-
 def mjcf(motion: Motion) -> str:
-    """The MJCF of a reference motion's scene, its start as the keyframe `start`.
+    """Return the MJCF of a reference motion's scene, its start as the keyframe `start`.
 
     It cannot say how the hinges are driven: their motors are left to who simulates it.
     """
@@ -184,6 +219,7 @@ def mjcf(motion: Motion) -> str:
     world = SubElement(root, "worldbody")
     needed = friction_needed(motion)
     friction = [MARGIN * needed["sliding"], MARGIN * needed["torsional"], 0.0]
+    # A contact of dimension 4 resists spinning about its normal, which a rubber ball does not do.
     condim = "4" if scene.rolling == "rubber" else "3"
     contact = {"friction": numbers(friction), "condim": condim}
     SubElement(world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", **contact})
@@ -191,17 +227,14 @@ def mjcf(motion: Motion) -> str:
     for link in links_of(scene):
         parent = world if link.parent == SHELL else bodies[link.parent]
         origin = [0.0, 0.0, scene.ball.radius] if link.parent == SHELL else link.origin
+        # All hinges are at angle 0 here; the keyframe turns them.
         body = SubElement(parent, "body", name=link.name, pos=numbers(origin))
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
-        SubElement(
-            body,
-            "inertial",
-            pos=numbers(link.centre),
-            mass=repr(float(link.mass)),
-            fullinertia=numbers([xx, yy, zz, xy, xz, yz]),
-        )
+        mass = {"pos": numbers(link.centre), "mass": repr(float(link.mass))}
+        moments = " ".join(_moments(link.inertia).values())
+        SubElement(body, "inertial", {**mass, "fullinertia": moments})
         if link.parent == SHELL:
             SubElement(body, "freejoint", name=link.name)
+            # Without a mass of its own: the inertial above has all of the shell's.
             sphere = {"name": "sphere", "type": "sphere", "size": repr(float(scene.ball.radius))}
             SubElement(body, "geom", {**sphere, "mass": "0", **contact})
         else:
@@ -210,6 +243,7 @@ def mjcf(motion: Motion) -> str:
     shell = poses(motion)["shell"]
     hinges = scene.hinges
     centre = [0.0, 0.0, scene.ball.radius]
+    # A free joint's velocity is in the world, its angular velocity in the body's own axes.
     turning = rotation_matrix(shell.attitude[0]).T @ shell.angular_velocity[0]
     velocity = np.cross(shell.angular_velocity[0], centre)
     keyframe = SubElement(root, "keyframe")
@@ -219,11 +253,8 @@ def mjcf(motion: Motion) -> str:
     return xml_text(root)
 
 
-FASTEST, STRONGEST = "1e6", "1e9"  # limits that limit nothing
-
-
 def urdf(scene: Scene) -> str:
-    """The URDF of a scene's ball; it has no place for the plane, the start, rates and friction."""
+    """Return the URDF of a scene's ball, without plane, start, rates and friction."""
     root = Element("robot", name=scene.name)
     links = links_of(scene)
     for link in links:
@@ -248,119 +279,86 @@ def urdf(scene: Scene) -> str:
 
 
 def sdf(motion: Motion) -> str:
-    """The SDF world of a motion's scene, its pose at the start; it has no place for velocities.
+    """Return the SDF world of a motion's scene, its pose at the start; SDF has no velocities.
 
     Hinges are at angle 0, and their rates are left to who simulates it.
     """
     scene = motion.scene
     root = Element("sdf", version="1.9")
     world = SubElement(root, "world", name=scene.name)
-    _text(world, "gravity", numbers(scene.gravity * np.array(scene.gravity_direction)))
-    needed = friction_needed(motion)
-    plane = SubElement(world, "model", name="plane")
-    _text(plane, "static", "true")
+    _fill(world, {"gravity": numbers(scene.gravity * np.array(scene.gravity_direction))})
+    surface = _surface(motion)
+    plane = _fill(SubElement(world, "model", name="plane"), {"static": "true"})
     ground = SubElement(SubElement(plane, "link", name="plane"), "collision", name="plane")
-    shape = SubElement(SubElement(ground, "geometry"), "plane")
-    _text(shape, "normal", "0 0 1")
-    _text(shape, "size", "100 100")  # of its picture, without which PyBullet reads no plane
-    _surface(ground, needed["sliding"], needed["torsional"])
+    # The size is that of its picture, without which PyBullet reads no plane.
+    shape = {"plane": {"normal": "0 0 1", "size": "100 100"}}
+    _fill(ground, {"geometry": shape, "surface": surface})
     ball = SubElement(world, "model", name="ball")
     shell = poses(motion)["shell"]
     angles = Rotation.from_quat(shell.attitude[0], scalar_first=True).as_euler("xyz")
-    _text(ball, "pose", numbers([0.0, 0.0, scene.ball.radius, *angles]))
+    _fill(ball, {"pose": numbers([0.0, 0.0, scene.ball.radius, *angles])})
     links = links_of(scene)
+    # SDF gives a link's place in its model, not in its parent.
     places: list[Array] = []
     for link in links:
         above = np.zeros(3) if link.parent == SHELL else places[link.parent]
         places.append(above + link.origin)
-        _link(ball, link, places[-1], scene.ball.radius, needed)
+        inertial = {
+            "pose": numbers([*link.centre, 0.0, 0.0, 0.0]),
+            "mass": repr(float(link.mass)),
+            "inertia": _moments(link.inertia),
+        }
+        element = SubElement(ball, "link", name=link.name)
+        _fill(element, {"pose": numbers([*places[-1], 0.0, 0.0, 0.0]), "inertial": inertial})
+        if link.parent == SHELL:
+            sphere = {"sphere": {"radius": repr(float(scene.ball.radius))}}
+            collision = SubElement(element, "collision", name="sphere")
+            _fill(collision, {"geometry": sphere, "surface": surface})
     for link in links:
         if link.parent != SHELL:
             joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type="continuous")
-            _text(joint, "parent", links[link.parent].name)
-            _text(joint, "child", link.name)
-            _text(SubElement(joint, "axis"), "xyz", numbers(link.axis))
+            axis = {"xyz": numbers(link.axis)}
+            _fill(joint, {"parent": links[link.parent].name, "child": link.name, "axis": axis})
     return xml_text(root)
 
 
-def _link(ball: Element, link: Link, place: Array, radius: float, needed: dict[str, float]) -> None:
-    element = SubElement(ball, "link", name=link.name)
-    _text(element, "pose", numbers([*place, 0.0, 0.0, 0.0]))
-    inertial = SubElement(element, "inertial")
-    _text(inertial, "pose", numbers([*link.centre, 0.0, 0.0, 0.0]))
-    _text(inertial, "mass", repr(float(link.mass)))
-    inertia = SubElement(inertial, "inertia")
-    for name, value in _moments(link.inertia).items():
-        _text(inertia, name, value)
-    if link.parent == SHELL:
-        collision = SubElement(element, "collision", name="sphere")
-        _text(
-            SubElement(SubElement(collision, "geometry"), "sphere"), "radius", repr(float(radius))
-        )
-        _surface(collision, needed["sliding"], needed["torsional"])
-
-
-def _surface(collision: Element, sliding: float, torsional: float) -> None:
-    friction = SubElement(SubElement(collision, "surface"), "friction")
-    ode = SubElement(friction, "ode")
-    for name in ("mu", "mu2"):
-        _text(ode, name, repr(MARGIN * sliding))
-    if torsional:
+def _surface(motion: Motion) -> dict[str, Any]:
+    """Return the contents of an SDF surface with the friction that the motion needs."""
+    needed = friction_needed(motion)
+    sliding = repr(MARGIN * needed["sliding"])
+    friction: dict[str, Any] = {"ode": {"mu": sliding, "mu2": sliding}}
+    if needed["torsional"]:
         # Its torque is 3π/16 · coefficient · patch radius · normal force; the radius is 1 m here.
-        spin = SubElement(friction, "torsional")
-        _text(spin, "use_patch_radius", "true")
-        _text(spin, "patch_radius", "1.0")
-        _text(spin, "coefficient", repr(MARGIN * torsional * 16 / (3 * np.pi)))
+        coefficient = repr(MARGIN * needed["torsional"] * 16 / (3 * np.pi))
+        patch = {"use_patch_radius": "true", "patch_radius": "1.0"}
+        friction["torsional"] = {**patch, "coefficient": coefficient}
+    return {"friction": friction}
+
+
+def _fill(parent: Element, contents: Mapping[str, Any]) -> Element:
+    """Add elements by their names, each with a text or with contents of its own."""
+    for name, content in contents.items():
+        element = SubElement(parent, name)
+        if isinstance(content, str):
+            element.text = content
+        else:
+            _fill(element, content)
+    return parent
 
 
 def _moments(inertia: Array) -> dict[str, str]:
+    """Return the six moments by URDF's and SDF's names, in the order of MJCF's fullinertia."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     return dict(zip(names, map(repr, (xx, yy, zz, xy, xz, yz)), strict=True))
 
 
-def _text(parent: Element, name: str, text: str) -> None:
-    SubElement(parent, name).text = text
+def numbers(values: Array | list[float]) -> str:
+    """Return numbers with all their digits, separated by blanks."""
+    return " ".join(repr(float(value)) for value in values)
 
 
-README = "README.md"
-
-
-def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -> list[Path]:
-    """Write a scene for other simulators into a folder; returns the files.
-
-    scene.json, scene.toml where the scene has one, drives.csv and reference.csv at the sample
-    times (n,) [s], the scene's own if None, model.xml (MJCF), model.urdf, model.sdf, README.md.
-    Raises InputError for a scene that the equations cannot integrate, and where nothing can be
-    written.
-    """
-    folder = Path(folder)
-    motion = integrate(scene, times)
-    conventions = files("robotball.files").joinpath("export_conventions.md")
-    texts = {
-        "scene.json": json.dumps(plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
-        "model.xml": mjcf(motion),
-        "model.urdf": urdf(scene),
-        "model.sdf": sdf(motion),
-        README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
-    }
-    with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
-        texts["scene.toml"] = scene_toml(scene)
-    for name, text in texts.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
-    write_table(folder / "drives.csv", _drives(motion))
-    motion.save(folder / "reference.csv")
-    return sorted(folder / name for name in (*texts, "drives.csv", "reference.csv"))
-
-
-def _drives(motion: Motion) -> Table:
-    """What each hinge is told: its command, and the command's slope and integral from 0."""
-    times = motion.times
-    columns: dict[str, Array] = {"t": times}
-    for hinge in motion.scene.hinges:
-        command = hinge.command
-        columns[f"{hinge.name}_command"] = np.asarray(command.rate(times), dtype=float)
-        columns[f"{hinge.name}_slope"] = np.asarray(command.acceleration(times), dtype=float)
-        columns[f"{hinge.name}_integral"] = np.asarray(command.angle(times), dtype=float)
-    return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
+def xml_text(root: Element) -> str:
+    """Return an indented document."""
+    indent(root)
+    return tostring(root, encoding="unicode")

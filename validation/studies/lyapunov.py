@@ -23,7 +23,7 @@ from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
 from robotball.equations import Parameters
-from robotball.qualitative.exponents import Exponents, exponents, standard_error
+from robotball.qualitative.long_run import Exponents, exponents, standard_error
 from robotball.rotations import Array, conjugate, multiply
 from validation.options import AGREES, File, Preset, SceneName, Threads
 from validation.output import print_whole, progress_bar, write_record
@@ -75,7 +75,7 @@ def contact_exponent(
 ) -> ContactExponent:
     """Measure λ₁ of the motions from n starts, each over `duration` after a `transient` [s].
 
-    attitudes (n, 4), momenta (n, 3): in principal axes, as `qualitative.exponents` takes them.
+    attitudes (n, 4), momenta (n, 3): in principal axes, as `qualitative.long_run` takes them.
     Raises InputError where a run has a fault.
     """
     skipped, kept = round(transient / interval), max(1, round(duration / interval))

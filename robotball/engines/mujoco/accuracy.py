@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.mujoco.planned_run import COST_MODEL, PlannedRun
+from robotball.engines.mujoco.limits import COST_MODEL, planned
 from robotball.engines.mujoco.settings import ADAPTIVE, BY_ERROR, PRESETS, Settings, recipe
 from robotball.errors import warn
 from robotball.motion import ContactMotion, path_error
@@ -55,7 +55,7 @@ class _Search:
 
     def __post_init__(self) -> None:
         # A ball that hardly moves still has a duration.
-        plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
+        plan = planned(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
         rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
         self.rate = max(rate, 1 / plan.duration)
         self.servo_rate = plan.servo_rate

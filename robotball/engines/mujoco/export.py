@@ -75,6 +75,7 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
     if not scene.steady:
         step, off = _step_for(scene, settings)
         model = build(scene, replace(settings, timestep=step))
+    # MJCF has no word for the softness, nor for controls that change: a player sets both.
     if not scene.steady or softness != 1:
         needs = _needs(model, f"{stem}-play.py", off)
     # Two hyphens would end a comment.
@@ -154,6 +155,7 @@ def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
     """
     first = build(scene, settings).compiled.opt.timestep
     before, worst = _played(scene, settings, first, 1), 0.0
+    # A ball that hardly moves has no path to measure an error by.
     scale = max(float(np.linalg.norm(np.diff(before, axis=0), axis=1).sum()), scene.ball.radius)
     for parts in (2**i for i in range(1, HALVINGS + 1)):
         path = _played(scene, settings, first / parts, parts)

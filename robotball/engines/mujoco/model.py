@@ -105,15 +105,6 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
     )
 
 
-def start_state(
-    scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]
-) -> dict[str, Array]:
-    """Return qpos, qvel and ctrl of the start."""
-    qpos, qvel = state_at(scene, settings, scene.start, hinges)
-    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
-    return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
-
-
 def state_at(
     scene: Scene, settings: Settings, start: Start, hinges: tuple[ModelHinge, ...]
 ) -> tuple[Array, Array]:
@@ -256,7 +247,10 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     pair = root.contact.add("pair", geom1="floor", geom2=SPHERE)
     _fill(pair, values | own)
     _add_sensors(root, scene, settings, hinges)
-    root.keyframe.add("key", name=START, **start_state(scene, settings, hinges))
+    qpos, qvel = state_at(scene, settings, scene.start, hinges)
+    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
+    actuated = {"ctrl": ctrl} if len(ctrl) else {}  # no empty attribute
+    root.keyframe.add("key", name=START, qpos=qpos, qvel=qvel, **actuated)
     return root, pair
 
 

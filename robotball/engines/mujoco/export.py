@@ -142,7 +142,7 @@ def _words(model: Model, needs: str | None) -> list[str]:
         lines.append("Margin: the depth at which the contact carries the ball at its own radius.")
     lines.append(
         "MJX has no PGS and no noslip, and so refuses a model with them; with Newton and noslip "
-        "taken out, it computes in 32 bits unless it is told otherwise, which is seven digits."
+        "taken out, it computes in 32 bits, which is seven digits, unless it is set to 64."
     )
     return lines if needs is None else [*lines, f"Player: {needs}."]
 

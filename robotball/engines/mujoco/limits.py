@@ -87,6 +87,7 @@ class LimitCheck:
 
     @property
     def exceeded(self) -> bool:
+        """Whether the run is predicted to fail."""
         return self.nearness > 1
 
     def __str__(self) -> str:
@@ -161,6 +162,7 @@ class PlannedRun(Chosen):
 
     @cached_property
     def parameters(self) -> Parameters:
+        """The paper's parameters at the start."""
         return self.scene.parameters_at(0.0)
 
     @cached_property
@@ -705,6 +707,7 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
 
 
 def _ratio(part: float, whole: float) -> float:
+    """Return a part of a whole that may be 0: infinite, unless the part is 0 as well."""
     if part == 0:
         return 0.0
     return part / whole if whole else np.inf

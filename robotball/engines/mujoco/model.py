@@ -1,7 +1,7 @@
 """Composition of a scene's MuJoCo model from the parts in mjcf/, with only what the scene needs.
 
-In order: the hinges that a model needs, its state at the start, the model composed by
-`dm_control.mjcf` and compiled, and the depth at which its contact carries the weight.
+In order: the hinges that a model needs, the model, its composition by `dm_control.mjcf` with its
+state at the start, and the depth at which its contact carries the weight.
 """
 
 import contextlib
@@ -51,10 +51,12 @@ class ModelHinge:
 
     @property
     def body(self) -> str:
+        """The MJCF name of the body that hangs on it, by which sensors are named."""
         return self.of.name
 
     @property
     def drive(self) -> Drive:
+        """The scene's command: a rate, an angle or a torque."""
         return self.of.command
 
     @property
@@ -105,35 +107,6 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
     )
 
 
-def state_at(
-    scene: Scene, settings: Settings, start: Start, hinges: tuple[ModelHinge, ...]
-) -> tuple[Array, Array]:
-    """Return qpos and qvel of a start on the constraints, with its hinges' angles and rates."""
-    as_started = scene.hinges_at(start)
-    shell, frame = scene.ball.shell, as_started[0]
-    turning = [as_started[hinge.index] for hinge in hinges]
-    # The free joint's angular velocity is in the root body's axes, its velocity in the world's.
-    frame_turning = scene.angular_velocity_at(start)
-    shell_turning = frame_turning - frame.rate * shell.axis
-    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
-    attitude, root_turning = start.attitude, frame_turning
-    if settings.root == "shell":
-        root_turning = shell_turning
-        if frame.angle:
-            back = _turn(shell.axis, -frame.angle)
-            # Seen from the shell, ω - Ω is turned on by the angle.
-            attitude = multiply(attitude, back)
-            root_turning = rotation_matrix(back).T @ shell_turning
-    qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
-    qvel = [*velocity, *root_turning, *(hinge.rate for hinge in turning)]
-    return np.array(qpos), np.array(qvel)
-
-
-def _turn(axis: Array, angle: float) -> Array:
-    """Return the quaternion (4,) of a turn about a unit axis (3,) by an angle [rad]."""
-    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
-
-
 ORIGIN, Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
 SPHERE = "shell_sphere"  # the geom that touches the plane
 START = "start"  # the keyframe that a run begins from
@@ -173,7 +146,7 @@ class Model:
         data = mujoco.MjData(self.compiled)
         mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
         if start is not None:
-            data.qpos, data.qvel = state_at(self.scene, self.settings, start, self.hinges)
+            data.qpos, data.qvel = _state_at(self.scene, self.settings.root, start, self.hinges)
         return data
 
 
@@ -246,12 +219,41 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     own = {"name": "contact", "condim": chosen.condim, "friction": friction}
     pair = root.contact.add("pair", geom1="floor", geom2=SPHERE)
     _fill(pair, values | own)
-    _add_sensors(root, scene, settings, hinges)
-    qpos, qvel = state_at(scene, settings, scene.start, hinges)
+    _add_sensors(root, scene, settings.root, hinges)
+    qpos, qvel = _state_at(scene, settings.root, scene.start, hinges)
     ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
     actuated = {"ctrl": ctrl} if len(ctrl) else {}  # no empty attribute
     root.keyframe.add("key", name=START, qpos=qpos, qvel=qvel, **actuated)
     return root, pair
+
+
+def _state_at(
+    scene: Scene, root: str, start: Start, hinges: tuple[ModelHinge, ...]
+) -> tuple[Array, Array]:
+    """Return qpos and qvel of a start on the constraints, for the body with the free joint."""
+    as_started = scene.hinges_at(start)
+    shell, frame = scene.ball.shell, as_started[0]
+    turning = [as_started[hinge.index] for hinge in hinges]
+    # The free joint's angular velocity is in the root body's axes, its velocity in the world's.
+    frame_turning = scene.angular_velocity_at(start)
+    shell_turning = frame_turning - frame.rate * shell.axis
+    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
+    attitude, root_turning = start.attitude, frame_turning
+    if root == "shell":
+        root_turning = shell_turning
+        if frame.angle:
+            back = _turn(shell.axis, -frame.angle)
+            # Seen from the shell, ω - Ω is turned on by the angle.
+            attitude = multiply(attitude, back)
+            root_turning = rotation_matrix(back).T @ shell_turning
+    qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
+    qvel = [*velocity, *root_turning, *(hinge.rate for hinge in turning)]
+    return np.array(qpos), np.array(qvel)
+
+
+def _turn(axis: Array, angle: float) -> Array:
+    """Return the quaternion (4,) of a turn about a unit axis (3,) by an angle [rad]."""
+    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
 
 
 def _text_of(root: Any) -> str:
@@ -298,6 +300,7 @@ def _fill(element: Any, values: Mapping[str, Any]) -> None:
 
 
 def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) -> None:
+    """Add a body's mass [kg], inertia (3, 3) [kg m²] about its centre of mass, and that [m]."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
     body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
 
@@ -326,22 +329,21 @@ def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
         actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
 
 
-def _add_sensors(
-    root: Any, scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]
-) -> None:
-    """Add the sensors that a Motion needs; readings.py knows them by name.
+def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, ...]) -> None:
+    """Add the sensors that a Motion needs, of the whole ball at `body`, its root.
 
-    They are evaluated in compiled code: 250 µs of Python a sample would be several steps' time.
+    readings.py knows them by name. They are evaluated in compiled code: 250 µs of Python a sample
+    would be several steps' time.
     """
     add = root.sensor.add
     add("clock", name="time")
     add("framepos", name="centre", objtype="xbody", objname="shell")
     add("framequat", name="attitude", objtype="xbody", objname="frame")
     add("frameangvel", name="angular_velocity", objtype="xbody", objname="frame")
-    add("subtreelinvel", name="velocity", body=settings.root)
-    add("subtreeangmom", name="angular_momentum", body=settings.root)
+    add("subtreelinvel", name="velocity", body=body)
+    add("subtreeangmom", name="angular_momentum", body=body)
     if scene.load_varies:  # elsewhere it is the sphere's centre
-        add("subtreecom", name="centre_of_mass", body=settings.root)
+        add("subtreecom", name="centre_of_mass", body=body)
     add(
         "contact",
         name="contact",

@@ -52,14 +52,17 @@ class Readings:
 
     @property
     def time(self) -> Array:
+        """The times (m,) [s]."""
         return self.column("time")[:, 0]
 
     @property
     def centre(self) -> Array:
+        """The sphere's centre (m, 3) [m], world."""
         return self.column("centre")
 
     @property
     def attitude(self) -> Array:
+        """The frame's quaternion (m, 4), frame to world."""
         return self.column("attitude")
 
     @property
@@ -86,6 +89,7 @@ class Readings:
 
     @property
     def in_contact(self) -> Mask:
+        """Whether the plane and the shell touch (m,)."""
         return self.column("contact")[:, 0] > 0
 
     @property
@@ -102,14 +106,17 @@ class Readings:
 
     @property
     def spin_torque(self) -> Array:
+        """The contact's torque (m,) about its normal [N m], λ₀ for rubber."""
         return self.column("contact")[:, 4]
 
     @cached_property
     def slip(self) -> Array:
+        """The sliding velocity (m,) of the shell at the contact [m/s]."""
         return lengths(self.column("contact")[:, 14:16])
 
     @property
     def spin(self) -> Array:
+        """The shell's angular velocity (m,) about the contact's normal [rad/s]."""
         return self.column("contact")[:, 16]
 
     @cached_property
@@ -153,10 +160,12 @@ class Readings:
 
     @property
     def hinge_angles(self) -> Array:
+        """The scene's hinge angles (m, h) [rad]."""
         return self._of_hinges("angle")
 
     @property
     def hinge_rates(self) -> Array:
+        """The scene's hinge rates (m, h) [rad/s]."""
         return self._of_hinges("rate")
 
     @property
@@ -179,6 +188,7 @@ class Readings:
 
     @property
     def loads(self) -> Loads:
+        """The forces and torques as in a Motion."""
         return Loads(self.contact_force_world, self.spin_torque, self.motor_torques)
 
     def hinge_rate_error(self, hinges: Iterable[ModelHinge]) -> Array:

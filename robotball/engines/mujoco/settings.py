@@ -421,6 +421,7 @@ class Chosen:
 
     @property
     def integrator(self) -> Integrator:
+        """The integrator, with its limits."""
         return INTEGRATORS[self.settings.integrator or MUJOCOS_DEFAULT]
 
     @property
@@ -432,18 +433,22 @@ class Chosen:
 
     @property
     def cone(self) -> str:
+        """The shape of the friction cone."""
         return self.settings.cone or CONES[self._option("cone")]
 
     @property
     def solver(self) -> str:
+        """The solver of the constraints."""
         return self.settings.solver or SOLVERS[self._option("solver")]
 
     @property
     def tolerance(self) -> float:
+        """The solver's tolerance."""
         return float(self._option("tolerance"))
 
     @property
     def impratio(self) -> float:
+        """The ratio of frictional to normal impedance."""
         return float(self._option("impratio"))
 
     @property
@@ -453,6 +458,7 @@ class Chosen:
 
     @property
     def solref(self) -> tuple[float, float]:
+        """The contact's solref."""
         first, second = self.settings.solref or _mujocos_own()[1].solref
         return float(first), float(second)
 
@@ -480,6 +486,7 @@ class Chosen:
         return slide, spin, settings.rolling_friction
 
     def _option(self, name: str) -> Any:
+        """Return a setting, or MuJoCo's default of the same name where it is open."""
         value = getattr(self.settings, name, None)
         return getattr(_mujocos_own()[0], name) if value is None else value
 

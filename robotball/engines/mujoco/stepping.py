@@ -256,6 +256,7 @@ class Switches:
     def _to_switches(
         self, data: mujoco.MjData, length: float
     ) -> Iterator[tuple[float, tuple[Array, list[int]]]]:
+        """Take a part of a step as `steps` does, with the resistance to rolling as it is."""
         left = length
         for _ in range(MOST):
             # A command that has jumped leaves a servo beyond its side before the step.
@@ -287,6 +288,7 @@ class Switches:
         self.set([int(w > 1) - int(w < -1) for w in self._wanted(data)])
 
     def _wanted(self, data: mujoco.MjData) -> list[float]:
+        """Return each servo's torque by its law alone, over the limit."""
         t = self.control.inside(data.time)
         return [servo.wanted(data, t) for servo in self.servos]
 
@@ -343,6 +345,7 @@ def switched(control: Control) -> Iterator[Switches | None]:
 
 
 def _limited(compiled: mujoco.MjModel, hinge: ModelHinge) -> Limited:
+    """Return a hinge's servo, with a copy of the compiled numbers that its switches overwrite."""
     actuator, joint = compiled.actuator(hinge.body), compiled.joint(hinge.joint)
     servo = hinge.actuation
     assert isinstance(servo, Servo | PositionServo)

@@ -138,6 +138,19 @@ def test_a_ball_whose_axes_are_not_principal_rolls_the_same() -> None:
     assert agreement.path_error < 1e-8  # measured 1.4e-9, RK4's
 
 
+def test_a_load_that_varies_hardly_moves_the_centre() -> None:
+    """The recipe for a varying load: off balance the lever arm keeps its length, and so the path.
+
+    With a contact a thousand times as soft the depth is as many times as large, and the path is off
+    by 1.1e-9.
+    """
+    agreement = compare(rb.load_scene("offset_routh_sphere"), "accurate", rb.sample_times(4.0))
+    assert agreement.path_error is not None
+    assert agreement.path_error < 1e-11  # measured 3.3e-12
+    radius = agreement.theory.scene.ball.radius
+    assert np.abs(agreement.report.depth).max() < 3e-11 * radius  # measured 8.7e-12
+
+
 def test_samples_need_not_fall_on_the_timestep() -> None:
     """Uneven times are hit exactly, by equal steps not longer than the preset's."""
     scene = rb.load_scene("fig12")

@@ -63,7 +63,7 @@ bench: setup
 	$(BIN)/python -m validation.bench.kernels
 	$(BIN)/python -m validation.bench.threads
 
-# The constants of robotball/engines/mujoco/planned_run.py, measured again; half an hour.
+# The constants of COST_MODEL in robotball/engines/mujoco/limits.py, measured again; half an hour.
 cost-model: setup
 	$(BIN)/python -m validation.bench.cost_model
 

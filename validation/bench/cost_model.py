@@ -28,10 +28,11 @@ from robotball import (
     load_scene,
 )
 from robotball.dispatch import simulate
+from robotball.engine import as_own
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate
-from robotball.engines.mujoco.engine import own_settings
+from robotball.engines.mujoco.limits import COST_MODEL
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.planned_run import COST_MODEL
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import ADAPTIVE, recipe
 from robotball.rotations import Array
@@ -108,7 +109,7 @@ def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
     with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always", SceneWarning)
         motion = simulate(scene, theory.times, accuracy=target)
-    agreement, settings = Agreement(theory, motion), own_settings(motion.report.settings)
+    agreement, settings = Agreement(theory, motion), as_own(motion.report.settings, Settings, LABEL)
     return {
         "target": target,
         "chosen": settings.rtol or settings.timestep,

@@ -24,11 +24,10 @@ from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.limits import LAWS, exceeded
+from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, planned
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import Chosen
+from robotball.engines.mujoco.settings import for_load
 from robotball.engines.reduced import compiled_states, motion_of
 from robotball.errors import check_count, check_seed
 from robotball.film.looks import ACCENT, INK
@@ -152,7 +151,7 @@ def _measured(this: CellRun) -> dict[str, Any]:
         "faults": [str(fault) for fault in motion.report.faults],
         # What a user reads before the run, who does not know the motion yet.
         "foretold": [limit.what for limit in exceeded(scene, settings, times)],
-        "nearness": nearness(PlannedRun(scene, settings, float(times[-1]), theory.loads)),
+        "nearness": nearness(planned(scene, settings, float(times[-1]), theory.loads)),
         "steps": motion.report.steps,
     }
 
@@ -214,7 +213,7 @@ def sample_times(this: CellRun) -> Array:
 
 def ample(settings: Settings, theory: Motion) -> Settings:
     """Return the settings with friction AMPLE times the motion's demand, where it is less."""
-    settings, loads = Chosen(theory.scene, settings).settings, theory.loads
+    settings, loads = for_load(settings, theory.scene), theory.loads
     spin = settings.torsional_friction_of(theory.scene.ball.radius)
     return replace(
         settings,

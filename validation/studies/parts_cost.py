@@ -10,7 +10,7 @@ import mujoco
 from robotball import PRESETS, Scene, Settings
 from robotball.drives import Motor, Servo
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.export import DEFAULT_ITERATIONS
+from robotball.engines.mujoco.export import DEFAULT_ITERATIONS, dress
 from robotball.engines.mujoco.model import build, hinges_of
 from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
@@ -114,7 +114,8 @@ def _weaker(motor: Motor) -> Servo:
 def _compiled(
     scene: Scene, settings: Settings, *, dressed: bool = False, sensors: bool = False
 ) -> mujoco.MjModel:
-    model = build(scene, settings, dressed=dressed)
+    model = build(scene, settings)
+    model = dress(model) if dressed else model
     if not sensors:
         return model.compiled
     spec = mujoco.MjSpec.from_string(model.xml)

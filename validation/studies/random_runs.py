@@ -29,8 +29,7 @@ from robotball import (
     preset,
 )
 from robotball.drives import Servo
-from robotball.engines.mujoco.limits import exceeded
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.limits import exceeded, planned
 from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed, recipe
 from robotball.equations import Rolling
 from robotball.robot import Ball, Frame, Rotor, Shell
@@ -128,7 +127,7 @@ def extreme(seed: int, number: int) -> RandomRun:
 
 def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) -> Array:
     """Return times that neither the engine nor the equations need long for."""
-    plan = PlannedRun(scene, settings, scene.duration)
+    plan = planned(scene, settings, scene.duration)
     timestep = plan.timestep if np.isfinite(plan.timestep) else 0.02
     turns = TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
     duration = min(max(min(turns, STEPS * timestep, LONGEST), 10 * timestep), LONGEST)

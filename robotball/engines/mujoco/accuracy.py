@@ -1,9 +1,10 @@
-"""A path error requested instead of a timestep: settings predicted to reach it, and the proof.
+"""Search for the cheapest settings that reach a requested path error, with an estimate of it.
 
-Two families of the recipe are known: MuJoCo's RK4 at a timestep, and DOP853 at an rtol. Two cheap
-runs of RK4 measure the scene's own error; the cost model says what each family then costs.
-An estimate needs no reference: it compares two runs of different steps, or takes the change of
-M, which should be none, as many times as those two runs say that the path shows it.
+There are two families of settings: MuJoCo's RK4 at a timestep, and DOP853 at an rtol. Two cheap
+runs of RK4 measure the scene's own error, from which the cost model predicts the cost of each
+family. The estimate needs no reference. It is the difference of two runs of different steps by
+Richardson's rule, or the change of M, which should be none, times the ratio of path error to change
+of M that the two RK4 runs showed.
 """
 
 from collections.abc import Callable
@@ -12,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robotball.engines.dop853 import LEAST_RTOL
-from robotball.engines.mujoco.planned_run import COST_MODEL, PlannedRun
+from robotball.engines.mujoco.limits import COST_MODEL, planned
 from robotball.engines.mujoco.settings import ADAPTIVE, BY_ERROR, PRESETS, Settings, recipe
 from robotball.errors import warn
 from robotball.motion import ContactMotion, path_error
@@ -21,24 +22,25 @@ from robotball.scene import Scene, step_count
 
 Run = Callable[[Settings, Array], ContactMotion]
 
-# What a run may lose of M, or slip, before the monitor ends it: times the accuracy, and at most.
+# The monitor's tolerance for M and for slip: this multiple of the accuracy, and at most so much.
+# The path, not M, is what was requested.
 MONITORED, MOST_MONITORED = 100.0, 0.1
 PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
-STABLE = 1.5  # of a servo's rate in a step of the pilot run: RK4 diverges not far above it
-AIM = 0.9  # of the error requested, at which steps are aimed by a measured error
-# Of it, at which the first rtol is aimed by the cost model alone: a tenth of an rtol takes a third
-# more steps, and a second run twice as many.
+STABLE = 1.5  # a step of the pilot run times a servo's rate; RK4 diverges at 2.785
+AIM = 0.9  # the part of the requested error at which steps are aimed by a measured error
+# The part at which the first rtol is aimed by the cost model alone. It is small because a tenth of
+# an rtol takes a third more steps, but a second run twice as many.
 CAUTIOUS = 0.03
 APART = 0.01  # path lengths; no law of errors holds between runs that are farther apart
 FINEST_RTOL, COARSEST_RTOL = LEAST_RTOL, 1e-7  # with looser ones the contact may be lost
-LOOSER = 300.0  # times rtol, of the run that DOP853's first is compared with, if one is
+LOOSER = 300.0  # rtol of the run that DOP853's first is compared with, if one is, over its own
 SPARSE = 0.1  # s, between the samples of that run
-# Under a load that varies: the power of the timestep with which RK4's error goes at least; the
-# smallest error that its contact allows, whose time constant has to be two timesteps; and the rtol
-# of the run that DOP853's is compared with.
+# Under a load that varies: the least power of the timestep in RK4's error; the smallest error that
+# its contact allows, whose time constant has to be two timesteps; and the rtol of the run that
+# DOP853's is compared with.
 VARYING_ORDER, SOFT, SOFTER_RTOL = 3.4, 1e-9, 1e-14
 RK4_EVALUATIONS, DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejected steps included
-CORRECTIONS = 2
+CORRECTIONS = 2  # runs after the first that was aimed by the model
 
 
 @dataclass
@@ -55,27 +57,29 @@ class _Search:
 
     def __post_init__(self) -> None:
         # A ball that hardly moves still has a duration.
-        plan = PlannedRun(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
+        plan = planned(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
         rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate
         self.rate = max(rate, 1 / plan.duration)
         self.servo_rate = plan.servo_rate
 
     def made(self, settings: Settings, apart: float = 0.0) -> ContactMotion:
-        """A run at the times, or at those of them that are at least so far apart [s]."""
+        """Return a run at the times, or at those of them that are at least so far apart [s]."""
         motion = self.run(settings, _thinned(self.times, apart))
         self.seconds += motion.report.seconds
         return motion
 
     def settings(self, **steps: float | str) -> Settings:
+        """Return the recipe in these steps, with the tolerances of a run to the accuracy."""
         tolerance = max(self.accuracy, min(MONITORED * self.accuracy, MOST_MONITORED))
         chosen = recipe(f"to {self.accuracy:g}", tolerance, **steps)
         return replace(chosen, accuracy=self.accuracy)
 
     def pilot(self, **steps: float | str) -> Settings:
-        """Settings of a run that only measures: its errors are no faults yet."""
+        """Return the settings of a run that only measures: its errors are no faults yet."""
         return replace(self.settings(**steps), stop_at_fault=False)
 
     def reach(self) -> ContactMotion:
+        """Measure the scene by two runs of RK4, then take the family that is predicted cheaper."""
         longest = PRESETS["fast"].timestep  # the longest that the recipe's contact allows
         assert longest is not None
         timestep = min(longest, PHASE / self.rate / 2)
@@ -102,7 +106,7 @@ class _Search:
         return self.by_timestep(timestep, fine)
 
     def by_timestep(self, timestep: float, before: ContactMotion) -> ContactMotion:
-        """RK4 at a timestep, with finer ones as long as the estimate asks for them."""
+        """Run RK4 at a timestep, then at finer ones as long as the estimate is too large."""
         for _ in range(1 + CORRECTIONS):
             settings = self.settings(timestep=timestep)
             motion = self.made(settings)
@@ -114,10 +118,11 @@ class _Search:
         return self.result(motion, error)
 
     def by_rtol(self, rtol: float, magnified: float) -> ContactMotion:
-        """DOP853 at an rtol, with smaller ones as long as the estimate asks for them.
+        """Run DOP853 at an rtol, then at smaller ones as long as the estimate is too large.
 
-        magnified: the path error for a change of M, as RK4 showed it. With it the change of M,
-        which every run tells, is an estimate; two runs give theirs as well, and the larger counts.
+        magnified: the path error over the change of M, as RK4 showed it; infinite where it showed
+        none. By it the change of M in a single run is an estimate. Where there are two runs, their
+        difference is another one, and the larger counts.
         """
         before, looser = None, rtol
         if not np.isfinite(magnified):
@@ -137,10 +142,10 @@ class _Search:
         return self.result(motion, error)
 
     def by_contact(self) -> ContactMotion:
-        """DOP853 at its finest under a load that varies, where the contact's depth is what errs.
+        """Run DOP853 at its finest, under a varying load, where the contact's depth is the error.
 
         A looser rtol would lift the ball off so shallow a contact. The depth goes as the square of
-        the contact's time constant, so a run at twice that tells the error.
+        the contact's time constant, so a run at twice that constant gives the error.
         """
         finest = self.settings(integrator=ADAPTIVE, rtol=FINEST_RTOL)
         softer = self.pilot(integrator=ADAPTIVE, rtol=SOFTER_RTOL)
@@ -149,7 +154,7 @@ class _Search:
         return self.result(motion, self.error(before, motion, 2.0, 2.0))
 
     def by_momentum(self, motion: ContactMotion, magnified: float) -> float:
-        """The path error of a whole run by the change of its M; 0 if RK4 told nothing of that."""
+        """Return the path error of a whole run by the change of its M; 0 if no ratio is known."""
         if len(motion.times) < len(self.times):
             return np.inf
         return magnified * _momentum_change(motion) if np.isfinite(magnified) else 0.0
@@ -157,7 +162,10 @@ class _Search:
     def error(
         self, coarse: ContactMotion, fine: ContactMotion, ratio: float, order: float
     ) -> float:
-        """The path error of the fine run, by its difference from one of steps `ratio` as long."""
+        """Return the fine run's path error, by its difference from one of steps `ratio` as long.
+
+        It is infinite where either broke off.
+        """
         if not len(coarse.times) or len(fine.times) < len(self.times):
             return np.inf
         if coarse.times[-1] < fine.times[-1]:
@@ -166,23 +174,23 @@ class _Search:
         return difference if difference > APART else difference / (ratio**order - 1)
 
     def finer(self, error: float, order: float) -> float:
-        """By what to multiply the steps of a run of this error to reach the accuracy."""
-        # Of a run that broke off no error is known.
+        """Return the factor for the steps of a run of this error to reach the accuracy."""
+        # A run that broke off has no error; half its steps are tried.
         return float((AIM * self.accuracy / error) ** (1 / order)) if np.isfinite(error) else 0.5
 
     def rtol(self, error: float, timestep: float) -> float:
-        """DOP853's rtol for the accuracy, by RK4's error at a timestep [s]."""
+        """Return DOP853's rtol for the accuracy, by RK4's error at a timestep [s]."""
         stiffness = error / (self.rate * timestep) ** 4
         gain = COST_MODEL.gain * stiffness**COST_MODEL.power if np.isfinite(stiffness) else np.inf
         return float(np.clip(CAUTIOUS * self.accuracy / gain, FINEST_RTOL, COARSEST_RTOL))
 
     def rk4_seconds(self, timestep: float) -> float:
-        """What RK4 at a timestep will take."""
+        """Return the predicted processor time [s] of RK4 at a timestep [s]."""
         steps = step_count(self.times, self.scene.breakpoints, timestep)
         return steps * (COST_MODEL.step + RK4_EVALUATIONS * self.control)
 
     def adaptive_seconds(self, rtol: float) -> float:
-        """What DOP853 at an rtol will take."""
+        """Return the predicted processor time [s] of DOP853 at an rtol."""
         per_second = COST_MODEL.steps_per_second(self.rate, rtol)
         # However small the error, a servo's own rate limits the steps.
         steps = float(self.times[-1]) * max(per_second, self.servo_rate / STABLE)
@@ -191,15 +199,16 @@ class _Search:
 
     @property
     def order(self) -> float:
-        """Of RK4's error."""
+        """The power of the timestep in RK4's error."""
         return VARYING_ORDER if self.scene.load_varies else COST_MODEL.order
 
     @property
     def control(self) -> float:
+        """The processor time [s] of the controls at each evaluation of the forces."""
         return 0.0 if self.scene.steady else COST_MODEL.control
 
     def result(self, motion: ContactMotion, error: float) -> ContactMotion:
-        """The motion with its estimate, and a warning where it is not what was requested."""
+        """Return the motion with its estimate; warn where that is not what was requested."""
         estimate = error if np.isfinite(error) else None
         if not error <= self.accuracy:
             how = "the run broke off" if estimate is None else f"estimated {error:.1e}"
@@ -212,7 +221,7 @@ class _Search:
 
 
 def reach(scene: Scene, times: Array, accuracy: float, run: Run) -> ContactMotion:
-    """The scene's motion at times (n,) [s] to a path error, by the cheapest settings predicted.
+    """Return the scene's motion at times (n,) [s] to a path error, as cheaply as is predicted.
 
     run: makes the motion at given settings and times. Warns where the accuracy is not reached.
     """
@@ -222,7 +231,7 @@ def reach(scene: Scene, times: Array, accuracy: float, run: Run) -> ContactMotio
 def scene_rate(scene: Scene) -> float:
     """Return the rate by which the scene's errors scale [1/s], the largest while its drives change.
 
-    The root of |AK|² + |Ω|² + |AM|² + |ω|², at the scene's start.
+    It is the root of |AK|² + |Ω|² + |AM|² + |ω|², at the scene's start.
     """
     times = [0.0] if scene.steady else np.linspace(0.0, scene.duration, 50)
     omega = scene.principal_axes.T @ scene.angular_velocity_at(scene.start)
@@ -236,12 +245,12 @@ def scene_rate(scene: Scene) -> float:
 
 
 def _momentum_change(motion: ContactMotion) -> float:
-    """The largest change of M [kg m²/s]."""
+    """Return the largest change of M [kg m²/s]."""
     return float(np.linalg.norm(motion.momentum - motion.momentum[:1], axis=1).max())
 
 
 def _thinned(times: Array, apart: float) -> Array:
-    """Some of the times, at least so far apart [s] but for the last one."""
+    """Return some of the times, at least so far apart [s] but for the last one."""
     kept = [float(times[0])]
     for t in times[1:-1].tolist():
         if t - kept[-1] >= apart * (1 - 1e-9):

@@ -1,4 +1,8 @@
-"""A model integrated by scipy's DOP853, with MuJoCo's forward dynamics as the right-hand side."""
+"""Integration of a model by scipy's DOP853, with MuJoCo's forward dynamics as the right-hand side.
+
+Over 10 s it reaches 5e-14 of the path in the time that RK4 needs for 7e-12: below 1e-9 it is the
+cheaper of the two.
+"""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -9,23 +13,23 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines.dop853 import Compensated, Rate
 from robotball.engines.mujoco.settings import Chosen
-from robotball.engines.mujoco.stepping import Control, Portion, Steps, read_row, state_of
+from robotball.engines.mujoco.stepping import Control, Portion, Step, read_row, state_of
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
 
-LOOK = 64  # steps between two looks at the run
-FREE_QPOS, FREE_QVEL = 7, 6  # of the free joint; hinges follow
+LOOK = 64  # steps between two looks of the monitor; each takes 13 evaluations of the forces
+FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 QUATERNION = slice(3, 7)
-# Of a contact under a load that varies: what error of its depth a step may make, as a part of it,
-# and the step's length times the contact's damping. DOP853 is stable up to 6.
+# Under a load that varies: the error of a step as a part of the contact's depth, and the longest
+# step times the contact's damping. DOP853 is stable up to 6.
 OF_DEPTH, DAMPED = 5e-3, 4.0
 
 
 def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
-    """The run over sample `times` (n,) [s] in steps of an error that the settings allow.
+    """Run over sample `times` (n,) [s] in steps of the error that the settings allow.
 
-    It begins anew at every breakpoint of the drives. Rows are of the states at the sample times,
-    and at the end of each step.
+    The integration begins anew at every breakpoint of the drives, where no polynomial holds across.
+    Rows are of the states at the sample times, and at the end of each step.
     """
     model = control.model
     inside = [t for t in model.scene.breakpoints if t < times[-1]]
@@ -54,7 +58,7 @@ def _portion(
     last: bool,
     left: int,
 ) -> tuple[Portion, Array]:
-    """The next steps of a smooth span, `left` at most, and the sample times left after them."""
+    """Take the next steps of a smooth span, `left` at most; return the later sample times too."""
     rows: list[Array] = []
     states: list[Array] = []
     sampled: list[int] = []
@@ -88,20 +92,20 @@ def _portion(
             pending = pending[done:]
         if solver.running and not sampled_end:
             read(solver.t, solver.state)
-    spans = np.tile(control.span, (len(rows), 1))
+    span = control.span
     portion = Portion(
         np.array(rows).reshape(len(rows), len(read_row(data))),
         np.array(sampled, dtype=int),
         len(lengths),
         max(lengths, default=0.0),
-        lambda: Steps(np.array(states), np.zeros(len(states)), spans, [[]] * len(states)),
+        lambda: [Step(state, 0.0, span, []) for state in states],
         failure,
     )
     return portion, pending
 
 
 def _stopped(control: Control, data: mujoco.MjData, solver: Compensated) -> bool:
-    """Whether the plane has come to hold the shell; then its rolling is taken from `data`."""
+    """Return whether the plane has come to hold the shell, whose rolling is then zero in `data`."""
     if not control.resistance:
         return False
     _put(data, solver.t, solver.state)
@@ -109,13 +113,14 @@ def _stopped(control: Control, data: mujoco.MjData, solver: Compensated) -> bool
 
 
 def _read(control: Control, data: mujoco.MjData, t: float, state: Array) -> Array:
-    """The row of Readings at time t [s] of a state (qpos, qvel)."""
+    """Return the row of Readings of a state (qpos, qvel) at time t [s]."""
     _put(data, t, state)
     mujoco.mj_forward(control.model.compiled, data)
     return read_row(data)
 
 
 def _put(data: mujoco.MjData, t: float, state: Array) -> None:
+    """Set time [s] and state (qpos, qvel)."""
     data.time = t
     data.qpos, data.qvel = state[: len(data.qpos)], state[len(data.qpos) :]
 
@@ -123,6 +128,7 @@ def _put(data: mujoco.MjData, t: float, state: Array) -> None:
 def _solver(
     control: Control, data: mujoco.MjData, state: Array, span: Sequence[float]
 ) -> Compensated:
+    """Return the integrator of a smooth span [s] from a state (qpos, qvel)."""
     settings, scene = control.model.settings, control.model.scene
     assert settings.rtol is not None
     control.span = span
@@ -131,8 +137,9 @@ def _solver(
     scale[:3] = scale[len(data.qpos) : len(data.qpos) + 3] = scene.ball.radius
     longest = settings.timestep or np.inf
     if settings.softness < 1 and scene.load_varies:
-        # Newton leaves a rounding that so hard a contact magnifies. Held to rtol, the height of a
-        # robot at rest would take steps without end; held less, it needs steps that damp it.
+        # Newton leaves a rounding that so hard a contact magnifies. If the height's error were held
+        # to rtol, a robot at rest would take steps without end. As it is held less, the steps have
+        # to be short enough to damp it.
         chosen = Chosen(scene, settings)
         stiffness, damping = chosen.normal_reference
         give = OF_DEPTH * chosen.equilibrium_depth / settings.rtol
@@ -150,7 +157,10 @@ def _solver(
 
 
 def _right_hand_side(compiled: mujoco.MjModel, data: mujoco.MjData) -> Rate:
-    """d/dt of (qpos, qvel) at time t [s], with a root quaternion of any length."""
+    """Return the function for d/dt of (qpos, qvel) at time t [s].
+
+    The root's quaternion may have any length, for DOP853 does not normalise it.
+    """
     nq, nv = compiled.nq, compiled.nv
     qpos, qvel, qacc = data.qpos, data.qvel, data.qacc
     no_stage = int(mujoco.mjtStage.mjSTAGE_NONE)

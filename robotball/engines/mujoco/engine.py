@@ -1,4 +1,10 @@
-"""MuJoCo as an engine: a request in, a motion with its report out."""
+"""MuJoCo as an engine: it takes a request and returns a motion with its report.
+
+The room is read in this order: `settings` (the recipes), `model` (scene and settings → MJCF),
+`stepping` (MuJoCo's integrators, servos at their limits), `run`, `adaptive` (DOP853), `readings`
+(sensors → a Motion), `monitor` (faults), `limits` with `trials` (faults predicted), `accuracy` (an
+error in place of settings), `fault_window`, `export`; MJX and MuJoCo Warp run the same models.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,7 +30,7 @@ LADDERS: Mapping[str, Ladder] = {
 
 @dataclass(frozen=True)
 class MuJoCo(Engine):
-    """The engine, as `robotball.engine` describes one."""
+    """MuJoCo as an `Engine`."""
 
     label: Label = LABEL
     presets: Mapping[str, EngineSettings] = field(default_factory=lambda: PRESETS)
@@ -34,40 +40,38 @@ class MuJoCo(Engine):
     ladders: Mapping[str, Ladder] = field(default_factory=lambda: LADDERS)
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Only a resistance to rolling that varies: it would need the load before it is known."""
+        """Refuse rolling resistance under a varying load, which it would need in advance."""
         if scene.friction.rolling and scene.load_varies:
             return "its plane resists rolling, by a load that varies"
         return None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
+        """Return the scene's motion at times (n,) [s] from 0; fewer where the run broke off."""
         if request.accuracy is not None:
-            # The search chooses the settings, so they are known only once it has run.
             motion = _to_accuracy(scene, times, request, request.accuracy)
-            settings = own_settings(motion.report.settings)
+            # The search chooses the settings, so they are known only once it has run.
+            settings = as_own(motion.report.settings, Settings, LABEL)
             precheck(scene, settings, times, request.loads, strict=request.strict)
             return motion
-        settings = own_settings(request.settings)
+        settings = as_own(request.settings, Settings, LABEL)
         precheck(scene, settings, times, request.loads, strict=request.strict)
         return run(build(scene, settings), times, request.progress, request.fault_window)
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
-        """One model, built once, for every start."""
-        model = build(scene, own_settings(settings))
+        """Return a function that runs one model, built here, from any start of the scene's ball."""
+        model = build(scene, as_own(settings, Settings, LABEL))
         return lambda times, start: run(model, times, start=start)
 
 
 MUJOCO = MuJoCo()
 
 
-def own_settings(settings: EngineSettings | None) -> Settings:
-    """The settings as MuJoCo's; raises InputError where they are another engine's."""
-    return as_own(settings, Settings, LABEL)
-
-
 def _to_accuracy(scene: Scene, times: Array, request: Request, accuracy: float) -> ContactMotion:
+    """Search for settings that reach the accuracy, and return the last run."""
     from robotball.engines.mujoco.accuracy import reach
 
-    part = 1.0  # of the work left before each run; none knows how many follow it
+    # How many runs follow is not known, so each is given half of the work that is left.
+    part = 1.0
 
     def another(settings: Settings, at: Array) -> ContactMotion:
         nonlocal part
@@ -81,5 +85,5 @@ def _to_accuracy(scene: Scene, times: Array, request: Request, accuracy: float) 
 
 
 def _share(progress: Progress | None, done: float, part: float) -> Progress | None:
-    """Progress of a run that is a part of the whole."""
+    """Return the progress of a run that is a part of the whole, after a part that is done."""
     return None if progress is None else lambda fraction: progress(done + part * fraction)

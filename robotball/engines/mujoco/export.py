@@ -1,30 +1,36 @@
-"""A model as files for others: the MJCF with what a user must know, and what has to play it.
+"""A model as files for others: its MJCF, dressed to be looked at, with a player where it needs one.
 
-The run's own controls are computed at every evaluation of the forces. Without robotball they are
-held over each step at the step's mean, so that the hinges are at their rates at its end; the
-motion's error is then of second order, and the step is halved until it is small.
+A run computes its controls at every evaluation of the forces. Without robotball they are held over
+each step at the step's mean, so that the hinges are at their rates at its end. The motion's error
+is then of second order, and the step is halved until it is small.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from textwrap import wrap
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import START, Model, ModelHinge, build, hinges_of
-from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings
+from robotball.engines.mujoco.settings import Prescribed, Settings, for_load
+from robotball.film.looks import BLUR, Shape, add_materials, add_shapes, looks_of
+from robotball.robot import PARTS
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-AGREES = 1e-6  # of the path: how far the motion of held controls may be off
-HALVINGS = 5
+AGREES = 1e-6  # of the path: the largest error of held controls
+HALVINGS = 5  # of the step at most, to 32 times as many rows of controls
 GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(3)  # for the mean of a command over a step
 SAMPLES = 200  # of the path of a play
-WIDTH = 95  # of a comment's lines
+WIDTH, COMMENT_LINE = 95, "\n     "  # of a comment: its lines' characters, and what parts them
+DEFAULT_ITERATIONS = 100  # of MuJoCo's solver
+# The picture's lengths in radii of the ball, so that any ball fills it alike.
+CAMERA, EXTENT, SUN, TILE = "0 -5 2", 4.0, 12.0, 0.5
 
 PLAYER = '''"""Plays {model} with its controls; it needs mujoco and numpy alone."""
 from pathlib import Path
@@ -46,9 +52,9 @@ SOFTNESS = (
 
 @dataclass(frozen=True)
 class Written:
-    """A model's files: the MJCF, and where it needs one a player with its controls as CSV.
+    """The texts of a model's files: the MJCF and, where needed, a player with its controls as CSV.
 
-    needs: why it needs the player, in a line; None where any way of stepping it does.
+    needs: why a player is needed, in a line; None where any way of stepping the MJCF will do.
     """
 
     xml: str
@@ -58,22 +64,33 @@ class Written:
 
 
 def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -> Written:
-    """The files of a scene's model; stem: their names' first part, to which they refer."""
-    model = build(scene, settings, dressed=dressed)
+    """Return the files of a scene's model.
+
+    dressed: add what only a picture needs; stem: the first part of the files' names, by which they
+    refer to each other.
+    """
+    model = build(scene, settings)
     softness = model.settings.softness
-    if scene.steady and softness == 1:
-        return Written(_with_comment(model, _words(model, None)))
-    off = None
+    needs, off = None, None
     if not scene.steady:
         step, off = _step_for(scene, settings)
-        model = build(scene, replace(settings, timestep=step), dressed=dressed)
-    needs = _needs(model, f"{stem}-play.py", off)
+        model = build(scene, replace(settings, timestep=step))
+    # MJCF has no word for the softness, nor for controls that change: a player sets both.
+    if not scene.steady or softness != 1:
+        needs = _needs(model, f"{stem}-play.py", off)
+    # Two hyphens would end a comment.
+    wrapped = [
+        part for line in _words(model, needs) for part in wrap(line.replace("--", "- -"), WIDTH)
+    ]
+    xml = f"<!-- {COMMENT_LINE.join(wrapped)} -->\n{(dress(model) if dressed else model).xml}"
+    if needs is None:
+        return Written(xml)
     rows = _held(model)
     header = ["time", *(hinge.body for hinge in model.hinges if hinge.actuated)]
     times = np.arange(len(rows)) * model.compiled.opt.timestep
     lines = [",".join(map(repr, row)) for row in np.column_stack([times, rows]).tolist()]
     return Written(
-        _with_comment(model, _words(model, needs)),
+        xml,
         needs,
         PLAYER.format(
             model=f"{stem}.xml",
@@ -85,6 +102,7 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
 
 
 def _needs(model: Model, player: str, off: float | None) -> str:
+    """Say why the model needs its player; off: the path error of held controls, if they change."""
     why = []
     if off is not None:
         why.append(
@@ -97,6 +115,7 @@ def _needs(model: Model, player: str, off: float | None) -> str:
 
 
 def _words(model: Model, needs: str | None) -> list[str]:
+    """Return the lines of the comment at the head of the MJCF."""
     scene, settings, option = model.scene, model.settings, model.compiled.opt
     integrator = mujoco.mjtIntegrator(option.integrator).name.removeprefix("mjINT_")
     lines = [
@@ -123,29 +142,24 @@ def _words(model: Model, needs: str | None) -> list[str]:
         lines.append("Margin: the depth at which the contact carries the ball at its own radius.")
     lines.append(
         "MJX has no PGS and no noslip, and so refuses a model with them; with Newton and noslip "
-        "taken out, it computes in 32 bits unless it is told otherwise, which is seven digits."
+        "taken out, it computes in 32 bits, which is seven digits, unless it is set to 64."
     )
     return lines if needs is None else [*lines, f"Player: {needs}."]
 
 
-def _with_comment(model: Model, lines: Sequence[str]) -> str:
-    # Two hyphens would end a comment.
-    wrapped = [part for line in lines for part in wrap(line.replace("--", "- -"), WIDTH)]
-    text = "\n     ".join(wrapped)
-    return f"<!-- {text} -->\n{model.xml}"
-
-
 def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
-    """The step [s] at which held controls are good enough, and the path error expected of it.
+    """Return the step [s] at which held controls are good enough, and its expected path error.
 
-    The settings' own step where none is, as of settings that are wrong for other reasons.
+    The settings' own step is returned where none is, as for settings that are wrong for other
+    reasons.
     """
     first = build(scene, settings).compiled.opt.timestep
     before, worst = _played(scene, settings, first, 1), 0.0
+    # A ball that hardly moves has no path to measure an error by.
     scale = max(float(np.linalg.norm(np.diff(before, axis=0), axis=1).sum()), scene.ball.radius)
     for parts in (2**i for i in range(1, HALVINGS + 1)):
         path = _played(scene, settings, first / parts, parts)
-        # Of second order: a third of the difference is left.
+        # Of second order: halving leaves a quarter of the error, a third of the difference.
         off = float(np.linalg.norm(path - before, axis=1).max()) / scale / 3
         if off < AGREES / 3:
             return first / parts, off
@@ -154,9 +168,10 @@ def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
 
 
 def _played(scene: Scene, settings: Settings, step: float, parts: int) -> Array:
-    """The contact points (SAMPLES, 2) of a run with held controls, at the same times [m].
+    """Return the contact points (SAMPLES, 2) of a run with held controls [m].
 
-    parts: how many of its steps are one of those of the run that it is compared with.
+    parts: the number of its steps in one of the run that it is compared with, so that both are
+    sampled at the same times.
     """
     model = build(scene, replace(settings, timestep=step))
     data, rows = model.start_data(), _held(model)
@@ -171,7 +186,7 @@ def _played(scene: Scene, settings: Settings, step: float, parts: int) -> Array:
 
 
 def _held(model: Model) -> Array:
-    """The controls (steps, actuators) over the scene's duration: each step's mean."""
+    """Return the mean controls of each step (steps, actuators) over the scene's duration."""
     step = model.compiled.opt.timestep
     edges = np.arange(round(model.scene.duration / step) + 1) * step
     columns = [_mean(hinge, edges) for hinge in model.hinges if hinge.actuated]
@@ -179,9 +194,10 @@ def _held(model: Model) -> Array:
 
 
 def _mean(hinge: ModelHinge, edges: Array) -> Array:
-    """The mean (n,) of a hinge's control between n + 1 times [s]."""
-    drive: Drive = hinge.drive
+    """Return the mean (n,) of a hinge's control between n + 1 times [s]."""
+    drive = hinge.drive
     if isinstance(hinge.actuation, Prescribed):
+        # The control is the acceleration, whose mean is exact by the rates at the edges.
         return np.asarray(np.diff(drive.rate(edges)) / np.diff(edges))
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
     return np.asarray(
@@ -189,12 +205,9 @@ def _mean(hinge: ModelHinge, edges: Array) -> Array:
     )
 
 
-DEFAULT_ITERATIONS = 100  # MuJoCo's own
-
-
 def left_out(scene: Scene, settings: Settings) -> list[str]:
     """Return a line for each thing that a MuJoCo model of the ball could have and this has not."""
-    lines, settings = [], Chosen(scene, settings).settings
+    lines, settings = [], for_load(settings, scene)
     if not scene.ball.rotors:
         lines.append("rotor bodies: the scene has none")
     elif len(scene.ball.rotors) == 1:
@@ -238,3 +251,69 @@ def left_out(scene: Scene, settings: Settings) -> list[str]:
     if settings.island == "disable":
         lines.append("the search for islands of contacts: there is one contact")
     return lines
+
+
+def dress(model: Model) -> Model:
+    """Return the model with all that a picture needs: shapes, materials, lights and a camera.
+
+    Nothing is added that a step depends on, so it moves as the bare one does.
+    """
+    ball = model.scene.ball
+    root, unit = ElementTree.fromstring(model.xml), ball.radius
+    floor = ElementTree.parse(PARTS / "floor.xml").getroot()
+    worldbody, assets = _child(root, "worldbody"), Element("asset")
+    assets.extend(_child(floor, "asset"))
+    _child(assets, "material").set("texrepeat", f"{TILE / unit:g} {TILE / unit:g}")
+    _child(worldbody, "geom").set("material", "floor")
+    add_materials(assets)
+    looks, stands = looks_of(ball), _stands(model.compiled)
+    for body in worldbody.iter("body"):
+        shapes = [each for each in looks[body.attrib["name"]] if each.material != BLUR]
+        if (sphere := body.find("geom")) is not None:  # the shell's, which the model has
+            sphere.set("material", "shell")
+            shapes = [each for each in shapes if each.material != "shell"]
+        stand = stands[body.attrib["name"]]
+        add_shapes(assets, body, [_seen_from(stand, unit, each) for each in shapes], unit)
+    ball_body, sun = _child(worldbody, "body"), _child(_child(floor, "worldbody"), "light")
+    place = " ".join(f"{float(part) * unit:g}" for part in CAMERA.split())
+    SubElement(ball_body, "camera", name="track", mode="trackcom", pos=place, xyaxes="1 0 0 0 2 5")
+    sun.attrib.update(mode="trackcom", pos=f"0 0 {SUN * unit:g}")
+    ball_body.append(sun)
+    size = Element("statistic", center=f"0 0 {unit:g}", extent=f"{EXTENT * unit:g}")
+    place_of_world = list(root).index(worldbody)
+    root[place_of_world:place_of_world] = [size, _child(floor, "visual"), assets]
+    ElementTree.indent(root)
+    return replace(model, xml=ElementTree.tostring(root, encoding="unicode") + "\n")
+
+
+def _child(element: Element, tag: str) -> Element:
+    found = element.find(tag)
+    assert found is not None
+    return found
+
+
+def _stands(model: mujoco.MjModel) -> dict[str, tuple[Array, Rotation]]:
+    """Return each body's place from the sphere's centre [m] and its turn, with all hinges at 0."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0
+    data.qpos[3] = 1
+    mujoco.mj_kinematics(model, data)
+    centre = data.body("shell").xpos
+    return {
+        model.body(i).name: (
+            data.xpos[i] - centre,
+            Rotation.from_quat(data.xquat[i], scalar_first=True),
+        )
+        for i in range(1, model.nbody)
+    }
+
+
+def _seen_from(stand: tuple[Array, Rotation], unit: float, shape: Shape) -> Shape:
+    """Return the shape in a body's own axes."""
+    origin, turn = stand
+    own = turn.inv() * Rotation.from_quat(shape.turn, scalar_first=True)
+    return replace(
+        shape,
+        pos=turn.inv().apply(shape.pos - origin / unit),
+        turn=own.as_quat(scalar_first=True),
+    )

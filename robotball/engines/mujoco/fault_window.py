@@ -1,4 +1,4 @@
-"""The states around the first fault of a run, in a file from which they can be stepped again."""
+"""A file with the states around the first fault of a run, from which they can be stepped again."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from robotball.engines.mujoco.settings import ADAPTIVE, settings_from
 from robotball.engines.mujoco.stepping import (
     STATE,
     Portion,
-    Steps,
+    Step,
     controlled,
     read_row,
     state_of,
@@ -38,46 +38,34 @@ class Window:
     """Consecutive rows of a run with the first bad one among them.
 
     rows     (m, columns of Readings)
-    steps    what they began from
-    bad      which row it is; m where the run could not go on after the last
-    causes   what is wrong from there on
-    time     of it [s]
+    steps    m, the origin of each row
+    bad      the index of the bad row; m where the run could not go on after the last
+    causes   the faults that begin there
+    time     of them [s]
     """
 
     rows: Array
-    steps: Steps
+    steps: list[Step]
     bad: int
     causes: list[str]
     time: float
 
 
 def window_around(found: list[Found], portion: Portion, before: Portion | None) -> Window:
-    """The window around the first of the faults found in a portion, from it and the one before."""
+    """Return the window around the first fault found in a portion, with rows of the one before."""
     portions = [portion] if before is None else [before, portion]
-    steps = [each.again() for each in portions]
-    bad = found[0].row + sum(len(each.rows) for each in portions[:-1])
-    total = sum(len(each.rows) for each in portions)
-    kept = slice(max(0, bad - AROUND), min(total, bad + AROUND + 1))
-
-    def joined(parts: list[Array]) -> Array:
-        return np.concatenate([part for part in parts if len(part)])[kept]
-
-    return Window(
-        joined([each.rows for each in portions]),
-        Steps(
-            joined([each.states for each in steps]),
-            joined([each.lengths for each in steps]),
-            joined([each.spans for each in steps]),
-            [sides for each in steps for sides in each.sides][kept],
-        ),
-        bad - kept.start,
-        [each.fault.text for each in found if each.row == found[0].row],
-        found[0].fault.time,
-    )
+    steps = [step for each in portions for step in each.again()]
+    rows = np.concatenate([each.rows for each in portions])
+    bad = found[0].row + len(rows) - len(portion.rows)
+    first = max(0, bad - AROUND)
+    kept = slice(first, bad + AROUND + 1)
+    # Faults of later rows may only follow from the first.
+    causes = [each.fault.text for each in found if each.row == found[0].row]
+    return Window(rows[kept], steps[kept], bad - first, causes, found[0].fault.time)
 
 
 class FaultWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the file holds: the window, and all that its steps depend on.
+    """The content of the file: the window, and all that its steps depend on.
 
     scene: TOML; None where a drive is a function of time, which no file holds. table: a row for
     each row of the window, under `columns`; times in s, SI units.
@@ -98,29 +86,30 @@ class FaultWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     spans: list[tuple[float, float]]
     rows: Numbers
     xml: str
-    sides: list[list[int]] = []  # of a former version, which knew none
+    sides: list[list[int]] = []  # files of former versions have none
 
     @property
     def model(self) -> Any:
-        """The compiled model; raises InputError where MuJoCo refuses it."""
+        """The compiled model. Raises InputError where MuJoCo refuses it."""
         try:
             return compiled_model(self.xml, self.settings.get("softness", 1.0))
         except InputError as error:
             raise InputError(f"{self.name}: {error}") from None
 
     def coordinates(self, row: int) -> tuple[list[float | None], list[float | None]]:
-        """qpos and qvel of a row, None where not finite."""
+        """Return qpos and qvel of a row, with None for numbers that are not finite."""
         model = self.model
         after_time = self.states[row][1 : 1 + model.nq + model.nv]
         return after_time[: model.nq], after_time[model.nq :]
 
     @property
     def adaptive(self) -> bool:
+        """Whether the steps were chosen by their error."""
         return self.settings.get("integrator") == ADAPTIVE
 
 
 def write(path: Path, model: Model, window: Window) -> None:
-    """The window of a run of the model as JSON; raises InputError where it can't be written."""
+    """Write the window of a run of the model as JSON. Raises InputError where that fails."""
     with np.errstate(all="ignore"):  # a diverged state's numbers have no squares
         columns = _table(model, window)
     saved = FaultWindow(
@@ -134,19 +123,19 @@ def write(path: Path, model: Model, window: Window) -> None:
         time=window.time,
         columns=list(columns),
         table=_plain(np.column_stack(list(columns.values()))),
-        states=_plain(window.steps.states),
-        lengths=window.steps.lengths.tolist(),
-        spans=window.steps.spans.tolist(),
+        states=_plain(np.array([step.state for step in window.steps])),
+        lengths=[float(step.length) for step in window.steps],
+        spans=[(float(step.span[0]), float(step.span[1])) for step in window.steps],
         rows=_plain(window.rows),
         xml=model.xml,
-        sides=window.steps.sides,
+        sides=[step.sides for step in window.steps],
     )
     with replacing(path) as temporary:
         temporary.write_bytes(msgspec.json.format(msgspec.json.encode(saved), indent=1))
 
 
 def load(path: Path) -> FaultWindow:
-    """The fault window in a file; raises InputError where it is none."""
+    """Return the fault window in a file. Raises InputError where the file holds none."""
     data = contents(path)
     try:
         saved = msgspec.json.decode(data, type=FaultWindow)
@@ -154,6 +143,7 @@ def load(path: Path) -> FaultWindow:
         raise InputError(f"{path}: no fault window of a run: {error}") from None
     rows = len(saved.rows)
     columns = (saved.table, saved.states, saved.lengths, saved.spans)
+    # No field is used before all agree, so that no stranger's file ends in an error of ours.
     widths = {len(each) for each in saved.table} | {len(saved.columns)}
     if not (all(len(each) == rows for each in columns) and 0 <= saved.bad <= rows) or not rows:
         raise InputError(f"{path}: no fault window of a run: its rows do not match each other")
@@ -164,10 +154,12 @@ def load(path: Path) -> FaultWindow:
 
 @dataclass(frozen=True)
 class Replayed:
-    """What came of stepping a fault window again: how many rows, and their largest difference.
+    """The result of stepping a fault window again.
 
-    difference: of any number of state or reading, 0 where all are the same to the last bit; None
-    where it could not be done, and `why` says so.
+    rows        the number that was compared
+    difference  the largest of any number of state or reading, 0 where all are the same to the last
+                bit; None where it could not be done
+    why         it could not be done
     """
 
     rows: int
@@ -176,10 +168,11 @@ class Replayed:
 
 
 def replay(saved: FaultWindow) -> Replayed:
-    """Steps the model again from the first state, and compares every state and reading.
+    """Step the model again from the first state, and compare every state and reading.
 
-    An adaptive run's forces are computed anew at its states; it is not stepped.
+    An adaptive run is not stepped; its forces are computed again at its states.
     """
+    # Another version's last digits differ, and a fault magnifies them.
     if saved.mujoco != mujoco.__version__:
         return Replayed(
             0, None, f"it is of MuJoCo {saved.mujoco}, and this is {mujoco.__version__}"
@@ -212,10 +205,11 @@ def replay(saved: FaultWindow) -> Replayed:
             control.span = span
             if switches and sides:
                 switches.set(sides)
+            # As the run did before its step; the state that it kept is of after that.
             if control.resistance and length:
                 control.stop(data)
             worst = max(worst, _difference(state_of(data), state))
-            if length:
+            if length:  # else the state is the last, or an adaptive run's
                 compiled.opt.timestep = length
                 mujoco.mj_step(compiled, data)
             else:
@@ -225,7 +219,7 @@ def replay(saved: FaultWindow) -> Replayed:
 
 
 def _difference(a: Array, b: Array) -> float:
-    """The largest difference, infinite where one alone is finite."""
+    """Return the largest difference, infinite where a number is finite in one alone."""
     both = np.isfinite(a) & np.isfinite(b)
     if (np.isfinite(a) != np.isfinite(b)).any():
         return np.inf
@@ -233,9 +227,9 @@ def _difference(a: Array, b: Array) -> float:
 
 
 def _table(model: Model, window: Window) -> dict[str, Array]:
-    """What `robotball replay` shows, a column (m,) each, named with its unit."""
+    """Return the columns (m,) that `robotball replay` shows, named with their units."""
     readings, compiled = Readings(model, window.rows), model.compiled
-    momentum, states = readings.momentum, window.steps.states
+    momentum, states = readings.momentum, np.array([step.state for step in window.steps])
     first_velocity = 1 + compiled.nq  # of an integration state: time, qpos, qvel, ...
     velocities = states[:, first_velocity : first_velocity + compiled.nv]
     off = np.linalg.norm(momentum - model.scene.start.momentum, axis=1)
@@ -253,6 +247,7 @@ def _table(model: Model, window: Window) -> dict[str, Array]:
 
 
 def _text(scene: Scene) -> str | None:
+    """Return the scene as TOML, None where no file can hold it."""
     try:
         return scene_toml(scene)
     except InputError:
@@ -260,10 +255,12 @@ def _text(scene: Scene) -> str | None:
 
 
 def _plain(values: Array) -> Numbers:
+    """Replace numbers that are not finite, which JSON does not have."""
     return [[v if np.isfinite(v) else None for v in row] for row in values.tolist()]
 
 
 def _array(values: Numbers) -> Array:
+    """Return the inverse of `_plain`. Raises InputError where rows differ in length."""
     try:
         return np.array([[np.nan if v is None else v for v in row] for row in values])
     except ValueError as error:

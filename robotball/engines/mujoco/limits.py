@@ -1,31 +1,461 @@
-"""Predicted limits of a run: a law a function, and the precheck of a run against all of them.
+"""Limits of a run predicted before any step: a law a function, and the precheck against them all.
 
-The laws are of the contact (friction, softness, and what numbers can hold), of the time step (what
-an integrator makes of rotations, springs, dampers and servos) and of the hinges (the part of its
+The laws are of the time step (what an integrator makes of rotations, springs, dampers and servos),
+of the contact (friction, softness, and what numbers can hold) and of the hinges (the part of its
 rate that a servo or an armature loses under its load). Each docstring has its derivation and how
 near measurements come to it.
+
+A law's numbers follow from the paper's equations where these describe the scene. Where they do not,
+and where a law is too rough, they come from short trials, which are loaded only then.
 """
 
-import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from robotball.drives import Servo
-from robotball.engines.mujoco.planned_run import COST_MODEL, Laws, LimitCheck, PlannedRun
-from robotball.engines.mujoco.settings import Prescribed, Settings
+from robotball import equations as eq
+from robotball.drives import Free, PositionServo, Servo
+from robotball.engines.mujoco.model import ModelHinge, hinges_of
+from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
+from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError, warn
-from robotball.motion import Loads
-from robotball.rotations import Array
+from robotball.motion import Loads, loads_of
+from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene, step_count
+
+
+@dataclass(frozen=True)
+class CostModel:
+    """Error and cost of each family of steps, fitted to the catalog and 30 random balls, 10 s each.
+
+    The rate is `accuracy.scene_rate`. `python -m validation.bench.cost_model` fits the numbers
+    again and prints how far scenes scatter about them.
+    """
+
+    # A path error goes at least with this power of the timestep and of rtol.
+    order: float = 3.8
+    rtol_order: float = 0.85
+    # DOP853's error over rtol, estimated from the change of its M, is
+    # gain * (RK4's error / (rate * timestep)^4)^power, within a factor of 3 for most scenes.
+    gain: float = 400.0
+    power: float = 0.64
+    # DOP853 takes density * rate * duration * (1e-11 / rtol)^growth steps.
+    density: float = 2.95
+    growth: float = 0.12
+    # Seconds: a step of RK4, a step of DOP853, a sample between its steps; and of controls that
+    # change in time, at each evaluation of the forces.
+    step: float = 17e-6
+    adaptive_step: float = 250e-6
+    sample: float = 27e-6
+    control: float = 8e-6
+
+    def steps_per_second(self, rate: float, rtol: float) -> float:
+        """Return the number of steps that DOP853 takes in a simulated second."""
+        return self.density * rate * (1e-11 / rtol) ** self.growth
+
+
+COST_MODEL = CostModel()
+
+
+@dataclass(frozen=True)
+class LimitCheck:
+    """A number of a planned run and the limit beyond which the run is predicted to fail.
+
+    what   the number's name; value and limit are in `unit`
+    least  whether the value must be at least the limit, instead of at most
+    fix    the advice where it is exceeded
+    """
+
+    what: str
+    value: float
+    limit: float
+    fix: str
+    unit: str = ""
+    least: bool = False
+
+    @property
+    def nearness(self) -> float:
+        """The used part of the limit: 1 is at the limit, more is beyond it."""
+        over, under = (self.limit, self.value) if self.least else (self.value, self.limit)
+        if np.isnan(over) or np.isnan(under):
+            return np.inf
+        if under == 0:
+            return np.inf if over > 0 else 0.0
+        return float(over / under)
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether the run is predicted to fail."""
+        return self.nearness > 1
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        bound = "least" if self.least else "most"
+        return (
+            f"{self.what} is {self.value:.4g}{unit} and must be at {bound} {self.limit:.4g}{unit}: "
+            f"{self.fix}"
+        )
+
+
+# Times over the run at which drives that change are evaluated. Limits are predicted to a factor, so
+# the largest rate between these times need not be found.
+DRIVES_SEEN = 9
+
+
+@dataclass(frozen=True)
+class PlannedRun(Chosen):
+    """A scene under settings over a duration [s], with the numbers that limits are predicted from.
+
+    known_loads: the loads of the whole motion; where they are None, the start's are taken.
+    """
+
+    duration: float
+    known_loads: Loads | None = None
+
+    @property
+    def reduced(self) -> bool:
+        """Whether (3.2) or (3.3) describes the motion, but for the errors of the servos' rates.
+
+        Otherwise the numbers are measured on MuJoCo's own model at its start.
+        """
+        scene = self.scene
+        kept = all(motor is None or isinstance(motor, Servo) for motor in scene.motors)
+        return scene.keeps_momentum and kept and not scene.ball.pendulums
+
+    @cached_property
+    def hinges(self) -> tuple[ModelHinge, ...]:
+        """The hinges of the model."""
+        return hinges_of(self.scene, self.settings)
+
+    @cached_property
+    def start_trial(self) -> tuple[Loads, Array]:
+        """The start's loads and eigenvalues, measured on MuJoCo's own model."""
+        from robotball.engines.mujoco.trials import linearised_start
+
+        return linearised_start(self.scene, self.settings)
+
+    @cached_property
+    def servo_rate(self) -> float:
+        """The largest |λ| [1/s] of the hinges' motors; 0 without a motor that settles."""
+        motors = [each.actuation for each in self.hinges]
+        if not any(isinstance(each, Servo | PositionServo | Free) for each in motors):
+            return 0.0
+        from robotball.engines.mujoco.trials import fastest_rate
+
+        return fastest_rate(self.scene, self.hinges)
+
+    @cached_property
+    def measured_loss(self) -> float:
+        """The largest change of M over the scene's scale that RK4 makes by the end of the run."""
+        from robotball.engines.mujoco.trials import momentum_loss
+
+        turning = self.angular_velocity - self.Omega
+        return momentum_loss(self.scene, turning, self.timestep, self.duration)
+
+    @cached_property
+    def axes(self) -> Array:
+        """The rotation (3, 3) from principal axes to world at the start."""
+        attitude = multiply(self.scene.start.attitude, self.scene.principal_quaternion)
+        return rotation_matrix(attitude)
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """The paper's parameters at the start."""
+        return self.scene.parameters_at(0.0)
+
+    @cached_property
+    def angular_velocity(self) -> Array:
+        """ω (3,) in principal axes at the start [rad/s]."""
+        return self.scene.principal_axes.T @ self.scene.angular_velocity_at(self.scene.start)
+
+    @property
+    def Omega(self) -> Array:
+        """Ω (3,) of the frame in the shell, in principal axes at the start [rad/s]."""
+        frame = self.scene.hinges[0]
+        return self.scene.principal_axes.T @ (frame.rate * frame.axis)
+
+    @cached_property
+    def loads(self) -> Loads:
+        """The whole motion's loads where they are known, else the start's."""
+        if self.known_loads is not None:
+            return self.known_loads
+        if not self.reduced:
+            return self.start_trial[0]
+        return loads_of(self.scene, np.zeros(1), self.axes[None], self.angular_velocity[None])
+
+    @cached_property
+    def rolling_velocity(self) -> Array:
+        """The velocity (3,) of the ball's centre at the start, principal axes [m/s]."""
+        turning = self.angular_velocity - self.Omega
+        return self.scene.ball.radius * np.cross(turning, self.axes[2])
+
+    @cached_property
+    def rotation_rate(self) -> float:
+        """r [rad/s]: the fastest rotation that an integrator has to follow.
+
+        ω itself, about which all vectors turn in the frame, and the eigenvalues of ∂(dω/dt)/∂ω
+        from (2.4), (2.5): the nutation, of about |A K| where fast rotors dominate. The rotors' own
+        rates do not count, as their hinges turn evenly. All is evaluated at the start's attitude,
+        with the drives as they are at a few times.
+        """
+        if not self.reduced:
+            frame = [h.largest_rate for h in self.hinges if h.index == 0 and h.follows_rate]
+            size = float(np.linalg.norm(self.angular_velocity))
+            return max(size, *frame, float(np.abs(self.start_trial[1].imag).max()))
+        times = [0.0] if self.scene.steady else np.linspace(0.0, self.duration, DRIVES_SEEN)
+        return max(self._rotation_rate_at(float(t)) for t in times)
+
+    def _rotation_rate_at(self, t: float) -> float:
+        """Return the fastest rotation with the drives as they are at t [s]."""
+        parameters, gamma = self.scene.parameters_at(t), as_vector(self.axes[2])
+        M = as_vector(self.axes.T @ self.scene.start.momentum)
+        omega = np.array(parameters.angular_velocity(M, gamma))
+
+        def acceleration(omega: Array) -> Array:
+            rate, _ = eq.full_angular_acceleration(
+                as_vector(omega), gamma, parameters.Omega, (0.0, 0.0, 0.0), parameters.k,
+                (0.0, 0.0, 0.0), parameters.I, parameters.d, self.scene.rolling == "rubber",
+            )  # fmt: skip
+            return np.array(rate)
+
+        size = float(np.linalg.norm(omega))
+        # Quadratic in ω: the central difference is exact at any step.
+        step = size or 1.0
+        sides = [
+            (acceleration(omega + step * e) - acceleration(omega - step * e)) / (2 * step)
+            for e in np.eye(3)
+        ]
+        if not np.all(np.isfinite(sides)):
+            return np.inf
+        return max(float(np.abs(np.linalg.eigvals(np.array(sides))).max()), size)
+
+
+def planned(
+    scene: Scene, settings: Settings, duration: float, loads: Loads | None = None
+) -> PlannedRun:
+    """Return the planned run; values that are BY_LOAD are those of the recipe for the load."""
+    return PlannedRun(scene, for_load(settings, scene), duration, loads)
+
+
+Prediction = Callable[[PlannedRun], LimitCheck | None]
+LAWS: dict[Prediction, str] = {}
+"""The predictions, each with its law in a line. A prediction is None where it does not apply."""
+
+
+def _law(statement: str) -> Callable[[Prediction], Prediction]:
+    """Add the decorated prediction to LAWS, with its law in a line."""
+
+    def add(prediction: Prediction) -> Prediction:
+        LAWS[prediction] = statement
+        return prediction
+
+    return add
+
+
+TOLERATED = 10.0  # s, the run for which a preset's error tolerance is stated
+STABLE = 6.3  # the longest stable step of DOP853 times the rate at which a motor settles
+MANY_STEPS = 20_000  # adaptive ones, which take ten seconds at least
+LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
+
+
+def allowed(tolerance: float, times: Array) -> Array:
+    """Return the error that is tolerated by each of the times [s], growing with them.
+
+    A tolerance is for ten seconds; a longer run has more in proportion, up to LOOSEST.
+    """
+    stretched = tolerance * np.maximum(1.0, np.asarray(times) / TOLERATED)
+    return np.minimum(stretched, max(tolerance, LOOSEST))
+
+
+@_law("RK4 follows a rotation r up to r·dt = 2.8")
+def rotation(plan: PlannedRun) -> LimitCheck | None:
+    """Require r·dt < 2.8 of RK4, with r the fastest rotation.
+
+    On dy/dt = i r y a step multiplies by R(iθ) = 1 + iθ - θ²/2 - iθ³/6 + θ⁴/24, θ = r dt, and
+    |R|² = 1 - θ⁶/72 + θ⁸/576, which is above 1 from θ = √8 on. Beyond, the motion blows up; well
+    before it M is lost, which `momentum_lost` predicts. Measured with rotors at 30 times their
+    rates, over 60 steps: the path is off by 1e-3 at 0.5, by 0.2 at 2.2, and there is none at 3.0;
+    the classical ball is off as much, and takes longer to blow up.
+    """
+    limit = plan.integrator.rotation_limit
+    if limit is None:
+        return None
+    value = plan.rotation_rate * plan.timestep
+    most = limit / plan.rotation_rate if plan.rotation_rate else np.inf
+    return LimitCheck(
+        "the fastest rotation times the timestep",
+        value,
+        limit,
+        f"take a timestep below {most:.2g} s, or the adaptive preset",
+        "rad",
+    )
+
+
+@_law("a fixed step loses or gains a part of M")
+def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
+    """Predict, to first order, how much of M fixed steps lose or gain by the end.
+
+    No warning of MuJoCo's shows that.
+
+    Per step Euler multiplies a rotation by |1 + iθ| = 1 + θ²/2, so that |M| grows as
+    exp(r² dt t/2); discrete and implicitfast, which leave the gyroscopic forces explicit, do the
+    same; implicit shrinks it as much. RK4's |R(iθ)| = 1 - θ⁶/144. The prediction is for all of M in
+    the fastest rotation: measured 0.05 to 1.7 of it for Euler and implicit, and 0.3 to 2.3
+    of it for RK4, on three balls at their rates and at five times them. But a nutation of fast
+    rotors may have next to none of M in it. So where this is beyond the limit, RK4 is tried on the
+    equations: MuJoCo's loss is 0.05 to 3 times theirs on 100 random balls and the catalog.
+    """
+    if plan.integrator.momentum_loss is None:
+        return None
+    if plan.integrator.order == 4 and not plan.scene.keeps_momentum:
+        return None  # M changes by itself, so its change shows no error
+    theta = plan.rotation_rate * plan.timestep
+    order, factor = plan.integrator.momentum_loss
+    steps = plan.duration / plan.timestep
+    limit = float(allowed(plan.settings.error_tolerance, np.array(plan.duration)))
+    with np.errstate(over="ignore"):
+        value = float(steps * factor * np.float64(theta) ** order)
+    if value > limit and plan.integrator.order == 4 and plan.reduced:
+        value = min(value, plan.measured_loss)
+    shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
+    fix = f"take a timestep below {shorter:.2g} s"
+    fix += ", or RK4" if plan.integrator.order == 1 else ""
+    what = f"the part of M that {plan.integrator.name} may lose or gain"
+    return LimitCheck(what, value, limit, fix)
+
+
+@_law("errors of chosen steps add up to rtol times their number")
+def errors_added(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the sum of the errors of steps that are chosen by their error: rtol a step.
+
+    Measured: M drifts by 0.005 to 0.2 of it on four scenes, from 1e-12 to 1e-6; from 1e-4 on the
+    contact may be lost as well.
+    """
+    rtol = plan.settings.rtol
+    if not plan.settings.adaptive or rtol is None:
+        return None
+    steps = plan.duration * COST_MODEL.steps_per_second(plan.rotation_rate, rtol)
+    return LimitCheck(
+        "what the steps' errors may add up to",
+        float(rtol * max(steps, 1.0)),
+        float(allowed(plan.settings.error_tolerance, np.array(plan.duration))),
+        "take a smaller rtol",
+    )
+
+
+@_law("b·dt is 2.785 at most under RK4, 2 under Euler and the implicit ones")
+def friction_damping(plan: PlannedRun) -> LimitCheck | None:
+    """Require b·dt < 2.785 of RK4, 2 of Euler and the implicit ones, as slip follows dv/dt = -b v.
+
+    RK4's R(-z) = 1 - z + z²/2 - z³/6 + z⁴/24 is 1 at z = 2.785. Euler and the implicit integrators
+    take the contact's force from the start of the step, v → v(1 - b dt). Measured: slip dies out at
+    2.75 and grows at 2.82; at 1.95 and 2.05 under the others. Discrete has no such limit.
+    """
+    limit = plan.integrator.friction_limit
+    if limit is None:
+        return None
+    return LimitCheck(
+        "the friction's damping times the timestep",
+        plan.friction_damping * plan.timestep,
+        limit,
+        "give solreffriction a weaker damping, as (-1, -0.5)",
+    )
+
+
+@_law("a step must not make the contact's vibration grow")
+def contact_spring(plan: PlannedRun) -> LimitCheck | None:
+    """Require that a step does not magnify the contact's vibration, ẍ = -k x - b ẋ.
+
+    RK4's |R(s dt)| for the roots s of s² + b s + k; for the others, which take the force first,
+    then the velocity, then the position, the spectral radius of
+    ((1 - b dt, -k dt), (dt (1 - b dt), 1 - k dt²)). A positive solref is raised to two steps
+    without a warning, and stays below. Measured with b dt at 2.7 and 2.9 under RK4, at
+    1.9 and 2.1 under Euler and implicit; discrete has no such limit. A start in equilibrium does
+    not wake the vibration, and a soft enough damper lets the ball bounce long before.
+    """
+    if plan.integrator.friction_limit is None:
+        return None
+    stiffness, damping = plan.normal_reference
+    z = plan.timestep * np.roots([1.0, damping, stiffness])
+    if plan.integrator.order == 4:
+        growth = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24).max()
+    else:
+        k, b = stiffness * plan.timestep**2, damping * plan.timestep
+        growth = np.abs(np.linalg.eigvals([[1 - b, -k], [1 - b, 1 - k]])).max()
+    return LimitCheck(
+        "what a step makes of the contact's vibration",
+        float(growth),
+        1 + 1e-9,
+        "take a softer solref, as (0.04, 1), or a shorter timestep",
+    )
+
+
+@_law("a time constant below two steps is raised to them")
+def raised_solref(plan: PlannedRun) -> LimitCheck | None:
+    """Require a contact's time constant of two steps, to which MuJoCo's refsafe would raise it.
+
+    There is no warning, so a sweep of the timestep would change the contact as well.
+    """
+    constant = plan.solref[0]
+    if constant <= 0 or not np.isfinite(plan.timestep):
+        return None
+    return LimitCheck(
+        "the contact's time constant",
+        constant,
+        2 * plan.timestep * (1 - 1e-12),
+        f"MuJoCo raises it to two timesteps in silence; give solref {2 * plan.timestep:g} s",
+        "s",
+        least=True,
+    )
+
+
+@_law("a servo that settles at λ takes adaptive steps of 6.3/λ at most")
+def settling(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the number of adaptive steps by the servos' rate λ.
+
+    DOP853 is stable up to steps of 6.3/λ, whatever their error.
+    """
+    fastest = plan.servo_rate
+    if not plan.settings.adaptive or not fastest:
+        return None
+    return LimitCheck(
+        "the number of steps that the servos' rate takes",
+        fastest * plan.duration / STABLE,
+        MANY_STEPS,
+        "take a lower gain, more armature, or prescribe the rate, or wait for minutes",
+    )
+
+
+@_law("kv·dt/j is 2.785 at most under RK4, 2 under Euler and discrete")
+def servo_gain(plan: PlannedRun) -> LimitCheck | None:
+    """Require kv·dt/j < 2.785 of RK4, 2 of Euler and discrete; the implicit ones have no limit.
+
+    A velocity servo is a damper, and j the inertia that it feels with the ball rolling: kv/j is its
+    `servo_rate`, with springs and position servos the size of a complex one. Measured on both
+    models: sound at 2.7 and diverged at 2.9 under RK4, at 1.95 and 2.1 under Euler.
+    """
+    limit, fastest = plan.integrator.servo_limit, plan.servo_rate
+    if limit is None or not fastest:
+        return None
+    return LimitCheck(
+        "the servos' gain times the timestep over their inertia",
+        fastest * plan.timestep,
+        limit,
+        "take a lower gain, a shorter timestep, or prescribe the rate",
+    )
+
 
 LARGEST_STATE = 1e10  # mjMAXVAL: MuJoCo calls a larger position, velocity or control bad
 LEAST_DETERMINANT = 1e-10  # below it MuJoCo takes a contact's friction for singular
 
 
+@_law("μ is at least |F_horizontal|/N")
 def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
-    """μ ≥ |F_horizontal|/N: what the motion by (2.4) asks of the plane.
+    """Require μ ≥ |F_horizontal|/N, the friction that the motion by (2.4) needs of the plane.
 
-    At the start if that is all that is known, so that a demand which grows later is not seen.
+    Where only the start's loads are known, a demand that grows later is not seen.
     """
     return LimitCheck(
         "sliding friction",
@@ -36,8 +466,9 @@ def sliding_friction(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
+@_law("μ_t is at least |λ₀|/N for rubber")
 def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
-    """μ_t ≥ |λ₀|/N for rubber; with less the ball spins under drag, and that is not rubber."""
+    """Require μ_t ≥ |λ₀|/N for rubber; with less the ball spins under drag and is not rubber."""
     if plan.scene.rolling != "rubber" or plan.condim < 4:
         return None
     return LimitCheck(
@@ -50,8 +481,9 @@ def torsional_friction(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
+@_law("rubber needs the torsional row, condim 4")
 def contact_dimension(plan: PlannedRun) -> LimitCheck | None:
-    """Rubber needs the torsional row: with condim 3 the ball is the classical one."""
+    """Require the torsional row for rubber: with condim 3 the ball is the classical one."""
     if plan.scene.rolling != "rubber":
         return None
     return LimitCheck(
@@ -60,11 +492,12 @@ def contact_dimension(plan: PlannedRun) -> LimitCheck | None:
     )  # fmt: skip
 
 
+@_law("rolling and torsional friction eat M at μ m g")
 def drag(plan: PlannedRun) -> LimitCheck | None:
-    """Rows that the rolling model has not eat M: dM/dt = -μ m g, with the μ of the row [m].
+    """Predict the part of M that is lost to rows that the rolling model does not have.
 
-    Rolling friction with condim 6 in both models, torsional friction in the classical one, which
-    may spin. The part that is gone by the end, at most.
+    These are rolling friction with condim 6 in both models, and torsional friction in the classical
+    one, which may spin. dM/dt = -μ m g at most, with the μ of the row [m].
     """
     eats = plan.friction[2] if plan.condim >= 6 else 0.0
     if plan.scene.rolling == "classical" and plan.condim >= 4:
@@ -80,12 +513,13 @@ def drag(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
+@_law("with the frame as root the ball slips by |a (ω×Ω)×γ|/b")
 def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
-    """The slip of a model whose root is the frame, over the speed: |a (ω×Ω)×γ|/(b v).
+    """Predict the slip of a model whose root is the frame, over the speed: |a (ω×Ω)×γ|/(b v).
 
     The contact rows' J̇v term, which MuJoCo leaves out, is a(ω×Ω)×γ when the shell hangs on a
-    hinge; friction that takes slip away at the rate b lets so much of it stand. M keeps its value
-    all the while: it is measured, not rolled. Measured 0.6 to 3.5 times what is predicted, for the
+    hinge. Friction that reduces slip at the rate b leaves so much of it. M keeps its value all the
+    while, so it does not show the slip. Measured 0.6 to 3.5 times what is predicted, for the
     start's numbers stand for the whole motion's.
     """
     if plan.settings.root == "shell" or not plan.reduced:
@@ -100,8 +534,11 @@ def frame_as_root(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
+@_law("soft friction needs slip to carry its load")
 def creep(plan: PlannedRun) -> LimitCheck | None:
-    """The slip that soft friction needs to carry its load, over the speed; noslip takes it away.
+    """Predict the slip, over the speed, that soft friction needs to carry its load.
+
+    The noslip solver takes it away.
 
     A row of impedance d gives its force with a deviation of (1 - d)/d of the acceleration α that
     the force makes: divided by impratio in an elliptic cone, times μ² in a pyramidal one, whose
@@ -125,18 +562,22 @@ def creep(plan: PlannedRun) -> LimitCheck | None:
 
 
 def _slip(plan: PlannedRun, acceleration: float) -> float:
-    """The mean slip over the speed under an acceleration [m/s²] that the friction's damping meets.
+    """Return the mean slip over the speed, under an acceleration [m/s²] against damping.
 
     dv/dt = α - b v from rest has the mean α/b (1 - (1 - exp(-bT))/(bT)) over the time T.
     """
     b, T = plan.friction_damping, plan.duration
+    # Over a short time the difference cancels; the series' first term takes its place.
     grown = 1 + np.expm1(-b * T) / (b * T) if b * T > 1e-4 else b * T / 2
     speed = float(np.linalg.norm(plan.rolling_velocity))
     return _ratio(acceleration * (grown / b if b else T / 2), speed)
 
 
+@_law("PGS and noslip skip friction with det(D A D) below 1e-10")
 def friction_block(plan: PlannedRun) -> LimitCheck | None:
-    """MuJoCo's PGS and noslip take a contact's friction for singular below 1e-10, in silence.
+    """Require that PGS and noslip do not take the contact's friction for singular.
+
+    They do below 1e-10, without a warning.
 
     Both solve the block of its friction rows in an elliptic cone: D A D, with A the inverse inertia
     that the rows feel and D their coefficients. PGS adds their softness, (1 - d)/d A_nn μ²/impratio
@@ -172,9 +613,9 @@ def friction_block(plan: PlannedRun) -> LimitCheck | None:
 
 
 def inverse_inertia(plan: PlannedRun) -> Array:
-    """(5, 5): accelerations of slip, spin and roll by unit forces and torques, world axes.
+    """Return the accelerations (5, 5) of slip, spin and roll by unit forces and torques.
 
-    Of the ball with its hinges held; slip is at the contact, a below the centre.
+    World axes. The ball's hinges are held; slip is at the contact, a below the centre.
     """
     ball = plan.scene.ball
     turning = plan.axes @ np.diag(1 / ball.principal[0]) @ plan.axes.T
@@ -185,8 +626,11 @@ def inverse_inertia(plan: PlannedRun) -> Array:
     return linear @ linear.T / ball.mass + angular @ turning @ angular.T
 
 
+@_law("a start just touching falls into the contact")
 def start_depth(plan: PlannedRun) -> LimitCheck | None:
-    """The lever arm's error of a start just touching, over the radius: half of it is in the path.
+    """Predict the lever arm's error of a start just touching, over the radius.
+
+    Half of it is in the path.
 
     The contact carries the weight at the depth p = g (1 - d)/(d² k), into which the ball falls.
     A start in equilibrium has it as the pair's margin, and the lever arm is a.
@@ -201,8 +645,9 @@ def start_depth(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
+@_law("the first step of a start just touching slips by α dt")
 def first_step(plan: PlannedRun) -> LimitCheck | None:
-    """The slip that a start just touching begins with, α dt, over the speed that M is worth.
+    """Predict the slip α dt that a start just touching begins with, over the speed of M.
 
     MuJoCo finds no contact at depth zero, so for one step the contact point has the acceleration
     that friction should have taken from it, and slip dies out slowly. Measured 0.38 to 0.56 of it
@@ -220,8 +665,9 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
+@_law("beside huge armatures a solver stops before it has begun")
 def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
-    """A solver that measures itself by the huge armatures stops before it has begun.
+    """Require a tolerance at which a solver does not stop before it begins.
 
     Newton's stops where the gradient over the sum of the inertias, armatures included, is below the
     tolerance, and without a force yet the gradient is m g d/(1 - d). Measured: right at 2 and
@@ -241,11 +687,12 @@ def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
+@_law("a coordinate, a rate or a control is 1e10 at most")
 def largest_number(plan: PlannedRun) -> LimitCheck | None:
-    """MuJoCo calls a coordinate, a rate or a control beyond 1e10 bad.
+    """Require coordinates, rates and controls below 1e10, beyond which MuJoCo calls them bad.
 
-    The path by the speed of the start, the angles that the hinges turn through, and the controls
-    of the actuators.
+    They are the path at the start's speed, the angles that the hinges turn through, and the
+    actuators' controls.
     """
     rates = [abs(hinge.rate) for hinge in plan.scene.hinges]
     speed = float(np.linalg.norm(plan.rolling_velocity))
@@ -260,246 +707,18 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
 
 
 def _ratio(part: float, whole: float) -> float:
+    """Return a part of a whole that may be 0: infinite, unless the part is 0 as well."""
     if part == 0:
         return 0.0
     return part / whole if whole else np.inf
 
 
-# Each prediction with its law, as a legend states it.
-CONTACT_LAWS: Laws = {
-    sliding_friction: "μ is at least |F_horizontal|/N",
-    torsional_friction: "μ_t is at least |λ₀|/N for rubber",
-    contact_dimension: "rubber needs the torsional row, condim 4",
-    drag: "rolling and torsional friction eat M at μ m g",
-    frame_as_root: "with the frame as root the ball slips by |a (ω×Ω)×γ|/b",
-    creep: "soft friction needs slip to carry its load",
-    friction_block: "PGS and noslip skip friction with det(D A D) below 1e-10",
-    start_depth: "a start just touching falls into the contact",
-    first_step: "the first step of a start just touching slips by α dt",
-    solver_tolerance: "beside huge armatures a solver stops before it has begun",
-    largest_number: "a coordinate, a rate or a control is 1e10 at most",
-}
+MAGNIFIED = 10.0  # the path's relative error over a rate's, of the 0.1 to 40 that were measured
 
 
-TOLERATED = 10.0  # s, over which the settings' error tolerance holds
-STABLE = 6.3  # DOP853's: the longest step, times the rate at which anything settles
-MANY_STEPS = 20_000  # adaptive ones: ten seconds' at least
-LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
-
-
-def allowed(tolerance: float, times: Array) -> Array:
-    """Return the part of an error, growing with time, that is tolerated by each of the times [s].
-
-    A tolerance is for ten seconds; a longer run has more, as long as it stays small.
-    """
-    stretched = tolerance * np.maximum(1.0, np.asarray(times) / TOLERATED)
-    return np.minimum(stretched, max(tolerance, LOOSEST))
-
-
-def rotation(plan: PlannedRun) -> LimitCheck | None:
-    """RK4: r·dt < 2.8, with r the fastest rotation.
-
-    On dy/dt = i r y a step multiplies by R(iθ) = 1 + iθ - θ²/2 - iθ³/6 + θ⁴/24, θ = r dt, and
-    |R|² = 1 - θ⁶/72 + θ⁸/576, which is above 1 from θ = √8 on. Beyond, the motion blows up; well
-    before it M is lost, which `momentum_lost` tells. Measured with rotors at 30 times their rates,
-    over 60 steps: the path is off by 1e-3 at 0.5, by 0.2 at 2.2, and there is none at 3.0; the
-    classical ball is off as much, and takes longer to blow up.
-    """
-    limit = plan.integrator.rotation_limit
-    if limit is None:
-        return None
-    value = plan.rotation_rate * plan.timestep
-    most = limit / plan.rotation_rate if plan.rotation_rate else np.inf
-    return LimitCheck(
-        "the fastest rotation times the timestep",
-        value,
-        limit,
-        f"take a timestep below {most:.2g} s, or the adaptive preset",
-        "rad",
-    )
-
-
-def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
-    """How much of M a fixed step loses or gains by the end, to first order; with no warning.
-
-    Per step Euler multiplies a rotation by |1 + iθ| = 1 + θ²/2, so that |M| grows as
-    exp(r² dt t/2); discrete and implicitfast, which leave the gyroscopic forces explicit, do the
-    same; implicit shrinks it as much. RK4's |R(iθ)| = 1 - θ⁶/144. It is what the fastest rotation
-    would do with all of M in it: measured 0.05 to 1.7 of it for Euler and implicit, and 0.3 to 2.3
-    of it for RK4, on three balls at their rates and at five times them. But a nutation of fast
-    rotors may have next to none of M in it. So where this is beyond the limit, RK4 is tried on the
-    equations: MuJoCo's loss is 0.05 to 3 times theirs on 100 random balls and the catalog.
-    """
-    if plan.integrator.momentum_loss is None:
-        return None
-    if plan.integrator.order == 4 and not plan.scene.keeps_momentum:
-        return None  # M changes by itself, and tells nothing
-    theta = plan.rotation_rate * plan.timestep
-    order, factor = plan.integrator.momentum_loss
-    steps = plan.duration / plan.timestep
-    limit = float(allowed(plan.settings.error_tolerance, np.array(plan.duration)))
-    with np.errstate(over="ignore"):
-        value = float(steps * factor * np.float64(theta) ** order)
-    if value > limit and plan.integrator.order == 4 and plan.reduced:
-        value = min(value, plan.measured_loss)
-    shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
-    fix = f"take a timestep below {shorter:.2g} s"
-    fix += ", or RK4" if plan.integrator.order == 1 else ""
-    what = f"the part of M that {plan.integrator.name} may lose or gain"
-    return LimitCheck(what, value, limit, fix)
-
-
-def errors_added(plan: PlannedRun) -> LimitCheck | None:
-    """What the errors of steps that are chosen may add up to: rtol times their number.
-
-    Measured: M drifts by 0.005 to 0.2 of it on four scenes, from 1e-12 to 1e-6; from 1e-4 on the
-    contact may be lost as well.
-    """
-    rtol = plan.settings.rtol
-    if not plan.settings.adaptive or rtol is None:
-        return None
-    steps = plan.duration * COST_MODEL.steps_per_second(plan.rotation_rate, rtol)
-    return LimitCheck(
-        "what the steps' errors may add up to",
-        float(rtol * max(steps, 1.0)),
-        float(allowed(plan.settings.error_tolerance, np.array(plan.duration))),
-        "take a smaller rtol",
-    )
-
-
-def friction_damping(plan: PlannedRun) -> LimitCheck | None:
-    """b·dt < 2.785 under RK4, 2 under Euler and the implicit ones: slip dies out as dv/dt = -b v.
-
-    RK4's R(-z) = 1 - z + z²/2 - z³/6 + z⁴/24 is 1 at z = 2.785. Euler and the implicit integrators
-    take the contact's force from the start of the step, v → v(1 - b dt). Measured: slip dies out at
-    2.75 and grows at 2.82; at 1.95 and 2.05 under the others. Discrete has no such limit.
-    """
-    limit = plan.integrator.friction_limit
-    if limit is None:
-        return None
-    return LimitCheck(
-        "the friction's damping times the timestep",
-        plan.friction_damping * plan.timestep,
-        limit,
-        "give solreffriction a weaker damping, as (-1, -0.5)",
-    )
-
-
-def contact_spring(plan: PlannedRun) -> LimitCheck | None:
-    """The contact's spring and damper, ẍ = -k x - b ẋ: a step must not make them grow.
-
-    RK4's |R(s dt)| for the roots s of s² + b s + k; for the others, which take the force first,
-    then the velocity, then the position, the spectral radius of
-    ((1 - b dt, -k dt), (dt (1 - b dt), 1 - k dt²)). A positive solref is raised to two steps in
-    silence, and stays below. Measured with b dt at 2.7 and 2.9 under RK4, at 1.9 and 2.1 under
-    Euler and implicit; discrete has no such limit. A start in equilibrium does not wake the
-    vibration, and a soft enough damper lets the ball bounce long before.
-    """
-    if plan.integrator.friction_limit is None:
-        return None
-    stiffness, damping = plan.normal_reference
-    z = plan.timestep * np.roots([1.0, damping, stiffness])
-    if plan.integrator.order == 4:
-        growth = np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24).max()
-    else:
-        k, b = stiffness * plan.timestep**2, damping * plan.timestep
-        growth = np.abs(np.linalg.eigvals([[1 - b, -k], [1 - b, 1 - k]])).max()
-    return LimitCheck(
-        "what a step makes of the contact's vibration",
-        float(growth),
-        1 + 1e-9,
-        "take a softer solref, as (0.04, 1), or a shorter timestep",
-    )
-
-
-def raised_solref(plan: PlannedRun) -> LimitCheck | None:
-    """A time constant below two steps is raised to them in silence (refsafe).
-
-    So a sweep of the timestep changes the contact as well.
-    """
-    constant = plan.solref[0]
-    if constant <= 0 or not np.isfinite(plan.timestep):
-        return None
-    return LimitCheck(
-        "the contact's time constant",
-        constant,
-        2 * plan.timestep * (1 - 1e-12),
-        f"MuJoCo raises it to two timesteps in silence; give solref {2 * plan.timestep:g} s",
-        "s",
-        least=True,
-    )
-
-
-def servo_gain(plan: PlannedRun) -> LimitCheck | None:
-    """kv·dt/j < 2.785 under RK4, 2 under Euler and discrete, no limit under the implicit ones.
-
-    A velocity servo is a damper, and j the inertia that it feels with the ball rolling: kv/j is its
-    `servo_rate`, with springs and position servos the size of a complex one. Measured on both
-    models: sound at 2.7 and diverged at 2.9 under RK4, at 1.95 and 2.1 under Euler.
-    """
-    limit, fastest = plan.integrator.servo_limit, plan.servo_rate
-    if limit is None or not fastest:
-        return None
-    return LimitCheck(
-        "the servos' gain times the timestep over their inertia",
-        fastest * plan.timestep,
-        limit,
-        "take a lower gain, a shorter timestep, or prescribe the rate",
-    )
-
-
-def settling(plan: PlannedRun) -> LimitCheck | None:
-    """DOP853 is stable up to steps of 6.3/λ, λ the `servo_rate`, whatever their error."""
-    fastest = plan.servo_rate
-    if not plan.settings.adaptive or not fastest:
-        return None
-    return LimitCheck(
-        "the number of steps that the servos' rate takes",
-        fastest * plan.duration / STABLE,
-        MANY_STEPS,
-        "take a lower gain, more armature, or prescribe the rate, or wait for minutes",
-    )
-
-
-# Each prediction with its law, as a legend tells it.
-STEP_LAWS: Laws = {
-    rotation: "RK4 follows a rotation r up to r·dt = 2.8",
-    momentum_lost: "a fixed step loses or gains a part of M",
-    errors_added: "errors of chosen steps add up to rtol times their number",
-    friction_damping: "b·dt is 2.785 at most under RK4, 2 under Euler and the implicit ones",
-    contact_spring: "a step must not make the contact's vibration grow",
-    raised_solref: "a time constant below two steps is raised to them",
-    settling: "a servo that settles at λ takes adaptive steps of 6.3/λ at most",
-    servo_gain: "kv·dt/j is 2.785 at most under RK4, 2 under Euler and discrete",
-}
-
-
-MAGNIFIED = 10.0  # times a relative error of a rate: what it may well make of the path, relative
-
-
-def servo_droop(plan: PlannedRun) -> LimitCheck | None:
-    """A velocity servo gives torque only for an error of its rate: τ/kv, relative to the rate.
-
-    Measured 0.75 to 0.99 of that, where it is small.
-    """
-    servos = [(h, h.actuation) for h in plan.hinges if isinstance(h.actuation, Servo)]
-    if not servos:
-        return None
-    worst = 0.0
-    for hinge, servo in servos:
-        torque = float(np.abs(plan.loads.motor_torques[:, hinge.index]).max())
-        if not hinge.own_motor and hinge.of.rate:  # else its error belongs to the motion
-            worst = max(worst, torque / servo.gain / abs(hinge.of.rate))
-    return LimitCheck(
-        "the share of its rate that a servo loses under its load",
-        worst,
-        plan.settings.error_tolerance,
-        "take a higher gain, or prescribe the rate",
-    )
-
-
+@_law("a prescribed hinge gives way by ∫τ dt over its armature")
 def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
-    """A hinge kept by its armature gives way to its load all the same: by ∫τ dt/armature.
+    """Predict the rate ∫τ dt/armature that a hinge kept by its armature loses under its load.
 
     Measured to three digits on six scenes with masses of 1e5 and 1e6 times their own. The path is
     off by 0.1 to 40 times as much, relative. Where only the start's loads are known, they are taken
@@ -523,14 +742,26 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
-# Each prediction with its law, as a legend states it.
-HINGE_LAWS: Laws = {
-    prescribed_rate: "a prescribed hinge gives way by ∫τ dt over its armature",
-    servo_droop: "a velocity servo loses τ/kv of its rate",
-}
+@_law("a velocity servo loses τ/kv of its rate")
+def servo_droop(plan: PlannedRun) -> LimitCheck | None:
+    """Predict the error τ/kv of a velocity servo's rate under its load, relative to the rate.
 
-
-LAWS = STEP_LAWS | CONTACT_LAWS | HINGE_LAWS
+    Measured 0.75 to 0.99 of that, where it is small.
+    """
+    servos = [(h, h.actuation) for h in plan.hinges if isinstance(h.actuation, Servo)]
+    if not servos:
+        return None
+    worst = 0.0
+    for hinge, servo in servos:
+        torque = float(np.abs(plan.loads.motor_torques[:, hinge.index]).max())
+        if not hinge.own_motor and hinge.of.rate:  # else its error belongs to the motion
+            worst = max(worst, torque / servo.gain / abs(hinge.of.rate))
+    return LimitCheck(
+        "the share of its rate that a servo loses under its load",
+        worst,
+        plan.settings.error_tolerance,
+        "take a higher gain, or prescribe the rate",
+    )
 
 
 def limit_checks(
@@ -541,7 +772,7 @@ def limit_checks(
     times: (n,) s, the run's; loads: of the whole motion by the equations, if known already, in
     place of the start's.
     """
-    plan = PlannedRun(scene, settings, float(times[-1]), loads)
+    plan = planned(scene, settings, float(times[-1]), loads)
     with np.errstate(all="ignore"):
         found = (predict(plan) for predict in LAWS)
         return tuple(check for check in found if check is not None)
@@ -573,22 +804,22 @@ def precheck(
 def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     """Raise InputError for a run of more steps than the settings allow.
 
-    Steps that are chosen by their error are counted as they are taken instead, but for the least
-    that the servos take.
+    Steps that are chosen by their error are counted as they are taken, but for the least number
+    that the servos need.
     """
+    plan = planned(scene, settings, float(times[-1]))
     if settings.adaptive and settings.timestep is None:
-        least = settling(PlannedRun(scene, settings, float(times[-1])))
+        least = settling(plan)
         if least is not None and least.value > settings.max_steps:
             raise InputError(
                 f"{scene.name} over {times[-1]:g} s: {least}; max_steps = {settings.max_steps}"
             )
         return
-    timestep = PlannedRun(scene, settings, float(times[-1])).timestep
-    steps = step_count(times, scene.breakpoints, timestep)
-    if steps > settings.max_steps:
+    steps = step_count(times, scene.breakpoints, plan.timestep)
+    if not steps <= settings.max_steps:  # a NaN is refused as well
         size = f"{steps:.0f}" if steps < 1e15 else f"{steps:.2g}"
         raise InputError(
-            f"{scene.name} over {times[-1]:g} s takes {size} steps of {timestep:g} s, more than "
-            f"max_steps = {settings.max_steps}: shorten the run, lengthen the timestep, or raise it"
+            f"{scene.name} over {times[-1]:g} s takes {size} steps of {plan.timestep:g} s, more "
+            f"than max_steps = {settings.max_steps}: shorten the run, lengthen the timestep, or "
+            "raise it"
         )
-    assert math.isfinite(steps)

@@ -1,4 +1,4 @@
-"""MJX: MuJoCo's models stepped by JAX, in double precision; here on the processor."""
+"""MJX as an engine: MuJoCo's models stepped by JAX, in double precision, on the processor."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -13,21 +13,22 @@ import numpy as np
 from robotball.engine import Ladder
 from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, version_of
 from robotball.engines.links import State
-from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
-from robotball.engines.mujoco.stepping import shell_state
 from robotball.motion import Label
-from robotball.rotations import Array
+from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
 LABEL = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
-PASSES = 50  # of the loop at most, in one call
+PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
 
 
 @dataclass(frozen=True, kw_only=True)
 class MjxSettings(StepSettings):
-    """model: MuJoCo's settings, of which MJX takes the model and its options; line_search: its
-    iterations at most, None as MuJoCo has them.
+    """Settings of an MJX run.
+
+    model        MuJoCo's settings, of which MJX takes the model and its options
+    line_search  the iterations of its line search at most; None leaves MuJoCo's
     """
 
     model: Settings
@@ -35,7 +36,7 @@ class MjxSettings(StepSettings):
 
 
 class MjxWorld(World):
-    """One world; its steps are the passes of a compiled loop."""
+    """One world, whose steps are the passes of a compiled loop."""
 
     def __init__(self, scene: Scene, settings: MjxSettings, step: float) -> None:
         super().__init__(scene)
@@ -61,7 +62,7 @@ class MjxWorld(World):
                 yield self._state()
 
     def _take(self, begin: float, step: float, count: int) -> None:
-        """So many steps from `begin` [s]; the controls are those at the middle of each."""
+        """Take `count` steps from `begin` [s], with the controls at the middle of each."""
         middles = (begin + (np.arange(PASSES) + 0.5) * step).tolist()
         actuated = [hinge for hinge in self.built.hinges if hinge.actuated]
         controls = np.array([[hinge.control(t) for hinge in actuated] for t in middles])
@@ -74,7 +75,7 @@ class MjxWorld(World):
         return shell_state(self.built, qpos, qvel)
 
     def python_seconds(self) -> float:
-        """Of the calls that hold the steps."""
+        """Return the processor time [s] of the calls themselves, measured on empty ones."""
         count = min(IDLE_STEPS, self.calls)
         began = time.process_time()
         for _ in range(count):
@@ -82,9 +83,18 @@ class MjxWorld(World):
         return (time.process_time() - began) / count * self.calls
 
 
+def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
+    """Return the state of MuJoCo's coordinates, with the shell as the root."""
+    count, places = len(model.scene.drives), [hinge.index for hinge in model.hinges]
+    angles, rates = np.zeros(count), np.zeros(count)
+    angles[places], rates[places] = qpos[7:], qvel[6:]
+    attitude = qpos[3:7] / np.linalg.norm(qpos[3:7])
+    return State(qpos[:3], qvel[:3], attitude, rotation_matrix(attitude) @ qvel[3:6], angles, rates)
+
+
 @cache
 def _advance() -> Callable[..., Any]:
-    """Model, data, controls (PASSES, nu), step [s], count of steps → data."""
+    """Return the compiled loop: model, data, controls (PASSES, nu), step [s], count → data."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -126,7 +136,7 @@ BEST = MjxSettings(
 
 
 class Mjx(Adapter):
-    """The engine, as `robotball.engine` describes one."""
+    """MJX as an `Adapter`."""
 
     label = LABEL
     package = "mujoco.mjx"
@@ -141,7 +151,7 @@ class Mjx(Adapter):
 
     @property
     def installed(self) -> bool:
-        """Whether it is there: a part of MuJoCo's package, which runs by JAX."""
+        """Whether it can run: it is a part of MuJoCo's package, but needs JAX."""
         return super().installed and find_spec("jax") is not None
 
     def world(self, scene: Scene, settings: StepSettings, step: float) -> World:

@@ -1,11 +1,12 @@
-"""Scene + Settings → MJCF, composed from the parts in mjcf/; only what the scene needs.
+"""Composition of a scene's MuJoCo model from the parts in mjcf/, with only what the scene needs.
 
-The hinges that a model needs come first, then its state at the start, the model, and the depth at
-which its contact carries the weight.
+In order: the hinges that a model needs, the model, its composition by `dm_control.mjcf` with its
+state at the start, and the depth at which its contact carries the weight.
 """
 
 import contextlib
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,7 +18,7 @@ from scipy.optimize import root_scalar
 
 import robotball.scene
 from robotball.drives import Drive, Free, Motor, PositionServo, Servo, turns
-from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings
+from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.errors import InputError
 from robotball.robot import PARTS
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
@@ -33,7 +34,7 @@ RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is l
 
 @dataclass(frozen=True)
 class ModelHinge:
-    """A hinge of the scene as the model has it: its joint, and what actuates that.
+    """A hinge of the scene as the model has it, with its joint and actuator.
 
     index         its place among the scene's hinges
     joint         the MJCF name of its joint and of the body that hangs on it
@@ -50,25 +51,27 @@ class ModelHinge:
 
     @property
     def body(self) -> str:
+        """The MJCF name of the body that hangs on it, by which sensors are named."""
         return self.of.name
 
     @property
     def drive(self) -> Drive:
+        """The scene's command: a rate, an angle or a torque."""
         return self.of.command
 
     @property
     def own_motor(self) -> bool:
-        """Whether the motor is the scene's own, whose errors belong to the motion."""
+        """Whether the motor is the scene's own, so that its errors belong to the motion."""
         return self.of.motor is not None
 
     @property
     def actuated(self) -> bool:
-        """Whether an actuator of the model turns it; a free hinge has none."""
+        """Whether it has an actuator; a free hinge has none."""
         return not isinstance(self.actuation, Free)
 
     @property
     def torque_limit(self) -> float | None:
-        """Of its servo, if it has one [N m]."""
+        """The torque limit of its servo [N m], None without either."""
         if isinstance(self.actuation, Servo | PositionServo):
             return self.actuation.torque_limit
         return None
@@ -79,13 +82,16 @@ class ModelHinge:
         return isinstance(self.actuation, Servo | Prescribed)
 
     def control(self, t: float) -> float:
-        """Its actuator's control at t [s]: the command or, of a prescribed rate, the slope."""
+        """Return its actuator's control at t [s]: the command, or a prescribed rate's slope."""
         prescribed = isinstance(self.actuation, Prescribed)
         return float((self.drive.acceleration if prescribed else self.drive.rate)(t))
 
 
 def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
-    """The hinges that turn or stand at an angle; any other body is fixed to its parent."""
+    """Return the hinges that turn or stand at an angle.
+
+    Any other body is fixed to its parent, which saves MuJoCo a degree of freedom in every step.
+    """
     times = np.linspace(0.0, scene.duration, RATES_SEEN)
     hung = "frame" if settings.root == "shell" else "shell"
     return tuple(
@@ -101,69 +107,20 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
     )
 
 
-def start_state(
-    scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]
-) -> dict[str, Array]:
-    """Return qpos, qvel and ctrl of the start."""
-    qpos, qvel = state_at(scene, settings, scene.start, hinges)
-    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
-    return {"qpos": qpos, "qvel": qvel, **({"ctrl": ctrl} if len(ctrl) else {})}
-
-
-def state_at(
-    scene: Scene, settings: Settings, start: Start, hinges: tuple[ModelHinge, ...]
-) -> tuple[Array, Array]:
-    """Return qpos and qvel of a start on the constraints, with its hinges' angles and rates."""
-    as_started = scene.hinges_at(start)
-    shell, frame = scene.ball.shell, as_started[0]
-    turning = [as_started[hinge.index] for hinge in hinges]
-    # The free joint's angular velocity is local.
-    frame_turning = scene.angular_velocity_at(start)
-    shell_turning = frame_turning - frame.rate * shell.axis
-    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
-    attitude, root_turning = start.attitude, frame_turning
-    if settings.root == "shell":
-        root_turning = shell_turning
-        if frame.angle:
-            back = _turn(shell.axis, -frame.angle)
-            # Seen from the shell, ω - Ω is turned on by the angle.
-            attitude = multiply(attitude, back)
-            root_turning = rotation_matrix(back).T @ shell_turning
-    qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
-    qvel = [*velocity, *root_turning, *(hinge.rate for hinge in turning)]
-    return np.array(qpos), np.array(qvel)
-
-
-def _turn(axis: Array, angle: float) -> Array:
-    """The quaternion (4,) of a turn about a unit axis (3,) [rad]."""
-    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
-
-
 ORIGIN, Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
 SPHERE = "shell_sphere"  # the geom that touches the plane
 START = "start"  # the keyframe that a run begins from
 
-OPTIONS = (
-    "timestep",
-    "solver",
-    "jacobian",
-    "iterations",
-    "tolerance",
-    "ls_tolerance",
-    "noslip_iterations",
-    "noslip_tolerance",
-    "cone",
-    "impratio",
-)
-FLAGS = ("warmstart", "island")
 PICTURE_ONLY = ("light", "material", "texture", "mesh")
-PAIR_OPTIONS = ("solref", "solimp", "solreffriction")
 FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
 
 
 @dataclass(frozen=True)
 class Model:
-    """A composed model: its MJCF text is complete, and compiles to the same bits anywhere."""
+    """A composed model, whose MJCF text is complete and compiles to the same bits anywhere.
+
+    settings: without BY_LOAD, so that a report has the values that ran.
+    """
 
     scene: Scene
     settings: Settings
@@ -172,7 +129,7 @@ class Model:
 
     @cached_property
     def compiled(self) -> mujoco.MjModel:
-        """A fresh MjModel; one a Model, so that a run may set its timestep.
+        """The MjModel. A run may set its timestep, for no other Model has it.
 
         Raises InputError where MuJoCo refuses it.
         """
@@ -180,55 +137,48 @@ class Model:
 
     @cached_property
     def sensor_columns(self) -> dict[str, slice]:
-        """Where the readings of each sensor are in sensordata."""
+        """The columns of sensordata by the sensor's name."""
         sensors = [self.compiled.sensor(i) for i in range(self.compiled.nsensor)]
         return {each.name: slice(each.adr[0], each.adr[0] + each.dim[0]) for each in sensors}
 
     def start_data(self, start: Start | None = None) -> mujoco.MjData:
-        """MjData at the scene's start, or at another one of the same ball."""
+        """Return MjData at the scene's start, or at another one of the same ball."""
         data = mujoco.MjData(self.compiled)
         mujoco.mj_resetDataKeyframe(self.compiled, data, 0)
         if start is not None:
-            data.qpos, data.qvel = state_at(self.scene, self.settings, start, self.hinges)
+            data.qpos, data.qvel = _state_at(self.scene, self.settings.root, start, self.hinges)
         return data
 
 
-def build(scene: Scene, settings: Settings, *, dressed: bool = False) -> Model:
+def build(scene: Scene, settings: Settings) -> Model:
     """Return the model of `scene` under `settings`, at its start; frames and shapes as in Scene.
 
-    dressed: add what only a picture needs: shapes, materials, lights, a camera.
-    Raises InputError where MuJoCo refuses it, or cannot hold the ball up at the start.
+    Values that are BY_LOAD are those of the recipe for the scene's load. Raises InputError where
+    MuJoCo refuses the model, or where its contact cannot hold the ball up at the start.
     """
-    settings = Chosen(scene, settings).settings
-    hinges = hinges_of(scene, settings)
-    root, pair = _compose(scene, settings, hinges)
-    if settings.start_in_equilibrium:
-        pair.margin = carrying_depth(scene, settings, text_of(root))
-    xml = text_of(root)
-    if dressed:
-        from robotball.engines.mujoco.dress import dress
-
-        xml = dress(xml, scene.ball)
-    model = Model(scene, settings, xml, hinges)
-    assert model.compiled is not None  # refused here, if at all
+    chosen = Chosen(scene, for_load(settings, scene))
+    hinges = hinges_of(scene, chosen.settings)
+    root, pair = _compose(chosen, hinges)
+    if chosen.settings.start_in_equilibrium:
+        pair.margin = _carrying_depth(chosen, _text_of(root))
+    model = Model(scene, chosen.settings, _text_of(root), hinges)
+    assert model.compiled is not None  # an InputError is raised here, if at all
     return model
 
 
-def _compose(scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
-    """The MJCF tree and its contact pair."""
-    ball = scene.ball
-    root = _bare("floor")
+def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
+    """Return the MJCF tree and its contact pair."""
+    scene, settings, ball = chosen.scene, chosen.settings, chosen.scene.ball
+    root, values = _bare("floor"), vars(settings)
+    # DOP853 is not MuJoCo's; RK4 comes nearest for whoever steps the MJCF without it.
+    _fill(root.option, values | ({"integrator": "RK4"} if settings.adaptive else {}))
+    _fill(root.option.flag, values)
     root.option.gravity = scene.gravity_world
-    for name in OPTIONS:
-        _set(root.option, name, getattr(settings, name))
-    # DOP853 is not MuJoCo's; RK4 is what comes nearest for whoever steps the MJCF without it.
-    _set(root.option, "integrator", "RK4" if settings.adaptive else settings.integrator)
-    for name in FLAGS:
-        _set(root.option.flag, name, getattr(settings, name))
-    # A diverged run must end as one, not begin again from time 0.
+    # A diverged state would otherwise be reset to time 0 with one warning, and the run go on.
     root.option.flag.autoreset = "disable"
 
-    # With the shell as root the contact rows' J̇v term, which MuJoCo leaves out, is zero.
+    # MuJoCo leaves the J̇v term out of its contact rows. With the shell as root it is zero; with the
+    # frame as root a slip of |a (ω×Ω)×γ|/b stays, 5e-4 to 1e-1 of the path.
     parts = {"shell": _bare("shell"), "frame": _bare("frame")}
     shell_part, frame_part = parts["shell"], parts["frame"]
     root_part = parts.pop(settings.root)
@@ -263,30 +213,51 @@ def _compose(scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]) -
     for hinge in hinges:
         _add_hinge(root, hinge, *turning[hinge.index])
 
-    chosen = Chosen(scene, settings)
+    # An explicit pair alone is tested for contact, and its parameters are not mixed of two geoms'.
     slide, spin, roll = chosen.friction
-    pair = root.contact.add(
-        "pair",
-        name="contact",
-        geom1="floor",
-        geom2=SPHERE,
-        condim=chosen.condim,
-        friction=[slide, slide, spin, roll, roll][: FRICTIONS[chosen.condim]],
-    )
-    for name in PAIR_OPTIONS:
-        _set(pair, name, getattr(settings, name))
-    _add_sensors(root, scene, settings, hinges)
-    root.keyframe.add("key", name=START, **start_state(scene, settings, hinges))
+    friction = [slide, slide, spin, roll, roll][: FRICTIONS[chosen.condim]]
+    own = {"name": "contact", "condim": chosen.condim, "friction": friction}
+    pair = root.contact.add("pair", geom1="floor", geom2=SPHERE)
+    _fill(pair, values | own)
+    _add_sensors(root, scene, settings.root, hinges)
+    qpos, qvel = _state_at(scene, settings.root, scene.start, hinges)
+    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
+    actuated = {"ctrl": ctrl} if len(ctrl) else {}  # no empty attribute
+    root.keyframe.add("key", name=START, qpos=qpos, qvel=qvel, **actuated)
     return root, pair
 
 
-def part(name: str) -> Any:
-    """The hand-written part mjcf/`name`.xml as it is, in units of the ball's radius."""
-    return mjcf.from_path(str(PARTS / f"{name}.xml"))
+def _state_at(
+    scene: Scene, root: str, start: Start, hinges: tuple[ModelHinge, ...]
+) -> tuple[Array, Array]:
+    """Return qpos and qvel of a start on the constraints, for the body with the free joint."""
+    as_started = scene.hinges_at(start)
+    shell, frame = scene.ball.shell, as_started[0]
+    turning = [as_started[hinge.index] for hinge in hinges]
+    # The free joint's angular velocity is in the root body's axes, its velocity in the world's.
+    frame_turning = scene.angular_velocity_at(start)
+    shell_turning = frame_turning - frame.rate * shell.axis
+    velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
+    attitude, root_turning = start.attitude, frame_turning
+    if root == "shell":
+        root_turning = shell_turning
+        if frame.angle:
+            back = _turn(shell.axis, -frame.angle)
+            # Seen from the shell, ω - Ω is turned on by the angle.
+            attitude = multiply(attitude, back)
+            root_turning = rotation_matrix(back).T @ shell_turning
+    qpos = [0.0, 0.0, shell.radius, *attitude, *(hinge.angle for hinge in turning)]
+    qvel = [*velocity, *root_turning, *(hinge.rate for hinge in turning)]
+    return np.array(qpos), np.array(qvel)
 
 
-def text_of(root: Any) -> str:
-    """The MJCF text of a composed tree of parts without classes, under names of one word.
+def _turn(axis: Array, angle: float) -> Array:
+    """Return the quaternion (4,) of a turn about a unit axis (3,) by an angle [rad]."""
+    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
+
+
+def _text_of(root: Any) -> str:
+    """Return the MJCF text of a composed tree of parts, without classes and with one-word names.
 
     dm_control scopes names by `/`, as in shell/frame/rotor1/hinge, and itself reads no file that
     has them. Parts have different names, so the last of them and the element's own say enough:
@@ -309,7 +280,7 @@ def _bare(name: str) -> Any:
 
     They would slow every step.
     """
-    tree = part(name)
+    tree = mjcf.from_path(str(PARTS / f"{name}.xml"))
     for kind in PICTURE_ONLY:
         for element in tree.find_all(kind, exclude_attachments=True):
             element.remove()
@@ -321,18 +292,21 @@ def _bare(name: str) -> Any:
     return tree
 
 
-def _set(element: Any, attribute: str, value: Any) -> None:
-    if value is not None:
-        setattr(element, attribute, value)
+def _fill(element: Any, values: Mapping[str, Any]) -> None:
+    """Set those attributes of an MJCF element that have a value under their name."""
+    for name in element.spec.attributes:
+        if values.get(name) is not None:
+            setattr(element, name, values[name])
 
 
 def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) -> None:
+    """Add a body's mass [kg], inertia (3, 3) [kg m²] about its centre of mass, and that [m]."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
     body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
 
 
 def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
-    """The joint of `body` and its actuator: every hinge that turns has one, unless it is free."""
+    """Add the joint of `body` with its actuator, which every hinge has that is not free."""
     joint, motor = body.add("joint", type="hinge", axis=axis), hinge.actuation
     if motor.armature:
         # It acts on the hinge alone and adds no angular momentum of its own.
@@ -347,27 +321,29 @@ def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
     elif isinstance(motor, PositionServo):
         actuator = add("position", **names, kp=motor.gain, kv=motor.damping)
     else:
-        # Scaled by the gear, the control of a prescribed rate is the acceleration; MuJoCo refuses
-        # controls over 1e10.
+        # With the gear as scale, the control of a prescribed rate is its acceleration. MuJoCo sets
+        # controls over 1e10 to zero, which torques on such an armature would be.
         gear = motor.armature if isinstance(motor, Prescribed) else 1.0
         actuator = add("motor", **names, gear=[gear])
     if hinge.torque_limit is not None:
         actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
 
 
-def _add_sensors(
-    root: Any, scene: Scene, settings: Settings, hinges: tuple[ModelHinge, ...]
-) -> None:
-    """What a Motion needs, and nothing else; readings.py knows them by name."""
+def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, ...]) -> None:
+    """Add the sensors that a Motion needs, of the whole ball at `body`, its root.
+
+    readings.py knows them by name. They are evaluated in compiled code: 250 µs of Python a sample
+    would be several steps' time.
+    """
     add = root.sensor.add
     add("clock", name="time")
     add("framepos", name="centre", objtype="xbody", objname="shell")
     add("framequat", name="attitude", objtype="xbody", objname="frame")
     add("frameangvel", name="angular_velocity", objtype="xbody", objname="frame")
-    add("subtreelinvel", name="velocity", body=settings.root)
-    add("subtreeangmom", name="angular_momentum", body=settings.root)
+    add("subtreelinvel", name="velocity", body=body)
+    add("subtreeangmom", name="angular_momentum", body=body)
     if scene.load_varies:  # elsewhere it is the sphere's centre
-        add("subtreecom", name="centre_of_mass", body=settings.root)
+        add("subtreecom", name="centre_of_mass", body=body)
     add(
         "contact",
         name="contact",
@@ -386,7 +362,7 @@ def _add_sensors(
 
 
 def compiled_model(xml: str, softness: float = 1.0) -> Any:
-    """The MjModel of an MJCF text, its contact so many times as soft.
+    """Return the MjModel of an MJCF text, with the contact's softness multiplied.
 
     Raises InputError where MuJoCo refuses it.
     """
@@ -400,15 +376,21 @@ def compiled_model(xml: str, softness: float = 1.0) -> Any:
     return model
 
 
-def carrying_depth(scene: Scene, settings: Settings, xml: str) -> float:
-    """The depth [m] at which the contact carries the weight: as the pair's margin it lets the
-    ball start at rest vertically with its centre at the height of its radius.
+def _carrying_depth(chosen: Chosen, xml: str) -> float:
+    """Return the depth [m] at which the contact carries the weight, for the pair's margin.
 
-    Raises InputError where there is no such depth, for the contact has no stiffness.
+    With it the ball starts at rest vertically, its centre at the height of its radius. Raises
+    InputError where there is no such depth, for the contact has no stiffness.
     """
-    model = compiled_model(xml, settings.softness)
+    softness, stiffness = chosen.settings.softness, chosen.normal_reference[0]
+    if not 0 < stiffness < np.inf:
+        raise InputError(
+            f"the contact cannot carry the ball at any depth: solref {chosen.solref} has no "
+            "stiffness; give another, or start_in_equilibrium off"
+        )
+    model = compiled_model(xml, softness)
     data = mujoco.MjData(model)
-    if settings.softness < 1:
+    if softness < 1:
         # So hard a contact hardly slips without the noslip solver. That takes the acceleration from
         # the forces, whose rounding is magnified until no depth is found.
         model.opt.noslip_iterations = 0
@@ -419,14 +401,8 @@ def carrying_depth(scene: Scene, settings: Settings, xml: str) -> float:
         mujoco.mj_forward(model, data)
         return float(data.qacc[2])
 
-    chosen = Chosen(scene, settings)
-    if not 0 < chosen.normal_reference[0] < np.inf:
-        raise InputError(
-            f"the contact cannot carry the ball at any depth: solref {chosen.solref} has no "
-            "stiffness; give another, or start_in_equilibrium off"
-        )
-    # The acceleration is nearly linear in the depth: g is about k times it.
-    scale = settings.softness * scene.gravity / chosen.normal_reference[0]
+    # The acceleration is nearly linear in the depth, g about k times it: a secant needs few steps.
+    scale = softness * chosen.scene.gravity / stiffness
     with warnings.catch_warnings(), contextlib.suppress(ValueError):  # no secant to follow
         warnings.simplefilter("ignore")
         found = root_scalar(vertical_acceleration, x0=scale, x1=1.1 * scale, xtol=1e-16)

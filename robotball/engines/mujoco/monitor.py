@@ -1,4 +1,8 @@
-"""The monitor of a run: what makes its numbers no result, found in every step's readings."""
+"""The monitor of a run: faults that make its numbers no result, found in every step's readings.
+
+MuJoCo itself warns of few of them. A saturated cone, a slip, a lost contact or a servo that misses
+its rate changes the motion without a word.
+"""
 
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -12,11 +16,11 @@ from robotball.engines.mujoco.readings import Readings, lengths
 from robotball.motion import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
 from robotball.rotations import Array, Mask
 
-SATURATED = 1 - 1e-6  # of the friction cone: contact solutions on its surface end this near
-ROUNDING = 1e-12  # of the radius: a slip so short comes of the forces' rounding
-LIFTING = 1e-2  # of the weight: a ball that presses less on the plane is about to lift off
+SATURATED = 1 - 1e-6  # of the friction cone; solutions on its surface end this near
+ROUNDING = 1e-12  # of the radius; a shorter slip comes of the forces' rounding
+LIFTING = 1e-2  # of the weight; a ball that presses less on the plane is about to lift off
 
-# Those that tell of a diverged state say no more than the state itself.
+# Without MuJoCo's warnings of a bad state (BADQPOS, …), which the state itself shows.
 WARNINGS = {
     int(warning): warning.name.removeprefix("mjWARN_")
     for warning in mujoco.mjtWarning.__members__.values()
@@ -25,7 +29,7 @@ WARNINGS = {
 
 
 class Found(NamedTuple):
-    """A fault, and the row of the readings from which it is there."""
+    """A fault, and the row of the readings at which it begins."""
 
     row: int
     fault: Fault
@@ -33,7 +37,7 @@ class Found(NamedTuple):
 
 @dataclass
 class Monitor:
-    """What has to be remembered from one portion of a run to the next.
+    """The monitor's memory from one portion of a run to the next.
 
     rolled, slipped: the lengths of the path and of the slip along it so far [m], where a rubber
     ball's spin counts as slip at its radius; momentum: M of the first state (3,).
@@ -54,10 +58,12 @@ class Monitor:
         self.weight = scene.ball.mass * scene.gravity if scene.load_varies else 0.0
 
     def look(self, readings: Readings, failure: Fault | None = None) -> list[Found]:
-        """The first of each kind of fault in the readings of the next portion, the earliest first.
+        """Return the first of each kind of fault in the next portion, the earliest first.
 
-        failure: why the integrator could not go on after the last row, if so.
+        failure: why the integrator could not go on after the last row, if it could not. Where
+        settings stop at a fault, those after the first one are left out, and it is fatal.
         """
+        # A diverged state's numbers have no squares.
         with np.errstate(all="ignore"):
             seen = [*self._of_the_state(readings), *self._of_the_motion(readings)]
         found = [
@@ -83,14 +89,14 @@ class Monitor:
         return found
 
     def _of_the_state(self, readings: Readings) -> list[tuple[Mask, Fault]]:
-        """(where, fault) by the state alone; the faults' times are not known yet."""
+        """Return the faults by the state alone with their rows; their times are not known yet."""
         diverged = ~readings.sound(DIVERGED)
         elapsed = np.diff(readings.time, prepend=self.last_time)
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
         exact = [hinge for hinge in readings.model.hinges if not hinge.own_motor]
         off_rate = readings.hinge_rate_error(exact) > RATE_ERROR
         saturated = readings.friction_used > SATURATED
-        # A ball that is about to lift off has no cone left.
+        # A ball that is about to lift off has no cone left, so its contact is what is lost.
         lifting = saturated & (readings.contact_force[:, 0] < LIFTING * self.weight)
         kind = FaultKind
         return [
@@ -115,7 +121,7 @@ class Monitor:
         ]
 
     def _of_the_motion(self, readings: Readings) -> list[tuple[Mask, Fault]]:
-        """The same by what has become of the momentum and of the path."""
+        """Return the faults by the momentum and by the slip over the path, with their rows."""
         if not len(readings.rows):
             return []
         scene, tolerance = self.model.scene, self.tolerance
@@ -129,6 +135,7 @@ class Monitor:
         rolled = self.rolled + np.cumsum(moved)
         self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
         self.last_centre = readings.centre[-1:]
+        # Over a path of nothing any slip would be infinite.
         least = max(tolerance * SHORTEST_PATH, ROUNDING) * scene.ball.radius
         slips = slipped > tolerance * rolled + least
         faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
@@ -138,6 +145,7 @@ class Monitor:
         return faults
 
     def _momentum_off(self, readings: Readings) -> Mask:
+        """Return whether M has left its first value by more than is tolerated by then."""
         momentum = readings.momentum
         if self.momentum is None:
             self.momentum = momentum[0]
@@ -146,6 +154,6 @@ class Monitor:
 
 
 def _time_of(times: Array, row: int, last_time: float) -> float:
-    """The time of a row, or of the last row before it whose time is finite."""
+    """Return the time of a row, or of the last row before it whose time is finite."""
     known = [t for t in (0.0, last_time, *times[max(row - 1, 0) : row + 1]) if np.isfinite(t)]
     return float(known[-1])

@@ -1,4 +1,8 @@
-"""What the sensors of a model say: rows of numbers → the observables of a Motion."""
+"""Readings of a model's sensors: rows of numbers → the observables of a Motion.
+
+All is computed for many rows at once, and by columns: at this size NumPy's own norm and cross
+product of rows take several times as long.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,6 +17,7 @@ from robotball.engines.mujoco.model import Model, ModelHinge
 from robotball.motion import Loads
 from robotball.rotations import Array, Mask, rotation_matrix
 
+# Sensors of coordinates and velocities, whose size shows whether a state has diverged.
 STATE_SENSORS = [
     mujoco.mjtSensor.mjSENS_FRAMEPOS,
     mujoco.mjtSensor.mjSENS_FRAMEQUAT,
@@ -30,36 +35,39 @@ UP = np.array([0.0, 0.0, 1.0])
 class Readings:
     """Rows (m, nsensordata + 7), one a state of `model`, as named columns in SI units.
 
-    A row is MjData's sensordata, then its warning counters.
+    A row is MjData's sensordata followed by its warning counters.
     """
 
     model: Model
     rows: Array
 
     def column(self, sensor: str) -> Array:
-        """The (m, size) block of a named sensor."""
+        """Return the (m, size) block of a named sensor."""
         return self.rows[:, self.model.sensor_columns[sensor]]
 
     @property
     def warnings(self) -> Array:
-        """(m, 7): how often MuJoCo has warned so far, in the order of mjtWarning."""
+        """The number of MuJoCo's warnings so far (m, 7), in the order of mjtWarning."""
         return self.rows[:, self.model.compiled.nsensordata :]
 
     @property
     def time(self) -> Array:
+        """The times (m,) [s]."""
         return self.column("time")[:, 0]
 
     @property
     def centre(self) -> Array:
+        """The sphere's centre (m, 3) [m], world."""
         return self.column("centre")
 
     @property
     def attitude(self) -> Array:
+        """The frame's quaternion (m, 4), frame to world."""
         return self.column("attitude")
 
     @property
     def angular_velocity(self) -> Array:
-        """ω (m, 3) of the frame, turned from the sensor's world axes to frame axes."""
+        """The frame's ω (m, 3), turned from the sensor's world axes to frame axes."""
         to_world = rotation_matrix(self.attitude)
         return np.einsum("nji,nj->ni", to_world, self.column("angular_velocity"))
 
@@ -74,44 +82,51 @@ class Readings:
         linear = scene.ball.mass * self.column("velocity")
         if scene.load_varies:
             arm = self.column("centre_of_mass") - self.centre * [1.0, 1.0, 0.0]
-        else:
+        else:  # the centre of mass is the sphere's centre, and has no sensor of its own
             arm = self.centre * [0.0, 0.0, 1.0]
         L = self.column("angular_momentum") + _cross(arm, linear)
         return _cross(UP, L) if scene.rolling == "rubber" else L
 
     @property
     def in_contact(self) -> Mask:
+        """Whether the plane and the shell touch (m,)."""
         return self.column("contact")[:, 0] > 0
 
     @property
     def contact_force(self) -> Array:
-        """(m, 3): normal, then the two tangential components, of the plane on the shell [N]."""
+        """The force (m, 3) of the plane on the shell [N]: normal, then two tangential parts."""
         return self.column("contact")[:, 1:4]
 
     @property
     def contact_force_world(self) -> Array:
-        """(m, 3): the same along the world axes [N]."""
+        """The force (m, 3) of the plane on the shell along the world axes [N]."""
         normal, tangent = self.column("contact")[:, 7:10], self.column("contact")[:, 10:13]
         basis = np.stack([normal, tangent, _cross(normal, tangent)], axis=1)
         return np.einsum("ni,nij->nj", self.contact_force, basis)
 
     @property
     def spin_torque(self) -> Array:
+        """The contact's torque (m,) about its normal [N m], λ₀ for rubber."""
         return self.column("contact")[:, 4]
 
     @cached_property
     def slip(self) -> Array:
+        """The sliding velocity (m,) of the shell at the contact [m/s]."""
         return lengths(self.column("contact")[:, 14:16])
 
     @property
     def spin(self) -> Array:
+        """The shell's angular velocity (m,) about the contact's normal [rad/s]."""
         return self.column("contact")[:, 16]
 
     @cached_property
     def friction_used(self) -> Array:
-        """(m,): the contact force's place in the friction cone, 1 on its surface, 0 in flight."""
+        """The used part (m,) of the friction cone, 1 on its surface, 0 in flight.
+
+        A pyramidal cone bounds the sum of the components' sizes, an elliptic one their norm.
+        """
         compiled = self.model.compiled
-        # MuJoCo has no smaller coefficient.
+        # MuJoCo raises smaller coefficients to this one.
         slide, _, spin, roll, _ = np.maximum(compiled.pair_friction[0], mujoco.mjMINMU)
         normal, *tangential = self.contact_force.T
         torques = self.column("contact")[:, 4:7].T / np.array([[spin], [roll], [roll]])
@@ -123,11 +138,12 @@ class Readings:
         return np.divide(needed, normal, out=np.zeros_like(needed), where=normal > 0)
 
     def sound(self, limit: float) -> Mask:
-        """(m,): whether all is finite, and coordinates and velocities below `limit` in size.
+        """Return whether each row (m,) is finite, its coordinates and velocities below `limit`.
 
         Forces and momenta may be as large as a heavy ball makes them.
         """
-        if len(self.rows) and -limit < self.rows.min() and self.rows.max() < limit:  # nor is a NaN
+        # Two passes without a copy decide nearly every portion; a NaN fails both comparisons.
+        if len(self.rows) and -limit < self.rows.min() and self.rows.max() < limit:
             return np.ones(len(self.rows), bool)
         compiled = self.model.compiled
         state = np.repeat(np.isin(compiled.sensor_type, STATE_SENSORS), compiled.sensor_dim)
@@ -136,7 +152,7 @@ class Readings:
         return np.asarray(finite & small)
 
     def _of_hinges(self, sensor: str) -> Array:
-        """(m, h) over the scene's hinges of a sensor that each turning one has; else 0."""
+        """Return a sensor of the scene's hinges (m, h); 0 for those that do not turn."""
         columns = np.zeros((len(self.rows), len(self.model.scene.hinges)))
         for hinge in self.model.hinges:
             columns[:, hinge.index] = self.column(f"{hinge.body}_{sensor}")[:, 0]
@@ -144,22 +160,27 @@ class Readings:
 
     @property
     def hinge_angles(self) -> Array:
+        """The scene's hinge angles (m, h) [rad]."""
         return self._of_hinges("angle")
 
     @property
     def hinge_rates(self) -> Array:
+        """The scene's hinge rates (m, h) [rad/s]."""
         return self._of_hinges("rate")
 
     @property
     def motor_torques(self) -> Array:
-        """(m, h): of the parent on the child, along the hinge [N m]."""
+        """The torque (m, h) of the parent on the child, along the hinge [N m]."""
         torques = np.zeros((len(self.rows), len(self.model.scene.hinges)))
         for hinge in self.model.hinges:
             torques[:, hinge.index] = self._torque(hinge)
         return torques
 
     def _torque(self, hinge: ModelHinge) -> Array:
-        """(m,): a motor's own; of a prescribed rate what the joint carries, its site's z [N m]."""
+        """Return a motor's torque (m,) [N m], or what the joint of a prescribed rate carries.
+
+        The joint's site has its z along the hinge. A passive hinge has no sensor of its torque.
+        """
         if isinstance(hinge.actuation, Free):
             angle, rate = (self.column(f"{hinge.body}_{name}")[:, 0] for name in ("angle", "rate"))
             return np.asarray(hinge.actuation.torque(0.0, angle, rate))
@@ -167,11 +188,13 @@ class Readings:
 
     @property
     def loads(self) -> Loads:
+        """The forces and torques as in a Motion."""
         return Loads(self.contact_force_world, self.spin_torque, self.motor_torques)
 
     def hinge_rate_error(self, hinges: Iterable[ModelHinge]) -> Array:
-        """(m,): the largest over `hinges`, relative to the largest rate that each has to reach."""
+        """Return the largest error (m,) of the rates of `hinges`, over each one's largest rate."""
         worst = np.zeros(len(self.rows))
+        # A diverged state's time may be none, which no drive can be evaluated at.
         times = np.where(np.isfinite(self.time), self.time, 0.0)
         for hinge in (each for each in hinges if each.follows_rate):
             error = np.abs(self.hinge_rates[:, hinge.index] - hinge.drive.rate(times))
@@ -179,17 +202,17 @@ class Readings:
         return worst
 
     def servo_saturation(self, hinge: ModelHinge) -> Mask:
-        """(m,): whether a hinge's servo is at its torque limit."""
+        """Return whether a hinge's servo is at its torque limit in each row (m,), to rounding."""
         limit = hinge.torque_limit
         torque = np.abs(self.motor_torques[:, hinge.index])
         return torque >= (np.inf if limit is None else limit * (1 - 1e-9))
 
 
 def lengths(v: Array) -> Array:
-    """The lengths (m,) of vectors (m, k); np.linalg.norm takes several times as long over rows."""
+    """Return the lengths (m,) of vectors (m, k)."""
     return np.asarray(np.sqrt(sum(column * column for column in v.T)))
 
 
 def _cross(u: Array, v: Array) -> Array:
-    """u × v (m, 3) of rows (m, 3) or (3,); np.cross takes several times as long."""
+    """Return u × v (m, 3) of rows (m, 3) or (3,)."""
     return np.stack(eq.cross(tuple(u.T), tuple(v.T)), axis=-1)

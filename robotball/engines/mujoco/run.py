@@ -49,6 +49,7 @@ def run(
             from robotball.engines.mujoco.fault_window import write
 
             write(fault_window, model, record.window)
+    # A note is an event of the motion, as a motor at the limit that its scene gives it.
     report = replace(
         motion.report,
         faults=tuple(each for each in record.faults.values() if not each.note),
@@ -84,6 +85,7 @@ def _parts(times: Array, some: Iterator[Readings]) -> Iterator[ContactMotion]:
                 depth=model.scene.ball.radius - readings.centre[:, 2],
                 friction_used=readings.friction_used,
                 hinge_rate_error=readings.hinge_rate_error(model.hinges),
+                # Of the whole run; `run` fills them in once it has ended.
                 faults=(),
                 timestep=0.0,
                 steps=0,
@@ -107,7 +109,7 @@ def _in_pieces(readings: Iterator[Readings]) -> Iterator[Readings]:
 
 
 def _together(readings: list[Readings]) -> Readings:
-    """Join readings. A single one is kept as it is, with what the monitor has computed of it."""
+    """Join readings. A single one is returned itself, with what the monitor has cached in it."""
     if len(readings) == 1:
         return readings[0]
     return Readings(readings[0].model, np.concatenate([each.rows for each in readings]))
@@ -148,6 +150,7 @@ def _run(
     with controlled(model) as control:
         portions = _march(control, data, times)
         while True:
+            # Processor time of this thread: a busy machine makes no run look slow.
             began = time.thread_time()
             portion = next(portions, None)
             record.seconds += time.thread_time() - began
@@ -161,12 +164,13 @@ def _run(
                 from robotball.engines.mujoco.fault_window import window_around
 
                 record.window = window_around(wrong, portion, before)
+            # The row of the fatal fault is bad itself, so the motion ends before it.
             kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
             whole = len(kept) == len(portion.rows)
             yield readings if whole else Readings(model, portion.rows[kept])
             if ends is not None:
                 break
-            before = portion
+            before = portion  # a window may reach back into it
             if progress is not None:
                 progress(monitor.last_time / times[-1])
 

@@ -1,10 +1,11 @@
-"""Settings of a MuJoCo run: integrators, checks, the recipe with its presets, and a scene's choice.
+"""Settings of a MuJoCo run: integrators, checks, two recipes with their presets, and a choice.
 
 The contact carries the ball at a depth that depends on its load. Under a constant load the depth
 at the start is right for good, however soft the contact, and CONSTANT is the recipe. Under a
-varying load the centre moves, and the lever arm with it; a centre of mass off the sphere's centre
+varying load the centre moves, and the lever arm with it. A centre of mass off the sphere's centre
 also couples the normal force with friction, so that three iterations of PGS no longer solve them.
-VARYING is the recipe for that. Whatever a setting leaves open is MuJoCo's own default.
+VARYING is the recipe for that. `for_load` chooses between the two. Whatever a setting leaves open
+is MuJoCo's own default.
 """
 
 from collections.abc import Mapping
@@ -30,10 +31,11 @@ EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 
 @dataclass(frozen=True)
 class Integrator:
-    """One way to step a model.
+    """An integrator with its order and its limits of stability.
 
-    Limits are of a rate times the timestep: beyond one, a step makes grow what should keep its size
-    or die out. They are None where an integrator has none; limits.py has their measurements.
+    A limit is the largest stable value of a rate times the timestep, None where there is none.
+    Beyond it a step makes grow what should keep its size or die out; limits.py says what was
+    measured.
 
     order            of its error in the timestep, for a smooth motion
     rotation_limit   of a rotation's rate
@@ -55,7 +57,9 @@ class Integrator:
     own: bool = True
 
 
-_FIRST, _FOURTH = (2, 1 / 2), (6, 1 / 144)  # of the momentum lost
+# One step on dy/dt = i r y multiplies |y| by |1 + iθ| = 1 + θ²/2 at first order, θ = r dt, and by
+# 1 - θ⁶/144 under RK4.
+_FIRST, _FOURTH = (2, 1 / 2), (6, 1 / 144)
 INTEGRATORS = {
     each.name: each
     for each in (
@@ -77,7 +81,8 @@ def _one_of(*names: str) -> Meta:
     return Meta(pattern=f"^({'|'.join(names)})$", description=f"one of {', '.join(names)}")
 
 
-# The types of the fields: msgspec checks their bounds, and a refusal quotes their descriptions.
+# The types of the fields. msgspec checks their bounds, and an error message quotes their
+# descriptions. LARGEST bounds them so that no product of a few of them overflows.
 Positive = Annotated[
     float,
     Meta(
@@ -113,7 +118,7 @@ Impedance = Annotated[
 
 
 def _checked(name: str, value: Any, kind: Any) -> Any:
-    """Return a field's value as plain data; raises InputError where its type does not allow it."""
+    """Return a field's value as plain data. Raises InputError where its type does not allow it."""
     if is_dataclass(value) and type(value) in get_args(kind):
         return value  # it has checked itself
     try:
@@ -124,7 +129,7 @@ def _checked(name: str, value: Any, kind: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Return NumPy's numbers as Python's, of which alone msgspec knows."""
+    """Convert NumPy's numbers to Python's, the only ones that msgspec accepts."""
     if isinstance(value, tuple | list | np.ndarray):
         return tuple(map(_plain, value))
     number = value.item() if isinstance(value, np.generic) else value
@@ -134,7 +139,7 @@ def _plain(value: Any) -> Any:
 
 
 def _allowed(kind: Any) -> str:
-    """Return the values of a field's type, in words."""
+    """Describe the values that a field's type allows."""
     if get_origin(kind) is Annotated:
         return str(kind.__metadata__[0].description)
     if get_origin(kind) is Literal:
@@ -144,7 +149,9 @@ def _allowed(kind: Any) -> str:
 
 
 def _is_reference(value: tuple[float, float]) -> bool:
-    """Whether both are positive (time constant, damping ratio) or none (-stiffness, -damping)."""
+    """Return whether both are positive (time constant, damping ratio) or neither is
+    (-stiffness, -damping), the two formats of MuJoCo's solref.
+    """
     positive = all(1 / LARGEST <= each <= LARGEST for each in value)
     return positive or all(-LARGEST <= each <= 0 for each in value)
 
@@ -155,7 +162,11 @@ MOST_STEPS = 10_000_000  # 1e5 s at 20 ms are half of it
 
 @dataclass(frozen=True)
 class Prescribed:
-    """Hinges that keep their rates by a huge reflected inertia [kg m²], with no actuator."""
+    """Hinges whose rates are kept by a reflected inertia [kg m²] so huge that no load changes them.
+
+    The armature acts on the hinge alone and adds no gyroscopic momentum, so the ball rolls as if it
+    were not there. A velocity servo of kv = 100 under RK4 costs 5e-3 of the path instead.
+    """
 
     armature: float
 
@@ -175,26 +186,31 @@ class Radii:
 
 # The recipe's values for a constant load; VARYING has those for a varying one.
 CONSTANT: dict[str, Any] = {
+    # The same motion as Newton's, which takes 1.9 times as long per evaluation of the forces.
     "solver": "PGS",
     "iterations": 3,
-    # At least twice every timestep, or MuJoCo would raise it in silence.
+    # At least twice every timestep, or MuJoCo would raise it without a warning and a sweep of the
+    # timestep would change the contact. 0.04 s is twice the 20 ms of the preset "fast".
     "solref": (0.04, 1.0),
     "softness": 1.0,
+    # Beyond any demand: at g = 9.81 the motion needs 0.2 to 1.6 of sliding friction and up to 6 m
+    # of torsional friction. A saturated cone gives no warning.
     "sliding_friction": 20.0,
     "torsional_friction": Radii(20.0),
+    # The path errs as the load over the armature: 5e-9 at 1e8, rounding from 1e12 on.
     "drive": Prescribed(armature=1e14),
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings(EngineSettings):
-    """How MuJoCo is to run a scene; None leaves a choice at MuJoCo's own default.
+    """Settings of a MuJoCo run; None leaves a choice at MuJoCo's own default.
 
-    The integrator is one of MuJoCo's, or DOP853: scipy's, of order 8, driving MuJoCo's forward
-    dynamics in steps whose error it holds to rtol and which are no longer than the timestep, if
-    there is one. BY_LOAD, for any value of CONSTANT, leaves it to the recipe for the scene's load;
-    every other value runs as it is. Raises InputError for what MuJoCo or scipy would refuse, or
-    would replace in silence.
+    Fields are named as in MJCF where it has them. The integrator is one of MuJoCo's, or DOP853:
+    scipy's, of order 8, driving MuJoCo's forward dynamics in steps whose error it holds to rtol and
+    which are no longer than the timestep, if there is one. BY_LOAD, for any value of CONSTANT,
+    leaves it to the recipe for the scene's load; every other value runs as it is. Raises InputError
+    for what MuJoCo or scipy would refuse, or would replace without a warning.
     """
 
     name: Annotated[str, Meta(pattern=r"^[^\0]*$", description="a text")]
@@ -263,7 +279,7 @@ class Settings(EngineSettings):
         return self.integrator == ADAPTIVE
 
 
-# It is there to show how wrong a newcomer's model gets, so it goes on.
+# It shows how wrong a newcomer's model gets, so a run goes on after its first fault.
 NAIVE = Settings(name="naive", error_tolerance=1e-2, stop_at_fault=False, drive=Servo(gain=10.0))
 
 
@@ -275,19 +291,27 @@ def recipe(name: str, error_tolerance: float, **steps: Any) -> Settings:
     return Settings(
         name=name,
         error_tolerance=error_tolerance,
+        # The others are of first order: Euler's path is off by 9e-3 at 1 ms, RK4's by 3e-12.
         **{"integrator": "RK4", **steps},
+        # For so few rows a sparse one costs a tenth more per evaluation.
         jacobian="dense",
+        # Any tolerance above 0 is measured by the armatures, and stops a solver before it begins.
         tolerance=0.0,
         ls_tolerance=0.01,
+        # The constraint's softness leaves a slip of 1.5e-3 of the path; one pass takes it away.
         noslip_iterations=1,
         noslip_tolerance=0.0,
+        # A pyramidal cone ignores solreffriction, and noslip treats its edges one by one.
         cone="elliptic",
+        # So few iterations need no guess, and without one a state has one motion, however reached.
         warmstart="disable",
         # One contact is one island; the search for others would take a twelfth of a step.
         island="disable",
+        # As near to 1 as MuJoCo goes: the depth and the soft friction's slip go as (1 - d)/d.
         solimp=(0.9999, 0.9999, 0.001, 0.5, 1.0),
-        # Slip decays at a fixed rate 1/s; tied to 1/timestep it would cost an order.
+        # Slip decays at a fixed rate [1/s]; tied to 1/timestep it would cost an order.
         solreffriction=(-1.0, -0.5),
+        # A ball that just touches has no normal force at first: 1e-3 of the path.
         start_in_equilibrium=True,
         **dict.fromkeys(CONSTANT, BY_LOAD),
     )
@@ -310,11 +334,11 @@ def preset(name: str) -> Settings:
     return preset_named(PRESETS, name)
 
 
-FORMER_NAMES = {"promise": "error_tolerance"}
+FORMER_NAMES = {"promise": "error_tolerance"}  # in files of former versions, which stay readable
 
 
 def settings_from(plain: Mapping[str, Any]) -> Settings:
-    """Return the settings of plain data, as `Settings.plain` or JSON holds it.
+    """Return the settings from plain data, as made by `Settings.plain` or read from JSON.
 
     Raises InputError for an unknown key and where a value is missing or does not fit.
     """
@@ -333,64 +357,71 @@ def settings_from(plain: Mapping[str, Any]) -> Settings:
         raise InputError(f"these are no settings of a run: {error}") from None
 
 
-# docs/tradeoff.md has what each of them is worth.
+# docs/tradeoff.md has the worth of each choice.
 VARYING: dict[str, Any] = {
-    # Three iterations are enough, and ten cost a fifth more.
+    # An off-centre mass couples the normal row with friction: PGS is off by up to 1e-1 after three
+    # iterations, without a warning, and right after a hundred. Newton needs three, and ten cost a
+    # fifth more.
     "solver": "Newton",
     "iterations": 10,
-    # So that MuJoCo's noslip solver takes no contact of 1e6 kg for singular.
+    # The noslip solver takes a contact for singular by the product of its inverse inertia and these
+    # coefficients: at 20 from about 1e6 kg on, which is so moved far out.
     "sliding_friction": 2000.0,
     "torsional_friction": Radii(2000.0),
     # A pendulum's weight acts on its hinge for good: a rate gives way by ∫τ dt over the armature.
     "drive": Prescribed(armature=1e18),
 }
 # The contact's softness and time constant [s], in steps of one length and in steps chosen by their
-# error. Its depth, which errs, goes as the first and as the square of the second. But Newton is
-# content with 1e-15 m/s², and that over the softness is a force: at 1e-5 it can lift a ball at rest
-# out of its contact. And MuJoCo takes no constant of less than two steps, or twice the 2 ms that
-# the model has where MuJoCo makes no steps itself.
+# error. The depth is the error, and goes as the softness and as the square of the constant. The
+# softness is bounded from below, because Newton is content with 1e-15 m/s², and that over the
+# softness is a force: at 1e-5 it can lift a ball at rest out of its contact. The constant is
+# bounded by two steps, or twice the 2 ms that the model has where MuJoCo makes no steps itself.
 BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 
 
-def on_load(settings: Settings, scene: Scene) -> Settings:
-    """Return the settings with each value that is BY_LOAD taken from the recipe for the scene."""
+def for_load(settings: Settings, scene: Scene) -> Settings:
+    """Return the settings with each value that is BY_LOAD taken from the recipe for the load.
+
+    The recipe is CONSTANT where the scene's normal force keeps its value, else VARYING with the
+    softness and the time constant for the kind of steps. Settings without BY_LOAD are returned as
+    they are.
+    """
     left = [name for name in CONSTANT if getattr(settings, name) == BY_LOAD]
     if not left:
         return settings
-    chosen = varying(settings) if scene.load_varies else CONSTANT
+    chosen = CONSTANT
+    if scene.load_varies:
+        by_error = settings.adaptive and settings.timestep is None
+        softness, constant = BY_ERROR if by_error else BY_STEPS
+        constant = max(constant, 2 * (settings.timestep or 0.0))
+        chosen = VARYING | {"softness": softness, "solref": (constant, 1.0)}
     return replace(settings, **{name: chosen[name] for name in left})
 
 
-def varying(settings: Settings) -> dict[str, Any]:
-    """Return the recipe for a varying load, for the steps of these settings."""
-    chosen_steps = settings.adaptive and settings.timestep is None
-    softness, constant = BY_ERROR if chosen_steps else BY_STEPS
-    constant = max(constant, 2 * (settings.timestep or 0.0))
-    return VARYING | {"softness": softness, "solref": (constant, 1.0)}
-
-
+# MuJoCo's enumerations count these from 0.
 CONES = ("pyramidal", "elliptic")
 SOLVERS = ("PGS", "CG", "Newton")
 
 
 @cache
 def _mujocos_own() -> tuple[Any, Any]:
-    """MuJoCo's own option and contact pair, for what the settings leave open."""
+    """Return MuJoCo's default option and contact pair, for what the settings leave open."""
     return mujoco.MjModel.from_xml_string("<mujoco/>").opt, mujoco.MjSpec().default.pair
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """A scene under settings, with every number of its model, whether ours or MuJoCo's default."""
+    """A scene under settings without BY_LOAD, and the numbers of its model that follow from both.
+
+    A number that the settings leave open is MuJoCo's default.
+    """
 
     scene: Scene
-    settings: Settings  # BY_LOAD is given, and replaced by what the scene's load makes of it
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "settings", on_load(self.settings, self.scene))
+    settings: Settings
 
     @property
     def integrator(self) -> Integrator:
+        """The integrator, with its limits."""
         return INTEGRATORS[self.settings.integrator or MUJOCOS_DEFAULT]
 
     @property
@@ -402,46 +433,51 @@ class Chosen:
 
     @property
     def cone(self) -> str:
+        """The shape of the friction cone."""
         return self.settings.cone or CONES[self._option("cone")]
 
     @property
     def solver(self) -> str:
+        """The solver of the constraints."""
         return self.settings.solver or SOLVERS[self._option("solver")]
 
     @property
     def tolerance(self) -> float:
+        """The solver's tolerance."""
         return float(self._option("tolerance"))
 
     @property
     def impratio(self) -> float:
+        """The ratio of frictional to normal impedance."""
         return float(self._option("impratio"))
 
     @property
     def noslip(self) -> bool:
-        """Whether friction is solved once more without its softness."""
+        """Whether friction is solved a second time without its softness."""
         return bool(self._option("noslip_iterations"))
 
     @property
     def solref(self) -> tuple[float, float]:
+        """The contact's solref."""
         first, second = self.settings.solref or _mujocos_own()[1].solref
         return float(first), float(second)
 
     @property
     def impedance(self) -> float:
-        """d of a contact pressed in beyond the width of its impedance, as far as MuJoCo goes."""
+        """The impedance d of a contact deeper than its width, clipped as MuJoCo clips it."""
         most = (self.settings.solimp or _mujocos_own()[1].solimp)[1]
         return float(np.clip(most, mujoco.mjMINIMP, mujoco.mjMAXIMP))
 
     @property
     def condim(self) -> int:
-        """The contact's dimension: how many directions of force and torque it has."""
+        """The number of directions of force and torque that the contact has."""
         if self.settings.condim is not None:
             return self.settings.condim
         return 4 if self.scene.rolling == "rubber" else 3
 
     @property
     def friction(self) -> tuple[float, float, float]:
-        """The coefficients: sliding, torsional [m] and rolling [m]."""
+        """The coefficients of sliding, torsional [m] and rolling [m] friction."""
         own, settings = self.scene.friction, self.settings
         slide = settings.sliding_friction if own.sliding is None else own.sliding
         spin = settings.torsional_friction_of(self.scene.ball.radius)
@@ -450,6 +486,7 @@ class Chosen:
         return slide, spin, settings.rolling_friction
 
     def _option(self, name: str) -> Any:
+        """Return a setting, or MuJoCo's default of the same name where it is open."""
         value = getattr(self.settings, name, None)
         return getattr(_mujocos_own()[0], name) if value is None else value
 
@@ -460,16 +497,18 @@ class Chosen:
 
     @cached_property
     def friction_damping(self) -> float:
-        """b [1/s]: the rate at which slip dies out; solref's where solreffriction is ignored."""
+        """The rate b [1/s] at which slip dies out; solref's where solreffriction is ignored."""
         given = self.settings.solreffriction
-        heard = given is not None and any(given) and self.cone == "elliptic"
-        return self._reference(given if heard and given else self.solref)[1]
+        # MuJoCo ignores it in a pyramidal cone, and where both numbers are 0.
+        heeded = given is not None and any(given) and self.cone == "elliptic"
+        return self._reference(given if heeded and given else self.solref)[1]
 
     def _reference(self, solref: tuple[float, float]) -> tuple[float, float]:
+        """Return stiffness [1/s²] and damping [1/s] of a solref in either of its formats."""
         first, second = solref
         if first <= 0:
             return -first / self.impedance**2, -second / self.impedance
-        # refsafe: never shorter than two steps.
+        # MuJoCo's flag refsafe raises a time constant to two steps.
         constant = max(first, 2 * self.timestep) if np.isfinite(self.timestep) else first
         return (
             1 / (self.impedance * constant * second) ** 2,
@@ -478,7 +517,7 @@ class Chosen:
 
     @property
     def equilibrium_depth(self) -> float:
-        """p = g (1 - d)/(d² k) [m], where a contact of impedance d carries the weight at rest."""
+        """The depth p = g (1 - d)/(d² k) [m] at which the contact carries the weight at rest."""
         d, (stiffness, _) = self.impedance, self.normal_reference
         if stiffness == 0:
             return np.inf

@@ -1,12 +1,15 @@
-"""A model stepped by MuJoCo's own integrators between sample times and breakpoints.
+"""Steps of a model by MuJoCo's own integrators, between sample times and breakpoints.
 
 Controls, and the plane's resistance to rolling, are computed at every evaluation of the forces, so
-that RK4 keeps its order. MuJoCo's own rolling friction (condim 6) is another law: it shares one
-cone with the friction that holds the ball, and acts against an acceleration, not the rolling.
+that RK4 keeps its order; held over a step they would cost it two. MuJoCo's own rolling friction
+(condim 6) is another law: it shares one cone with the friction that holds the ball, and acts
+against an acceleration, not the rolling.
 
-Across a torque limit that a servo reaches or leaves RK4 is of second order. Within one step each
-servo therefore stays on its side of the limit, and a step that should have switched is taken once
-more, as far as the switch.
+RK4 is of second order across a torque limit that a servo reaches or leaves. Each servo therefore
+stays on its side of the limit within a step, and a step that should have switched is repeated, as
+far as the switch.
+
+In order: the controls of a span of time, the torque limits, and the stepping of a run's stretches.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -14,6 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, pairwise
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -21,7 +25,6 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from robotball.drives import Motor, PositionServo, Servo
-from robotball.engines.links import State
 from robotball.engines.mujoco.model import Model, ModelHinge
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.motion import Fault, pieces
@@ -32,30 +35,25 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
 def read_row(data: mujoco.MjData) -> Array:
-    """The row of Readings of a state whose sensors are up to date."""
+    """Return the row of Readings of a state whose sensors are up to date."""
     return np.concatenate([data.sensordata, data.warning.number])
 
 
 def state_of(data: mujoco.MjData) -> Array:
-    """All that a step depends on (n,), but for the sides of servos at their limits."""
+    """Return all that a step depends on (n,), but for the sides of servos at their limits."""
     state = np.empty(mujoco.mj_stateSize(data.model, STATE))
     mujoco.mj_getState(data.model, data, state, STATE)
     return state
 
 
-def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
-    """The state of MuJoCo's coordinates, with the shell as the root."""
-    count, places = len(model.scene.drives), [hinge.index for hinge in model.hinges]
-    angles, rates = np.zeros(count), np.zeros(count)
-    angles[places], rates[places] = qpos[7:], qvel[6:]
-    attitude = qpos[3:7] / np.linalg.norm(qpos[3:7])
-    return State(qpos[:3], qvel[:3], attitude, rotation_matrix(attitude) @ qvel[3:6], angles, rates)
-
-
-INSIDE = 1e-9  # s: how far before the end of a span its own side of a breakpoint is taken
-# rad/s: a shell that rolls no faster stands, if it can be held; what is left of one that stands.
+# s: a drive's value at the end of a span is taken this long before it, where a breakpoint's other
+# side begins.
+INSIDE = 1e-9
+# rad/s: a shell that rolls no faster than STANDING stands, if the plane can hold it; one that is
+# below RESTING has nothing left to take away.
 STANDING, RESTING = 1e-8, 1e-13
-# The longest step near a standstill: of the time to it, and over the rate of what turns there.
+# Near a standstill a step is at most this part of the time to it, and this over the rate at which
+# the rolling's direction turns over; RK4 is stable up to 2.8.
 APPROACH, TURNED = 0.5, 2.0
 
 
@@ -63,7 +61,8 @@ APPROACH, TURNED = 0.5, 2.0
 class Control:
     """The controls of a model's hinges within one smooth span of time [s].
 
-    MuJoCo calls it, held by `controlled`, whenever it needs the forces.
+    MuJoCo calls it whenever it evaluates the forces, inside `controlled`. Where the plane resists
+    rolling it also applies that torque, which needs trials of the forces in data of its own.
     """
 
     model: Model
@@ -81,7 +80,7 @@ class Control:
         self.trial = mujoco.MjData(self.model.compiled)
 
     def inside(self, t: float) -> float:
-        """A time [s] of the span, or the nearest one that is inside it."""
+        """Return the time [s] of the span that is nearest to t."""
         begin, end = self.span
         return max(begin, min(t, end - INSIDE))
 
@@ -93,7 +92,10 @@ class Control:
             data.xfrc_applied[self.shell, 3:5] = torque
 
     def _torque(self, data: mujoco.MjData) -> Array:
-        """(2,) N m, of the plane against rolling; what holds the shell where it stands."""
+        """Return the plane's torque (2,) [N m] against rolling, or what holds a standing shell.
+
+        Below STANDING the direction turns over to that of the holding torque, without a jump.
+        """
         rolling: Array = data.cvel[self.shell, :2]
         speed = float(np.linalg.norm(rolling))
         along = rolling
@@ -106,7 +108,10 @@ class Control:
         return -self.resistance / float(np.linalg.norm(along)) * along
 
     def _holding(self, data: mujoco.MjData) -> Array:
-        """(2,) N m: the torque under which the shell's rolling does not change."""
+        """Return the torque (2,) [N m] under which the shell's rolling does not change.
+
+        The acceleration is affine in the torque, so three trials determine it.
+        """
         free, *turned = (
             self._acceleration(data, torque)
             for torque in self.resistance * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -115,7 +120,7 @@ class Control:
         return np.asarray(-self.resistance * solved, dtype=np.float64)
 
     def _acceleration(self, data: mujoco.MjData, torque: Array | None = None) -> Array:
-        """(2,) rad/s²: of the shell's rolling, under a torque on it in place of the plane's."""
+        """Return the rolling's acceleration (2,) [rad/s²] under a torque instead of the plane's."""
         compiled, trial = self.model.compiled, self.trial
         trial.time, trial.qpos, trial.qvel = data.time, data.qpos, data.qvel
         self.tried = torque
@@ -125,7 +130,7 @@ class Control:
         return trial.cacc[self.shell, :2].copy()
 
     def stop(self, data: mujoco.MjData) -> bool:
-        """Whether the plane has just come to hold the shell, whose rolling is taken from `data`."""
+        """Stop a shell in `data` that the plane has come to hold; return whether it did."""
         rolling = self._rolling(data)
         if not RESTING < np.linalg.norm(rolling) <= STANDING:
             return False
@@ -137,9 +142,9 @@ class Control:
         return True
 
     def longest(self, data: mujoco.MjData, length: float) -> float:
-        """A step's length [s], shorter where the shell comes to a standstill or leaves one.
+        """Return a step's length [s], shorter where the shell comes to a standstill or leaves one.
 
-        Near it the way of the rolling turns over at a rate of the resistance over the speed.
+        Near it the rolling's direction turns at a rate of the resistance over the speed.
         """
         speed = float(np.linalg.norm(self._rolling(data)))
         if speed <= STANDING and np.linalg.norm(self._holding(data)) <= self.resistance:
@@ -150,7 +155,7 @@ class Control:
         return float(min(length, TURNED / turning, APPROACH / max(slowing, APPROACH / length)))
 
     def _rolling(self, data: mujoco.MjData) -> Array:
-        """(2,) rad/s: the horizontal part of the shell's angular velocity."""
+        """Return the horizontal part (2,) of the shell's angular velocity [rad/s]."""
         compiled = self.model.compiled
         mujoco.mj_kinematics(compiled, data)
         mujoco.mj_comPos(compiled, data)
@@ -160,9 +165,10 @@ class Control:
 
 @contextmanager
 def controlled(model: Model) -> Iterator[Control]:
-    """The model's Control, in force inside the block; constant controls are in its keyframe."""
+    """Put the model's Control in force inside the block."""
     control = Control(model)
     if model.scene.steady and not control.resistance:
+        # Constant controls are in the keyframe; a call of Python at each evaluation costs 8 µs.
         yield control
         return
     mujoco.set_mjcb_control(control)
@@ -172,18 +178,18 @@ def controlled(model: Model) -> Iterator[Control]:
         mujoco.set_mjcb_control(None)
 
 
-# Of the limit: how far a servo's law may be beyond it on the wrong side. A switch found so late
-# changes the motion by the square of that.
+# The part of a limit by which a servo's law may be beyond it on the wrong side. A switch found so
+# late changes the motion by the square of that.
 LATE = 1e-9
-SHARP = 1e-10  # of a step: how sharply a switch is found
-SHORTEST = 1e-6  # of a step: a switch as near as that is at its begin or its end
+SHARP = 1e-10  # of a step: the precision of a switch's time
+SHORTEST = 1e-6  # of a step: a switch nearer to its begin or end is taken to be there
 MOST = 8  # switches in a step; one with more is taken with MuJoCo's own limits
 OWN = 2  # in place of a side: MuJoCo limits the torque itself
 
 
 @dataclass(frozen=True)
 class Limited:
-    """A servo with a torque limit: its law without it, and the places of its numbers in MjModel."""
+    """A servo with a torque limit: its law without it, and its indices and numbers in MjModel."""
 
     hinge: ModelHinge
     law: Motor
@@ -195,14 +201,18 @@ class Limited:
     bias: Array
 
     def wanted(self, data: mujoco.MjData, t: float) -> float:
-        """What it would give at t [s] if there were no limit, over the limit."""
+        """Return the torque at t [s] that its law alone would give, over the limit."""
         angle, rate = float(data.qpos[self.position]), float(data.qvel[self.velocity])
         return float(self.law.torque(self.hinge.control(t), angle, rate)) / self.limit
 
 
 @dataclass
 class Switches:
-    """The servos of a model that have a limit, and on which side of it each is: -1, 0, 1 or OWN."""
+    """The servos of a model that have a torque limit, and the side of each.
+
+    A side is 0 between the limits, where the law acts alone, -1 or 1 at a limit, where the torque
+    is constant, or OWN.
+    """
 
     control: Control
     servos: tuple[Limited, ...]
@@ -212,7 +222,7 @@ class Switches:
         self.set([0] * len(self.servos))
 
     def set(self, sides: list[int]) -> None:
-        """Lets each servo follow its law alone, or give its limit."""
+        """Set the compiled model to each servo's side: its law alone, or a constant torque."""
         compiled, self.sides = self.control.model.compiled, list(sides)
         for servo, side in zip(self.servos, sides, strict=True):
             i, at_limit = servo.actuator, side in (-1, 1)
@@ -223,15 +233,15 @@ class Switches:
                 compiled.actuator_biasprm[i, 0] = side * servo.limit
 
     def restore(self) -> None:
-        """Leaves the compiled model as it was."""
+        """Set the compiled model back to MuJoCo's own limits."""
         self.set([OWN] * len(self.servos))
 
     def steps(
         self, data: mujoco.MjData, length: float
     ) -> Iterator[tuple[float, tuple[Array, list[int]]]]:
-        """One step, or as many as there are switches in it; what each began from once it is taken.
+        """Take one step, in parts that end at its switches.
 
-        (its length [s], (state, sides))
+        Yields each part once it is taken: (length [s], (state, sides) from which it began).
         """
         left = length
         while self.control.resistance and left > 0:
@@ -246,13 +256,14 @@ class Switches:
     def _to_switches(
         self, data: mujoco.MjData, length: float
     ) -> Iterator[tuple[float, tuple[Array, list[int]]]]:
+        """Take a part of a step as `steps` does, with the resistance to rolling as it is."""
         left = length
         for _ in range(MOST):
             # A command that has jumped leaves a servo beyond its side before the step.
             if self._late(data) > 0:
                 self._settle(data)
             before, sides = state_of(data), self.sides
-            if not self._after(data, left) > 0:  # nor is a NaN
+            if not self._after(data, left) > 0:  # a NaN ends here too
                 yield left, (before, sides)
                 return
             taken = self._until_switch(data, before, left)
@@ -273,30 +284,31 @@ class Switches:
         self._settle(data)
 
     def _settle(self, data: mujoco.MjData) -> None:
-        """Puts every servo on the side where its law is."""
+        """Put every servo on the side where its law is."""
         self.set([int(w > 1) - int(w < -1) for w in self._wanted(data)])
 
     def _wanted(self, data: mujoco.MjData) -> list[float]:
+        """Return each servo's torque by its law alone, over the limit."""
         t = self.control.inside(data.time)
         return [servo.wanted(data, t) for servo in self.servos]
 
     def _beyond(self, data: mujoco.MjData) -> list[float]:
-        """How far each servo's law is beyond its own side of the limit, over the limit."""
+        """Return how far each servo's law is beyond its own side of the limit, over the limit."""
         sided = zip(self._wanted(data), self.sides, strict=True)
         return [1 - side * wanted if side else abs(wanted) - 1 for wanted, side in sided]
 
     def _late(self, data: mujoco.MjData) -> float:
-        """Positive where a servo should have switched."""
+        """Return a number that is positive where a servo should have switched."""
         return max(self._beyond(data), default=0.0) - LATE
 
     def _after(self, data: mujoco.MjData, length: float) -> float:
-        """`_late` after a step."""
+        """Take a step, and return `_late` after it."""
         data.model.opt.timestep = length
         mujoco.mj_step(data.model, data)
         return self._late(data)
 
     def _until_switch(self, data: mujoco.MjData, before: Array, left: float) -> float:
-        """The length of a step from a state to the first switch [s], of one that goes beyond."""
+        """Return the length of a step [s] up to the first switch; one of `left` goes beyond it."""
 
         def late(length: float) -> float:
             mujoco.mj_setState(data.model, data, before, STATE)
@@ -305,7 +317,7 @@ class Switches:
         return float(brentq(late, 0.0, left, xtol=SHARP * left, rtol=SHARP))
 
     def _switch(self, data: mujoco.MjData) -> None:
-        """Puts the servo that has just reached or left its limit on its other side."""
+        """Put the servo that has just reached or left its limit on its other side."""
         beyond, wanted = self._beyond(data), self._wanted(data)
         i, sides = int(np.argmax(beyond)), list(self.sides)
         sides[i] = 0 if sides[i] else int(np.sign(wanted[i]))
@@ -314,12 +326,14 @@ class Switches:
 
 @contextmanager
 def switched(control: Control) -> Iterator[Switches | None]:
-    """Those of a model that steps by an order above the first, or rolls against resistance."""
+    """Yield the Switches of a run, None where nothing ends a step; restore the model afterwards.
+
+    First-order steps need none, as MuJoCo's own limits cost them no order.
+    """
     model = control.model
-    integrator = INTEGRATORS[model.settings.integrator or MUJOCOS_DEFAULT]
-    servos = [_limited(model.compiled, hinge) for hinge in model.hinges if hinge.torque_limit]
-    if integrator.order == 1:
-        servos = []
+    first_order = INTEGRATORS[model.settings.integrator or MUJOCOS_DEFAULT].order == 1
+    limited = [] if first_order else [hinge for hinge in model.hinges if hinge.torque_limit]
+    servos = [_limited(model.compiled, hinge) for hinge in limited]
     if not servos and not control.resistance:
         yield None
         return
@@ -331,6 +345,7 @@ def switched(control: Control) -> Iterator[Switches | None]:
 
 
 def _limited(compiled: mujoco.MjModel, hinge: ModelHinge) -> Limited:
+    """Return a hinge's servo, with a copy of the compiled numbers that its switches overwrite."""
     actuator, joint = compiled.actuator(hinge.body), compiled.joint(hinge.joint)
     servo = hinge.actuation
     assert isinstance(servo, Servo | PositionServo)
@@ -347,17 +362,17 @@ def _limited(compiled: mujoco.MjModel, hinge: ModelHinge) -> Limited:
     )
 
 
-LOOK = 4096  # steps between two looks at the run
+LOOK = 4096  # steps between two looks of the monitor; at most so many are taken after a fault
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Consecutive spans of time that are stepped before the run is looked at.
+    """Consecutive spans of time that are stepped before the monitor looks at them.
 
-    ends    (m, 2)  s, where the spans begin and end
+    ends     (m, 2)  s, the begin and end of each span
     lengths  (m,)    s, of the steps in each
-    counts   (m,)    how many there are
-    samples  (k,)    which steps, counted over the stretch, start at a sample time
+    counts   (m,)    of the steps in each
+    samples  (k,)    the steps, counted over the stretch, that start at a sample time
     """
 
     ends: Array
@@ -371,9 +386,9 @@ class Stretch:
 
 
 def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
-    """A run over `times` (n,) [s], in stretches of about LOOK steps however far apart they are.
+    """Yield the stretches of a run over `times` (n,) [s], each of about LOOK steps.
 
-    Between two sample times or breakpoints go the fewest equal steps not longer than `timestep`.
+    Between two sample times or breakpoints lie the fewest equal steps not longer than `timestep`.
     """
     for piece in pieces(len(times) - 1):
         some = times[piece.start : piece.stop + 1]
@@ -382,7 +397,7 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
 
 
 def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
-    """The same for a part of the samples."""
+    """Yield the stretches of a part of the samples, so that a long run's are not all in memory."""
     ends, lengths, counts = spans(times, breakpoints, timestep)
     # A long span is cut into parts of LOOK steps.
     parts = np.ceil(counts / LOOK).astype(int)
@@ -401,44 +416,43 @@ def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) ->
         yield Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
 
 
-@dataclass(frozen=True)
-class Steps:
-    """What each row of a portion began from, so that it can be done again.
+class Step(NamedTuple):
+    """The origin of a row, from which it can be computed again.
 
-    states   (m, n)  MuJoCo's integration states
-    lengths  (m,)    s, of the step from each; 0 where there was none
-    spans    (m, 2)  s, the smooth span of time that each is in
-    sides    m       of their torque limits, on which the servos are that have one
+    state   (n,) MuJoCo's integration state
+    length  s, of the step from it; 0 where there was none
+    span    s, the smooth span of time that it is in
+    sides   of the servos that have a torque limit, on which they are
     """
 
-    states: Array
-    lengths: Array
-    spans: Array
-    sides: list[list[int]]
+    state: Array
+    length: float
+    span: Sequence[float]
+    sides: list[int]
 
 
 @dataclass(frozen=True)
 class Portion:
-    """A part of a run, between two looks at it.
+    """A part of a run, between two looks of the monitor.
 
     rows     (m, columns of Readings)  in the order of time
-    sampled  which of them, as an index, are at the run's sample times
-    steps    how many were taken
-    longest  of them [s]
-    again    gives what its rows began from; deferred, as only faulty runs need it
-    failure  why the run can't go on, if it can't
+    sampled  the indices of the rows at the run's sample times
+    steps    the number of steps taken
+    longest  s, the longest of them
+    again    returns the origin of each row; deferred, as only faulty runs need it
+    failure  why the run cannot go on, if it cannot
     """
 
     rows: Array
     sampled: Array
     steps: int
     longest: float
-    again: Callable[[], Steps]
+    again: Callable[[], list[Step]]
     failure: Fault | None = None
 
 
 def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
-    """The run over sample `times` (n,) [s] by mj_step, in steps not longer than the timestep."""
+    """Run over sample `times` (n,) [s] by mj_step, in steps not longer than the timestep."""
     compiled, scene = control.model.compiled, control.model.scene
     parts = stretches(times, scene.breakpoints, compiled.opt.timestep)
     with switched(control) as switches:
@@ -457,6 +471,7 @@ def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Po
                 rows = rows[:steps]
             else:
                 control.span = (end, end)
+                # After a step the sensors are those of the state before it.
                 mujoco.mj_forward(compiled, data)
                 rows[steps] = read_row(data)
                 samples = np.append(samples, steps)
@@ -466,16 +481,17 @@ def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Po
 def _step(
     control: Control, data: mujoco.MjData, stretch: Stretch
 ) -> tuple[Array, NDArray[np.int64], float]:
-    """Rows, one a step of the stretch, each of the state before its step, and room for one more.
+    """Return the rows of a stretch, the indices of its planned steps in them, the longest step.
 
-    Also which of them begins each planned step, and the longest step.
+    A row is of the state before its step. There is room for one row more.
     """
     compiled, sensors, warned = control.model.compiled, data.sensordata, data.warning.number
     start, warned_before = state_of(data), warned.copy()
     count = int(stretch.counts.sum())
     rows = np.empty((count + 1, len(sensors) + len(warned)))
     rows[:, len(sensors) :] = warned_before
-    # Few of the ways to copy 50 numbers are as quick as this.
+    # Slices of memoryviews copy 50 numbers faster than NumPy does: a run takes 1.05 times as long
+    # as a bare loop of mj_step.
     step, read, to = mujoco.mj_step, sensors.data, rows.reshape(-1).data
     place, size, width = 0, len(sensors), rows.shape[1]
     for _, _, taken in _set_for_each(control, stretch):
@@ -489,7 +505,10 @@ def _step(
 
 
 def _warnings(control: Control, start: Array, stretch: Stretch, before: Array) -> Array:
-    """MuJoCo's counters (m, 7) after each step of a stretch, which is taken once more."""
+    """Return MuJoCo's counters (m, 7) after each step of a stretch, which is repeated.
+
+    To read them at every step would slow all runs for the few in which one changes.
+    """
     data = _data_at(control, start)
     data.warning.number[:] = before
     rows = []
@@ -503,16 +522,15 @@ def _warnings(control: Control, start: Array, stretch: Stretch, before: Array) -
 def _step_to_switches(
     control: Control, switches: Switches, data: mujoco.MjData, stretch: Stretch
 ) -> tuple[Array, NDArray[np.int64], float]:
-    """The same with a step more at every switch of a servo's torque limit."""
+    """Return the same as `_step`, with a step more at every switch of a servo's torque limit."""
     rows: list[Array] = []
     firsts: list[int] = []
     longest = 0.0
-    for length, _, count in _set_for_each(control, stretch):
-        for _ in range(count):
+    for first, step in _each(control, switches, data, stretch):
+        if first:
             firsts.append(len(rows))
-            for taken, _ in switches.steps(data, length):
-                rows.append(read_row(data))
-                longest = max(longest, taken)
+        rows.append(read_row(data))
+        longest = max(longest, step.length)
     return np.array([*rows, np.empty_like(rows[0])]), np.array(firsts, np.int64), longest
 
 
@@ -523,39 +541,38 @@ def _again(
     sides: list[int],
     stretch: Stretch,
     end: float | None,
-) -> Steps:
-    """The steps of a stretch, taken once more from the state that it began from.
+) -> list[Step]:
+    """Return the steps of a stretch, which is repeated from its start with the servos' sides.
 
     end: of the run [s], where the stretch is its last; then the last row is of the state there.
     """
-    compiled = control.model.compiled
     data = _data_at(control, start)
-    states, lengths, spans, all_sides = [], [], [], []
     if switches:
         switches.set(sides)
+    steps = [step for _, step in _each(control, switches, data, stretch)]
+    if end is not None:
+        sides = switches.sides if switches else []
+        steps.append(Step(state_of(data), 0.0, (end, end), sides))
+    return steps
+
+
+def _each(
+    control: Control, switches: Switches | None, data: mujoco.MjData, stretch: Stretch
+) -> Iterator[tuple[bool, Step]]:
+    """Take the steps of a stretch; yield of each whether it begins a planned one, and itself."""
     for length, span, count in _set_for_each(control, stretch):
         for _ in range(count):
-            if switches:
-                for taken, (before, side) in switches.steps(data, length):
-                    states.append(before)
-                    lengths.append(taken)
-                    spans.append(span)
-                    all_sides.append(side)
+            if switches is None:
+                before = state_of(data)
+                mujoco.mj_step(control.model.compiled, data)
+                yield True, Step(before, length, span, [])
                 continue
-            states.append(state_of(data))
-            lengths.append(length)
-            spans.append(span)
-            all_sides.append(sides)
-            mujoco.mj_step(compiled, data)
-    if end is not None:
-        states.append(state_of(data))
-        lengths.append(0.0)
-        spans.append((end, end))
-        all_sides.append(switches.sides if switches else [])
-    return Steps(np.array(states), np.array(lengths), np.array(spans), all_sides)
+            for i, (taken, (before, sides)) in enumerate(switches.steps(data, length)):
+                yield i == 0, Step(before, taken, span, sides)
 
 
 def _data_at(control: Control, state: Array) -> mujoco.MjData:
+    """Return fresh MjData at a state."""
     data = mujoco.MjData(control.model.compiled)
     mujoco.mj_setState(control.model.compiled, data, state, STATE)
     return data
@@ -564,8 +581,9 @@ def _data_at(control: Control, state: Array) -> mujoco.MjData:
 def _set_for_each(
     control: Control, stretch: Stretch
 ) -> Iterator[tuple[float, Sequence[float], int]]:
-    """Sets model and control for every span of a stretch, and gives its step, itself and how many
-    steps it has.
+    """Set model and control for every span of a stretch, and yield its step, itself and its count.
+
+    The model's own timestep is set back at the end.
     """
     option = control.model.compiled.opt
     timestep = option.timestep

@@ -1,7 +1,7 @@
-"""Short trials of a planned run, for numbers that no formula of its limits gives.
+"""Short trials of a planned run, for numbers of `limits` that no formula gives.
 
-Three things are measured: the loads and eigenvalues of MuJoCo's own model at its start, the rate
-at which the motors settle with the ball rolling under them, and the momentum that RK4 loses.
+They are the loads and eigenvalues of MuJoCo's own model at its start, the rate at which the motors
+settle with the ball rolling under them, and the momentum that RK4 loses.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,9 @@ from robotball.motion import Loads
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Friction, Scene
 
-PUSH = 1e-6  # of the central differences: a velocity [m/s or rad/s] and an angle [rad]
+# The central differences' half step, a velocity [m/s or rad/s] or an angle [rad]: rounding over it
+# and its own square are both far below the digits that a prediction needs.
+PUSH = 1e-6
 
 
 def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
@@ -61,11 +63,11 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
 
 
 def _cross_matrix(v: Array) -> Array:
-    """v× as a matrix (3, 3)."""
+    """Return v× as a matrix (3, 3)."""
     return np.cross(v, np.eye(3)).T
 
 
-SEEN = 8  # angles of the pendulums at which the motors' rates are evaluated
+SEEN = 8  # angles of the pendulums at which the motors' rates are evaluated, 45° apart
 
 
 def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
@@ -78,6 +80,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     """
     own = [each for each in hinges if isinstance(each.actuation, Servo | PositionServo | Free)]
     gamma = rotation_matrix(scene.start.attitude)[2]
+    # Rubber does not spin about the vertical, so the shell turns in the plane across γ alone.
     turns = np.linalg.svd(gamma[None])[2][1:] if scene.rolling == "rubber" else np.eye(3)
     angles = np.stack([_angles(scene, each) for each in scene.hinges], axis=1)
     still, upright = np.zeros_like(angles), np.tile(gamma, (SEEN, 1))
@@ -144,7 +147,10 @@ def momentum_loss(scene: Scene, turning: Array, timestep: float, duration: float
 
 
 class _Ball:
-    """The rolling ball, its state the shell's turning u in the shell's axes and quaternion (7,)."""
+    """The rolling ball by (2.4)-(2.5) in MuJoCo's variables.
+
+    Its state (7,) is the shell's turning u in the shell's axes, then its quaternion.
+    """
 
     def __init__(self, scene: Scene, turning: Array) -> None:
         self.scene, self.rubber = scene, scene.rolling == "rubber"
@@ -230,6 +236,7 @@ def _loss(ball: _Ball, dt: float, steps: int) -> float:
 
 
 def _parts(state: Array) -> tuple[Vector, Quaternion]:
+    """Split the state into the shell's turning and quaternion."""
     p, q, r, w, x, y, z = state.tolist()
     return (p, q, r), (w, x, y, z)
 

@@ -1,4 +1,4 @@
-"""MuJoCo Warp: MuJoCo's models stepped by Warp, in single precision; here on the processor."""
+"""MuJoCo Warp as an engine: MuJoCo's models stepped by Warp on the processor, in 32 bits."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,9 +10,9 @@ from robotball.drives import Servo
 from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
 from robotball.engines.links import State
+from robotball.engines.mujoco.mjx import shell_state
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
-from robotball.engines.mujoco.stepping import shell_state
 from robotball.motion import Label
 from robotball.scene import Scene
 
@@ -21,7 +21,7 @@ LABEL = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
 
 @dataclass(frozen=True, kw_only=True)
 class WarpSettings(StepSettings):
-    """model: MuJoCo's settings, of which Warp takes the model and its options."""
+    """Settings of a MuJoCo Warp run; it takes the model and its options from MuJoCo's settings."""
 
     model: Settings
 
@@ -52,7 +52,7 @@ class WarpWorld(SteppedWorld):
         self.data.ctrl.assign(np.array([controls], dtype=np.float32))
 
     def _control(self, hinge: ModelHinge, t: float) -> float:
-        """With what a servo needs to turn its own armature, which it would lag by."""
+        """Return a hinge's control; a servo's also turns its own armature, or it would lag."""
         servo = hinge.actuation
         if not isinstance(servo, Servo):
             return hinge.control(t)
@@ -87,7 +87,7 @@ BEST = WarpSettings(
 
 
 class Warp(Adapter):
-    """The engine, as `robotball.engine` describes one."""
+    """MuJoCo Warp as an `Adapter`."""
 
     label = LABEL
     package = "mujoco_warp"
@@ -98,7 +98,7 @@ class Warp(Adapter):
     presets: Mapping[str, StepSettings] = {each.name: each for each in (AS_IT_COMES, BEST)}
 
     def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
-        """Double precision."""
+        """Say that it lacks double precision."""
         return "its state is in single precision"
 
     def world(self, scene: Scene, settings: StepSettings, step: float) -> World:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import robotball as rb
-from robotball.engines.mujoco.planned_run import LimitCheck, PlannedRun
+from robotball.engines.mujoco.limits import LimitCheck, PlannedRun, planned
 from validation import Agreement, compare
 
 FIG12, REGULAR = rb.load_scene("fig12"), rb.load_scene("classical_regular")
@@ -19,7 +19,7 @@ def the_limit(
     settings: rb.Settings,
     duration: float,
 ) -> LimitCheck:
-    limit = predict(PlannedRun(scene, settings, duration))
+    limit = predict(planned(scene, settings, duration))
     assert limit is not None
     return limit
 

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engine import as_own
+from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import reach, scene_rate
-from robotball.engines.mujoco.engine import LEAST_ACCURACY, own_settings
+from robotball.engines.mujoco.engine import LEAST_ACCURACY
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
 from tests.motions import as_contact
@@ -47,7 +49,7 @@ def test_the_accuracy_asked_for_is_reached(scene: str | int, target: float) -> N
     assert estimate is not None
     assert agreement.path_error <= target
     assert estimate <= target
-    most = 30 if own_settings(agreement.settings).adaptive else 1.4
+    most = 30 if as_own(agreement.settings, rb.Settings, LABEL).adaptive else 1.4
     assert 0.95 < estimate / agreement.path_error < most
 
 
@@ -101,7 +103,7 @@ def test_the_step_follows_from_the_two_first_runs() -> None:
     sizes, run = faked(lambda h: 1e-6 * (h / 0.02) ** 4)
     motion = reach(FIG12, FIG12.times, 1e-8, run)
     assert sizes == pytest.approx([0.04, 0.02, 5.57e-3], rel=2e-3)
-    assert own_settings(motion.report.settings).timestep == sizes[-1]
+    assert as_own(motion.report.settings, rb.Settings, LABEL).timestep == sizes[-1]
 
 
 @pytest.mark.parametrize("target", [1e-8, 1e-10])

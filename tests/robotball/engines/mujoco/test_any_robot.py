@@ -16,11 +16,10 @@ from robotball.drives import Servo
 from robotball.engines.mujoco import stepping
 from robotball.engines.mujoco.export import write_model
 from robotball.engines.mujoco.fault_window import load, replay
-from robotball.engines.mujoco.limits import exceeded, servo_gain
+from robotball.engines.mujoco.limits import exceeded, planned, servo_gain
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.planned_run import PlannedRun
 from robotball.engines.mujoco.run import run
-from robotball.engines.mujoco.settings import CONSTANT, VARYING, on_load
+from robotball.engines.mujoco.settings import CONSTANT, VARYING, for_load
 from robotball.motion import ContactMotion
 from robotball.robot import Ball, Frame, Shell, thin_shell_inertia
 from robotball.scene import Friction
@@ -124,7 +123,7 @@ def test_a_robot_at_rest_keeps_its_contact(settings: str, bound: float) -> None:
 def test_a_robot_at_rest_leaves_a_contact_that_is_too_hard() -> None:
     """So the test before this one would tell: at a softness of 1e-5 it falls back 0.5 mm deep."""
     scene = at_rest(0.1, 1.0)
-    hard = replace(on_load(rb.preset("balanced"), scene), softness=1e-5, solref=(0.04, 1.0))
+    hard = replace(for_load(rb.preset("balanced"), scene), softness=1e-5, solref=(0.04, 1.0))
     model = build(scene, hard)
     depth = run(model, np.linspace(0.0, 0.1, 21)).report.depth
     assert np.abs(depth).max() > 1e5 * model.compiled.pair_margin[0]
@@ -190,7 +189,7 @@ def test_a_step_across_a_torque_limit_costs_two_orders(monkeypatch: pytest.Monke
 
 def test_a_soft_contact_and_a_quick_solver_are_wrong_where_the_load_varies() -> None:
     """Two choices of VARYING, each undone alone, on W5 at 1 ms; measured 4.3e-7 and 1.6e-2."""
-    hard = replace(on_load(rb.preset("accurate"), worked("W5")), stop_at_fault=False)
+    hard = replace(for_load(rb.preset("accurate"), worked("W5")), stop_at_fault=False)
     for wrong in ({"softness": 1.0}, {"solver": "PGS", "iterations": 3}):
         motion = run(build(worked("W5"), replace(hard, **wrong)), worked("W5").times)
         off = np.linalg.norm(motion.contact_point[-1] - ENDINGS["W5"].contact_point)
@@ -201,10 +200,10 @@ def test_the_load_chooses_one_of_two_recipes() -> None:
     """The whole of one or of the other; nothing is left open in the settings that run."""
     balanced = rb.preset("balanced")
     for scene in (rb.load_scene("fig12"), scene_of("tilted")):
-        assert on_load(balanced, scene) == replace(balanced, **CONSTANT)
+        assert for_load(balanced, scene) == replace(balanced, **CONSTANT)
     harder: dict[str, Any] = {"softness": 3e-4, "solref": (0.01, 1.0)}
-    assert on_load(balanced, worked("W5")) == replace(balanced, **VARYING, **harder)
-    assert on_load(rb.preset("fast"), worked("W5")).solref == (0.04, 1.0)  # two of its steps
+    assert for_load(balanced, worked("W5")) == replace(balanced, **VARYING, **harder)
+    assert for_load(rb.preset("fast"), worked("W5")).solref == (0.04, 1.0)  # two of its steps
 
 
 OWN: tuple[dict[str, Any], ...] = (
@@ -227,8 +226,8 @@ def test_what_a_user_sets_is_what_runs(own: dict[str, Any]) -> None:
 def test_settings_given_whole_are_what_runs() -> None:
     """And what a run has had is given whole: it is the same on any other scene."""
     for name in ("W5", "servo_motors"):
-        whole = on_load(rb.preset("balanced"), scene_of(name))
-        assert on_load(whole, worked("W5")) is whole
+        whole = for_load(rb.preset("balanced"), scene_of(name))
+        assert for_load(whole, worked("W5")) is whole
         assert build(worked("W5"), whole).settings is whole
 
 
@@ -277,7 +276,7 @@ def swinging(product: float) -> rb.Scene:
         return robot("swinging", ball, "rubber", commands, q, motors=gains, hinge_rates=(0.0, 0.0))
 
     def off(gain: float) -> float:
-        check = servo_gain(PlannedRun(of(gain), rb.preset("fast"), 3.0))
+        check = servo_gain(planned(of(gain), rb.preset("fast"), 3.0))
         assert check is not None
         return check.value - product
 

@@ -9,9 +9,9 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import limits as contact_limits
+from robotball.engines.mujoco.limits import LimitCheck, PlannedRun
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.planned_run import LimitCheck, PlannedRun
-from robotball.engines.mujoco.settings import Chosen, Radii, settings_from
+from robotball.engines.mujoco.settings import Radii, for_load, settings_from
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, error, run, the_limit
 from validation.studies.extreme_maps import scaled
 
@@ -58,7 +58,7 @@ def test_the_recipe_has_friction_for_a_ball_of_any_size(length: float) -> None:
 
 def test_friction_in_radii_comes_back_from_plain_data() -> None:
     """Radii are told from metres in a record, and checked as they are."""
-    whole = Chosen(FIG12, FAST).settings
+    whole = for_load(FAST, FIG12)
     assert whole.plain()["torsional_friction"] == {"radii": 20.0}
     for settings in (FAST, whole):
         assert settings_from(json.loads(json.dumps(settings.plain()))) == settings

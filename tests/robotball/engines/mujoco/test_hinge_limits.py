@@ -8,7 +8,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco import limits as hinge_limits
 from robotball.engines.mujoco import limits as step_limits
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.limits import planned
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, error, run, the_limit
 from validation import compare
 from validation.studies.extreme_maps import scaled
@@ -43,7 +43,7 @@ def test_an_implicit_integrator_bears_any_servo() -> None:
     """implicit takes the gain into its step: no limit, and no divergence at twenty times RK4's."""
     gain = 20 * 30.0
     settings = replace(SERVO, integrator="implicit", drive=rb.Servo(gain=gain))
-    assert step_limits.servo_gain(PlannedRun(FIG12, settings, 1.0)) is None
+    assert step_limits.servo_gain(planned(FIG12, settings, 1.0)) is None
     assert error(run(FIG12, settings, 1.0)) < 0.2  # measured 0.072
 
 
@@ -64,7 +64,7 @@ def test_heavy_bodies_turn_their_hinges_in_spite_of_the_armature(name: str) -> N
     for mass in (1.0, 1e6):
         ball = scaled(scene, mass=mass, length=1.0)
         agreement = compare(ball, replace(adaptive, stop_at_fault=False))
-        plan = PlannedRun(ball, adaptive, 10.0, agreement.theory.loads)
+        plan = planned(ball, adaptive, 10.0, agreement.theory.loads)
         limit = hinge_limits.prescribed_rate(plan)
         assert limit is not None
         assert limit.exceeded == (mass == 1e6)

@@ -7,8 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import limits as precheck
-from robotball.engines.mujoco.limits import exceeded, limit_checks
-from robotball.engines.mujoco.planned_run import LimitCheck
+from robotball.engines.mujoco.limits import LimitCheck, exceeded, limit_checks
 from robotball.engines.mujoco.settings import Prescribed, recipe
 from tests.robotball.engines.mujoco.limits import FAST, FIG12
 from validation import compare

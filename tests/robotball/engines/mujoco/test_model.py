@@ -9,8 +9,9 @@ import pytest
 from dm_control import mjcf
 
 import robotball as rb
+from robotball.engines.mujoco.export import dress
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.settings import Chosen, Prescribed
+from robotball.engines.mujoco.settings import Prescribed, for_load
 from robotball.robot import Ball, Frame, Rotor
 from tests.scenes import FOUR
 
@@ -139,7 +140,7 @@ def test_what_settings_leave_open_stays_at_mujocos_default() -> None:
 def test_no_timestep_of_a_preset_changes_the_contact() -> None:
     """MuJoCo raises a time constant below two steps in silence; the recipe's never is."""
     for name, preset in product(("fig12", "pendulum_robot"), rb.PRESETS.values()):
-        settings = Chosen(rb.load_scene(name), preset).settings
+        settings = for_load(preset, rb.load_scene(name))
         if settings.solref is not None and settings.timestep is not None:
             assert settings.solref[0] >= 2 * settings.timestep
 
@@ -169,7 +170,8 @@ def test_an_inertia_in_any_axes_reaches_mujoco() -> None:
 @pytest.mark.parametrize("name", [*FOUR, "three_rotors"])
 def test_a_model_s_names_are_single_words_that_dm_control_reads(name: str, dressed: bool) -> None:
     """No name has a `/`, which dm_control keeps for itself; it compiles to as many bodies."""
-    model = build(rb.load_scene(name), BALANCED, dressed=dressed)
+    model = build(rb.load_scene(name), BALANCED)
+    model = dress(model) if dressed else model
     again = mujoco.MjModel.from_xml_string(mjcf.from_xml_string(model.xml).to_xml_string())
     assert "/" not in model.xml.replace("/>", "").replace("</", "")
     assert again.nbody == model.compiled.nbody == 3 + len(model.scene.ball.rotors)
@@ -181,7 +183,8 @@ def test_a_dressed_model_moves_as_the_bare_one(name: str) -> None:
     """To the last bit, over 100 steps: what is to be looked at weighs nothing."""
     ends = []
     for dressed in (False, True):
-        model = build(rb.load_scene(name), BALANCED, dressed=dressed)
+        model = build(rb.load_scene(name), BALANCED)
+        model = dress(model) if dressed else model
         data = model.start_data()
         for _ in range(100):
             mujoco.mj_step(model.compiled, data)

@@ -7,7 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import limits as step_limits
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.limits import planned
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, of_momentum, run, the_limit
 from tests.scenes import FOUR
 from validation import compare
@@ -53,7 +53,7 @@ def test_fast_rotors_are_no_reason_to_warn_of_a_loss(number: int) -> None:
     """RK4's loss is that of the equations by the same steps, not all that it could be."""
     ball = random_scene(number)
     scene = replace(ball, rotor_rates=tuple(4 * float(rate) for rate in ball.rotor_rates))  # type: ignore[arg-type]
-    plan = PlannedRun(scene, FAST, 10.0)
+    plan = planned(scene, FAST, 10.0)
     limit = the_limit(step_limits.momentum_lost, scene, FAST, 10.0)
     steps, theta = 10.0 / 0.02, plan.rotation_rate * 0.02
     assert steps * theta**6 / 144 > limit.limit
@@ -78,7 +78,7 @@ def test_the_loss_is_measured_under_drives_in_time_as_well() -> None:
     still = rb.Sine(mean=2.0, amplitude=0.0, frequency=1.0)
     settings = replace(FAST, timestep=0.1)
     losses = [
-        PlannedRun(replace(FIG12, frame_rate=rate), settings, 10.0).measured_loss
+        planned(replace(FIG12, frame_rate=rate), settings, 10.0).measured_loss
         for rate in (2.0, still)
     ]
     assert losses[0] == pytest.approx(losses[1], rel=1e-9)

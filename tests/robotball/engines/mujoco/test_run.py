@@ -138,6 +138,19 @@ def test_a_ball_whose_axes_are_not_principal_rolls_the_same() -> None:
     assert agreement.path_error < 1e-8  # measured 1.4e-9, RK4's
 
 
+def test_a_load_that_varies_hardly_moves_the_centre() -> None:
+    """The recipe for a varying load: off balance the lever arm keeps its length, and so the path.
+
+    With a contact a thousand times as soft the depth is as many times as large, and the path is off
+    by 1.1e-9.
+    """
+    agreement = compare(rb.load_scene("offset_routh_sphere"), "accurate", rb.sample_times(4.0))
+    assert agreement.path_error is not None
+    assert agreement.path_error < 1e-11  # measured 3.3e-12
+    radius = agreement.theory.scene.ball.radius
+    assert np.abs(agreement.report.depth).max() < 3e-11 * radius  # measured 8.7e-12
+
+
 def test_samples_need_not_fall_on_the_timestep() -> None:
     """Uneven times are hit exactly, by equal steps not longer than the preset's."""
     scene = rb.load_scene("fig12")
@@ -175,6 +188,24 @@ def test_prescribed_hinges_keep_their_rates() -> None:
     # Measured 1.4e-10 of 1480 rad: rounding of 10 000 additions.
     assert np.abs(motion.hinge_angles - theory.hinge_angles).max() < 1e-9
     assert motion.report.hinge_rate_error.max() < 3e-13  # measured 6e-14 at most
+
+
+@pytest.mark.parametrize("preset", ["fast", "naive"])
+def test_a_servo_follows_its_law_between_its_limits(preset: str) -> None:
+    """Its torque is kv times the rate's error, cut at either limit, by our switches and MuJoCo's.
+
+    RK4 of "fast" steps as far as each switch; the first order of "naive" leaves the limit to
+    MuJoCo.
+    """
+    motors = (rb.Servo(gain=100.0, torque_limit=3.0), None)
+    scene = replace(rb.load_scene("fig12"), motors=motors)
+    motion = rb.simulate(scene, rb.sample_times(2.0), preset)
+    torque = motion.loads.motor_torques[:, 0]
+    rate = scene.hinges[0].command.rate(motion.times)
+    law = np.clip(100.0 * (rate - motion.hinge_rates[:, 0]), -3.0, 3.0)
+    assert np.abs(torque - law).max() < 5e-14  # measured 1.4e-14 N m: rounding
+    # Of 101 samples 39 and 46 are at one limit, 31 and 27 at the other, the others between.
+    assert min((law == 3.0).sum(), (law == -3.0).sum(), (np.abs(law) < 3.0).sum()) > 20
 
 
 def test_progress_is_told_up_to_the_end() -> None:

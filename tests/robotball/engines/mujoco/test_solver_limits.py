@@ -6,7 +6,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import limits as contact_limits
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.limits import planned
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, error, run, the_limit
 from validation.studies.random_runs import rescaled
 
@@ -55,7 +55,7 @@ def test_a_heavy_ball_loses_all_friction_of_pgs(settings: rb.Settings, mass: flo
         assert limit.exceeded == slides
         assert (run(heavy, settings, 1.0).report.slip.max() > 9.0) == slides  # 9.3, else < 1.2
         newton = replace(settings, solver="Newton", iterations=50)
-        assert contact_limits.friction_block(PlannedRun(heavy, newton, 1.0)) is None
+        assert contact_limits.friction_block(planned(heavy, newton, 1.0)) is None
         assert run(heavy, newton, 1.0).report.slip.max() < 1.2
     assert "MuJoCo's PGS solver takes it for singular" in str(limit)
     assert "must be at least 1e-10" in str(limit)
@@ -77,8 +77,7 @@ def test_a_tolerance_stops_the_solver_before_it_begins(
         causes = [fault.text for fault in run(FIG12, settings, 1.0).faults]
         assert ("contact lost" in causes) == (tolerance == fails)
     assert (
-        contact_limits.solver_tolerance(PlannedRun(FIG12, replace(FAST, tolerance=1e-8), 1.0))
-        is None
+        contact_limits.solver_tolerance(planned(FIG12, replace(FAST, tolerance=1e-8), 1.0)) is None
     )  # PGS
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import limits as contact_limits
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.limits import planned
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, error, run, the_limit
 from validation import compare
 
@@ -19,7 +19,7 @@ def test_a_ball_that_starts_just_touching_falls_as_deep_as_predicted() -> None:
         solimp=(0.9, 0.9, 0.001, 0.5, 1.0),
     )  # fmt: skip
     depth = run(FIG12, settings, 2.0).report.depth[-1]
-    plan = PlannedRun(FIG12, settings, 2.0)
+    plan = planned(FIG12, settings, 2.0)
     assert depth == pytest.approx(plan.equilibrium_depth, rel=1e-3)
     soft = replace(settings, solref=(1.0, 1.0))
     assert the_limit(contact_limits.start_depth, FIG12, soft, 2.0).exceeded

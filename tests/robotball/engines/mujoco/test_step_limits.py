@@ -7,7 +7,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco import limits as step_limits
-from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.limits import planned
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, error, run, the_limit
 
 pytestmark = pytest.mark.core
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.core
 def test_rk4_cannot_follow_a_rotation_of_over_2_8_rad_a_step() -> None:
     """Rotors at 30 times their rates: right at 0.5 rad a step, bounded at 2.2 and gone at 3.0."""
     fast = replace(FIG12, rotor_rates=(30 * 148.0,))
-    rate = PlannedRun(fast, FAST, 1.0).rotation_rate
+    rate = planned(fast, FAST, 1.0).rotation_rate
     errors = {}
     for angle in (0.5, 2.2, 3.0):
         step = angle / rate

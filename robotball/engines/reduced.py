@@ -13,15 +13,7 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines import LEAST_RTOL, Compensated, Rate, take_step
 from robotball.equations import as_vector, check_speed
-from robotball.motion import (
-    Label,
-    Motion,
-    ReferenceMotion,
-    extended,
-    joined,
-    loads_of,
-    pieces,
-)
+from robotball.motion import Label, Motion, ReferenceMotion, extended, joined, loads_of, pieces
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 

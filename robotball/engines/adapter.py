@@ -231,10 +231,7 @@ class Adapter(Engine, ABC):
             rows.append(state.row)
             if request.progress is not None:
                 request.progress(times[len(rows) - 1] / times[-1])
-        return _motion_of(
-            self.label, scene, times, np.array(rows), settings, timestep=world.longest,
-            steps=world.steps, seconds=spent, python_seconds=world.python_seconds(),
-        )  # fmt: skip
+        return _motion_of(self.label, world, times, np.array(rows), settings, spent)
 
 
 def longest_step(scene: Scene, times: Array, timestep: float) -> float:
@@ -244,25 +241,20 @@ def longest_step(scene: Scene, times: Array, timestep: float) -> float:
 
 def _motion_of(
     label: Label,
-    scene: Scene,
+    world: World,
     times: Array,
     rows: Array,
     settings: EngineSettings,
-    *,
-    timestep: float,
-    steps: int,
     seconds: float,
-    python_seconds: float,
 ) -> ContactMotion:
     """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any."""
-    rows = rows if np.isfinite(rows[-1]).all() else rows[:-1]
-    state = state_of_rows(rows)
+    scene = world.scene
+    state = state_of_rows(rows if np.isfinite(rows[-1]).all() else rows[:-1])
     with np.errstate(all="ignore"):
         readings = readings_of(scene, state)
-        rate_error = _rate_error(scene, times[: len(rows)], state)
+        rate_error = _rate_error(scene, times[: len(state.centre)], state)
         faults, kept = _faults(scene, times, state, readings, rate_error, settings)
-    n, unknown = slice(kept), np.full(len(rows), np.nan)
-    hinges = np.full((len(rows), len(scene.drives)), np.nan)
+    n = slice(kept)
     return ContactMotion(
         scene=scene,
         engine=label,
@@ -273,20 +265,20 @@ def _motion_of(
         angular_velocity=readings.angular_velocity[n],
         hinge_angles=state.angles[n],
         hinge_rates=state.rates[n],
-        loads=Loads(np.stack([unknown] * 3, axis=1)[n], unknown[n], hinges[n]),
+        loads=Loads.unknown(kept, len(scene.drives)),
         report=ContactReport(
             settings=settings,
             slip=readings.slip[n],
             spin=readings.spin[n],
             depth=scene.ball.radius - state.centre[n, 2],
-            friction_used=unknown[n],
+            friction_used=np.full(kept, np.nan),
             hinge_rate_error=rate_error[n],
             faults=faults,
-            timestep=timestep,
-            steps=steps,
+            timestep=world.longest,
+            steps=world.steps,
             seconds=seconds,
             total_seconds=seconds,
-            python_seconds=python_seconds,
+            python_seconds=world.python_seconds(),
         ),
     )
 
@@ -316,30 +308,25 @@ def _faults(
     allowed = tolerance * (rolled + SHORTEST_PATH * scene.ball.radius)
     off = np.linalg.norm(readings.momentum - readings.momentum[0], axis=1)
     size = np.abs(np.concatenate([state.centre, state.velocity, state.turning], axis=1)).max(1)
-    kinds: list[tuple[Mask, Fault]] = [
-        (size > DIVERGED, Fault(FaultKind.DIVERGED, np.nan, fatal=True)),
-        (
-            state.centre[:, 2] > (1 + LIFTED) * scene.ball.radius,
-            Fault(FaultKind.CONTACT_LOST, np.nan),
-        ),
-        (rate_error > RATE_ERROR, Fault(FaultKind.RATE_OFF, np.nan, limit=RATE_ERROR)),
-        (np.cumsum(slip * elapsed) > allowed, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance)),
-        (
-            scene.keeps_momentum & (off > tolerance * scene.momentum_scale),
-            Fault(FaultKind.MOMENTUM_OFF, np.nan, limit=tolerance),
-        ),
+    drift = scene.keeps_momentum & (off > tolerance * scene.momentum_scale)
+    masks: list[tuple[Mask, FaultKind, float]] = [
+        (size > DIVERGED, FaultKind.DIVERGED, 0.0),
+        (state.centre[:, 2] > (1 + LIFTED) * scene.ball.radius, FaultKind.CONTACT_LOST, 0.0),
+        (rate_error > RATE_ERROR, FaultKind.RATE_OFF, RATE_ERROR),
+        (np.cumsum(slip * elapsed) > allowed, FaultKind.SLIPPED, tolerance),
+        (drift, FaultKind.MOMENTUM_OFF, tolerance),
     ]
-    found = [(int(np.argmax(mask)), fault) for mask, fault in kinds if mask.any()]
+    found = [(int(np.argmax(mask)), kind, limit) for mask, kind, limit in masks if mask.any()]
     if count < len(times):
-        found.append((count, Fault(FaultKind.DIVERGED, np.nan, fatal=True)))
+        found.append((count, FaultKind.DIVERGED, 0.0))
     found.sort(key=lambda each: each[0])
-    ends = [row for row, fault in found if fault.fatal or settings.stop_at_fault]
+    ends = [i for i, kind, _ in found if kind is FaultKind.DIVERGED or settings.stop_at_fault]
     kept = min([*ends, count])
-    dated = [
-        Fault(f.kind, float(times[min(row, len(times) - 1)]), f.subject, f.limit, f.fatal)
-        for row, f in found
-        if row <= kept
-    ]
+    dated = (
+        Fault(kind, float(times[i]), limit=limit, fatal=kind is FaultKind.DIVERGED)
+        for i, kind, limit in found
+        if i <= kept
+    )
     return tuple(dated), max(kept, 1)
 
 

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from robotball import InputError, load_scene, preset, sample_times
 from robotball.engines.ensembles.orbits import Starts
-from robotball.engines.ensembles.systems import DEVIATION
+from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run

@@ -25,18 +25,19 @@ from robotball.engines.ensembles.orbits import (
 )
 from robotball.engines.ensembles.steppers import ALLOWED, REJECTED, TARGET, TIME, places
 
-RESIDUAL = 1e-13  # of the section function, which is at most 1
+RESIDUAL = 1e-13  # of the section function, which is at most 1: some hundred roundings
 ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
 # How near to zero an estimated turning point is looked at: steps of a radian estimate it to 5e-3.
 NEAR = 0.03
 BEHIND = -0.1  # cos(g - g₀) below that at both ends of a step is below zero all along
 TINY = 1e-300  # a value with a sign and nothing else
+# Bisection alone ends in some 50 tries, the estimates usually in 4. At a turning point fewer do:
+# only a value of the other sign is looked for there.
 ROOT_TRIES, TURN_TRIES = 60, 3
 STARTING, MARCHING, TO_ROOT, AT_ROOT, TO_TURN = 0, 1, 2, 3, 4  # what a lane is doing
-# Where the section function is known, one after the other on a lane's track: where the orbit
-# stands, at the ends of what is looked into, at a turning point between two crossings, and what
-# was just seen. Each is a time, a value and a rate; times count from where the orbit stands,
-# because a small residual needs all their digits.
+# Places on a lane's track at which the section function is known: where the orbit stands, the ends
+# of the bracket, a turning point between two crossings, and the last try. Each is a time, a value
+# and a rate; times count from where the orbit stands, for a small residual needs all their digits.
 HERE, LOW, HIGH, TURN, SEEN, TRACK = 0, 3, 6, 9, 12, 15
 
 
@@ -49,9 +50,10 @@ def put(tracks: Any, lane: int, target: int, source: int) -> None:
 
 @inlined
 def root_estimate(tracks: Any, lane: int) -> float:
-    """The time between LOW and HIGH, of opposite values, where the value may be zero.
+    """Return the time between LOW and HIGH, of opposite values, where the value may be zero.
 
-    By the cubic in the value that has both times and rates where it is monotonic, else the middle.
+    It is that of the cubic in the value that has both times and rates, where this is monotonic,
+    and else the middle: Newton's method without a bracket diverges here.
     """
     low, high = tracks[lane, LOW], tracks[lane, HIGH]
     span, rise = high - low, tracks[lane, HIGH + 1] - tracks[lane, LOW + 1]
@@ -65,13 +67,13 @@ def root_estimate(tracks: Any, lane: int) -> float:
 
 @inlined
 def turning_part(tracks: Any, lane: int) -> float:
-    """The part of the way from LOW to HIGH at which the rate may pass zero."""
+    """Return the part of the way from LOW to HIGH at which the rate may pass zero."""
     return tracks[lane, LOW + 2] / (tracks[lane, LOW + 2] - tracks[lane, HIGH + 2])
 
 
 @inlined
 def may_hide_two(tracks: Any, lane: int) -> bool:
-    """Whether the value, of one sign at LOW and HIGH, goes near zero or past it between them."""
+    """Return whether the value, of one sign at LOW and HIGH, comes near zero or past it between."""
     low, low_rate = tracks[lane, LOW + 1], tracks[lane, LOW + 2]
     high, high_rate = tracks[lane, HIGH + 1], tracks[lane, HIGH + 2]
     if low * low_rate >= 0 or high * high_rate <= 0:
@@ -87,7 +89,7 @@ def may_hide_two(tracks: Any, lane: int) -> bool:
 
 @inlined
 def marched(tracks: Any, lane: int, length: float) -> int:
-    """What to do after a step of a length."""
+    """Return the mode after a step of a length."""
     put(tracks, lane, LOW, HERE)
     tracks[lane, LOW] = -length
     put(tracks, lane, HERE, SEEN)
@@ -102,7 +104,7 @@ def marched(tracks: Any, lane: int, length: float) -> int:
 
 @inlined
 def turning_tried(tracks: Any, lane: int, tries: int) -> int:
-    """What to do after looking for the turning point; sets TURN if the function crossed there."""
+    """Return the mode after a try at the turning point; sets TURN if the function crossed there."""
     value, rate = tracks[lane, SEEN + 1], tracks[lane, SEEN + 2]
     if value * tracks[lane, LOW + 1] < 0:
         put(tracks, lane, HIGH, SEEN)
@@ -114,7 +116,7 @@ def turning_tried(tracks: Any, lane: int, tries: int) -> int:
 
 @inlined
 def root_tried(tracks: Any, lane: int, tries: int) -> int:
-    """What to do after looking for the zero."""
+    """Return the mode after a try at the zero."""
     value = tracks[lane, SEEN + 1]
     if abs(value) <= RESIDUAL or tries == ROOT_TRIES:
         return AT_ROOT
@@ -124,7 +126,7 @@ def root_tried(tracks: Any, lane: int, tries: int) -> int:
 
 @inlined
 def aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
-    """Set a lane's target; where it only looks, within a step taken before, errors are known."""
+    """Set a lane's target. A look back into an accepted step is shorter and errs less than it."""
     if mode == MARCHING:
         w[TARGET * LANES + lane], w[ALLOWED * LANES + lane] = np.inf, tolerance
         return
@@ -156,7 +158,7 @@ def cross(
     found: Any,
     status: Any,
 ) -> None:
-    """The first m crossings of each of n orbits, after time 0.
+    """Write the first m crossings of each of n orbits, after time 0.
 
     queue, rows, lengths: as in `march`; step_limit: of steps without a crossing; longest: how far
     to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both. Writes times

@@ -31,17 +31,18 @@ from robotball.engines.ensembles.steppers import (
     LEVEL,
     LOOKED,
     MARCHED,
+    PATH,
     REJECTED,
     SECTION,
     STATE,
     TARGET,
     TIME,
+    System,
     level_of,
     places,
     row_of,
     stepper,
 )
-from robotball.engines.ensembles.systems import PATH, System
 from robotball.equations import Parameters, as_vector, check_speed
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import pieces
@@ -214,9 +215,9 @@ def follow(
     return TOO_MANY_STEPS, w[TIME * FEW]
 
 
-# Of one step, in the unit quaternion: near the least that double precision can judge.
+# The error of one step in the unit quaternion: near the least that double precision can judge.
 STEP_TOLERANCE = 1e-14
-# The same where the long run counts: an attractor forgives what a path does not.
+# The error of one step where the long run counts: an attractor forgives what a path does not.
 LONG_RUN_TOLERANCE = 1e-9
 STATUS = {
     DONE: "done",
@@ -250,7 +251,7 @@ def orbits(
     times: Array,
     tolerance: float = STEP_TOLERANCE,
 ) -> Orbits:
-    """The motions of (3.2) or (3.3) from many starts, on all cores.
+    """Integrate (3.2) or (3.3) from many starts, on all cores.
 
     attitudes: (n, 4) unit quaternions, frame to world; momenta: (n, 3) kg m²/s, world, horizontal
     in the rubber model; times: (m,) s, increasing from 0; tolerance: the error of the quaternion
@@ -277,10 +278,10 @@ def orbit(
     tolerance: float = STEP_TOLERANCE,
     max_steps: int | None = None,
 ) -> tuple[Array, Array]:
-    """Attitudes (m, 4) and contact points (m, 2) of one motion, for times (m,) close together.
+    """Return attitudes (m, 4) and contact points (m, 2) of one motion, for times close together.
 
-    As `orbits`, for a single start (4,) and (3,); raises InputError where it would be given up,
-    or needs more than max_steps.
+    attitude (4,), momentum (3,), times (m,), tolerance: as for `orbits`. Raises InputError where
+    the motion would be given up, or needs more than max_steps.
     """
     states = orbit_states(parameters, attitude, momentum, times, tolerance, max_steps)
     return states[:, :4], states[:, 4:]
@@ -294,7 +295,7 @@ def orbit_states(
     tolerance: float = STEP_TOLERANCE,
     max_steps: int | None = None,
 ) -> Array:
-    """The same side by side (m, 6)."""
+    """Return what `orbit` returns, side by side (m, 6)."""
     times = check_times(times)
     starts = Starts(parameters, attitude[None], momentum[None])
     states = np.empty((len(times), PATH.size))
@@ -319,7 +320,7 @@ def orbit_states(
 
 
 def kernel_start(scene: Scene) -> tuple[Parameters, Array, Array]:
-    """A scene as the functions here take it: its Parameters, attitudes (1, 4), momenta (1, 3).
+    """Return a scene's Parameters, attitudes (1, 4) and momenta (1, 3), as `orbits` takes them.
 
     The attitude is that of the principal axes, in which Parameters are.
     """
@@ -331,7 +332,7 @@ class Starts:
     """Starts as the stepper takes them: turned about the vertical until M = -mα + cγ.
 
     attitudes: (n, 4) so turned; rows: (n, k), the constants of each orbit; turns: (n,) rad;
-    size: (n,) |M| kg m²/s; fastest: (n,) rad/s, what |ω| cannot exceed.
+    size: (n,) |M| kg m²/s; fastest: (n,) rad/s, a bound on |ω|.
     """
 
     def __init__(self, parameters: Parameters, attitudes: Array, momenta: Array) -> None:
@@ -351,9 +352,9 @@ class Starts:
         self.rows = np.concatenate([np.tile(ball, (len(level), 1)), level, no_section], axis=1)
 
     def rows_of(self, system: System, rest: Array) -> Array:
-        """Constants, states and their slopes (n, k), side by side, as `load` takes them.
+        """Return constants, states and slopes (n, k), side by side, as `load` takes them.
 
-        rest: (n, size - 4), what the state starts with after the quaternion.
+        rest: (n, size - 4), the numbers of the first state after the quaternion.
         """
         rolling = self.parameters.rolling
         level = level_of(rolling, list(self.rows.T[LEVEL - BALL : SECTION - BALL]))
@@ -364,7 +365,7 @@ class Starts:
     def march(
         self, system: System, rest: Array, times: Array, tolerance: float
     ) -> tuple[Array, Integers]:
-        """States (n, m, size), in turned axes, and status (n,) of a system at times (m,) > 0.
+        """Return a system's states (n, m, size), in turned axes, and status (n,) at times (m,) > 0.
 
         rest: as in `rows_of`.
         """
@@ -382,39 +383,40 @@ class Starts:
         return states, status
 
     def first_lengths(self, duration: float, tolerance: float) -> Array:
-        """A first step (n,) for each orbit, rather short; it grows by itself [s]."""
+        """Return a first step (n,) for each orbit, rather short; it grows by itself [s]."""
+        # A radian by the bound on |ω|, for a tolerance of 1, at the pair's lower order, 8.
         return np.minimum(duration, tolerance**0.125 / np.maximum(self.fastest, 1e-300))
 
     def step_limit(self, duration: float) -> int:
-        """More steps than any orbit needs, so that none can hang the others."""
+        """Return more steps than any orbit needs, so that none can hang the others."""
         turns = float(self.fastest.max()) * duration / (2 * np.pi)
         return int(min(1000 + STEPS_PER_TURN * turns, MOST_STEPS))
 
     def to_world(self, attitudes: Array) -> Array:
-        """Attitudes (n, m, 4) in world axes."""
+        """Return attitudes (n, m, 4) in world axes."""
         return turned(self.turns[:, None], attitudes)
 
     def turned_back(self, points: Array) -> Array:
-        """Points (n, m, 2) of the plane in world axes."""
+        """Return points (n, m, 2) of the plane in world axes."""
         cos, sin = np.cos(self.turns)[:, None], np.sin(self.turns)[:, None]
         X, Y = points[..., 0], points[..., 1]
         return np.stack([cos * X - sin * Y, sin * X + cos * Y], axis=-1)
 
 
 def turned(angles: Array, attitudes: Array) -> Array:
-    """Attitudes (..., 4) after turns (...) about the vertical [rad]."""
+    """Return attitudes (..., 4) after turns (...) about the vertical [rad]."""
     turns = (np.cos(angles / 2), 0.0, 0.0, np.sin(angles / 2))
     return np.stack(eq.quaternion_product(turns, components(attitudes)), axis=-1)
 
 
 def components(q: Array) -> eq.Quaternion:
-    """Quaternions (..., 4) as four columns (...)."""
+    """Return quaternions (..., 4) as four columns (...)."""
     w, x, y, z = np.moveaxis(q, -1, 0)
     return (w, x, y, z)
 
 
 def check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:
-    """Raises InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
+    """Raise InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
     if not np.isfinite(row_of(parameters)).all():
         raise InputError(f"the numbers of the ball are not finite: {parameters}")
     if attitudes.shape[1:] != (4,) or momenta.shape != (len(attitudes), 3):

@@ -44,8 +44,9 @@ from robotball.motion import (
 from robotball.rotations import Array, Mask
 from robotball.scene import Scene, spans
 
-IDLE_STEPS = 200  # of Python's part that are timed
-CALLS = 200  # of a function that are timed
+# Python's part of a run is measured afterwards, on so many steps or calls without the engine.
+IDLE_STEPS = 200
+CALLS = 200
 
 
 class World(ABC):
@@ -300,6 +301,7 @@ def _faults(
 ) -> tuple[tuple[Fault, ...], int]:
     """Return the faults that the samples alone show, and the number of samples that are kept."""
     count, tolerance = len(state.centre), settings.error_tolerance
+    # Spin counts as slip at the radius: both are then lengths, held to a part of the path.
     slip = readings.slip
     if scene.rolling == "rubber":
         slip = slip + scene.ball.radius * np.abs(readings.spin)

@@ -15,8 +15,7 @@ import numpy as np
 
 from robotball.drives import Servo
 from robotball.engine import Engine, Progress, Request
-from robotball.engines import reduced
-from robotball.engines.dop853 import LEAST_RTOL
+from robotball.engines import LEAST_RTOL, reduced
 from robotball.errors import InputError, unknown, warn
 from robotball.motion import ContactMotion, EngineSettings, ReferenceMotion, preset_named
 from robotball.rotations import Array
@@ -26,7 +25,7 @@ GROUP = "robotball.engines"
 DEFAULT = "mujoco"
 OURS = {
     "mujoco": "robotball.engines.mujoco.engine:MUJOCO",
-    "multibody": "robotball.engines.multibody.engine:MULTIBODY",
+    "multibody": "robotball.engines.multibody:MULTIBODY",
     "bullet": "robotball.engines.bullet:BULLET",
     "dart": "robotball.engines.dart:DART",
     "drake": "robotball.engines.drake:DRAKE",
@@ -203,7 +202,7 @@ def integrate(
             motion = reduced.integrate(scene, times, rtol, max_steps)
         else:
             # Its compiled code takes a while to come.
-            from robotball.engines.multibody import integrate as multibody
+            from robotball.engines import multibody
 
             motion = multibody.integrate(scene, times, rtol, max_steps)
     _check_finite(motion)

@@ -19,7 +19,7 @@ from robotball.drives import turns
 from robotball.equations import as_vector
 from robotball.errors import InputError, unknown
 from robotball.robot import Value
-from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.rotations import Array, angle_between, rotation_matrix
 from robotball.scene import Scene
 
 if TYPE_CHECKING:
@@ -172,6 +172,11 @@ class Loads(Value):
     spin_torque: Array
     motor_torques: Array
 
+    @classmethod
+    def unknown(cls, times: int, hinges: int) -> "Loads":
+        """Return loads that are NaN."""
+        return cls(*(np.full(shape, np.nan) for shape in ((times, 3), times, (times, hinges))))
+
     @property
     def sliding_friction(self) -> Array:
         """(n,): the least coefficient of friction at which the shell does not slip."""
@@ -310,6 +315,14 @@ class ContactMotion(Motion):
     report: ContactReport
 
 
+Extended = TypeVar("Extended", bound=Motion)
+
+
+def extended(motion: Motion, kind: type[Extended], **more: Any) -> Extended:
+    """Return a motion as one of a kind with more fields; fields that are given replace its own."""
+    return kind(**{each.name: getattr(motion, each.name) for each in fields(Motion)} | more)
+
+
 Place = tuple[str, ...]
 
 
@@ -354,9 +367,7 @@ def attitude_error(motion: Motion, reference: Motion) -> float:
     """The largest angle by which the two frames are turned against each other [rad]."""
     there, largest = reference.attitude[_shared(motion, reference)], []
     for piece in pieces(len(motion.times)):
-        turn = multiply(conjugate(there[piece]), motion.attitude[piece])
-        half = np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0]))
-        largest.append((2 * half).max())
+        largest.append(angle_between(there[piece], motion.attitude[piece]).max())
     return float(max(largest))
 
 

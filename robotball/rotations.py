@@ -18,6 +18,13 @@ def conjugate(q: Array) -> Array:
     return q * np.array([1.0, -1.0, -1.0, -1.0])
 
 
+def angle_between(p: Array, q: Array) -> Array:
+    """Return the angles (...) [rad] of the turns from unit quaternions p to q (..., 4)."""
+    turn = multiply(conjugate(p), q)
+    # Precise for small angles, where an arccosine of the scalar part is not.
+    return 2 * np.arctan2(np.linalg.norm(turn[..., 1:], axis=-1), np.abs(turn[..., 0]))
+
+
 def rotation_matrix(q: Array) -> Array:
     """Return matrices (..., 3, 3) of quaternions (..., 4); the rows of one are α, β, γ."""
     return _rotation(q).as_matrix()

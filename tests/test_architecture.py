@@ -204,10 +204,10 @@ def code_lines(file: Path) -> int:
 @pytest.mark.parametrize(
     ("code", "most_files", "most_lines"),
     [
-        # Measured 33 files and 4993 lines.
-        ("from validation import compare; compare('fig12')", 33, 5000),
-        # Measured 19 files and 2709 lines.
-        ("import robotball as rb; rb.integrate(rb.load_scene('fig12'))", 19, 2715),
+        # Measured 32 files and 4986 lines.
+        ("from validation import compare; compare('fig12')", 32, 5000),
+        # Measured 18 files and 2702 lines.
+        ("import robotball as rb; rb.integrate(rb.load_scene('fig12'))", 18, 2715),
     ],
 )
 def test_a_run_loads_what_it_needs(code: str, most_files: int, most_lines: int) -> None:

@@ -1,4 +1,4 @@
-"""DART: its articulated bodies with velocity actuators, and its dynamics under our constraints.
+"""DART as an engine: its bodies with velocity actuators, or its dynamics under our constraints.
 
 Its contact has no torsional friction. It steps by semi-implicit Euler alone.
 """
@@ -13,10 +13,12 @@ from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
     IdealWorld,
-    SteppedWorld,
+    ServoWorld,
     Stepper,
     StepSettings,
     World,
+    by_name,
+    velocity_first,
     version_of,
 )
 from robotball.engines.links import State, links_of
@@ -29,8 +31,10 @@ LABEL = Label("DART", version_of("dartpy"), "#8C564B")
 
 @dataclass(frozen=True, kw_only=True)
 class DartSettings(StepSettings):
-    """friction: of ball and plane; None is DART's own; ideal: our constraints and our steps on
-    DART's mass matrix and bias, with rtol for DOP853.
+    """Settings of a DART run.
+
+    friction: of ball and plane; ideal: the steps of our own constraints on DART's mass matrix and
+    bias, with rtol for DOP853.
     """
 
     friction: float | None = None
@@ -39,7 +43,7 @@ class DartSettings(StepSettings):
 
 
 def _skeleton(scene: Scene, dart: Any) -> Any:
-    """The ball; the shell's collision is put on it by who needs one."""
+    """Return the ball as a skeleton without collision shapes."""
     ball = dart.dynamics.Skeleton("ball")
     bodies: list[Any] = []
     for link in links_of(scene):
@@ -60,7 +64,7 @@ def _skeleton(scene: Scene, dart: Any) -> Any:
 
 
 def _put(ball: Any, state: State, dart: Any) -> None:
-    """The ball in a state; a free joint's velocities are (ω, v) in world axes."""
+    """Put the ball into a state. A free joint's velocities are (ω, v) in world axes."""
     place = dart.math.Isometry3()
     place.set_rotation(rotation_matrix(state.attitude))
     place.set_translation(state.centre)
@@ -69,7 +73,7 @@ def _put(ball: Any, state: State, dart: Any) -> None:
     ball.setVelocities(np.concatenate([state.turning, state.velocity, state.rates]))
 
 
-class DartWorld(SteppedWorld):
+class DartWorld(ServoWorld):
     """The ball and its plane in a World."""
 
     def __init__(self, scene: Scene, settings: DartSettings, step: float) -> None:
@@ -95,17 +99,14 @@ class DartWorld(SteppedWorld):
         self.world.addSkeleton(ground)
         self.world.addSkeleton(self.ball)
         _put(self.ball, self.now, dartpy)
-        self._turn(self.now.rates)
+        self.turn(self.now.rates)
 
-    def _turn(self, rates: Array) -> None:
+    def turn(self, rates: Array) -> None:
         for i, rate in enumerate(rates.tolist(), start=6):
             self.ball.setCommand(i, rate)
 
-    def control(self, t: float, step: float) -> None:
-        self._turn(np.array([float(drive.rate(t + step)) for drive in self.scene.drives]))
-
     def step(self, step: float) -> None:
-        self.world.step(False)  # and keep the commands
+        self.world.step(False)  # True would reset the commands
 
     def state(self) -> State:
         shell = self.ball.getBodyNode(0)
@@ -131,27 +132,14 @@ class DartDynamics(IdealWorld):
 
         self.dart, self.ball = dartpy, _skeleton(scene, dartpy)
         self.ball.setGravity([0.0, 0.0, -scene.gravity])
-        # Ours is (v, ω, rates), DART's (ω, v, rates).
-        self.order = np.array([3, 4, 5, 0, 1, 2, *range(6, self.ball.getNumDofs())])
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
         _put(self.ball, state, self.dart)
-        M, h = self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces()
-        return M[np.ix_(self.order, self.order)], h[self.order]
-
-
-PRESETS = {
-    each.name: each
-    for each in (
-        DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3),
-        DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
-        DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
-    )
-}
+        return velocity_first(self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces())
 
 
 class Dart(Adapter):
-    """The engine, as `robotball.engine` describes one."""
+    """DART as an `Adapter`."""
 
     label = LABEL
     package = "dartpy"
@@ -162,18 +150,20 @@ class Dart(Adapter):
         "best": ("timestep", (4e-3, 1e-3, 1e-4)),
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     }
-    settings_type = DartSettings
-    presets: Mapping[str, StepSettings] = PRESETS
+    presets = by_name(
+        DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3),
+        DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
+        # DOP853 chooses its steps itself; the timestep is only the longest.
+        DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
+    )
 
-    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
-        """Torsional friction."""
-        assert isinstance(settings, DartSettings)
+    def lacks(self, scene: Scene, settings: DartSettings) -> str | None:
+        """Return that its contact has no torsional friction, where a ball needs it."""
         if scene.rolling == "classical" or settings.ideal:
             return None
         return "its contact has no torsional friction: the shell spins freely"
 
-    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
-        assert isinstance(settings, DartSettings)
+    def world(self, scene: Scene, settings: DartSettings, step: float) -> World:
         if settings.ideal is not None:
             return DartDynamics(scene, settings.ideal, settings)
         return DartWorld(scene, settings, step)

@@ -1,4 +1,4 @@
-"""Drake: its plant in steps or in continuous time, and its dynamics under our constraints.
+"""Drake as an engine: its plant in steps or continuous time, or its dynamics by our constraints.
 
 Point contact has no torsional friction: a torque against the spin, ours, stands in for it. What
 friction lets slip is set by the stiction tolerance, not by the step.
@@ -17,7 +17,9 @@ from robotball.engines.adapter import (
     Stepper,
     StepSettings,
     World,
+    by_name,
     longest_step,
+    velocity_first,
     version_of,
 )
 from robotball.engines.links import State, links_of, start_state
@@ -26,20 +28,22 @@ from robotball.rotations import Array
 from robotball.scene import Scene
 
 LABEL = Label("Drake", version_of("drake"), "#009E73")
-FIRST_DEPTH, SECANTS = 1e-3, 8  # of the radius; of the search for the depth at rest
+# Of the radius, where the search for the depth at rest begins, and its steps at most: the load is a
+# smooth function of the depth, and the search ends by itself after fewer.
+FIRST_DEPTH, SECANTS = 1e-3, 8
 Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DrakeSettings(StepSettings):
-    """None leaves a choice at Drake's own default.
+    """Settings of a Drake run.
 
-    approximation: of the contact in discrete steps; integrator: continuous time instead, where the
-    timestep is the longest step, and the step itself without error_control; accuracy_per_step: of
+    approximation: of the contact in discrete steps; integrator: for continuous time instead, where
+    the timestep is the longest step, or every step without error_control; accuracy_per_step: of
     that control, and of Newton's iteration in implicit steps; stiction m/s: the slip below which
     friction is not full; gain N m s/rad: of velocity servos on the hinges; armature kg m²:
     reflected inertia instead of servos; spin_damping N m s: of our torque, of a rubber ball alone;
-    ideal: our constraints and our steps on Drake's mass matrix and bias, with rtol for DOP853.
+    ideal: the steps of our own constraints on Drake's mass matrix and bias, with rtol for DOP853.
     """
 
     approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None
@@ -58,7 +62,7 @@ class DrakeSettings(StepSettings):
 def _add_plant(
     scene: Scene, settings: DrakeSettings, builder: Any, step: float, depth: float = 0.0
 ) -> Any:
-    """The ball on its plane, pressed in so deep [m]; step 0 is continuous time."""
+    """Return the plant of the ball, pressed into the plane by `depth` [m]; step 0 is continuous."""
     from pydrake.geometry import HalfSpace, Sphere
     from pydrake.math import RigidTransform
     from pydrake.multibody import plant as plants
@@ -88,7 +92,8 @@ def _add_plant(
         else:
             motor.set_controller_gains(tree.PdControllerGains(p=0.0, d=settings.gain))
     friction = plants.CoulombFriction(settings.friction, settings.friction)
-    # Equally stiff, they meet in the middle of their overlap: there at the height of zero.
+    # Equally stiff, the two meet in the middle of their overlap, which must be at height 0: the
+    # lever arm of friction is otherwise off, by 9e-6 m.
     ground = HalfSpace.MakePose(np.array([0, 0, 1.0]), np.array([0, 0, depth / 2]))
     plant.RegisterCollisionGeometry(plant.world_body(), ground, HalfSpace(), "plane", friction)
     sphere = Sphere(scene.ball.radius + depth / 2)
@@ -101,13 +106,13 @@ def _add_plant(
 
 
 def _positions(state: State) -> tuple[Array, Array]:
-    """Drake's q and v."""
+    """Return Drake's q and v."""
     q = np.concatenate([state.attitude, state.centre, state.angles])
     return q, np.concatenate([state.turning, state.velocity, state.rates])
 
 
 def _carrying_depth(scene: Scene, settings: DrakeSettings) -> float:
-    """The depth at which the contact carries the ball's weight [m], by secants."""
+    """Return the depth at which the contact carries the ball's weight [m], by secants."""
     from pydrake.systems.framework import DiagramBuilder
 
     def fall(depth: float) -> float:
@@ -134,32 +139,30 @@ def _carrying_depth(scene: Scene, settings: DrakeSettings) -> float:
 
 
 def _motors(scene: Scene, armature: float | None) -> Any:
-    """A system whose output is what the motors take: accelerations, scaled, or angles and rates."""
+    """Return a system that drives the motors: torques for armatures, or angles and rates."""
     from pydrake.systems.framework import LeafSystem
     from pydrake.systems.primitives import ConstantVectorSource
 
     drives = scene.drives
-    if scene.steady:
-        rates = [float(drive.rate(0.0)) for drive in drives]
-        none = np.zeros(len(drives))
-        return ConstantVectorSource(none if armature is not None else np.array([*none, *rates]))
 
-    def told(context: Any, output: Any) -> None:
-        t = context.get_time()
+    def inputs(t: float) -> Array:
         if armature is not None:
-            output.SetFromVector([armature * drive.acceleration(t) for drive in drives])
-        else:
-            rates = [float(drive.rate(t)) for drive in drives]
-            output.SetFromVector([*np.zeros(len(drives)), *rates])
+            return np.array([armature * drive.acceleration(t) for drive in drives], float)
+        return np.array([*np.zeros(len(drives)), *(drive.rate(t) for drive in drives)], float)
 
+    if scene.steady:
+        return ConstantVectorSource(inputs(0.0))  # saves the calls into Python at every step
     system = LeafSystem()
-    size = len(drives) * (1 if armature is not None else 2)
-    system.DeclareVectorOutputPort("told", size, told)
+    system.DeclareVectorOutputPort(
+        "inputs",
+        len(inputs(0.0)),
+        lambda context, output: output.SetFromVector(inputs(context.get_time())),
+    )
     return system
 
 
 def _against_spin(plant: Any, damping: float) -> Any:
-    """A system that puts the torque -damping (ω, e_z) on the shell."""
+    """Return a system that puts the torque -damping (ω, e_z) on the shell."""
     from pydrake.common.value import Value
     from pydrake.multibody.math import SpatialForce
     from pydrake.multibody.plant import ExternallyAppliedSpatialForce
@@ -207,7 +210,8 @@ class DrakeWorld(World):
             if settings.accuracy_per_step is not None:
                 config.accuracy = settings.accuracy_per_step
             ApplySimulatorConfig(config, self.simulator)
-            # Not by the config, which then leaves the accuracy at Drake's own.
+            # Set here, not by the config, which forgets the accuracy of equal steps and leaves
+            # Drake's own of 1e-3 in its place (docs/findings/drake_fixed_accuracy.py).
             self.simulator.get_mutable_integrator().set_fixed_step_mode(not settings.error_control)
         self.context = plant.GetMyMutableContextFromRoot(self.simulator.get_mutable_context())
         q, v = _positions(self.now)
@@ -225,7 +229,7 @@ class DrakeWorld(World):
             yield State(q[4:7], v[3:6], q[:4], v[:3], q[7:], v[6:])
 
     def python_seconds(self) -> float:
-        """Not told apart: our torque and our motors are called from within Drake."""
+        """Return NaN: Drake itself calls our torque and motors, so their time is unknown."""
         return float("nan")
 
 
@@ -241,36 +245,41 @@ class DrakeDynamics(IdealWorld):
         self.diagram = builder.Build()
         self.root = self.diagram.CreateDefaultContext()
         self.context = self.plant.GetMyMutableContextFromRoot(self.root)
-        # Ours is (v, ω, rates), Drake's (ω, v, rates).
-        self.order = np.array([3, 4, 5, 0, 1, 2, *range(6, self.plant.num_velocities())])
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
-        plant, context, order = self.plant, self.context, self.order
+        plant, context = self.plant, self.context
         plant.SetPositionsAndVelocities(context, np.concatenate(_positions(state)))
-        M = plant.CalcMassMatrix(context)
         h = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
-        return M[np.ix_(order, order)], h[order]
+        return velocity_first(plant.CalcMassMatrix(context), h)
 
 
 AS_IT_COMES = DrakeSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=10.0
 )
+# TAMSI turns the hinges by an armature; SAP and Lagged would freeze all velocities beside it, in
+# silence (docs/findings/drake_frozen.py). Its torque against spin is explicit in time, and fails
+# near inertia over step, at 1e3 N m s here.
 TAMSI = DrakeSettings(
     name="tamsi", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3,
     approximation="tamsi", friction=20.0, armature=1e12, spin_damping=100.0,
 )  # fmt: skip
+# RADAU in equal steps. Under error control they shrink to 2e-5 s where friction passes zero, and
+# what Newton's tolerance leaves of each adds up. The stiction tolerance sets the error: it falls to
+# a tenth from 1e-3 to 1e-4 m/s, and at 3e-5 the run does not end. At a spin damping of 1e4 N m s
+# the spin that it lets through was most of the error.
 BEST = replace(
     TAMSI, name="best", error_tolerance=1e-3, timestep=1e-3, approximation=None,
     integrator="radau3", accuracy_per_step=1e-8, error_control=False, stiction=1e-4,
     spin_damping=1e6,
 )  # fmt: skip
+# DOP853 chooses its steps itself; the timestep is only the longest.
 IDEAL = DrakeSettings(
     name="ideal", error_tolerance=1e-10, timestep=1.0, armature=0.0, ideal="DOP853"
 )
 
 
 class Drake(Adapter):
-    """The engine, as `robotball.engine` describes one."""
+    """Drake as an `Adapter`."""
 
     label = LABEL
     package = "pydrake"
@@ -282,22 +291,17 @@ class Drake(Adapter):
         "best": ("timestep", (1e-3,)),
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     }
-    settings_type = DrakeSettings
-    presets: Mapping[str, StepSettings] = {
-        each.name: each for each in (AS_IT_COMES, TAMSI, BEST, IDEAL)
-    }
+    presets = by_name(AS_IT_COMES, TAMSI, BEST, IDEAL)
 
-    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
-        """Torsional friction, in a point contact."""
-        assert isinstance(settings, DrakeSettings)
+    def lacks(self, scene: Scene, settings: DrakeSettings) -> str | None:
+        """Return that its point contact has no torsional friction, where a ball needs it."""
         if scene.rolling == "classical" or settings.ideal:
             return None
         if settings.spin_damping is None:
             return "its point contact has no torsional friction: the shell spins freely"
         return "its point contact has no torsional friction: a torque of ours damps the spin"
 
-    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
-        assert isinstance(settings, DrakeSettings)
+    def world(self, scene: Scene, settings: DrakeSettings, step: float) -> World:
         if settings.ideal is not None:
             return DrakeDynamics(scene, settings.ideal, settings)
         return DrakeWorld(scene, settings, step)

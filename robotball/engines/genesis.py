@@ -1,6 +1,7 @@
-"""Genesis: its rigid solver on the processor, after MuJoCo's model, with a velocity servo a hinge.
+"""Genesis as an engine: its rigid solver on the processor, with a velocity servo a hinge.
 
-It steps by semi-implicit Euler alone, with or without an implicit part.
+Its contact is after MuJoCo's. It steps by semi-implicit Euler alone, with or without an implicit
+part.
 """
 
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import numpy as np
 
 from robotball.engine import Ladder
-from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
+from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
 from robotball.engines.links import State, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -22,11 +23,11 @@ LABEL = Label("Genesis", version_of("genesis-world"), "#AA4499")
 
 @dataclass(frozen=True, kw_only=True)
 class GenesisSettings(StepSettings):
-    """None leaves a choice at Genesis's own default.
+    """Settings of a Genesis run.
 
     precision: of its arithmetic, in bits; integrator, cone: by its own names; friction: of ball
-    and plane, of which it takes 5 at most; torsional m: the same against spin, of a rubber ball,
-    which as it comes nothing resists; damping N m s/rad: of the hinges' velocity servos; armature
+    and plane, of which it takes 5 at most; torsional m: friction against spin, of a rubber ball
+    alone; damping N m s/rad: of the hinges' velocity servos; armature
     kg m²: their reflected inertia; impedance: of the contact; impratio: how much harder friction
     is than the normal force; iterations, tolerance: of its solver.
     """
@@ -44,7 +45,7 @@ class GenesisSettings(StepSettings):
     tolerance: float | None = None
 
 
-class GenesisWorld(SteppedWorld):
+class GenesisWorld(ServoWorld):
     """The ball and its plane in a scene of their own."""
 
     def __init__(self, scene: Scene, settings: GenesisSettings, step: float) -> None:
@@ -83,13 +84,10 @@ class GenesisWorld(SteppedWorld):
         self.ball.set_qpos(np.concatenate([start.centre, start.attitude, start.angles]))
         turning = rotation_matrix(start.attitude).T @ start.turning
         self.ball.set_dofs_velocity(np.concatenate([start.velocity, turning, start.rates]))
-        self._turn(start.rates)
+        self.turn(start.rates)
 
-    def _turn(self, rates: Array) -> None:
+    def turn(self, rates: Array) -> None:
         self.ball.control_dofs_velocity(rates, self.hinges)
-
-    def control(self, t: float, step: float) -> None:
-        self._turn(np.array([float(drive.rate(t + step)) for drive in self.scene.drives]))
 
     def step(self, step: float) -> None:
         self.world.step()
@@ -105,7 +103,7 @@ def _double(values: Any) -> Array:
 
 
 def _mjcf(scene: Scene, settings: GenesisSettings) -> str:
-    """The ball alone: what Genesis reads bodies from."""
+    """Return the MJCF of the ball alone, from which Genesis reads bodies."""
     root = Element("mujoco")
     above = [SubElement(root, "worldbody")]
     for link in links_of(scene):
@@ -131,35 +129,33 @@ def _text(values: Any) -> str:
     return " ".join(repr(float(each)) for each in values)
 
 
-PRESETS = {
-    each.name: each
-    for each in (
-        GenesisSettings(
-            name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-2
-        ),
-        GenesisSettings(
-            name="best",
-            error_tolerance=5e-2,
-            stop_at_fault=False,
-            timestep=1e-3,
-            precision="64",
-            integrator="Euler",
-            cone="elliptic",
-            friction=5.0,
-            torsional=5.0,
-            damping=1e8,
-            armature=1e6,
-            impedance=0.9999,
-            impratio=1e4,
-            iterations=50,
-            tolerance=1e-14,
-        ),
-    )
-}
+AS_IT_COMES = GenesisSettings(
+    name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-2
+)
+# Friction is the most that Genesis takes, and well above the 1.2 that the ball needs. The rest is
+# MuJoCo's recipe: an elliptic cone, a hard contact, armatures that the load does not turn, and a
+# solver that iterates to its end instead of stopping at a tolerance relative to those armatures.
+BEST = GenesisSettings(
+    name="best",
+    error_tolerance=5e-2,
+    stop_at_fault=False,
+    timestep=1e-3,
+    precision="64",
+    integrator="Euler",
+    cone="elliptic",
+    friction=5.0,
+    torsional=5.0,
+    damping=1e8,
+    armature=1e6,
+    impedance=0.9999,
+    impratio=1e4,
+    iterations=50,
+    tolerance=1e-14,
+)
 
 
 class Genesis(Adapter):
-    """The engine, as `robotball.engine` describes one."""
+    """Genesis as an `Adapter`."""
 
     label = LABEL
     package = "genesis"
@@ -169,19 +165,16 @@ class Genesis(Adapter):
         "as-it-comes": ("timestep", (1e-2,)),
         "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
     }
-    settings_type = GenesisSettings
-    presets: Mapping[str, StepSettings] = PRESETS
+    presets = by_name(AS_IT_COMES, BEST)
 
-    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
-        """Double precision, or torsional friction, as it comes."""
-        assert isinstance(settings, GenesisSettings)
-        said = ["its state is in single precision"] if settings.precision == "32" else []
+    def lacks(self, scene: Scene, settings: GenesisSettings) -> str | None:
+        """Return that it lacks double precision, or torsional friction, as it comes."""
+        lack = ["its state is in single precision"] if settings.precision == "32" else []
         if scene.rolling == "rubber" and settings.torsional is None:
-            said.append("its contact has no torsional friction: the shell spins freely")
-        return "; ".join(said) or None
+            lack.append("its contact has no torsional friction: the shell spins freely")
+        return "; ".join(lack) or None
 
-    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
-        assert isinstance(settings, GenesisSettings)
+    def world(self, scene: Scene, settings: GenesisSettings, step: float) -> GenesisWorld:
         return GenesisWorld(scene, settings, step)
 
 

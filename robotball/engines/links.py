@@ -1,7 +1,8 @@
 """The ball as the tree of links that engines take, and the motion read from their states.
 
-All links have the ball's axes at the start, where hinges are at zero. The shell is the root,
-because it is the body that touches the plane.
+All links have the ball's axes at the start, where hinges are at zero. The shell is the root: as the
+body that touches the plane it then has no drift of the contact's Jacobian, which engines leave out
+(docs/findings/mujoco_frame_root.py).
 """
 
 from dataclasses import dataclass
@@ -38,9 +39,9 @@ class Link:
 
     @property
     def principal(self) -> tuple[Array, Array]:
-        """Moments (3,) and the quaternion (4,) of their axes, for engines that take no tensor."""
+        """The moments (3,) and their axes' quaternion (4,), for engines that take no tensor."""
         moments, axes = np.linalg.eigh(self.inertia)
-        axes = axes if np.linalg.det(axes) > 0 else -axes
+        axes = axes if np.linalg.det(axes) > 0 else -axes  # or they would be a reflection
         return moments, from_matrix(axes)
 
 
@@ -88,7 +89,7 @@ class State:
 
     @property
     def row(self) -> Array:
-        """All numbers (13 + 2h,) in the order of the fields."""
+        """All numbers (13 + 2h,), in the order of the fields."""
         return np.concatenate(
             [self.centre, self.velocity, self.attitude, self.turning, self.angles, self.rates]
         )
@@ -124,6 +125,8 @@ class Readings:
 
 def readings_of(scene: Scene, state: State) -> Readings:
     """Return the frame's attitude, ω in frame axes, M of (3.1), slip and spin."""
+    # About the contact point, which is below the centre. L is summed from the root outwards: a
+    # child's attitude and velocity are its parent's with the hinge's on top.
     arm = state.centre * [0.0, 0.0, 1.0]
     turn, turning = [state.attitude], [state.turning]
     place, moving = [arm], [state.velocity]

@@ -1,6 +1,8 @@
-"""Pinocchio: its mass matrix and bias, under our rolling constraints and our steps.
+"""Pinocchio as an engine: its mass matrix and bias, under our rolling constraints and steps.
 
-It has constraints of points that stay where they are on a body, and none of a ball that rolls.
+Its own constraints hold a point that stays where it is on a body. A ball touches with ever another
+one, and a constraint at its lowest point, set anew at every step, has the wrong acceleration
+(docs/findings/pinocchio_rolling.py).
 """
 
 from collections.abc import Mapping
@@ -9,7 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball.engine import Ladder
-from robotball.engines.adapter import Adapter, IdealWorld, Stepper, StepSettings, World, version_of
+from robotball.engines.adapter import (
+    Adapter,
+    IdealWorld,
+    Stepper,
+    StepSettings,
+    by_name,
+    version_of,
+)
 from robotball.engines.links import State, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -20,7 +29,7 @@ LABEL = Label("Pinocchio", version_of("pin"), "#56B4E9")
 
 @dataclass(frozen=True, kw_only=True)
 class PinocchioSettings(StepSettings):
-    """stepper: ours, as Pinocchio has none for constraints; rtol: of DOP853 alone."""
+    """Settings of a Pinocchio run: our stepper, and rtol for DOP853 alone."""
 
     stepper: Stepper
     rtol: float = 1e-12
@@ -56,25 +65,17 @@ class PinocchioWorld(IdealWorld):
         q = np.concatenate([state.centre, np.roll(state.attitude, -1), state.angles])
         qdot = np.concatenate([v, w, state.rates])
         M = self.pin.crba(self.model, self.data, q, self.pin.Convention.WORLD)
-        M = np.triu(M) + np.triu(M, 1).T
+        M = np.triu(M) + np.triu(M, 1).T  # crba fills the upper half alone
         h = self.pin.nonLinearEffects(self.model, self.data, q, qdot)
-        # Its velocities are in the shell's axes, which turn.
+        # Its velocities are in the shell's axes: T turns them, and because these axes turn with ω
+        # the acceleration there is Rᵀdv/dt - ω×v.
         self.T[:3, :3] = self.T[3:6, 3:6] = R.T
         turned = np.concatenate([-np.cross(w, v), np.zeros(self.model.nv - 3)])
         return self.T.T @ M @ self.T, self.T.T @ (h + M @ turned)
 
 
-PRESETS = {
-    each.name: each
-    for each in (
-        PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, stepper="RK4"),
-        PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, stepper="DOP853"),
-    )
-}
-
-
 class Pinocchio(Adapter):
-    """The engine, as `robotball.engine` describes one."""
+    """Pinocchio as an `Adapter`."""
 
     label = LABEL
     package = "pinocchio"
@@ -84,11 +85,14 @@ class Pinocchio(Adapter):
         "RK4": ("timestep", (20e-3, 10e-3, 5e-3)),
         "best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-14)),
     }
-    settings_type = PinocchioSettings
-    presets: Mapping[str, StepSettings] = PRESETS
+    presets = by_name(
+        PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, stepper="RK4"),
+        # DOP853 chooses its steps itself; the timestep is only the longest.
+        PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, stepper="DOP853"),
+    )
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Motors: its balance the ball may lack, and the plane its level."""
+        """Return why it cannot roll the scene. Balance and a level plane are not needed."""
         if any(scene.motors):
             return "its adapter turns hinges at given rates, and a hinge has a motor"
         if any(hinge.angle for hinge in scene.hinges):
@@ -97,8 +101,7 @@ class Pinocchio(Adapter):
             return "its adapter knows no resistance to rolling"
         return None
 
-    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
-        assert isinstance(settings, PinocchioSettings)
+    def world(self, scene: Scene, settings: PinocchioSettings, step: float) -> PinocchioWorld:
         return PinocchioWorld(scene, settings)
 
 

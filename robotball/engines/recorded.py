@@ -1,6 +1,7 @@
-"""Rates of sampled quantities, with an estimate of how wrong they are.
+"""A trajectory from a file → the Motion of a scene, with what its own numbers say of slip.
 
-A trajectory from a file → the Motion of a scene, with what the file itself says of slip.
+What the file does not give is computed from its samples: rates are slopes of polynomials through
+neighbouring samples, each with an estimate of its error, and the rest follows from them.
 """
 
 import json
@@ -14,19 +15,20 @@ from robotball.errors import InputError, warn
 from robotball.files.columns import read_table
 from robotball.files.trajectories import FORMAT, Trajectory, arrays_of, read_trajectory
 from robotball.motion import Label, Loads, Motion, loads_of, pieces
-from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.rotations import Array, angle_between, conjugate, rotation_matrix
 from robotball.scene import Scene
 
 POINTS = 7  # of the polynomial through a sample and its neighbours; 5 for the estimate
-NOISE = 2.5  # times what the largest noise near a sample makes of a rate; it may lie worse
+# Times the effect on a rate of the largest noise near a sample: at the sample it may lie worse.
+NOISE = 2.5
 
 
 def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
-    """d/dt (n, k) of values (n, k) at increasing times (n,), and its estimated error (n,).
+    """Return d/dt (n, k) of values (n, k) at increasing times (n,), and its estimated error (n,).
 
     It is the slope of the polynomial through seven neighbours. The error has two parts, each the
-    largest near the sample: how far the polynomial through five is off, which is more than the
-    truncation error; and what rounding or noise makes of a rate, as it is told by what no
+    largest near the sample: how far the slope by five neighbours is off, which is more than the
+    truncation error; and the effect of rounding or noise on a rate, estimated from the part that no
     polynomial through six of the seven follows.
     """
     fine, noise = _slopes(times, values, POINTS)
@@ -36,7 +38,7 @@ def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
 
 
 def angular_velocity(times: Array, attitude: Array) -> tuple[Array, Array]:
-    """ω (n, 3) in frame axes of attitudes (n, 4), and its estimated error (n,) [rad/s]."""
+    """Return ω (n, 3) in frame axes of attitudes (n, 4), and its estimated error (n,) [rad/s]."""
     q = continuous(attitude)
     rate, error = sampled_rates(times, q)
     # dq/dt = q∘(0, ω)/2; the polynomials leave a part along q, which is no turning.
@@ -46,22 +48,21 @@ def angular_velocity(times: Array, attitude: Array) -> tuple[Array, Array]:
 
 
 def continuous(attitude: Array) -> Array:
-    """The quaternions (n, 4), of which q and -q are one attitude, without jumps of the sign."""
+    """Return quaternions (n, 4) without jumps of the sign, as q and -q are one attitude."""
     cosines = (attitude[1:] * attitude[:-1]).sum(axis=1)
     signs = np.cumprod(np.concatenate([[1.0], np.where(cosines < 0, -1.0, 1.0)]))
     return attitude * signs[:, None]
 
 
 def turned_between(attitude: Array) -> Array:
-    """(n - 1,) rad: how far each attitude is turned from the one before."""
-    turn = multiply(conjugate(attitude[:-1]), attitude[1:])
-    return np.asarray(2 * np.arctan2(np.linalg.norm(turn[:, 1:], axis=1), np.abs(turn[:, 0])))
+    """Return the angles (n - 1,) [rad] by which attitudes (n, 4) turn from one to the next."""
+    return angle_between(attitude[:-1], attitude[1:])
 
 
 def _slopes(times: Array, values: Array, points: int) -> tuple[Array, Array]:
-    """The slopes (n, k) at the samples of polynomials through `points` of them each.
+    """Return the slopes (n, k) at the samples of polynomials through `points` of them each.
 
-    The noise (n,) of the slopes, as well, if the highest differences are nothing but noise.
+    With them the noise (n,) of the slopes, if the highest differences are nothing but noise.
     """
     every = np.arange(len(times))
     parts = [_slopes_at(every[piece], times, values, points) for piece in pieces(len(times))]
@@ -72,7 +73,7 @@ def _slopes(times: Array, values: Array, points: int) -> tuple[Array, Array]:
 def _slopes_at(
     samples: NDArray[np.intp], times: Array, values: Array, points: int
 ) -> tuple[Array, Array]:
-    """The same at some of the samples, by their places (m,)."""
+    """Return slopes and noise at some of the samples, by their places (m,)."""
     points = min(points, len(times))
     first = np.clip(samples - points // 2, 0, len(times) - points)
     near: NDArray[np.intp] = first[:, None] + np.arange(points)
@@ -98,23 +99,23 @@ def _slopes_at(
 
 
 def _largest_near(error: Array, count: int) -> Array:
-    """(n,): the largest of the errors of a sample and its neighbours; single ones may cancel."""
+    """Return the largest errors (n,) near each sample; the two parts of a single one may cancel."""
     padded = np.pad(error, count // 2, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, count // 2 * 2 + 1)
     return np.asarray(windows.max(axis=1))
 
 
 COLOUR = "#56B4E9"  # of a motion whose file names no engine
-HALF_TURN = np.pi / 2  # rad between two samples, beyond which no turning can be told from them
+HALF_TURN = np.pi / 2  # rad between two samples, beyond which its direction is uncertain
 
 
 @dataclass(frozen=True, repr=False)
 class RecordedMotion(Motion):
-    """A motion from a file, with what its own numbers say; arrays (n,), errors estimated.
+    """A motion from a file, with slip and spin by its own numbers; arrays (n,), errors estimated.
 
-    slip, spin are those of the shell at the plane: from the path's rate and the shell's turning.
-    The errors are those of numerical rates of the file's numbers, and not the engine's; what the
-    file gives itself has none. What a hinge does that has a motor is nan unless the file says it.
+    slip and spin are those of the shell at the plane, from the path's rate and the shell's turning.
+    The errors are of numerical rates of the file's numbers, and not the engine's; a quantity that
+    the file gives has none. A motor's hinge has NaN for angle and rate unless the file has them.
 
     angular_velocity_error  rad/s
     momentum_error          kg m²/s
@@ -135,7 +136,7 @@ class RecordedMotion(Motion):
 
 
 def load_motion(path: str | Path, scene: Scene) -> Motion:
-    """The motion of a file: one that `Motion.save` wrote to the last bit, any other as recorded.
+    """Return the motion of a file: to the last bit one of `Motion.save`, any other as recorded.
 
     Warns where the file is of another scene. Raises InputError as `read_trajectory` does.
     """
@@ -155,10 +156,10 @@ def load_motion(path: str | Path, scene: Scene) -> Motion:
 
 
 def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
-    """The scene's motion of a trajectory, taken as it stands.
+    """Return the motion of a scene that a trajectory is taken to be.
 
-    Raises InputError where its attitudes are too far apart to tell an angular velocity, and the
-    file gives none.
+    Raises InputError where its attitudes are too far apart for an angular velocity, and the file
+    gives none.
     """
     times, attitude = trajectory.times, trajectory.attitude
     omega, omega_error = _angular_velocity(trajectory)
@@ -200,7 +201,7 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
 
 
 def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:
-    """ω (n, 3) [rad/s], frame axes, and its estimated error (n,)."""
+    """Return ω (n, 3) [rad/s], frame axes, and its estimated error (n,)."""
     if trajectory.angular_velocity is not None:
         return trajectory.angular_velocity, np.zeros(len(trajectory.times))
     turned = turned_between(trajectory.attitude)
@@ -215,7 +216,7 @@ def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
-    """The hinges' angles and rates (n, h): as the file says, or as they are commanded."""
+    """Return the hinges' angles and rates (n, h): those of the file, or else those commanded."""
     times, others = trajectory.times, trajectory.others or {}
     angles = np.full((len(times), len(scene.hinges)), np.nan)
     rates = angles.copy()
@@ -233,16 +234,15 @@ def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def _loads(scene: Scene, times: Array, attitude: Array, omega: Array) -> Loads:
-    """What the equations would ask of plane and motors at these states; nan where unknown."""
+    """Return the loads that the equations need at these states; NaN where they are unknown."""
     if scene.not_reduced:
-        n, h = len(times), len(scene.hinges)
-        return Loads(np.full((n, 3), np.nan), np.full(n, np.nan), np.full((n, h), np.nan))
+        return Loads.unknown(len(times), len(scene.hinges))
     axes = rotation_matrix(attitude) @ scene.principal_axes
     return loads_of(scene, times, axes, omega @ scene.principal_axes)
 
 
 def _label(header: dict[str, str] | object, name: str) -> Label:
-    """The engine's label that the file gives; one by the file's name where it gives none."""
+    """Return the engine's label in the file, or one by the file's name where it has none."""
     given = header.get("engine", "") if isinstance(header, dict) else ""
     try:
         known = json.loads(given)

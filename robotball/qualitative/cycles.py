@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Starts
-from robotball.engines.ensembles.systems import DEVIATION
+from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
 from robotball.rotations import Array, multiply, rotation_matrix

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers, Starts, orbits
-from robotball.engines.ensembles.systems import DEVIATION
+from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.rotations import Array

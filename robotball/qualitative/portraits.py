@@ -21,7 +21,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.engines.ensembles.orbits import Starts, components, orbit, orbits
-from robotball.engines.ensembles.systems import ARC
+from robotball.engines.ensembles.steppers import ARC
 from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
 from robotball.qualitative.cycles import Cycle, close, nearest

@@ -23,8 +23,7 @@ from robotball.engines.ensembles import orbits as marching
 from robotball.engines.ensembles.crossings import cross
 from robotball.engines.ensembles.flatten import LANES
 from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Integers, Starts, components
-from robotball.engines.ensembles.steppers import BALL, LEVEL, SECTION, stepper
-from robotball.engines.ensembles.systems import RETURN, System
+from robotball.engines.ensembles.steppers import BALL, LEVEL, RETURN, SECTION, System, stepper
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.motion import Motion

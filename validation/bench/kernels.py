@@ -31,8 +31,16 @@ from scipy.integrate import solve_ivp
 from robotball import equations as eq
 from robotball.cores import at_most
 from robotball.engines.ensembles.orbits import Starts, orbit, orbits
-from robotball.engines.ensembles.steppers import BALL, LEVEL, ball_of
-from robotball.engines.ensembles.systems import DEVIATION, PATH, RETURN, Level, System
+from robotball.engines.ensembles.steppers import (
+    BALL,
+    DEVIATION,
+    LEVEL,
+    PATH,
+    RETURN,
+    Level,
+    System,
+    ball_of,
+)
 from robotball.equations import Parameters, Vector
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from robotball import InputError, preset
 from robotball.cores import allowed
 from robotball.engines.ensembles.orbits import Starts
-from robotball.engines.ensembles.systems import DEVIATION
+from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from robotball.engines.compiled import inlined
 from robotball.engines.ensembles.flatten import LANES
 from robotball.engines.ensembles.orbits import (
     COLLAPSED,
@@ -20,37 +21,39 @@ from robotball.engines.ensembles.orbits import (
     collapsed,
     compiled,
     load,
-    take,
+    load_next,
 )
 from robotball.engines.ensembles.steppers import ALLOWED, REJECTED, TARGET, TIME, places
 
-RESIDUAL = 1e-13  # of the section function, which is at most 1
+RESIDUAL = 1e-13  # of the section function, which is at most 1: some hundred roundings
 ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
 # How near to zero an estimated turning point is looked at: steps of a radian estimate it to 5e-3.
 NEAR = 0.03
 BEHIND = -0.1  # cos(g - g₀) below that at both ends of a step is below zero all along
 TINY = 1e-300  # a value with a sign and nothing else
+# Bisection alone ends in some 50 tries, the estimates usually in 4. At a turning point fewer do:
+# only a value of the other sign is looked for there.
 ROOT_TRIES, TURN_TRIES = 60, 3
 STARTING, MARCHING, TO_ROOT, AT_ROOT, TO_TURN = 0, 1, 2, 3, 4  # what a lane is doing
-# Where the section function is known, one after the other on a lane's track: where the orbit
-# stands, at the ends of what is looked into, at a turning point between two crossings, and what
-# was just seen. Each is a time, a value and a rate; times count from where the orbit stands,
-# because a small residual needs all their digits.
+# Places on a lane's track at which the section function is known: where the orbit stands, the ends
+# of the bracket, a turning point between two crossings, and the last try. Each is a time, a value
+# and a rate; times count from where the orbit stands, for a small residual needs all their digits.
 HERE, LOW, HIGH, TURN, SEEN, TRACK = 0, 3, 6, 9, 12, 15
 
 
-@compiled("void(f8[:, ::1], i8, i8, i8)")
+@inlined
 def put(tracks: Any, lane: int, target: int, source: int) -> None:
     """Copy time, value and rate from one place of a lane's track to another."""
     for j in range(3):
         tracks[lane, target + j] = tracks[lane, source + j]
 
 
-@compiled("f8(f8[:, ::1], i8)")
+@inlined
 def root_estimate(tracks: Any, lane: int) -> float:
-    """The time between LOW and HIGH, of opposite values, where the value may be zero.
+    """Return the time between LOW and HIGH, of opposite values, where the value may be zero.
 
-    By the cubic in the value that has both times and rates where it is monotonic, else the middle.
+    It is that of the cubic in the value that has both times and rates, where this is monotonic,
+    and else the middle: Newton's method without a bracket diverges here.
     """
     low, high = tracks[lane, LOW], tracks[lane, HIGH]
     span, rise = high - low, tracks[lane, HIGH + 1] - tracks[lane, LOW + 1]
@@ -62,15 +65,15 @@ def root_estimate(tracks: Any, lane: int) -> float:
     return low + span * (part if monotonic and 0 < part < 1 else 0.5)
 
 
-@compiled("f8(f8[:, ::1], i8)")
+@inlined
 def turning_part(tracks: Any, lane: int) -> float:
-    """The part of the way from LOW to HIGH at which the rate may pass zero."""
+    """Return the part of the way from LOW to HIGH at which the rate may pass zero."""
     return tracks[lane, LOW + 2] / (tracks[lane, LOW + 2] - tracks[lane, HIGH + 2])
 
 
-@compiled("b1(f8[:, ::1], i8)")
+@inlined
 def may_hide_two(tracks: Any, lane: int) -> bool:
-    """Whether the value, of one sign at LOW and HIGH, goes near zero or past it between them."""
+    """Return whether the value, of one sign at LOW and HIGH, comes near zero or past it between."""
     low, low_rate = tracks[lane, LOW + 1], tracks[lane, LOW + 2]
     high, high_rate = tracks[lane, HIGH + 1], tracks[lane, HIGH + 2]
     if low * low_rate >= 0 or high * high_rate <= 0:
@@ -84,9 +87,9 @@ def may_hide_two(tracks: Any, lane: int) -> bool:
     return abs(value) < NEAR or value * low < 0
 
 
-@compiled("i8(f8[:, ::1], i8, f8)")
+@inlined
 def marched(tracks: Any, lane: int, length: float) -> int:
-    """What to do after a step of a length."""
+    """Return the mode after a step of a length."""
     put(tracks, lane, LOW, HERE)
     tracks[lane, LOW] = -length
     put(tracks, lane, HERE, SEEN)
@@ -99,9 +102,9 @@ def marched(tracks: Any, lane: int, length: float) -> int:
     return TO_TURN if may_hide_two(tracks, lane) else MARCHING
 
 
-@compiled("i8(f8[:, ::1], i8, i8)")
+@inlined
 def turning_tried(tracks: Any, lane: int, tries: int) -> int:
-    """What to do after looking for the turning point; sets TURN if the function crossed there."""
+    """Return the mode after a try at the turning point; sets TURN if the function crossed there."""
     value, rate = tracks[lane, SEEN + 1], tracks[lane, SEEN + 2]
     if value * tracks[lane, LOW + 1] < 0:
         put(tracks, lane, HIGH, SEEN)
@@ -111,9 +114,9 @@ def turning_tried(tracks: Any, lane: int, tries: int) -> int:
     return TO_TURN if tries < TURN_TRIES and may_hide_two(tracks, lane) else MARCHING
 
 
-@compiled("i8(f8[:, ::1], i8, i8)")
+@inlined
 def root_tried(tracks: Any, lane: int, tries: int) -> int:
-    """What to do after looking for the zero."""
+    """Return the mode after a try at the zero."""
     value = tracks[lane, SEEN + 1]
     if abs(value) <= RESIDUAL or tries == ROOT_TRIES:
         return AT_ROOT
@@ -121,9 +124,9 @@ def root_tried(tracks: Any, lane: int, tries: int) -> int:
     return TO_ROOT
 
 
-@compiled("void(f8[::1], i8, i8, f8[:, ::1], f8)")
+@inlined
 def aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
-    """Set a lane's target; where it only looks, within a step taken before, errors are known."""
+    """Set a lane's target. A look back into an accepted step is shorter and errs less than it."""
     if mode == MARCHING:
         w[TARGET * LANES + lane], w[ALLOWED * LANES + lane] = np.inf, tolerance
         return
@@ -155,7 +158,7 @@ def cross(
     found: Any,
     status: Any,
 ) -> None:
-    """The first m crossings of each of n orbits, after time 0.
+    """Write the first m crossings of each of n orbits, after time 0.
 
     queue, rows, lengths: as in `march`; step_limit: of steps without a crossing; longest: how far
     to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both. Writes times
@@ -170,11 +173,7 @@ def cross(
     running = 0
     for lane in range(LANES):
         load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
-        waiting = take(queue)
-        if waiting < len(rows):
-            load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
-            orbit[lane] = waiting
-            running += 1
+        running += load_next(w, orbit, lane, queue, rows, lengths, tolerance)
         aim(w, lane, STARTING, tracks, tolerance)
     while running > 0:
         step(w)
@@ -234,12 +233,9 @@ def cross(
                 status[i] = COLLAPSED
             else:
                 continue
-            waiting = take(queue)
-            if waiting < len(rows):
-                load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
-                orbit[lane], mode[lane], steps[lane] = waiting, STARTING, 0
+            if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
+                mode[lane], steps[lane] = STARTING, 0
                 clock[lane], hidden[lane] = 0.0, False
                 aim(w, lane, STARTING, tracks, tolerance)
             else:
-                orbit[lane] = -1
                 running -= 1

@@ -1,13 +1,12 @@
-"""Dual numbers: a value with its derivative, carried through plain arithmetic.
+"""Plain functions of arithmetic run on other numbers: dual numbers, and symbols on a tape.
 
-Run on them, the functions of equations.py give directional derivatives exact to round-off, so
-no derivative is written out by hand. The parts may be floats, NumPy columns or symbols.
+Dual numbers carry a value with its derivative. Run on them, the functions of equations.py give
+directional derivatives exact to round-off, so no derivative is written out by hand.
 
-Plain functions of arithmetic, traced into straight-line code that a compiler vectorises.
-
-A loop over lanes becomes vector instructions only if its body is flat: no calls, no inner
-loops. So the functions of equations.py are run once on symbols that note every operation, and
-what they noted is the body: the formulas still stand in one place only.
+Symbols trace a function into straight-line code. A loop over lanes becomes vector instructions only
+if its body is flat: no calls, no inner loops. A compiled right-hand side that is called from the
+loop stays scalar, four times slower. So the functions are run once on symbols that note every
+operation, and the notes are the body of the loop: the formulas still stand in one place only.
 """
 
 from collections.abc import Mapping
@@ -19,11 +18,12 @@ from robotball.equations import Vector
 
 @dataclass(frozen=True)
 class Dual:
-    """value + ε slope, with ε² = 0."""
+    """value + ε slope, with ε² = 0; the parts may be floats, NumPy columns or symbols."""
 
     value: Any
     slope: Any
-    __array_ufunc__ = None  # leaves array ∘ Dual to the methods below
+    # NumPy would try array ∘ Dual element by element; this leaves it to the methods below.
+    __array_ufunc__ = None
 
     def __add__(self, other: Any) -> "Dual":
         other = dual(other)
@@ -58,41 +58,43 @@ class Dual:
 
 
 def dual(x: Any) -> Dual:
-    """`x`, or the constant x as a dual number."""
+    """Return `x`, or the constant x as a dual number."""
     return x if isinstance(x, Dual) else Dual(x, 0.0)
 
 
 def along(v: Vector, direction: Vector) -> Vector:
-    """The vector v that moves in a direction."""
+    """Return the vector v as one that moves in a direction."""
     return (Dual(v[0], direction[0]), Dual(v[1], direction[1]), Dual(v[2], direction[2]))
 
 
 def slopes(v: Vector) -> Vector:
-    """The derivatives of a vector of dual numbers."""
+    """Return the derivatives of a vector of dual numbers."""
     return (dual(v[0]).slope, dual(v[1]).slope, dual(v[2]).slope)
 
 
-LANES = 8  # doubles in an AVX-512 register; on narrower machines, several registers
-FEW = 4  # in an AVX register: sooner done where one lane alone is waited for
+# Doubles in an AVX-512 register; on narrower machines they take several registers.
+LANES = 8
+# Doubles in an AVX register: where one orbit alone is waited for, the narrower step is done sooner.
+FEW = 4
 
 
 class Tape:
-    """The operations noted so far, each distinct one once, for so many lanes."""
+    """The operations noted so far, each distinct one once: common parts are computed once."""
 
     def __init__(self, lanes: int) -> None:
         self.lanes = lanes
         self.names: dict[str, str] = {}
 
     def at(self, row: int) -> str:
-        """The lane's element of a row of the workspace, in generated code."""
+        """Return the lane's element of a row of the workspace, in generated code."""
         return f"w[{row * self.lanes} + i]"
 
     def read(self, row: int) -> "Symbol":
-        """The symbol of the lane's element of a row."""
+        """Return the symbol of the lane's element of a row."""
         return self.input(self.at(row))
 
     def input(self, expression: str) -> "Symbol":
-        """The symbol of a value that the generated code finds by `expression`."""
+        """Return the symbol of a value that the generated code finds by `expression`."""
         return Symbol(self, self.names.setdefault(expression, f"t{len(self.names)}"))
 
     @property
@@ -102,7 +104,7 @@ class Tape:
 
 
 class Symbol:
-    """A number yet unknown, on a tape. Sums and products with 0 and 1 are not noted."""
+    """A number yet unknown, on a tape. Sums with 0 and products with 0 and 1 are not noted."""
 
     __slots__ = ("name", "tape")
 
@@ -138,56 +140,58 @@ class Symbol:
         return self.tape.input(f"{text(other)} / {self.name}")
 
     def sqrt(self) -> "Symbol":
-        """The square root, which equations.py does without but a unit vector needs."""
+        """Return the square root, which equations.py does without but a unit vector needs."""
         return self.tape.input(f"sqrt({self.name})")
 
     def at_most(self, other: "Symbol | float") -> "Symbol":
-        """Whether this <= other, for `choose`; false where either is not a number."""
+        """Return whether this <= other, for `choose`; false where either is not a number."""
         return self.tape.input(f"{self.name} <= {text(other)}")
 
     def at_least(self, other: "Symbol | float") -> "Symbol":
-        """Whether this >= other, in the same way."""
+        """Return whether this >= other, for `choose`; false where either is not a number."""
         return self.tape.input(f"{self.name} >= {text(other)}")
 
     def below(self, other: "Symbol | float") -> "Symbol":
-        """Whether this < other, in the same way."""
+        """Return whether this < other, for `choose`; false where either is not a number."""
         return self.tape.input(f"{self.name} < {text(other)}")
 
     def __and__(self, other: "Symbol") -> "Symbol":
         return self.tape.input(f"{self.name} & {other.name}")
 
     def choose(self, yes: "Symbol | float", no: "Symbol | float") -> "Symbol":
-        """`yes` where this condition holds, `no` elsewhere."""
+        """Return `yes` where this condition holds, `no` elsewhere."""
         return self.tape.input(f"{text(yes)} if {self.name} else {text(no)}")
 
     def _note(self, operator: str, other: Any, either_way: bool = False) -> Any:
         if not isinstance(other, Symbol | float | int):
             return NotImplemented
+        # Sorted, a + b and b + a are noted as one operation.
         operands = [self.name, text(other)]
         return self.tape.input(f" {operator} ".join(sorted(operands) if either_way else operands))
 
 
 def is_number(operand: Any, value: float) -> bool:
-    """Whether the operand is known already, and is `value`."""
+    """Return whether the operand is known already, and is `value`."""
     return isinstance(operand, float | int) and operand == value
 
 
 def text(operand: "Symbol | float") -> str:
-    """The operand in generated code; floats to their last bit."""
+    """Return the operand in generated code; floats to their last bit."""
     return operand.name if isinstance(operand, Symbol) else repr(float(operand))
 
 
 def lane_function(name: str, tape: Tape, results: Mapping[int, "Symbol | float"]) -> str:
-    """Source of a function of one workspace (rows·lanes,), that does the tape in every lane.
+    """Return the source of a function of a workspace (rows·lanes,) that runs a tape in every lane.
 
-    results: what to write to which row, after all is computed. A flat workspace whose rows stand
-    a known number of lanes apart is what tells the compiler that lanes are independent.
+    results: the value to write to each row, after all is computed.
     """
+    # The compiler can see that lanes are independent because the workspace is flat, with rows that
+    # stand a known number of lanes apart.
     body = [*tape.lines, *(f"{tape.at(row)} = {text(value)}" for row, value in results.items())]
     loop = f"    for i in range({tape.lanes}):"
     return "\n".join((f"def {name}(w):", loop, *(f"        {line}" for line in body)))
 
 
 def least(a: "Symbol", b: "Symbol | float") -> "Symbol":
-    """The smaller of two numbers; b where a is none."""
+    """Return the smaller of two numbers; b where a is not a number."""
     return a.at_most(b).choose(a, b)

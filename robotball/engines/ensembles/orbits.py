@@ -1,11 +1,9 @@
-"""The compiled loops that drive a step: many orbits in lanes, or one orbit closely sampled.
+"""Many motions at once, or one closely sampled, by compiled loops that drive the compiled step.
 
 Each lane has an orbit of its own, with its own step length and acceptance, and takes the next
 orbit of the queue when it is done; threads share a queue. A step has no memory: a state asked for
 within a step is found by a shorter step from the same start, so no interpolant is needed and every
 output has the full order.
-
-Many motions at once, or one closely sampled, by the compiled stepper.
 
 All axes named "frame" here are the principal axes of the ball's inertia, as in Parameters.
 """
@@ -24,6 +22,7 @@ from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball.cores import Queue, in_threads
+from robotball.engines.compiled import Function, compiled_from, inlined
 from robotball.engines.ensembles.flatten import FEW, LANES
 from robotball.engines.ensembles.steppers import (
     ALLOWED,
@@ -32,18 +31,18 @@ from robotball.engines.ensembles.steppers import (
     LEVEL,
     LOOKED,
     MARCHED,
+    PATH,
     REJECTED,
     SECTION,
     STATE,
     TARGET,
     TIME,
+    System,
     level_of,
     places,
     row_of,
     stepper,
 )
-from robotball.engines.ensembles.systems import PATH, System
-from robotball.engines.kept import Function, compiled_from
 from robotball.equations import Parameters, as_vector, check_speed
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import pieces
@@ -52,23 +51,23 @@ from robotball.scene import Scene, check_times
 
 DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2
 STEP = "FunctionType(void(f8[::1]))"
-COMPILED_FROM = ("flatten", "steppers", "orbits", "crossings")
+_COMPILED_FROM = ("flatten", "steppers", "orbits", "crossings")
 
 
 @cache
-def sources() -> str:
-    """All the source that the loops are compiled from."""
+def _sources() -> str:
+    """Return all the source that the loops are compiled from."""
     folder = Path(__file__).parent
-    return "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in COMPILED_FROM)
+    return "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in _COMPILED_FROM)
 
 
 def compiled(signature: str) -> Callable[[Function], Function]:
-    """Numba's njit with what every loop here wants."""
-    return compiled_from(sources(), signature, nogil=True, error_model="numpy")
+    """Return a decorator that compiles a loop, which then holds no lock of the interpreter."""
+    return compiled_from(_sources(), signature, nogil=True, error_model="numpy")
 
 
 def _take(_: Any, queue: Any) -> Any:
-    """The number that a queue (1,) holds, which then holds the next; no other thread gets it."""
+    """Return the number that a queue (1,) holds, which then holds the next, atomically."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
@@ -81,7 +80,7 @@ def _take(_: Any, queue: Any) -> Any:
 take: Any = intrinsic(_take)
 
 
-@compiled("void(f8[::1], i8, i8, f8[::1], f8, f8)")
+@inlined
 def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: float) -> None:
     """Put an orbit into one of so many lanes; row: the rows from BALL on, up to its slope's end."""
     w[LENGTH * lanes + lane] = length
@@ -92,9 +91,23 @@ def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: floa
         w[(BALL + j) * lanes + lane] = row[j]
 
 
-@compiled("b1(f8[::1], i8, i8)")
+@inlined
+def load_next(
+    w: Any, orbit: Any, lane: int, queue: Any, rows: Any, lengths: Any, tolerance: float
+) -> bool:
+    """Put the queue's next orbit into a lane. Returns False, with orbit -1, where none is left."""
+    waiting = take(queue)
+    if waiting >= len(rows):
+        orbit[lane] = -1
+        return False
+    load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
+    orbit[lane] = waiting
+    return True
+
+
+@inlined
 def collapsed(w: Any, lanes: int, lane: int) -> bool:
-    """Whether a lane's step is too short to move its time."""
+    """Return whether a lane's step is too short to move its time."""
     time = w[TIME * lanes + lane]
     return time + w[LENGTH * lanes + lane] == time
 
@@ -111,7 +124,7 @@ def march_lanes(
     states: Any,
     status: Any,
 ) -> None:
-    """States (n, m, size) of n orbits at m times, all after 0 and increasing.
+    """Write the states (n, m, size) of n orbits at m times, all after 0 and increasing.
 
     queue: for `take`, of the orbits that are still to be done; rows: (n, k) as `load` takes them;
     lengths: (n,) s, of each orbit's first step. Writes states and status (n,) of those that it
@@ -125,11 +138,8 @@ def march_lanes(
     running = 0
     for lane in range(LANES):
         load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
-        waiting = take(queue)
-        if waiting < len(rows):
-            load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
+        if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
             w[TARGET * LANES + lane] = times[0]
-            orbit[lane] = waiting
             running += 1
     while running > 0:
         step(w)
@@ -152,13 +162,10 @@ def march_lanes(
                 status[i] = COLLAPSED
             else:
                 continue
-            waiting = take(queue)
-            if waiting < len(rows):
-                load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
+            sample[lane], steps[lane] = 0, 0
+            if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
                 w[TARGET * LANES + lane] = times[0]
-                orbit[lane], sample[lane], steps[lane] = waiting, 0, 0
             else:
-                orbit[lane] = -1
                 running -= 1
 
 
@@ -166,10 +173,10 @@ def march_lanes(
 def follow(
     step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, states: Any
 ) -> tuple[int, float]:
-    """States (m, size) of one orbit at m times, all after 0 and increasing.
+    """Write the states (m, size) of one orbit at m times, all after 0 and increasing.
 
-    step: of FEW lanes. Returns the status and the time that it reached.
-    Lane 0 marches; the others look for the outputs within the step that it took before.
+    step: of FEW lanes. Lane 0 marches; the others look for the outputs within the step that it took
+    before. Returns the status and the time that was reached.
     """
     size = states.shape[1]
     _, new, flag, total = places(size)
@@ -208,9 +215,9 @@ def follow(
     return TOO_MANY_STEPS, w[TIME * FEW]
 
 
-# Of one step, in the unit quaternion: near the least that double precision can judge.
+# The error of one step in the unit quaternion: near the least that double precision can judge.
 STEP_TOLERANCE = 1e-14
-# The same where the long run counts: an attractor forgives what a path does not.
+# The error of one step where the long run counts: an attractor forgives what a path does not.
 LONG_RUN_TOLERANCE = 1e-9
 STATUS = {
     DONE: "done",
@@ -244,7 +251,7 @@ def orbits(
     times: Array,
     tolerance: float = STEP_TOLERANCE,
 ) -> Orbits:
-    """The motions of (3.2) or (3.3) from many starts, on all cores.
+    """Integrate (3.2) or (3.3) from many starts, on all cores.
 
     attitudes: (n, 4) unit quaternions, frame to world; momenta: (n, 3) kg m²/s, world, horizontal
     in the rubber model; times: (m,) s, increasing from 0; tolerance: the error of the quaternion
@@ -271,10 +278,10 @@ def orbit(
     tolerance: float = STEP_TOLERANCE,
     max_steps: int | None = None,
 ) -> tuple[Array, Array]:
-    """Attitudes (m, 4) and contact points (m, 2) of one motion, for times (m,) close together.
+    """Return attitudes (m, 4) and contact points (m, 2) of one motion, for times close together.
 
-    As `orbits`, for a single start (4,) and (3,); raises InputError where it would be given up,
-    or needs more than max_steps.
+    attitude (4,), momentum (3,), times (m,), tolerance: as for `orbits`. Raises InputError where
+    the motion would be given up, or needs more than max_steps.
     """
     states = orbit_states(parameters, attitude, momentum, times, tolerance, max_steps)
     return states[:, :4], states[:, 4:]
@@ -288,7 +295,7 @@ def orbit_states(
     tolerance: float = STEP_TOLERANCE,
     max_steps: int | None = None,
 ) -> Array:
-    """The same side by side (m, 6)."""
+    """Return what `orbit` returns, side by side (m, 6)."""
     times = check_times(times)
     starts = Starts(parameters, attitude[None], momentum[None])
     states = np.empty((len(times), PATH.size))
@@ -313,7 +320,7 @@ def orbit_states(
 
 
 def kernel_start(scene: Scene) -> tuple[Parameters, Array, Array]:
-    """A scene as the functions here take it: its Parameters, attitudes (1, 4), momenta (1, 3).
+    """Return a scene's Parameters, attitudes (1, 4) and momenta (1, 3), as `orbits` takes them.
 
     The attitude is that of the principal axes, in which Parameters are.
     """
@@ -325,7 +332,7 @@ class Starts:
     """Starts as the stepper takes them: turned about the vertical until M = -mα + cγ.
 
     attitudes: (n, 4) so turned; rows: (n, k), the constants of each orbit; turns: (n,) rad;
-    size: (n,) |M| kg m²/s; fastest: (n,) rad/s, what |ω| cannot exceed.
+    size: (n,) |M| kg m²/s; fastest: (n,) rad/s, a bound on |ω|.
     """
 
     def __init__(self, parameters: Parameters, attitudes: Array, momenta: Array) -> None:
@@ -345,9 +352,9 @@ class Starts:
         self.rows = np.concatenate([np.tile(ball, (len(level), 1)), level, no_section], axis=1)
 
     def rows_of(self, system: System, rest: Array) -> Array:
-        """Constants, states and their slopes (n, k), side by side, as `load` takes them.
+        """Return constants, states and slopes (n, k), side by side, as `load` takes them.
 
-        rest: (n, size - 4), what the state starts with after the quaternion.
+        rest: (n, size - 4), the numbers of the first state after the quaternion.
         """
         rolling = self.parameters.rolling
         level = level_of(rolling, list(self.rows.T[LEVEL - BALL : SECTION - BALL]))
@@ -358,7 +365,7 @@ class Starts:
     def march(
         self, system: System, rest: Array, times: Array, tolerance: float
     ) -> tuple[Array, Integers]:
-        """States (n, m, size), in turned axes, and status (n,) of a system at times (m,) > 0.
+        """Return a system's states (n, m, size), in turned axes, and status (n,) at times (m,) > 0.
 
         rest: as in `rows_of`.
         """
@@ -376,39 +383,40 @@ class Starts:
         return states, status
 
     def first_lengths(self, duration: float, tolerance: float) -> Array:
-        """A first step (n,) for each orbit, rather short; it grows by itself [s]."""
+        """Return a first step (n,) for each orbit, rather short; it grows by itself [s]."""
+        # A radian by the bound on |ω|, for a tolerance of 1, at the pair's lower order, 8.
         return np.minimum(duration, tolerance**0.125 / np.maximum(self.fastest, 1e-300))
 
     def step_limit(self, duration: float) -> int:
-        """More steps than any orbit needs, so that none can hang the others."""
+        """Return more steps than any orbit needs, so that none can hang the others."""
         turns = float(self.fastest.max()) * duration / (2 * np.pi)
         return int(min(1000 + STEPS_PER_TURN * turns, MOST_STEPS))
 
     def to_world(self, attitudes: Array) -> Array:
-        """Attitudes (n, m, 4) in world axes."""
+        """Return attitudes (n, m, 4) in world axes."""
         return turned(self.turns[:, None], attitudes)
 
     def turned_back(self, points: Array) -> Array:
-        """Points (n, m, 2) of the plane in world axes."""
+        """Return points (n, m, 2) of the plane in world axes."""
         cos, sin = np.cos(self.turns)[:, None], np.sin(self.turns)[:, None]
         X, Y = points[..., 0], points[..., 1]
         return np.stack([cos * X - sin * Y, sin * X + cos * Y], axis=-1)
 
 
 def turned(angles: Array, attitudes: Array) -> Array:
-    """Attitudes (..., 4) after turns (...) about the vertical [rad]."""
+    """Return attitudes (..., 4) after turns (...) about the vertical [rad]."""
     turns = (np.cos(angles / 2), 0.0, 0.0, np.sin(angles / 2))
     return np.stack(eq.quaternion_product(turns, components(attitudes)), axis=-1)
 
 
 def components(q: Array) -> eq.Quaternion:
-    """Quaternions (..., 4) as four columns (...)."""
+    """Return quaternions (..., 4) as four columns (...)."""
     w, x, y, z = np.moveaxis(q, -1, 0)
     return (w, x, y, z)
 
 
 def check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:
-    """Raises InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
+    """Raise InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
     if not np.isfinite(row_of(parameters)).all():
         raise InputError(f"the numbers of the ball are not finite: {parameters}")
     if attitudes.shape[1:] != (4,) or momenta.shape != (len(attitudes), 3):

@@ -1,10 +1,13 @@
-"""A pair of explicit Runge-Kutta methods of orders 9 and 8, with 16 stages.
+"""The compiled steps: systems of equations, and a Runge-Kutta step of LANES orbits at a time.
 
+The systems are in plain arithmetic like equations.py, in the axes of section 3.3, in which
+M = -mα + cγ, and in unit quaternions: M is constant in space, so an attitude is all there is to
+integrate.
+
+The pair of explicit methods of orders 9 and 8, with 16 stages, is the most efficient 9(8) of
 J. H. Verner, "Numerically optimal Runge-Kutta pairs with interpolants", Numerical Algorithms 53
-(2010) 383-396: his most efficient pair 9(8), with the numbers that he gave it in 2024. On these
-equations it asks for 10 to 27 % less time than scipy's DOP853 at the same error.
-
-The steps that are compiled: a Runge-Kutta step of the equations, of LANES orbits at a time.
+(2010) 383-396, with the numbers that he gave it in 2024. On these equations it asks for 10 to 27 %
+less time than scipy's DOP853 at the same error.
 
 A step is a plain function of the state and its length, here run on symbols (flatten.py) and
 compiled once a rolling model; a ball is data. Only unit vectors are judged for their error, so
@@ -12,23 +15,162 @@ no tolerance has a unit.
 """
 
 import math
-import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
-from types import ModuleType
 from typing import Any
 
 import numba
 from numba.core.codegen import get_host_cpu_features
-from numba.extending import register_jitable
 
-from robotball.engines.ensembles.flatten import LANES, Tape, lane_function, least
-from robotball.engines.ensembles.systems import Level, State, System
-from robotball.engines.kept import compiled_from
-from robotball.equations import Parameters, Rolling, Scalar
+from robotball import equations as eq
+from robotball.engines.compiled import compiled_from, inlined
+from robotball.engines.ensembles.flatten import LANES, Tape, along, lane_function, least, slopes
+from robotball.equations import Parameters, Quaternion, Rolling, Scalar, Vector
+
+State = Sequence[Scalar]
+
+
+@dataclass(frozen=True)
+class Level:
+    """The constant momentum, in the axes of section 3.3: M = -mα + cγ, kg m²/s."""
+
+    m: Scalar
+    c: Scalar
+
+    def momentum(self, alpha: Vector, gamma: Vector) -> Vector:
+        """Return M in frame axes."""
+        return eq.subtract(eq.scale(self.c, gamma), eq.scale(self.m, alpha))
+
+
+Seen = tuple[Scalar, Scalar, Scalar]
+"""A section function's value, its rate [1/s], and what is above 0 on the section's own side."""
+
+
+@dataclass(frozen=True)
+class System:
+    """Equations to step: their right-hand side, and the unit vectors in their state.
+
+    rate: (state, parameters, level) -> d(state)/dt. units: the dimensions of the unit vectors
+    that the state starts with; the error is judged on these alone, and they are brought back to
+    length one at every step. The rest are quadratures of them. loose: the factor on the tolerance
+    for the error of each unit vector. section: (state, parameters, level, numbers of the section)
+    -> the section function's `Seen`, if there is a section.
+    """
+
+    name: str
+    size: int
+    units: tuple[int, ...]
+    rate: Callable[[State, Parameters, Level], State]
+    loose: tuple[float, ...] = (1.0,)
+    section: Callable[[State, Parameters, Level, State], Seen] | None = None
+
+    @property
+    def allowed(self) -> list[float]:
+        """The factors on the tolerance, one for each number whose error is judged."""
+        return [times for n, times in zip(self.units, self.loose, strict=True) for _ in range(n)]
+
+
+def path_rate(state: State, parameters: Parameters, level: Level) -> State:
+    """Return d/dt of (q, X, Y): attitude and contact point."""
+    q, alpha, beta, _, omega = turning(state, parameters, level)
+    velocity = eq.contact_velocity(alpha, beta, omega, parameters.Omega, parameters.a)
+    return (*eq.attitude_rate(q, omega), *velocity)
+
+
+def attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
+    """Return d/dt of q alone."""
+    q, _, _, _, omega = turning(state, parameters, level)
+    return eq.attitude_rate(q, omega)
+
+
+def deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
+    """Return d/dt of (q, ξ, ln growth, ln volume): a neighbouring orbit's direction and distance.
+
+    A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ; its direction, of length
+    one, and the logarithm of its length are kept apart.
+    """
+    q, alpha, _, gamma, omega = turning(state, parameters, level)
+    xi: Vector = (state[4], state[5], state[6])
+    moving_gamma = along(gamma, eq.cross(gamma, xi))
+    moving_M = along(level.momentum(alpha, gamma), eq.cross(level.momentum(alpha, gamma), xi))
+    change = slopes(parameters.angular_velocity(moving_M, moving_gamma))
+    growth = eq.dot(xi, change)
+    xi_rate = eq.subtract(eq.subtract(change, eq.cross(omega, xi)), eq.scale(growth, xi))
+    return (*eq.attitude_rate(q, omega), *xi_rate, growth, parameters.divergence(gamma))
+
+
+def turning(
+    state: State, parameters: Parameters, level: Level
+) -> tuple[Quaternion, Vector, Vector, Vector, Vector]:
+    """Return q, α, β, γ and ω of a state that starts with q."""
+    w, x, y, z = state[:4]
+    alpha, beta, gamma = eq.unit_space_axes((w, x, y, z))
+    omega = parameters.angular_velocity(level.momentum(alpha, gamma), gamma)
+    return (w, x, y, z), alpha, beta, gamma, omega
+
+
+def section_function(state: State, parameters: Parameters, level: Level, section: State) -> Seen:
+    """Return sin(g - g₀), its rate and cos(g - g₀), all times √(1 - L²/f), of a state with q first.
+
+    section: (cos g₀, sin g₀, m/√f, c/√f). With γ₀ = (m/√f)γ + (c/√f)α of (5.5) the definition of
+    g reads √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃); no angle is needed.
+    """
+    cos_g, sin_g, across = section[:3]
+    along_M = section[3] if parameters.rolling == "classical" else 0.0
+    _, alpha, beta, gamma, omega = turning(state, parameters, level)
+    node = eq.add(eq.scale(across, gamma), eq.scale(along_M, alpha))
+    ahead = eq.subtract(eq.scale(sin_g, node), eq.scale(cos_g, beta))
+    facing = -(cos_g * node[2] + sin_g * beta[2])
+    return ahead[2], eq.cross(ahead, omega)[2], facing
+
+
+def arc_function(state: State, parameters: Parameters, level: Level, arc: State) -> Seen:
+    """Return (γ, n), its rate and (γ, e), of a state with q first.
+
+    arc: n and e, unit vectors: half of the great circle across n, the half around e.
+    """
+    normal: Vector = (arc[0], arc[1], arc[2])
+    middle: Vector = (arc[3], arc[4], arc[5])
+    _, _, _, gamma, omega = turning(state, parameters, level)
+    return eq.dot(normal, gamma), eq.dot(normal, eq.cross(gamma, omega)), eq.dot(middle, gamma)
+
+
+# The tolerance on a neighbour's direction is looser by this factor: only the mean of its growth
+# counts. Its error is some 10 times the attitude's, and judged alike it would set the step, with a
+# seventh more steps for the same exponents.
+DIRECTION = 100.0
+
+PATH = System("path", 6, (4,), path_rate)
+RETURN = System("return", 4, (4,), attitude_rate, section=section_function)
+ARC = System("arc", 4, (4,), attitude_rate, section=arc_function)
+DEVIATION = System("deviation", 9, (4, 3), deviation_rate, loose=(1.0, DIRECTION))
+
+
+# LLVM holds some processors to half of their vectors' width, a third slower here. The setting works
+# only before a process compiles anything, and gives way to a user's own.
+if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
+    numba.config.CPU_FEATURES = get_host_cpu_features() + ",-prefer-256-bit"
+
+# Rows of a workspace: the length of step to try, the error allowed, the time, where to stop; the
+# ball, the level set, the section; and from STATE on the state, its slope, the new state, the flag
+# and what is seen of a section, which differ in size from system to system.
+LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 23
+REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
+# Sums in any order cost up to a tenth less and round no worse; what is not a number stays so.
+FREEDOM = {"contract", "reassoc", "nsz"}
+SEEN = 3  # numbers of a section
+
+
+@inlined
+def places(size: int) -> tuple[int, int, int, int]:
+    """Return where slope, new state and flag begin for a state of so many numbers; and the rows."""
+    slope, new, flag = STATE + size, STATE + 2 * size, STATE + 3 * size
+    return slope, new, flag, flag + 1 + SEEN
+
 
 # fmt: off
-# Of the slopes before it, every stage but the first; the first slope is that of the state itself.
+# The weights of the slopes before each stage but the first, whose slope is that of the state.
 STAGES: tuple[tuple[float, ...], ...] = (
     (0.03571,),
     (-0.03833735636677017, 0.13739763727944432),
@@ -71,7 +213,7 @@ STAGES: tuple[tuple[float, ...], ...] = (
         -66.57711839637832, 1.0989155531654418, 0, 0,
     ),
 )
-# Of the slopes in the step of order 9, and in that of order 8.
+# The weights of the slopes in the step of order 9, and in that of order 8.
 NINTH: tuple[float, ...] = (
     0.015006690149797247, 0, 0, 0, 0, 0, 0, -1.0551809927463813, 0.2384947263782183,
     0.12881517742829915, 0.22766231110462157, 1.2295325874375174, 0.04624976662810384,
@@ -86,30 +228,6 @@ EIGHTH: tuple[float, ...] = (
 ERROR = tuple(ninth - eighth for ninth, eighth in zip(NINTH, EIGHTH, strict=True))
 
 
-# LLVM holds some processors to half of their vectors' width, a third slower here. Only a process
-# that has compiled nothing yet can still be told, and one whose user has said so is not.
-if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
-    numba.config.CPU_FEATURES = get_host_cpu_features() + ",-prefer-256-bit"
-
-# Rows of a workspace: how long a step to try, the error allowed, the time, where to stop; the
-# ball, the level set, the section; and from STATE on the state, its slope, the new state, FLAG and
-# what is seen of a section, of each as many as the system says.
-LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 23
-REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
-# Sums in any order cost up to a tenth less and round no worse; what is not a number stays so.
-FREEDOM = {"contract", "reassoc", "nsz"}
-SEEN = 3  # numbers
-
-
-def places(size: int) -> tuple[int, int, int, int]:
-    """The rows where, for a state of so many numbers, slope, new state and flag begin; and all."""
-    slope, new, flag = STATE + size, STATE + 2 * size, STATE + 3 * size
-    return slope, new, flag, flag + 1 + SEEN
-
-
-register_jitable(places)  # the loops ask too
-
-
 # Control of the length: the usual limits of change, and a safety at which some 2 % of the steps are
 # rejected. At 0.9 it is 23 %, and the same error costs a third more time.
 SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.75, 0.2, 6.0
@@ -118,28 +236,28 @@ SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.75, 0.2, 6.0
 def runge_kutta(
     rate: Callable[[State], State], state: State, slope: State, h: Scalar, allowed: Sequence[float]
 ) -> tuple[list[Scalar], Scalar]:
-    """The state after one step of length h by Verner's pair, and 1/error² of the step.
+    """Return the state after one step of length h by Verner's pair, and 1/error² of the step.
 
     slope: of the state, which the step before ended with; allowed: the parts in which the errors
     of the first numbers of the state are measured, which alone are judged.
     """
 
     def combination(row: Sequence[float], i: int) -> Scalar:
-        return sum(a * slope[i] for a, slope in zip(row, slopes, strict=False) if a != 0)
+        return sum(a * slope[i] for a, slope in zip(row, known, strict=False) if a != 0)
 
     def moved(row: Sequence[float]) -> list[Scalar]:
         return [y + h * combination(row, i) for i, y in enumerate(state)]
 
-    slopes = [slope]
+    known = [slope]
     for row in STAGES:
-        slopes.append(rate(moved(row)))
+        known.append(rate(moved(row)))
     errors = [combination(ERROR, i) * (1 / part) for i, part in enumerate(allowed)]
     # The tiny term stands for no error at all, where nothing moves.
     return moved(NINTH), 1 / (h * h * sum(e * e for e in errors) + 1e-200)
 
 
-def flat_step(system: System, rolling: Rolling, lanes: int = LANES) -> str:
-    """Source of the step of a system, over the rows of a workspace.
+def flat_step(name: str, system: System, rolling: Rolling, lanes: int) -> str:
+    """Return the source of a system's step, over the rows of a workspace.
 
     A lane whose target is nearer than its length only looks: it leaves the state there in the
     rows of the new state, and stands still. Otherwise it marches: time, state and slope move, if
@@ -165,7 +283,7 @@ def flat_step(system: System, rolling: Rolling, lanes: int = LANES) -> str:
         per_length = 1 / sum(x * x for x in new[unit]).sqrt()
         new[unit] = [x * per_length for x in new[unit]]
 
-    # (tolerance/error)^(1/8): so much longer a step would just keep to it.
+    # (tolerance/error)^(1/8): a step longer by this factor would just keep to the tolerance.
     fits = (per_error_squared * (row[ALLOWED] * row[ALLOWED])).sqrt().sqrt().sqrt().sqrt()
     accepted, marching = fits.at_least(1.0), row[LENGTH].at_most(length)
     marched, looked = accepted & marching, accepted & length.below(row[LENGTH])
@@ -183,35 +301,33 @@ def flat_step(system: System, rolling: Rolling, lanes: int = LANES) -> str:
     if system.section is not None:
         seen = system.section(new, parameters, level, row[SECTION:STATE])
         results |= {FLAG + 1 + i: x for i, x in enumerate(seen)}
-    return lane_function("step", tape, results)
+    return lane_function(name, tape, results)
 
 
 def ball_of(rolling: Rolling, row: Sequence[Any]) -> Parameters:
-    """The Parameters whose numbers are in the rows from BALL to LEVEL."""
+    """Return the Parameters whose numbers are in the rows from BALL to LEVEL."""
     I1, I2, I3, d, a, Omega1, Omega2, Omega3, K1, K2, K3 = row
     return Parameters(rolling, (I1, I2, I3), d, a, (Omega1, Omega2, Omega3), (K1, K2, K3))
 
 
 def level_of(rolling: Rolling, row: Sequence[Any]) -> Level:
-    """The Level of the rows from LEVEL to SECTION; only classical balls have a momentum along γ."""
+    """Return the Level of the rows from LEVEL to SECTION; only classical balls have M along γ."""
     return Level(row[0], row[1] if rolling == "classical" else 0.0)
 
 
 def row_of(parameters: Parameters) -> list[float]:
-    """What `ball_of` takes (11,)."""
+    """Return the numbers (11,) that `ball_of` takes."""
     p = parameters
     return [*p.I, p.d, p.a, *p.Omega, *p.K]
 
 
 @cache
 def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
-    """The compiled step (workspace) -> None of a system; kept from one process to the next."""
-    source = flat_step(system, rolling, lanes)
-    name = f"robotball_{system.name}_{rolling}_{lanes}"
-    module = ModuleType(name)
-    sys.modules[name] = module  # by its name numba finds it when it loads the compiled step
-    vars(module)["sqrt"] = math.sqrt
-    exec(compile(source, f"<{name}, from robotball's equations>", "exec"), vars(module))
+    """Return the compiled step (workspace) -> None of a system, kept from process to process."""
+    name = f"{system.name}_{rolling}_{lanes}"
+    source = flat_step(name, system, rolling, lanes)
+    # numba keeps only what has a file and is a module's: the text passes for a part of this one.
+    made: dict[str, Any] = {"__name__": __name__, "sqrt": math.sqrt}
+    exec(compile(source, __file__, "exec"), made)
     options = {"nogil": True, "error_model": "numpy", "fastmath": FREEDOM}
-    module.__dict__["step"] = step = compiled_from(source, "void(f8[::1])", **options)(module.step)
-    return step
+    return compiled_from(source, "void(f8[::1])", **options)(made[name])

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines.dop853 import Compensated, Rate
+from robotball.engines import Compensated, Rate
 from robotball.engines.mujoco.settings import Chosen
 from robotball.engines.mujoco.stepping import Control, Portion, Step, read_row, state_of
 from robotball.motion import Fault, FaultKind

@@ -19,8 +19,15 @@ from robotball.engines.ensembles.orbits import (
     orbit,
     orbits,
 )
-from robotball.engines.ensembles.steppers import EIGHTH, NINTH, STAGES, runge_kutta
-from robotball.engines.ensembles.systems import PATH, Level, State
+from robotball.engines.ensembles.steppers import (
+    EIGHTH,
+    NINTH,
+    PATH,
+    STAGES,
+    Level,
+    State,
+    runge_kutta,
+)
 from robotball.equations import Parameters, as_vector, speed_bound
 from robotball.errors import InputError
 from robotball.qualitative.sections import section_starts
@@ -279,8 +286,8 @@ def test_a_ball_at_rest_stays() -> None:
 def test_the_compiled_stepper_loads_from_its_cache() -> None:
     """A new process compiles nothing: a step and the loops come from the cache, in 0.4 s."""
     code = (
-        "from robotball.engines.ensembles import orbits, steppers, systems\n"
-        "step = steppers.stepper(systems.PATH, 'rubber', orbits.FEW)\n"
+        "from robotball.engines.ensembles import orbits, steppers\n"
+        "step = steppers.stepper(steppers.PATH, 'rubber', orbits.FEW)\n"
         "compiled = [step, orbits.march_lanes, orbits.follow]\n"
         "print(sum(each.stats.cache_misses.total() for each in compiled))"
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robotball.engines.ensembles.orbits import Starts
-from robotball.engines.ensembles.systems import DEVIATION
+from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.qualitative.long_run import exponents, kaplan_yorke

@@ -61,7 +61,6 @@ class Shape:
     pos       (3,)  from the sphere's centre
     turn      (4,)  quaternion
     material  its name
-    profile   the exponent of a torus's section, 1 for a round one
     """
 
     kind: Kind
@@ -69,7 +68,6 @@ class Shape:
     pos: Array
     turn: Array
     material: str
-    profile: float = 1.0
 
 
 def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
@@ -198,9 +196,9 @@ def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) ->
         size[1], pos, turn = length / 2, (begin + end) / 2, z_along((end - begin) / length)
     if kind == "mesh":
         mesh = meshes[geom.attrib["mesh"]]
-        _, tube, profile, _ = (float(number) for number in mesh.attrib["params"].split())
+        tube = float(mesh.attrib["params"].split()[1])
         radius = float(mesh.get("scale", "1").split()[0])
-        return Shape("torus", np.array([1, tube, 0]) * radius, pos, turn, material, profile)
+        return Shape("torus", np.array([1, tube, 0]) * radius, pos, turn, material)
     return Shape(cast(Kind, kind), size, pos, turn, material)
 
 
@@ -295,7 +293,7 @@ def add_shapes(
                     "mesh",
                     name=name,
                     builtin="supertorus",
-                    params=f"{RESOLUTION} {tube / radius:.6g} {shape.profile:g} 1",
+                    params=f"{RESOLUTION} {tube / radius:.6g} 1 1",
                     scale=_text(np.full(3, radius * unit)),
                 )
             geom.attrib.update(type="mesh", mesh=name)

@@ -93,7 +93,7 @@ class Arrow:
     colour: str
 
 
-LENS = 3.1  # the distance at which the picture's shorter side is 2
+LENS = 3.1  # a lens of 36 degrees: the distance at which the picture's shorter side is 2
 NEAR = 7.2  # the distance from which widths and lifts are as given below; they grow with it
 TRAIL = 0.035  # half of a path's width
 # Heights over the floor: the depth buffer must separate them, from far away too.
@@ -135,7 +135,7 @@ class Stage:
         backend: str | None,
     ) -> None:
         self._size, self._bodies, self._colours = size, list(looks), colours
-        self._step = -(-len(paths[0]) // POINTS)
+        self._paths, self._step = paths, -(-len(paths[0]) // POINTS)
         self._strips = [_strip(path[:: self._step], TRAIL * distance / NEAR) for path in paths]
         spec = build_stage(looks, colours, np.ones(len(colours)).tolist())
         for i, strip in enumerate(self._strips):
@@ -145,6 +145,7 @@ class Stage:
         self._model = model = spec.compile()
         self._data = mujoco.MjData(model)
         visual, height, width = model.vis, *size
+        # Shadows are drawn into the same buffer, which must be as large for the smallest film.
         visual.global_.offheight, visual.global_.offwidth = max(height, TEXELS), max(width, TEXELS)
         visual.global_.fovy = np.degrees(2 * np.arctan(max(1.0, height / width) / LENS))
         visual.quality.offsamples = SAMPLES
@@ -160,11 +161,12 @@ class Stage:
         self._ball = np.array([int(name[0][4:]) if len(name) > 1 else -1 for name in names])
         self._material = np.array([name[-1] for name in names])
         self._mine = self._ball >= 0
+        # A geom's own colour overrides its material's: opacities then change geom by geom.
         model.geom_rgba[self._mine] = model.mat_rgba[model.geom_matid[self._mine]]
         self._opacity = self._seen = model.geom_rgba[:, 3].copy()
         self._centres = np.zeros((len(colours), 3))
         self._option = mujoco.MjvOption()
-        self._option.geomgroup[:] = 1
+        self._option.geomgroup[:] = 1  # the discs of fast rotors too, which viewers hide
         self._context = gl.context(width, height, backend)
         self._scene = mujoco.MjvScene(model, GEOMS)
         self._drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
@@ -227,6 +229,7 @@ class Stage:
         view = mujoco.MjvCamera()
         view.lookat[:], view.distance = camera.look, camera.distance
         view.azimuth, view.elevation = np.degrees([camera.azimuth + np.pi, -camera.elevation])
+        # In proportion, for the depth buffer to separate what lies on the floor from far away too.
         model.vis.map.znear = NEAREST * camera.distance
         model.vis.map.zfar = FAR * camera.distance
         balls = self._ball[self._mine]
@@ -243,6 +246,7 @@ class Stage:
     def _render(self, height: int, width: int, *, fog: bool) -> Pixels:
         flags, flag = self._scene.flags, mujoco.mjtRndFlag
         flags[flag.mjRND_FOG] = flags[flag.mjRND_SKYBOX] = fog
+        # MuJoCo's haze and reflections show a horizon that the fog hides.
         flags[flag.mjRND_SHADOW] = flags[flag.mjRND_HAZE] = flags[flag.mjRND_REFLECTION] = False
         self._context.make_current()
         rectangle = mujoco.MjrRect(0, 0, width, height)
@@ -273,7 +277,8 @@ class Stage:
         for geom in self._scene.geoms[: self._scene.ngeom]:
             geom.rgba[:3], geom.emission, geom.matid = 1.0, 1.0, -1
             if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
-                geom.rgba[3] = 0.0
+                geom.rgba[3] = 0.0  # the floor is not part of the ball
+        # A texture's rows run upwards, a picture's downwards.
         opacity = self._render(TEXELS, TEXELS, fog=False)[::-1, :, 0] / 255
         dark = SHADE * np.sqrt(gaussian_filter(opacity, PENUMBRA, mode="constant"))
         texture = self._model.tex(f"shadow{i}")
@@ -294,6 +299,7 @@ class Stage:
         rim = self._add(mujoco.mjtGeom.mjGEOM_PLANE, self._colours[i], OPAQUE * opacity, "rim")
         to_eye = camera.eye - self._centres[i]
         distance = float(np.linalg.norm(to_eye))
+        # The outline of a sphere is a circle of its own, nearer to the eye than the centre.
         rim.pos = self._centres[i] + to_eye / distance**2
         rim.mat = _facing(to_eye).T
         outline = np.sqrt(1 - 1 / distance**2)
@@ -301,24 +307,25 @@ class Stage:
 
     def _add_path(self, i: int, last: int, opacity: float, lift: float, camera: Camera) -> None:
         model, strip = self._model, self._strips[i].copy()
+        # MuJoCo draws a mesh whole: triangles after the present have no area.
         end = 2 * (last // self._step) + 2
-        strip[end:] = strip[end - 1]
+        strip[end:, :2] = self._paths[i][last]  # a thinned path too reaches the ball
         strip[:, 2] = lift * camera.distance / NEAR
         mesh = model.mesh(f"path{i}")
         model.mesh_vert[mesh.vertadr[0] :][: len(strip)] = strip
         self._context.make_current()
         mujoco.mjr_uploadMesh(model, self._drawing, mesh.id)
-        path = self._add(mujoco.mjtGeom.mjGEOM_MESH, self._colours[i], opacity)
+        path = self._add(mujoco.mjtGeom.mjGEOM_MESH, self._colours[i], float(_once(opacity)))
         path.dataid = 2 * mesh.id  # twice, as MuJoCo keeps a mesh and its hull
         path.specular = 0.0
 
 
-def _once(opacity: Array) -> Array:
+def _once(opacity: Array | float) -> Array:
     """Return the opacity to give to MuJoCo for one that is to be seen.
 
     It blends what is not opaque twice, from front to back and from back to front.
     """
-    return 1 - np.sqrt(1 - opacity)
+    return np.asarray(1 - np.sqrt(1 - opacity))
 
 
 def _facing(back: Array) -> Array:

@@ -16,7 +16,7 @@ from robotball.motion import Motion
 
 KEYS = "space: pause; left, right: half a second; up, down: twice or half the speed; home: start"
 SPACE, HOME, RIGHT, LEFT, DOWN, UP = 32, 268, 262, 263, 264, 265  # GLFW's codes
-JUMP, FRAME = 0.5, 1 / 60  # s
+JUMP, FRAME = 0.5, 1 / 60  # s; a window of 60 pictures a second is smooth on any screen
 
 
 @dataclass
@@ -59,7 +59,7 @@ def check_display() -> None:
         raise InputError("on macOS a viewer needs mjpython in place of python; or take --web")
     import warnings
 
-    import glfw
+    import glfw  # which only a window needs
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball.robot import PARTS, Ball, Pendulum
-from robotball.rotations import Array, z_along
+from robotball.rotations import Array, rotation_matrix, z_along
 
 INK = "#22262B"  # text
 ACCENT = "#D55E00"  # what the rest is held against
@@ -61,7 +61,6 @@ class Shape:
     pos       (3,)  from the sphere's centre
     turn      (4,)  quaternion
     material  its name
-    profile   the exponent of a torus's section, 1 for a round one
     """
 
     kind: Kind
@@ -69,7 +68,6 @@ class Shape:
     pos: Array
     turn: Array
     material: str
-    profile: float = 1.0
 
 
 def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
@@ -198,10 +196,59 @@ def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) ->
         size[1], pos, turn = length / 2, (begin + end) / 2, z_along((end - begin) / length)
     if kind == "mesh":
         mesh = meshes[geom.attrib["mesh"]]
-        _, tube, profile, _ = (float(number) for number in mesh.attrib["params"].split())
+        tube = float(mesh.attrib["params"].split()[1])
         radius = float(mesh.get("scale", "1").split()[0])
-        return Shape("torus", np.array([1, tube, 0]) * radius, pos, turn, material, profile)
+        return Shape("torus", np.array([1, tube, 0]) * radius, pos, turn, material)
     return Shape(cast(Kind, kind), size, pos, turn, material)
+
+
+AROUND, SECTION = 48, 8  # steps about a shape's axis, and around a tube or a round end
+THIN = 12  # steps about the axis of a capsule or a small sphere
+
+
+def triangles_of(shape: Shape) -> Array:
+    """Return the triangles (n, 3, 3) of a shape in the frame's axes; lengths in radii of the ball.
+
+    They are for drawings without OpenGL. Seen from outside, corners run anticlockwise.
+    """
+    if shape.kind == "box":
+        own = _box(shape.size)
+    else:
+        profile, steps = _profile(shape)
+        angles = np.linspace(0.0, 2 * np.pi, steps + 1)
+        r, z = profile.T
+        grid = np.stack(
+            [np.outer(np.cos(angles), r), np.outer(np.sin(angles), r), np.tile(z, (steps + 1, 1))],
+            axis=2,
+        )
+        a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+        own = np.stack([a, b, c, a, c, d], axis=-2).reshape(-1, 3, 3)
+    return own @ rotation_matrix(shape.turn).T + shape.pos
+
+
+def _profile(shape: Shape) -> tuple[Array, int]:
+    """Return the section (m, 2) of a shape turned about z, as r and z, and its steps about z."""
+    a, b, _ = shape.size
+    if shape.kind == "torus":
+        turn = np.linspace(0.0, 2 * np.pi, SECTION + 1)
+        return np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), AROUND
+    if shape.kind == "cylinder":
+        return np.array([(0.0, -b), (a, -b), (a, b), (0.0, b)]), AROUND
+    large = shape.kind == "sphere" and a > 0.5
+    rise = np.linspace(-np.pi / 2, np.pi / 2, (2 if large else 1) * SECTION + 1)
+    side = b * np.where(rise > 0, 1, -1)  # a sphere's is 0
+    return np.column_stack([a * np.cos(rise), a * np.sin(rise) + side]), AROUND if large else THIN
+
+
+def _box(size: Array) -> Array:
+    corners = []
+    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, -1), (1, 1), (-1, 1)])
+    for axis in range(3):
+        for side in (-1, 1):
+            face = np.full((6, 3), side)
+            face[:, [(axis + 1) % 3, (axis + 2) % 3]] = square[::side]
+            corners.append(face * size)
+    return np.reshape(corners, (-1, 3, 3))
 
 
 RESOLUTION = 48  # points around a torus, and around its tube
@@ -246,7 +293,7 @@ def add_shapes(
                     "mesh",
                     name=name,
                     builtin="supertorus",
-                    params=f"{RESOLUTION} {tube / radius:.6g} {shape.profile:g} 1",
+                    params=f"{RESOLUTION} {tube / radius:.6g} 1 1",
                     scale=_text(np.full(3, radius * unit)),
                 )
             geom.attrib.update(type="mesh", mesh=name)

@@ -20,19 +20,8 @@ from robotball.cores import in_processes
 from robotball.errors import InputError, check_positive
 from robotball.film import gl
 from robotball.film import looks as palette
-from robotball.film.canvas import (
-    LENS,
-    Camera,
-    Canvas,
-    Drawn,
-    Line,
-    Loose,
-    Pane,
-    Pixels,
-    arrow,
-    moved,
-)
 from robotball.film.looks import GHOST, Shape, looks_of
+from robotball.film.stage import LENS, NEAR, Arrow, Camera, Pixels, Stage
 from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.motion import ContactMotion, Motion
 from robotball.rotations import Array, rotation_matrix
@@ -185,12 +174,10 @@ Progress = Callable[[float], None]
 MANY = 100  # frames; for fewer, starting processes takes longer than it saves
 SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
 BLUR_FROM, BLUR_TO = 0.25, 0.75  # rad a frame: beyond it a rotor's marks would mislead
-CAMERAS = {"follow": (7.2, 24.0), "above": (9.0, 80.0), "whole": (9.0, 40.0)}  # radii, degrees
-TRAIL = 0.035  # half of a path's width in radii, at the distance of the camera "follow"
+CAMERAS = {"follow": (NEAR, 24.0), "above": (9.0, 80.0), "whole": (9.0, 40.0)}  # radii, degrees
 OTHER = 0.4  # opacity of the other ball's path
-# Arrows: colour, length in radii of the largest, and thickness.
+# Arrows: colour, length in radii of the largest.
 ARROWS = {"M": ("#CC79A7", 1.5), "ω": ("#009E73", 1.2), "contact force": ("#22262B", 0.9)}
-THICK = 0.045
 LEAST = 1e-3  # an arrow shorter than that part of the largest is left out
 ROOM = 1.3  # the camera's distance is so many times larger with arrows
 CLEAR = 1.06  # from the centre: outside the shell
@@ -288,37 +275,30 @@ class _Painter:
     backend: str
 
     def __call__(self, k: int) -> Pixels:
-        if "_canvas" not in vars(self):
+        if "_stage" not in vars(self):
             self._drawn(0)  # the first picture of a GL may be off by a last bit
         return self._drawn(k)
 
     def _drawn(self, k: int) -> Pixels:
         then = [track.sample(k) for track in self.tracks]
-        balls = [
-            self._ball(i, moment, GHOST if self.film.ghost and i else 1.0)
-            for i, moment in enumerate(then)
-        ]
-        panes = []
+        stands = [track.stands(each) for track, each in zip(self.tracks, then, strict=True)]
+        self._stage.place(stands, [self._blurred(i, each) for i, each in enumerate(then)])
+        pictures = []
         for pane, camera in zip(self._panes, self._cameras, strict=True):
-            lines = [
-                Line(f"path {i}", 2 * (k + 1), self.colours[i], 1.0 if i in pane else OTHER)
-                for i in dict.fromkeys([*pane, 0, 1])
-            ]
+            opacities = [float(i in pane) for i in (0, 1)]
+            if self.film.ghost:
+                opacities[1] = GHOST
+            trails = [1.0 if i in pane else OTHER for i in (0, 1)]
             first = pane[0]
             arrows = _arrows(then[first], self.lengths, self.tracks[first].radius)
-            panes.append(Pane(camera(k), [balls[i] for i in pane], lines, arrows))
+            pictures.append(self._stage.draw(camera(k), opacities, trails, k, arrows))
         off = np.linalg.norm(then[0].contact_point - then[1].contact_point)
-        return self.sheet.frame(self._canvas.draw(panes), float(self.times[k]), float(off))
+        return self.sheet.frame(np.hstack(pictures), float(self.times[k]), float(off))
 
-    def _ball(self, i: int, then: Moments, opacity: float) -> Drawn:
+    def _blurred(self, i: int, then: Moments) -> dict[str, float]:
         turned = np.abs(then.hinge_rates[0]) / (self.film.fps * self.film.slow)
-        blurred = np.clip((turned - BLUR_FROM) / (BLUR_TO - BLUR_FROM), 0, 1).tolist()
-        matrices = {}
-        for name, (turn, shift) in self.tracks[i].stands(then).items():
-            matrices[name] = np.eye(4)
-            matrices[name][:3, :3], matrices[name][:3, 3] = turn[0], shift[0]
-        names = [name for name, _, _ in self.tracks[i].hinges]
-        return Drawn(self.colours[i], matrices, dict(zip(names, blurred, strict=True)), opacity)
+        fast = np.clip((turned - BLUR_FROM) / (BLUR_TO - BLUR_FROM), 0, 1).tolist()
+        return {name: part for (name, _, _), part in zip(self.tracks[i].hinges, fast, strict=True)}
 
     @property
     def _panes(self) -> list[list[int]]:
@@ -337,18 +317,16 @@ class _Painter:
         ]
 
     @cached_property
-    def _canvas(self) -> Canvas:
-        height, width = self.sheet.pane
-        canvas = Canvas((height, width * len(self._panes)), self.looks, self.backend)
-        for i, points in enumerate(self._points):
-            strip = _strip(points, self._cameras[0](0).distance)
-            canvas.keep(f"path {i}", strip, strip=True)
-        return canvas
+    def _stage(self) -> Stage:
+        distance = self._cameras[0](0).distance
+        return Stage(
+            self.sheet.pane, self.looks, self.colours, self._points, distance, self.backend
+        )
 
     def close(self) -> None:
         """Free the OpenGL of this process."""
-        if "_canvas" in vars(self):
-            self._canvas.close()
+        if "_stage" in vars(self):
+            self._stage.close()
 
 
 def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) -> Sheet:
@@ -406,21 +384,6 @@ def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int
     return lambda k: Camera(np.array([*smooth[k], 0.85]), float(far[k]), azimuth, up)
 
 
-def _strip(points: Array, distance: float) -> Array:
-    """Return a strip (2 m, 6) on the floor through points (m, 2).
-
-    Its normals are -1 on one side and 1 on the other, from which the shader smooths the edges.
-    """
-    steps = np.gradient(points, axis=0)
-    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
-    along = np.divide(steps, lengths, out=np.tile([1.0, 0.0], (len(points), 1)), where=lengths > 0)
-    side = TRAIL * distance / CAMERAS["follow"][0] * np.column_stack([-along[:, 1], along[:, 0]])
-    strip = np.zeros((2 * len(points), 6))
-    strip[0::2, :2], strip[1::2, :2] = points + side, points - side
-    strip[0::2, 3], strip[1::2, 3] = 1.0, -1.0
-    return strip
-
-
 def _vectors(then: Moments) -> dict[str, Array]:
     """Return the vectors (n, 3) that arrows show, in world axes."""
     omega = np.einsum("nij,nj->ni", rotation_matrix(then.attitude), then.angular_velocity)
@@ -437,7 +400,7 @@ def _lengths(reference: Moments, momentum_scale: float) -> dict[str, float]:
     }
 
 
-def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Loose]:
+def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arrow]:
     """Return the arrows at one time; the contact force's begins where its line leaves the ball."""
     found = []
     place = np.append(then.contact_point[0] / radius, 0.0)
@@ -450,6 +413,6 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Loo
             start = CLEAR * along + np.array([0.0, 0.0, 1.0])
             if name == "contact force":
                 start = (2 * along[2] + CLEAR - 1) * along
-            corners = moved(arrow(vector / length, THICK), np.eye(3), place + start)
-            found.append(Loose(corners, ARROWS[name][0]))
+            begin = place + start
+            found.append(Arrow(begin, begin + vector / length, ARROWS[name][0]))
     return found

@@ -64,6 +64,7 @@ class Track:
     def _near(self, samples: slice, times: Array) -> Moments:
         known = self.times[samples]
         here = {each.name: getattr(self.sampled, each.name)[samples] for each in fields(Moments)}
+        # Splines of a quaternion's parts would leave the unit sphere.
         attitude = Rotation.from_quat(here.pop("attitude"), scalar_first=True)
         return Moments(
             attitude=Slerp(known, attitude)(times).as_quat(scalar_first=True),

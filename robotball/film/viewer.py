@@ -3,55 +3,20 @@
 import os
 import sys
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from xml.etree import ElementTree
-from xml.etree.ElementTree import SubElement
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robotball.errors import InputError
-from robotball.film import looks as palette
-from robotball.film.looks import BLUR, GHOST, Shape, add_materials, add_shapes, looks_of
+from robotball.film.looks import GHOST, looks_of
+from robotball.film.stage import build_stage, pose
 from robotball.film.tracks import track_of
 from robotball.motion import Motion
-from robotball.robot import PARTS
-from robotball.rotations import Array
-
-
-def build_stage(looks: Mapping[str, Sequence[Shape]], colours: Sequence[str]) -> mujoco.MjModel:
-    """Build a model of the floor and a ball in each of the colours; lengths in radii.
-
-    Its mocap bodies are the first ball's in the order of `looks`, then the next one's.
-    """
-    root = ElementTree.parse(PARTS / "floor.xml").getroot()
-    assets, world = root.find("asset"), root.find("worldbody")
-    assert assets is not None
-    assert world is not None
-    for number, colour in enumerate(colours):
-        prefix, rgb = f"ball{number}_", " ".join(f"{part:g}" for part in palette.rgb(colour))
-        opacity = GHOST if number else 1.0
-        add_materials(assets, {"shell": rgb, "mark": rgb}, prefix, opacity)
-        for name, shapes in looks.items():
-            body = SubElement(world, "body", name=f"{prefix}{name}", mocap="true")
-            seen = [shape for shape in shapes if shape.material != BLUR]
-            add_shapes(assets, body, seen, prefix=prefix)
-    return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
-
-
-def pose(data: mujoco.MjData, stands: Sequence[Mapping[str, tuple[Array, Array]]]) -> None:
-    """Place the balls, each by the rotations and shifts of `Track.stands` at one time."""
-    bodies = [body for each in stands for body in each.values()]
-    data.mocap_pos[:] = np.array([shift[0] for _, shift in bodies])
-    turns = Rotation.from_matrix(np.array([turn[0] for turn, _ in bodies]))
-    data.mocap_quat[:] = turns.as_quat(scalar_first=True)
-
 
 KEYS = "space: pause; left, right: half a second; up, down: twice or half the speed; home: start"
 SPACE, HOME, RIGHT, LEFT, DOWN, UP = 32, 268, 262, 263, 264, 265  # GLFW's codes
-JUMP, FRAME = 0.5, 1 / 60  # s
+JUMP, FRAME = 0.5, 1 / 60  # s; a window of 60 pictures a second is smooth on any screen
 
 
 @dataclass
@@ -94,7 +59,7 @@ def check_display() -> None:
         raise InputError("on macOS a viewer needs mjpython in place of python; or take --web")
     import warnings
 
-    import glfw
+    import glfw  # which only a window needs
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -111,10 +76,11 @@ def view(motion: Motion, theory: Motion, seconds: float | None = None) -> None:
     from mujoco import viewer
 
     tracks = [track_of(motion), track_of(theory)]
-    model = build_stage(looks_of(theory.scene.ball), [motion.engine.colour, theory.engine.colour])
+    looks = looks_of(theory.scene.ball)
+    colours = [motion.engine.colour, theory.engine.colour]
+    model = build_stage(looks, colours, [1.0, GHOST]).compile()
     data = mujoco.MjData(model)
     clock = Clock(max(float(motion.times[-1]), float(theory.times[-1])))
-    names = list(looks_of(theory.scene.ball))
     begin = before = time.monotonic()
     with viewer.launch_passive(
         model, data, key_callback=clock.key, show_left_ui=False, show_right_ui=False
@@ -127,7 +93,7 @@ def view(motion: Motion, theory: Motion, seconds: float | None = None) -> None:
             at = np.array([clock.t])
             stands = [track.stands(track.at(at)) for track in tracks]
             with window.lock():
-                pose(data, [{name: each[name] for name in names} for each in stands])
+                pose(data, [{name: each[name] for name in looks} for each in stands])
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_camlight(model, data)
                 window.cam.lookat[:] = np.mean([each["shell"][1][0] for each in stands], axis=0)

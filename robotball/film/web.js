@@ -7,7 +7,7 @@ if (!gl) { find("line").textContent = "This browser shows no WebGL 2, which the 
 
 // Data: rows of contact point x, y, attitude w, x, y, z, hinge angles; lengths in radii.
 const floats = text => new Float32Array(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
-const WIDTH = 6 + data.hinges, SUN = [-0.35, 0.45, -1], LANE = 1.45, TRAIL = 0.035;
+const WIDTH = 6 + data.hinges, SUN = [-0.3, 0.4, -1], LANE = 1.45, TRAIL = 0.035;
 const balls = data.balls.map(ball => ({...ball, rows: floats(ball.rows)}));
 const apart = floats(data.apart), end = data.end;
 
@@ -94,9 +94,56 @@ for (const ball of balls) {
   ball.trail = buffer(strip);
 }
 
+// How the light on a surface is computed. Floor and paths average their own edges over a pixel.
+const KINDS = ["LIT", "FLOOR", "GLASS", "SHADOW", "PATH"];
+const HEAD = "#version 300 es\nprecision highp float;\nprecision highp int;\n"
+  + KINDS.map((name, i) => `#define ${name} ${i}\n`).join("");
+const VERTEX = `
+in vec3 corner, normal;
+uniform mat4 view, place;
+uniform vec3 sun;
+uniform int kind;
+out vec3 at, n;
+void main() {
+  vec4 world = place * vec4(corner, 1.0);
+  n = mat3(place[0].xyz, place[1].xyz, place[2].xyz) * normal;
+  if (kind == SHADOW) world.xyz -= sun * ((world.z - 0.004) / sun.z);
+  at = world.xyz;
+  gl_Position = view * world;
+}
+`;
+const FRAGMENT = `
+out vec4 SEEN;
+in vec3 at, n;
+uniform vec4 colour;
+uniform vec3 eye, sun, look, sky, tile;
+uniform int kind;
+float tiles(vec2 p) {
+  vec2 w = max(fwidth(p), 1e-4);
+  vec2 i = 2.0 * (abs(fract((p - 0.5 * w) * 0.5) - 0.5) - abs(fract((p + 0.5 * w) * 0.5) - 0.5)) / w;
+  return 0.5 - 0.5 * i.x * i.y;
+}
+void main() {
+  if (kind == FLOOR) {
+    float far = smoothstep(8.0, 38.0, distance(at, look));
+    SEEN = vec4(mix(mix(tile, tile * 0.92, tiles(at.xy * 0.5)), sky, far), 1.0);
+  } else if (kind == PATH) {
+    SEEN = vec4(colour.rgb, colour.a * clamp((1.0 - abs(n.x)) / fwidth(n.x), 0.0, 1.0));
+  } else if (kind == SHADOW) {
+    SEEN = colour;
+  } else {
+    vec3 to = normalize(eye - at), normal = normalize(n), light = -normalize(sun);
+    if (dot(normal, to) < 0.0) normal = -normal;
+    float lit = 0.55 + 0.25 * normal.z + 0.35 * max(dot(normal, light), 0.0);
+    float shine = pow(max(dot(normal, normalize(light + to)), 0.0), 40.0);
+    float glass = kind == GLASS ? 0.45 * pow(1.0 - max(dot(normal, to), 0.0), 3.0) + 0.5 * shine : 0.0;
+    SEEN = vec4(colour.rgb * min(lit, 1.15) + 0.25 * shine, min(1.0, colour.a + glass));
+  }
+}
+`;
 const program = gl.createProgram();
 [gl.VERTEX_SHADER, gl.FRAGMENT_SHADER].forEach((type, i) => {
-  const shader = gl.createShader(type); gl.shaderSource(shader, SHADERS[i]); gl.compileShader(shader);
+  const shader = gl.createShader(type); gl.shaderSource(shader, HEAD + [VERTEX, FRAGMENT][i]); gl.compileShader(shader);
   gl.attachShader(program, shader);
 });
 ["corner", "normal"].forEach((name, i) => gl.bindAttribLocation(program, i, name));
@@ -105,7 +152,7 @@ if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProg
 gl.useProgram(program);
 const uniform = Object.fromEntries(["view", "place", "sun", "kind", "colour", "eye", "look", "sky", "tile"]
   .map(name => [name, gl.getUniformLocation(program, name)]));
-const [LIT, FLOOR, GLASS, SHADOW, PATH] = [0, 1, 2, 3, 4];
+const [LIT, FLOOR, GLASS, SHADOW, PATH] = KINDS.keys();
 function draw(mesh, kind, place, colour, mode = gl.TRIANGLES, count = mesh.count) {
   gl.uniform1i(uniform.kind, kind); gl.uniformMatrix4fv(uniform.place, false, place);
   gl.uniform4fv(uniform.colour, colour); gl.bindVertexArray(mesh.array); gl.drawArrays(mode, 0, count);

@@ -11,7 +11,6 @@ import numpy as np
 
 from robotball.errors import InputError
 from robotball.film import looks as palette
-from robotball.film.canvas import shaders
 from robotball.film.looks import colours, looks_of
 from robotball.film.tracks import heading_of, track_of
 from robotball.motion import Motion
@@ -39,10 +38,7 @@ CONTROLS = """
 def view_head() -> str:
     """Return the style and script that the views of a page share; it stands once a page."""
     style, script = ((HERE / f"web.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
-    return (
-        f"<style>{style}</style>\n<script>const SHADERS = {json.dumps(shaders(page=True))};\n"
-        f"{script}</script>"
-    )
+    return f"<style>{style}</style>\n<script>{script}</script>"
 
 
 def view_fragment(motions: Sequence[Motion]) -> str:

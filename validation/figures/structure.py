@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from robotball import Motion, Scene, integrate, sample_times
-from robotball.film.canvas import triangles_of
-from robotball.film.looks import BLUR, INK, Shape, colours, looks_of
+from robotball.film.looks import BLUR, INK, Shape, colours, looks_of, triangles_of
 from robotball.film.tracks import track_of
 from robotball.rotations import Array, rotation_matrix
 from validation.figures.sheets import (
@@ -46,7 +45,7 @@ class Solid:
 def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> Solid:
     """A body's shapes turned (3, 3) and then shifted (3,), but for its glass and what blurs."""
     solid = [shape for shape in shapes if shape.material not in ("shell", BLUR)]
-    corners = [triangles_of(shape)[:, :3].reshape(-1, 3, 3) for shape in solid]
+    corners = [triangles_of(shape) for shape in solid]
     colour = [
         np.tile(colours()[shape.material][:3], (len(own), 1))
         for shape, own in zip(solid, corners, strict=True)

@@ -18,8 +18,8 @@ from robotball.cores import at_most
 from robotball.engines.mujoco import LABEL, model
 from robotball.film import gl
 from robotball.film import looks as palette
-from robotball.film.canvas import Pixels
 from robotball.film.render import Film, frames
+from robotball.film.stage import Pixels
 from robotball.film.write import write_video
 from robotball.motion import Loads
 from robotball.robot import PARTS

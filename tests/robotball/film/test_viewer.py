@@ -6,6 +6,7 @@ import pytest
 
 import robotball as rb
 from robotball.film.looks import looks_of
+from robotball.film.stage import build_stage, pose
 from robotball.film.tracks import track_of
 from robotball.film.viewer import (
     DOWN,
@@ -15,9 +16,7 @@ from robotball.film.viewer import (
     SPACE,
     UP,
     Clock,
-    build_stage,
     check_display,
-    pose,
 )
 from robotball.poses import poses
 from robotball.rotations import rotation_matrix
@@ -32,7 +31,7 @@ def test_the_stage_s_bodies_stand_as_the_motion_s(name: str) -> None:
     motion = rb.integrate(scene, times)
     track, looks = track_of(motion), looks_of(scene.ball)
     stands = track.stands(track.at(times[-1:]))
-    model = build_stage(looks, ["#0072B2", "#D55E00"])
+    model = build_stage(looks, ["#0072B2", "#D55E00"], [1.0, 0.35]).compile()
     data = mujoco.MjData(model)
     ordered = {body: stands[body] for body in looks}
     pose(data, [ordered, ordered])

@@ -1,0 +1,388 @@
+"""Draw balls, paths, arrows and shadows on a floor by MuJoCo's renderer.
+
+A stage is a MuJoCo model of the floor and of balls, whose bodies are placed by hand; its geoms are
+drawn as they are in the model. Four things are added to MuJoCo's scene for each picture:
+
+* A soft shadow. The ball is drawn in white as the sun sees it; that picture, blurred, is the
+  opacity of a black plane on the floor. Shadow maps take as long again as the picture itself, and
+  by them the glass of a shell throws an opaque shadow.
+* The rim of the glass, which reflects more at a grazing angle: a picture of it (Schlick's
+  approximation of Fresnel's law) faces the camera in the plane of the shell's outline.
+* The path, a strip whose corners after the present time all lie on the present ones.
+* Arrows.
+
+Lengths are in radii of the ball.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import SubElement
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.spatial.transform import Rotation
+
+from robotball.film import gl
+from robotball.film import looks as palette
+from robotball.film.looks import BLUR, MARKS, Shape, add_materials, add_shapes
+from robotball.robot import PARTS
+from robotball.rotations import Array
+
+Pixels = NDArray[np.uint8]
+Stands = Mapping[str, tuple[Array, Array]]
+
+OWN = ("shell", "mark")  # the materials that have the engine's colour
+
+
+def build_stage(
+    looks: Mapping[str, Sequence[Shape]], colours: Sequence[str], opacities: Sequence[float]
+) -> mujoco.MjSpec:
+    """Return the model of the floor and a ball of each colour and opacity; lengths in radii.
+
+    Its mocap bodies are the first ball's in the order of `looks`, then the next one's. A body and a
+    material are named after their ball: "ball0_shell", "ball1_rotor1".
+    """
+    root = ElementTree.parse(PARTS / "floor.xml").getroot()
+    assets, world = root.find("asset"), root.find("worldbody")
+    assert assets is not None
+    assert world is not None
+    for number, (colour, opacity) in enumerate(zip(colours, opacities, strict=True)):
+        prefix, rgb = f"ball{number}_", " ".join(f"{part:g}" for part in palette.rgb(colour))
+        add_materials(assets, dict.fromkeys(OWN, rgb), prefix, opacity)
+        for name, shapes in looks.items():
+            body = SubElement(world, "body", name=f"{prefix}{name}", mocap="true")
+            add_shapes(assets, body, shapes, prefix=prefix)
+    return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+
+
+def pose(data: mujoco.MjData, stands: Sequence[Stands]) -> None:
+    """Place the balls, each by the rotations and shifts of `Track.stands` at one time."""
+    bodies = [body for each in stands for body in each.values()]
+    data.mocap_pos[:] = np.array([shift[0] for _, shift in bodies])
+    turns = Rotation.from_matrix(np.array([turn[0] for turn, _ in bodies]))
+    data.mocap_quat[:] = turns.as_quat(scalar_first=True)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A view of a point (3,) from a distance, azimuth and elevation [rad]."""
+
+    look: Array
+    distance: float
+    azimuth: float
+    elevation: float
+
+    @property
+    def eye(self) -> Array:
+        """Where the camera is (3,)."""
+        level = np.cos(self.elevation)
+        back = [level * np.cos(self.azimuth), level * np.sin(self.azimuth), np.sin(self.elevation)]
+        return self.look + self.distance * np.array(back)
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """An arrow from a point (3,) to another."""
+
+    begin: Array
+    end: Array
+    colour: str
+
+
+LENS = 3.1  # a lens of 36 degrees: the distance at which the picture's shorter side is 2
+NEAR = 7.2  # the distance from which widths and lifts are as given below; they grow with it
+TRAIL = 0.035  # half of a path's width
+# Heights over the floor: the depth buffer must separate them, from far away too.
+LIFT_PATH, LIFT_OTHER, LIFT_SHADOW = 0.006, 0.004, 0.002
+BEHIND = 0.003  # a ghost is drawn farther away, or its surfaces would flicker through the ball's
+THICK = 0.045  # half of an arrow's width
+POINTS = 20_000  # of a path; a longer one is thinned, as all are sent to OpenGL for each picture
+GEOMS = 2000  # room for a stage's own and for what is added
+SAMPLES = 4  # a pixel
+NEAREST, FAR = 0.015, 40.0  # what is seen, in distances of the camera from what it looks at
+SKY = (0.95, 0.96, 0.97)
+
+TEXELS = 128  # along each side of the pictures of shadow and rim
+REACH = 1.25  # half of the shadow's side: the ball, and room for the blur
+SUN = np.array([-0.3, 0.4, -1.0])  # the direction of its light, as in mjcf/floor.xml
+PENUMBRA = 1.5  # texels: the standard deviation of the blur
+# How dark the shadow of a solid is; it goes as the root of the opacity, for glass to have one too.
+SHADE = 0.34
+RIM = 0.6  # how much the glass reflects where it is seen edge-on
+OPAQUE = 0.99  # MuJoCo blends a geom with its texture's opacity if its own is less than 0.995
+
+
+class Stage:
+    """An off-screen OpenGL with a floor and balls of the same shapes.
+
+    size: (height, width) of a picture in pixels; colours: of each ball; paths: the contact points
+    (n, 2) of each; distance: the camera's, at which the paths have their usual width and the fog
+    begins; backend: as `gl.find_backend` returned. Raises OSError if there is no off-screen GL.
+    Call `close` when done.
+    """
+
+    def __init__(
+        self,
+        size: tuple[int, int],
+        looks: Mapping[str, Sequence[Shape]],
+        colours: Sequence[str],
+        paths: Sequence[Array],
+        distance: float,
+        backend: str | None,
+    ) -> None:
+        self._size, self._bodies, self._colours = size, list(looks), colours
+        self._paths, self._step = paths, -(-len(paths[0]) // POINTS)
+        self._strips = [_strip(path[:: self._step], TRAIL * distance / NEAR) for path in paths]
+        spec = build_stage(looks, colours, np.ones(len(colours)).tolist())
+        for i, strip in enumerate(self._strips):
+            _add_strip(spec, f"path{i}", len(strip))
+            _add_texture(spec, f"shadow{i}", np.zeros((TEXELS, TEXELS)), 0)
+        _add_texture(spec, "rim", _rim(), 255)
+        self._model = model = spec.compile()
+        self._data = mujoco.MjData(model)
+        visual, height, width = model.vis, *size
+        # Shadows are drawn into the same buffer, which must be as large for the smallest film.
+        visual.global_.offheight, visual.global_.offwidth = max(height, TEXELS), max(width, TEXELS)
+        visual.global_.fovy = np.degrees(2 * np.arctan(max(1.0, height / width) / LENS))
+        visual.quality.offsamples = SAMPLES
+        model.stat.extent = 1.0  # MuJoCo's unit of the lengths below
+        visual.rgba.fog = *SKY, 1.0
+        visual.map.fogstart, visual.map.fogend = 1.2 * distance, distance + 38.0
+        visual.map.zfar = FAR * distance  # as far as MuJoCo makes a plane without an end
+        for i in range(model.nmesh):  # the strips, like the floor, are lit from above
+            if model.mesh(i).name.startswith("path"):
+                begin, count = model.mesh_normaladr[i], model.mesh_normalnum[i]
+                model.mesh_normal[begin : begin + count] = 0.0, 0.0, 1.0
+        names = [model.mat(i).name.split("_") for i in model.geom_matid]
+        self._ball = np.array([int(name[0][4:]) if len(name) > 1 else -1 for name in names])
+        self._material = np.array([name[-1] for name in names])
+        self._mine = self._ball >= 0
+        # A geom's own colour overrides its material's: opacities then change geom by geom.
+        model.geom_rgba[self._mine] = model.mat_rgba[model.geom_matid[self._mine]]
+        self._opacity = self._seen = model.geom_rgba[:, 3].copy()
+        self._centres = np.zeros((len(colours), 3))
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[:] = 1  # the discs of fast rotors too, which viewers hide
+        self._context = gl.context(width, height, backend)
+        self._scene = mujoco.MjvScene(model, GEOMS)
+        self._drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
+
+    def place(self, stands: Sequence[Stands], blurred: Sequence[Mapping[str, float]]) -> None:
+        """Place each ball's bodies, by their names.
+
+        blurred: for each body 0, where its marks are seen, to 1, where it turns too fast for them.
+        """
+        model, data = self._model, self._data
+        pose(data, [{name: each[name] for name in self._bodies} for each in stands])
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
+        self._centres = np.array([each["shell"][1][0] for each in stands])
+        self._seen = self._opacity.copy()
+        for i, fasts in enumerate(blurred):
+            for name, fast in fasts.items():
+                body = model.geom_bodyid == model.body(f"ball{i}_{name}").id
+                self._seen[body & (self._material == MARKS)] *= 1 - fast
+                self._seen[body & (self._material == BLUR)] *= fast
+        for i in range(len(stands)):
+            self._shade(i)
+
+    def draw(
+        self,
+        camera: Camera,
+        opacities: Sequence[float],
+        trails: Sequence[float],
+        last: int,
+        arrows: Sequence[Arrow] = (),
+    ) -> Pixels:
+        """Return a picture (height, width, 3).
+
+        opacities: of each ball, 0 for one that is not drawn; trails: of each path, which ends at
+        its point `last`.
+        """
+        self._update(camera, opacities)
+        for i, opacity in enumerate(trails):
+            self._add_path(i, last, opacity, LIFT_PATH if opacities[i] == 1 else LIFT_OTHER, camera)
+        for i, opacity in enumerate(opacities):
+            if opacity > 0:
+                self._add_shadow(i, opacity, camera)
+                self._add_rim(i, opacity, camera)
+        for arrow in arrows:
+            geom = self._add(mujoco.mjtGeom.mjGEOM_ARROW, arrow.colour, 1.0)
+            # MuJoCo's arrows end half way.
+            tip = 2 * arrow.end - arrow.begin
+            mujoco.mjv_connector(geom, geom.type, THICK, arrow.begin, tip)
+        return self._render(*self._size, fog=True)
+
+    def close(self) -> None:
+        """Free the OpenGL context and all that it holds."""
+        self._drawing.free()
+        self._context.free()
+
+    def _update(self, camera: Camera, opacities: Sequence[float]) -> None:
+        """Fill the scene with the model's geoms."""
+        model, data = self._model, self._data
+        view = mujoco.MjvCamera()
+        view.lookat[:], view.distance = camera.look, camera.distance
+        view.azimuth, view.elevation = np.degrees([camera.azimuth + np.pi, -camera.elevation])
+        # In proportion, for the depth buffer to separate what lies on the floor from far away too.
+        model.vis.map.znear = NEAREST * camera.distance
+        model.vis.map.zfar = FAR * camera.distance
+        balls = self._ball[self._mine]
+        opacity = self._seen[self._mine] * np.array(opacities)[balls]
+        model.geom_rgba[self._mine, 3] = _once(opacity)
+        away = (camera.look - camera.eye) / camera.distance
+        stand = data.geom_xpos.copy()
+        data.geom_xpos[self._mine] += BEHIND * np.outer(balls, away)
+        mujoco.mjv_updateScene(
+            model, data, self._option, None, view, mujoco.mjtCatBit.mjCAT_ALL, self._scene
+        )
+        data.geom_xpos[:] = stand
+
+    def _render(self, height: int, width: int, *, fog: bool) -> Pixels:
+        flags, flag = self._scene.flags, mujoco.mjtRndFlag
+        flags[flag.mjRND_FOG] = flags[flag.mjRND_SKYBOX] = fog
+        # MuJoCo's haze and reflections show a horizon that the fog hides.
+        flags[flag.mjRND_SHADOW] = flags[flag.mjRND_HAZE] = flags[flag.mjRND_REFLECTION] = False
+        self._context.make_current()
+        rectangle = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(rectangle, self._scene, self._drawing)
+        pixels = np.empty((height, width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(pixels, None, rectangle, self._drawing)
+        return pixels[::-1]  # OpenGL's rows run upwards
+
+    def _add(self, kind: int, colour: str, opacity: float, material: str = "") -> Any:
+        """Return a geom that is added to the scene, at the origin and of size one."""
+        scene = self._scene
+        geom = scene.geoms[scene.ngeom]
+        scene.ngeom += 1
+        rgba = np.array([*palette.rgb(colour), opacity])
+        mujoco.mjv_initGeom(geom, kind, np.ones(3), np.zeros(3), np.eye(3).ravel(), rgba)
+        if material:
+            geom.matid = self._model.mat(material).id
+        return geom
+
+    def _shade(self, i: int) -> None:
+        """Draw a ball in white as the sun sees it, which becomes the texture of its shadow."""
+        centre, sun = self._centres[i], SUN / np.linalg.norm(SUN)
+        self._update(Camera(centre, NEAR, 0.0, 1.0), np.eye(len(self._centres))[i].tolist())
+        for camera in self._scene.camera:  # two, for stereo: MuJoCo takes the mean of both
+            camera.pos, camera.forward, camera.up = centre - NEAR * sun, sun, _sun_axes()[1]
+            camera.orthographic, camera.frustum_center, camera.frustum_width = 1, 0.0, REACH
+            camera.frustum_bottom, camera.frustum_top = -REACH, REACH
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            geom.rgba[:3], geom.emission, geom.matid = 1.0, 1.0, -1
+            if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                geom.rgba[3] = 0.0  # the floor is not part of the ball
+        # A texture's rows run upwards, a picture's downwards.
+        opacity = self._render(TEXELS, TEXELS, fog=False)[::-1, :, 0] / 255
+        dark = SHADE * np.sqrt(gaussian_filter(opacity, PENUMBRA, mode="constant"))
+        texture = self._model.tex(f"shadow{i}")
+        texels = self._model.tex_data[texture.adr[0] :][: 4 * TEXELS**2]
+        texels[3::4] = np.round(255 * _once(dark)).ravel()
+        mujoco.mjr_uploadTexture(self._model, self._drawing, texture.id)
+
+    def _add_shadow(self, i: int, opacity: float, camera: Camera) -> None:
+        shadow = self._add(mujoco.mjtGeom.mjGEOM_PLANE, "#000000", OPAQUE * opacity, f"shadow{i}")
+        height = float(self._centres[i, 2])
+        shadow.pos = self._centres[i] - SUN * (height / SUN[2])
+        shadow.pos[2] = LIFT_SHADOW * camera.distance / NEAR
+        # The plane's sides are those vectors on the floor that the sun sees as its right and up.
+        shadow.mat[:2, :2] = np.linalg.inv(_sun_axes()[:, :2])
+        shadow.size, shadow.specular = np.array([REACH, REACH, 1.0]), 0.0
+
+    def _add_rim(self, i: int, opacity: float, camera: Camera) -> None:
+        rim = self._add(mujoco.mjtGeom.mjGEOM_PLANE, self._colours[i], OPAQUE * opacity, "rim")
+        to_eye = camera.eye - self._centres[i]
+        distance = float(np.linalg.norm(to_eye))
+        # The outline of a sphere is a circle of its own, nearer to the eye than the centre.
+        rim.pos = self._centres[i] + to_eye / distance**2
+        rim.mat = _facing(to_eye).T
+        outline = np.sqrt(1 - 1 / distance**2)
+        rim.size = np.array([outline, outline, 1.0])
+
+    def _add_path(self, i: int, last: int, opacity: float, lift: float, camera: Camera) -> None:
+        model, strip = self._model, self._strips[i].copy()
+        # MuJoCo draws a mesh whole: triangles after the present have no area.
+        end = 2 * (last // self._step) + 2
+        strip[end:, :2] = self._paths[i][last]  # a thinned path too reaches the ball
+        strip[:, 2] = lift * camera.distance / NEAR
+        mesh = model.mesh(f"path{i}")
+        model.mesh_vert[mesh.vertadr[0] :][: len(strip)] = strip
+        self._context.make_current()
+        mujoco.mjr_uploadMesh(model, self._drawing, mesh.id)
+        path = self._add(mujoco.mjtGeom.mjGEOM_MESH, self._colours[i], float(_once(opacity)))
+        path.dataid = 2 * mesh.id  # twice, as MuJoCo keeps a mesh and its hull
+        path.specular = 0.0
+
+
+def _once(opacity: Array | float) -> Array:
+    """Return the opacity to give to MuJoCo for one that is to be seen.
+
+    It blends what is not opaque twice, from front to back and from back to front.
+    """
+    return np.asarray(1 - np.sqrt(1 - opacity))
+
+
+def _facing(back: Array) -> Array:
+    """Return the unit vectors (3, 3) to the right, up and back of a camera that looks against it.
+
+    `back` (3,) may not be vertical.
+    """
+    right = np.cross([0.0, 0.0, 1.0], back)
+    axes = np.stack([right, np.cross(back, right), back])
+    return axes / np.linalg.norm(axes, axis=1, keepdims=True)
+
+
+def _sun_axes() -> Array:
+    """Return the sun's right and up (2, 3)."""
+    return _facing(-SUN)[:2]
+
+
+def _rim() -> Array:
+    """Return the opacity (n, n) that glass has at its rim, seen from the front."""
+    at = np.linspace(-1.0, 1.0, TEXELS)
+    out = np.hypot(at, at[:, None])
+    cosine = np.sqrt(np.maximum(1 - out**2, 0.0))
+    return _once(RIM * (1 - cosine) ** 3) * np.clip((1 - out) * TEXELS / 2, 0.0, 1.0)
+
+
+def _add_texture(spec: mujoco.MjSpec, name: str, opacity: Array, grey: int) -> None:
+    """Add a material and its texture (n, n), of one grey and an opacity from 0 to 1."""
+    texels = np.full((*opacity.shape, 4), grey, np.uint8)
+    texels[:, :, 3] = np.round(255 * opacity)
+    texture = spec.add_texture(
+        name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=TEXELS, height=TEXELS, nchannel=4
+    )
+    texture.data = texels.tobytes()
+    spec.add_material(name=name).textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+
+
+def _add_strip(spec: mujoco.MjSpec, name: str, corners: int) -> None:
+    """Add a mesh with the triangles of a strip, whose corners are set for each picture."""
+    anywhere = np.zeros((corners, 3))
+    anywhere[:, 0], anywhere[1::2, 1] = np.arange(corners), 1.0
+    first = np.arange(corners - 2)
+    odd = first % 2  # every second triangle of a strip runs the other way round
+    faces = np.stack([first, first + 1 + odd, first + 2 - odd], axis=1)
+    spec.add_mesh(
+        name=name,
+        uservert=anywhere.ravel(),
+        userface=faces.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )
+
+
+def _strip(points: Array, side: float) -> Array:
+    """Return a strip (2 n, 3) on the floor through points (n, 2), as wide to each side."""
+    steps = np.gradient(points, axis=0)
+    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+    along = np.divide(steps, lengths, out=np.tile([1.0, 0.0], (len(points), 1)), where=lengths > 0)
+    across = side * np.column_stack([-along[:, 1], along[:, 0]])
+    strip = np.zeros((2 * len(points), 3))
+    strip[0::2, :2], strip[1::2, :2] = points + across, points - across
+    return strip

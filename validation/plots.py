@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
-from robotball.cores import in_processes, prepare
+from robotball.processes import in_processes, prepare
 from validation.output import DPI, in_picture, replacing, title
 
 if TYPE_CHECKING:

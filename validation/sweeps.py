@@ -1,9 +1,9 @@
 """Run many cells, on this machine's cores or on a dask cluster, and lose no result.
 
 A cell is plain data. Each result is a line of JSON in the sweep's journal, on disk as soon as it is
-known, so a sweep that was killed goes on where it ended. Each cell runs in a process that shares a
-pipe with its parent and nothing with any other: no lock stays taken whenever one is killed, and a
-cell that outlasts its limit, even in compiled code, is ended with its process.
+known, so a sweep that was killed goes on where it ended. Cells run in the processes of
+`robotball.cores`, which may be killed at any time, and are where a cell outlasts its limit, even in
+compiled code.
 """
 
 import fcntl
@@ -15,20 +15,20 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager, suppress
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import cache, partial
 from importlib import import_module
 from itertools import islice
-from multiprocessing.connection import Connection
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any, BinaryIO
 
 from robotball import InputError
-from robotball.cores import FORKSERVER, at_most, cores, end_with_parent, start_server
+from robotball.cores import cores
 from robotball.errors import check_count, check_positive
 from robotball.files.replacing import no_regular_file
+from robotball.processes import Answer, EndedError, Worker, pool
 from validation.output import Show, versions, writable_file, write_rows
 
 Cell = Mapping[str, Any]
@@ -210,84 +210,71 @@ def _results(lines: list[bytes], path: Path) -> dict[str, Result]:
     return results
 
 
-IDLE = 60.0
-"""How long [s] a process waits for the next cell before it ends."""
-PARTS = 20
-"""A limit is waited for in so many parts; however long we are stopped, it takes one of them."""
-TRIES = 10
-"""How often a process is asked to begin a cell, and started again where it was idle or killed."""
-CHILDREN = threading.Lock()
-"""A process that is started looks after all others, which two threads must not do at a time."""
-Outcome = tuple[str, bool]
-"""A result as a line, and whether the process died, of the cell or of a kill from outside."""
+CHECK = 5.0  # s that a place may give no results before it is checked
+ANSWER = 4.0  # s that a scheduler may take to answer
+ABSENCE = 30.0  # s without dask workers: more than a nanny needs to start one again
+WINDOW = 1000  # cells handed to a scheduler at once: more than its threads, few enough to be quick
 
 
-class Worker:
-    """A process of its own, started when it is first needed and again after its end."""
+@dataclass(frozen=True)
+class _Place:
+    """A place where cells run.
 
-    def __init__(self) -> None:
-        self._process: multiprocessing.process.BaseProcess | None = None
-        self._closed = False
+    name: for the user; limit: s for a cell; window: how many cells to have handed in at once, which
+    keep every process busy; submit: gives a cell to `Worker.answer` of a process of `_line`; check:
+    raises InputError where no answer can come.
+    """
 
-    def outcome(self, work: Work, cell: Cell, limit: float | None) -> Outcome:
-        """The cell's result, which is a failure if there is none in `limit` s; for one thread.
+    name: str
+    limit: float | None
+    window: int
+    submit: Callable[[Cell], "Future[Answer]"]
+    check: Callable[[], None] = lambda: None
 
-        Raises ChildProcessError where no process begins it.
+    def lines(self, cells: Sequence[Cell]) -> Iterator[str]:
+        """Yield the cells' results, each as soon as it is known.
+
+        What ended a process may be the memory that all took together, so its cell is run again
+        when the others are done, with no other beside it. Raises InputError where none can run.
         """
-        self._begin(work, cell)
+        again = []
+        for cell, line, died in self._outcomes(cells):
+            if died:
+                again.append(cell)
+            else:
+                yield line
+        for cell in again:
+            for _, line, _ in self._outcomes([cell]):
+                yield line
+
+    def _outcomes(self, cells: Sequence[Cell]) -> Iterator[tuple[Cell, str, bool]]:
+        """Yield the cells with their results, and whether a process died."""
+        waiting = iter(cells)
+        running = {self.submit(cell): cell for cell in islice(waiting, self.window)}
+        while running:
+            finished, _ = wait(running, CHECK, FIRST_COMPLETED)
+            if not finished:
+                self.check()
+            for future in finished:
+                cell = running.pop(future)
+                yield cell, *self._outcome(cell, future)
+            running |= {self.submit(cell): cell for cell in islice(waiting, len(finished))}
+
+    def _outcome(self, cell: Cell, future: "Future[Answer]") -> tuple[str, bool]:
         try:
-            if self._answers(limit):
-                return self._pipe.recv(), False
-        except (OSError, EOFError):
-            return to_line(cell, None, _death(self._end())), True
-        self._end()
-        return to_line(cell, None, f"{OUTLASTED} {limit:g} s"), False
-
-    def close(self) -> None:
-        """Ends the process, whatever it does, and starts no other; for any thread."""
-        self._closed = True
-        self._end()
-
-    def _begin(self, work: Work, cell: Cell) -> None:
-        """Returns when the cell runs, from where its time counts."""
-        for _ in range(TRIES):
-            try:
-                if self._process is None:
-                    self._start(work)
-                self._pipe.send((work, cell))
-                self._pipe.recv()
-                return
-            except (OSError, EOFError) as error:  # it ended before
-                why = reason(error)
-                if self._end() == 1:  # by an exception: the work cannot be loaded
-                    break
-        raise ChildProcessError(f"no process takes one ({why}); more is on standard error")
-
-    def _start(self, work: Work) -> None:
-        self._pipe, theirs = FORKSERVER.Pipe()
-        process = FORKSERVER.Process(target=_serve, args=(theirs,), daemon=True)
-        with theirs, CHILDREN:
-            start_server(work.__module__)
-            process.start()
-        self._process = process
-        if self._closed:  # meanwhile
-            self._end()
-            raise CancelledError
-
-    def _answers(self, limit: float | None) -> bool:
-        if limit is None:
-            return self._pipe.poll(None)
-        return any(self._pipe.poll(limit / PARTS) for _ in range(PARTS))
-
-    def _end(self) -> int:
-        """The status of the process, ended by itself or now."""
-        process, self._process = self._process, None
-        if process is None:
-            return 0
-        process.kill()
-        with CHILDREN:
-            process.join()
-            return process.exitcode or 0
+            return future.result()[0], False
+        except EndedError as ended:
+            if ended.status is None:
+                return to_line(cell, None, f"{OUTLASTED} {self.limit:g} s"), False
+            return to_line(cell, None, _death(ended.status)), True
+        except CancelledError:  # by dask, whose scheduler does not answer
+            raise InputError(f"{self.name} has gone: start it, and this again to go on") from None
+        except ChildProcessError as error:
+            raise InputError(f"no cells can run on {self.name}: {reason(error)}") from None
+        # A dask worker that leaves while its answer is fetched loses it, and one that is killed
+        # leaves none, which dask reports by errors of many types.
+        except Exception as error:
+            return to_line(cell, None, reason(error)), True
 
 
 def _death(status: int) -> str:
@@ -296,21 +283,10 @@ def _death(status: int) -> str:
     return f"ended its process with status {status}"
 
 
-def _serve(pipe: Connection) -> None:
-    """Run cells in this process: answer that one begins, and then its line."""
-    end_with_parent()
-    with suppress(EOFError, BrokenPipeError, ConnectionResetError):
-        while pipe.poll(IDLE):
-            work, cell = pipe.recv()
-            pipe.send(None)
-            pipe.send(_line(work, cell))
-
-
 def _line(work: Work, cell: Cell) -> str:
-    """The result; whatever the work raises is its failure."""
+    """Return the result as a line; whatever the work raises is its failure."""
     try:
-        with at_most(1):
-            record = work(cell)
+        record = work(cell)
         if not isinstance(record, Mapping):
             raise TypeError(f"a record must be a mapping, not {type(record).__name__}")
         return to_line(cell, record, None)
@@ -318,129 +294,20 @@ def _line(work: Work, cell: Cell) -> str:
         return to_line(cell, None, reason(error))
 
 
-CHECK = 5.0
-"""How long [s] a pool may give no results before it is checked."""
-
-
-@dataclass(frozen=True)
-class Pool:
-    """Where cells run.
-
-    place: as the user knows it; window: how many cells to have handed in at once, which keep every
-    process busy; submit: what will come of a cell; killed: what is raised instead where a worker
-    ended, its processes with it; check: raises InputError where nothing can come.
-    """
-
-    place: str
-    window: int
-    submit: Callable[[Cell], "Future[Outcome]"]
-    killed: tuple[type[Exception], ...] = ()
-    check: Callable[[], None] = lambda: None
-
-    def lines(self, cells: Sequence[Cell]) -> Iterator[str]:
-        """The cells' results, each as soon as it is known; raises InputError where none can run.
-
-        What ended a process may be the memory that all took together, so its cell is run again
-        when the others are done, with no other beside it.
-        """
-        again = []
-        for cell, (line, died) in self._outcomes(cells):
-            if died:
-                again.append(cell)
-            else:
-                yield line
-        for cell in again:
-            for _, (line, _) in self._outcomes([cell]):
-                yield line
-
-    def _outcomes(self, cells: Sequence[Cell]) -> Iterator[tuple[Cell, Outcome]]:
-        """The cells with what came of them, each as soon as it is done."""
-        waiting = iter(cells)
-        running: dict[Future[Outcome], Cell] = {}
-        done: SimpleQueue[Future[Outcome]] = SimpleQueue()
-        resubmitted: set[int] = set()
-
-        def submit(cell: Cell) -> None:
-            future = self.submit(cell)
-            running[future] = cell
-            future.add_done_callback(done.put)
-
-        def hand_in(count: int) -> None:
-            for cell in islice(waiting, count):
-                submit(cell)
-
-        hand_in(self.window)
-        while running:
-            try:
-                future = done.get(timeout=CHECK)
-            except Empty:
-                self.check()
-            else:
-                cell = running.pop(future)
-                outcome = self._outcome(cell, future, last=id(cell) in resubmitted)
-                if outcome is None:
-                    resubmitted.add(id(cell))
-                    submit(cell)
-                else:
-                    yield cell, outcome
-                    hand_in(1)
-
-    def _outcome(self, cell: Cell, future: "Future[Outcome]", last: bool) -> Outcome | None:
-        """Return what came of a cell; None where its result was lost and `last` is not set.
-
-        A worker that leaves while its result is fetched loses it, which dask reports by errors of
-        many types. Where nothing can run, the second attempt fails as well.
-        """
-        try:
-            return future.result()
-        except self.killed:
-            return to_line(cell, None, "ended its worker"), True
-        except CancelledError:  # by dask, whose scheduler does not answer
-            raise InputError(f"{self.place} has gone: start it, and this again to go on") from None
-        except Exception as error:
-            if not last:
-                return None
-            raise InputError(f"no cells can run on {self.place}: {reason(error)}") from None
+@contextmanager
+def _local_cores(work: Work, limit: float | None, count: int) -> Iterator[_Place]:
+    """Give so many processes of this machine, which end with the block, whatever they do."""
+    with pool(partial(_line, work), count) as submit:
+        yield _Place("the local cores", limit, 2 * count, lambda cell: submit(cell, limit))
 
 
 @contextmanager
-def local_pool(work: Work, limit: float | None, count: int) -> Iterator[Pool]:
-    """So many processes of this machine, which end with the block, whatever they do."""
-    workers = [Worker() for _ in range(count)]
-    free = list(workers)
+def _cluster(work: Work, limit: float | None, address: str) -> Iterator[_Place]:
+    """Give the workers of the scheduler at `address`, with a process of ours for each thread.
 
-    def outcome(cell: Cell) -> Outcome:
-        worker = free.pop()
-        try:
-            return worker.outcome(work, cell, limit)
-        finally:
-            free.append(worker)
-
-    executor = ThreadPoolExecutor(count)
-    try:
-        yield Pool("the local cores", 2 * count, lambda cell: executor.submit(outcome, cell))
-    finally:
-        for worker in workers:
-            worker.close()
-        executor.shutdown(cancel_futures=True)
-
-
-ANSWER = 4.0
-"""How long [s] a scheduler may take to answer."""
-ABSENCE = 30.0
-"""How long [s] a cluster may be without workers: more than a nanny needs to start one again."""
-WINDOW = 1000
-"""Cells handed to the scheduler at once: more than its threads, few enough to be quick."""
-_own = threading.local()
-"""A thread of a dask worker has a worker of ours."""
-
-
-@contextmanager
-def cluster_pool(work: Work, limit: float | None, address: str) -> Iterator[Pool]:
-    """The workers of the scheduler at `address`, each with a process of its own for every thread.
-
-    Raises InputError where dask is not installed, none answers, or the workers have other versions
-    than we have; its check raises it where all workers have gone.
+    A cell that outlasts its limit or ends its process is so no loss of the dask worker. Raises
+    InputError where dask is not installed, none answers, or the workers have other versions than we
+    have; its check raises it where all workers have gone.
     """
     try:
         distributed = import_module("distributed")  # whose calls have no types
@@ -466,28 +333,15 @@ def cluster_pool(work: Work, limit: float | None, address: str) -> Iterator[Pool
             ) from None
 
     with client:
-        _check_workers(client, address)
+        _check_workers(client, address, work)
         executor = client.get_executor(pure=False)
-        yield Pool(
-            address,
-            WINDOW,
-            lambda cell: executor.submit(_outcome, work, cell, limit),
-            (distributed.KilledWorker,),
-            check,
-        )
+        submit = partial(executor.submit, _answer, work, limit=limit)
+        yield _Place(address, limit, WINDOW, submit, check)
 
 
-def _outcome(work: Work, cell: Cell, limit: float | None) -> Outcome:
-    """Return the outcome of a cell, run in a process of this thread of a dask worker."""
-    # A nanny makes its worker a daemon, which may start none lest they outlive it: ours do not.
-    multiprocessing.current_process().daemon = False
-    worker: Worker = _own.__dict__.setdefault("worker", Worker())
-    return worker.outcome(work, cell, limit)
-
-
-def _check_workers(client: Any, address: str) -> None:
+def _check_workers(client: Any, address: str, work: Work) -> None:
     try:
-        workers = client.run(versions)
+        workers = client.run(_versions_beside, work)
     except Exception as error:
         raise InputError(
             f"the workers at {address} do not run robotball: {reason(error)}; install it there"
@@ -501,6 +355,23 @@ def _check_workers(client: Any, address: str) -> None:
                     f"worker {worker} has {part} {theirs[part]}, and this is {ours}: install the "
                     "same there"
                 )
+
+
+def _versions_beside(_: Work) -> dict[str, str]:
+    """Return the versions of a dask worker, which must have loaded the work to be asked."""
+    return versions()
+
+
+def _answer(work: Work, cell: Cell, limit: float | None) -> Answer:
+    """Return the answer of a process of this thread of a dask worker."""
+    # A nanny makes its worker a daemon, which may start none lest they outlive it: ours do not.
+    multiprocessing.current_process().daemon = False
+    return _worker_of(work, threading.get_ident()).answer(cell, limit)
+
+
+@cache
+def _worker_of(work: Work, _thread: int) -> Worker:
+    return Worker(partial(_line, work))
 
 
 def sweep(
@@ -539,10 +410,10 @@ def sweep(
     with journal(file, work) as kept:
         missing = [cell for key, cell in distinct.items() if key not in kept.results]
         there = [kept.results[key] for key in distinct if key in kept.results]
-        progress = Progress(show, there, len(cells))
+        progress = _Progress(show, there, len(cells))
         if missing:
-            with _pool(work, limit, workers, cluster, len(missing)) as pool:
-                for line in pool.lines(missing):
+            with _place(work, limit, workers, cluster, len(missing)) as place:
+                for line in place.lines(missing):
                     progress.add(kept.add(line))
         return [kept.results[key] for key in distinct]
 
@@ -561,18 +432,18 @@ def _distinct(cells: Sequence[Cell]) -> dict[str, Cell]:
     return distinct
 
 
-def _pool(
+def _place(
     work: Work, limit: float | None, workers: int | None, cluster: str | None, count: int
-) -> AbstractContextManager[Pool]:
+) -> AbstractContextManager[_Place]:
     if cluster is not None:
         if workers is not None:
             raise InputError("a cluster has its own workers: give one of workers and cluster")
-        return cluster_pool(work, limit, cluster)
+        return _cluster(work, limit, cluster)
     chosen = cores() if workers is None else check_count("workers", workers, 1)
-    return local_pool(work, limit, min(chosen, count))
+    return _local_cores(work, limit, min(chosen, count))
 
 
-class Progress:
+class _Progress:
     """Report to `show` after every result; those there `before` say nothing about the speed."""
 
     def __init__(self, show: Show | None, before: Sequence[Result], total: int) -> None:

@@ -16,7 +16,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
@@ -33,10 +33,10 @@ from validation.output import Show, versions, writable_file, write_rows
 
 Cell = Mapping[str, Any]
 """Plain data, as JSON has it, that says everything about one run: it is the run's identity."""
-OUTLASTED = "took longer than"
-"""How the failure of a cell begins that was ended at its limit of time."""
 Work = Callable[[Cell], Mapping[str, Any]]
 """A module's function of a cell; its record is plain data, with None for what has no number."""
+_OUTLASTED = "took longer than"  # begins the failure of a cell that was ended at its limit of time
+_ELSEWHERE = "give another folder with --out"
 
 
 @dataclass(frozen=True)
@@ -53,29 +53,107 @@ class Result:
     @property
     def outlasted(self) -> bool:
         """Whether the cell was ended at its limit of time."""
-        return self.failure is not None and self.failure.startswith(OUTLASTED)
+        return self.failure is not None and self.failure.startswith(_OUTLASTED)
 
 
-def identity(cell: Mapping[str, Any]) -> str:
-    """The same text for equal cells; raises ValueError or TypeError where it is no plain data."""
-    return json.dumps(cell, sort_keys=True, allow_nan=False)
+def sweep(
+    work: Work,
+    cells: Sequence[Cell],
+    file: Path,
+    *,
+    workers: int | None = None,
+    cluster: str | None = None,
+    limit: float | None = None,
+    show: Show | None = None,
+) -> list[Result]:
+    """Return the results of `work` on every cell, in the order of `cells`.
+
+    work: a module's function; file: keeps every result from the moment it is known. A sweep that
+    was killed and is started again with the same file does only what is missing, and cells of
+    other sweeps of the same work may be there too. Failures are kept like records: to try one
+    again, delete its line; to do all again, as after a change of the work, delete the file.
+
+    workers: processes on this machine, as many as it has cores for us if None; cluster: the tcp://
+    address of a dask scheduler to run on instead, whose workers need the same packages but not
+    this file; limit: s after which a cell is given up, whatever it does, not counting a time in
+    which the machine sleeps; show: called with the number of cells done and with how many failed
+    and the time left.
+
+    A cell that raises, ends its process or outlasts the limit fails alone. One whose process died
+    is run again before that is its failure, as something else may have killed it.
+
+    Raises InputError on cells that are not distinct plain data, on a file of another work or of
+    other versions or that cannot be read or written, and where no process starts, or the cluster
+    does not answer or loses its workers.
+    """
+    distinct = _distinct(cells)
+    if limit is not None:
+        check_positive("limit", limit, "s")
+    if cluster is not None and workers is not None:
+        raise InputError("a cluster has its own workers: give one of workers and cluster")
+    count = cores() if workers is None else check_count("workers", workers, 1)
+    with _journal(file, work) as kept:
+        missing = [cell for key, cell in distinct.items() if key not in kept.results]
+        there = [kept.results[key] for key in distinct if key in kept.results]
+        report = _reporter(show, there, len(cells))
+        if missing:
+            with (
+                _local_cores(work, limit, min(count, len(missing)))
+                if cluster is None
+                else _cluster(work, limit, cluster)
+            ) as place:
+                for line in place.lines(missing):
+                    report(kept.add(line))
+        return [kept.results[key] for key in distinct]
 
 
-def reason(error: BaseException) -> str:
-    """An exception in one line."""
-    words = " ".join(str(error).split())
-    return f"{type(error).__name__}: {words}" if words else type(error).__name__
+def _distinct(cells: Sequence[Cell]) -> dict[str, Cell]:
+    """Return the cells by their identities."""
+    distinct: dict[str, Cell] = {}
+    for cell in cells:
+        try:
+            key = _identity(cell)
+        except (ValueError, TypeError) as error:
+            raise InputError(f"a cell must be plain data, as JSON has it: {error}") from None
+        if key in distinct:
+            raise InputError(f"cells must be distinct, and {key} is there twice")
+        distinct[key] = cell
+    return distinct
 
 
-def to_line(cell: Cell, record: Mapping[str, Any] | None, failure: str | None) -> str:
-    """A result as a line; raises ValueError or TypeError where the record is no plain data."""
-    whole = {"cell": cell, "record": record, "failure": failure}
-    return json.dumps(whole, allow_nan=False, ensure_ascii=False)
+def _reporter(
+    show: Show | None, before: Sequence[Result], total: int
+) -> Callable[[Result | None], None]:
+    """Return what shows a sweep's progress when it is called with one more result.
+
+    The results there before say nothing about the speed.
+    """
+    done, failed = len(before), sum(result.failure is not None for result in before)
+    start = time.monotonic()
+
+    def report(result: Result | None) -> None:
+        nonlocal done, failed
+        if result is not None:
+            done, failed = done + 1, failed + (result.failure is not None)
+        if show is None:
+            return
+        words = [f"{done} of {total} cells"]
+        if failed:
+            words.append(f"{failed} failed")
+        if len(before) < done < total:
+            each = (time.monotonic() - start) / (done - len(before))
+            words.append(f"{duration(each * (total - done))} left")
+        show(done, ", ".join(words))
+
+    report(None)
+    return report
 
 
-def from_line(line: str | bytes) -> Result:
-    """The result of a line; raises ValueError or TypeError where it is none."""
-    return Result(**json.loads(line))
+def duration(seconds: float) -> str:
+    """Return a time to come, as precisely as it can be known."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def write_table(path: Path, results: Sequence[Result]) -> None:
@@ -88,13 +166,12 @@ def rows_of(results: Sequence[Result]) -> list[dict[str, Any]]:
 
     Lists and mappings are JSON. Of a name that cell and record share, the cell's value stands.
     """
-    cells = [result.cell for result in results]
-    records = [result.record or {} for result in results]
-    columns = dict.fromkeys(name for row in (*cells, *records) for name in row)
+    rows = [{**(result.record or {}), **result.cell} for result in results]
+    cells = (name for result in results for name in result.cell)
+    columns = dict.fromkeys((*cells, *(name for row in rows for name in row)))
     return [
-        {name: _plain({**record, **cell}.get(name)) for name in columns}
-        | {"failure": result.failure}
-        for cell, record, result in zip(cells, records, results, strict=True)
+        {name: _plain(row.get(name)) for name in columns} | {"failure": result.failure}
+        for row, result in zip(rows, results, strict=True)
     ]
 
 
@@ -102,11 +179,30 @@ def _plain(value: Any) -> Any:
     return json.dumps(value, ensure_ascii=False) if isinstance(value, list | dict) else value
 
 
-ELSEWHERE = "give another folder with --out"
+def _identity(cell: Cell) -> str:
+    """Return the same text for equal cells. Raises ValueError or TypeError for no plain data."""
+    return json.dumps(cell, sort_keys=True, allow_nan=False)
+
+
+def _reason(error: BaseException) -> str:
+    """Return an exception in one line."""
+    words = " ".join(str(error).split())
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__
+
+
+def _to_line(cell: Cell, record: Mapping[str, Any] | None, failure: str | None) -> str:
+    """Return a result as a line. Raises ValueError or TypeError for a record of no plain data."""
+    whole = {"cell": cell, "record": record, "failure": failure}
+    return json.dumps(whole, allow_nan=False, ensure_ascii=False)
+
+
+def _from_line(line: str | bytes) -> Result:
+    """Return the result of a line. Raises ValueError or TypeError where it is none."""
+    return Result(**json.loads(line))
 
 
 @dataclass(frozen=True)
-class Journal:
+class _Journal:
     """An open file of results; `results`: what it holds, by the identity of the cell."""
 
     path: Path
@@ -114,68 +210,71 @@ class Journal:
     results: dict[str, Result]
 
     def add(self, line: str) -> Result:
-        """The result of a line, which is on disk when this returns; InputError if it can't be."""
+        """Return the result of a line, which is on disk by then; InputError if it cannot be."""
         with _refusals(self.path):
             _write(self.file, line)
-        result = from_line(line)
-        self.results[identity(result.cell)] = result
+        result = _from_line(line)
+        self.results[_identity(result.cell)] = result
         return result
 
 
 @contextmanager
-def journal(path: Path, work: Work) -> Iterator[Journal]:
-    """The journal at `path` of the cells that `work` has done, new or to be continued.
+def _journal(path: Path, work: Work) -> Iterator[_Journal]:
+    """Open the journal at `path` of the cells that `work` has done, new or to be continued.
 
-    Raises InputError where the file can't be read or written, is no journal, is of another work or
+    Raises InputError where the file cannot be read or written, is no journal, is of another work or
     made by other versions, or is being written by another sweep.
     """
     with _refusals(path):
         writable_file(path).parent.mkdir(parents=True, exist_ok=True)
         if no_regular_file(path):
-            raise InputError(f"{path} is no regular file, as a sweep's record is: {ELSEWHERE}")
+            raise InputError(f"{path} is no regular file, as a sweep's record is: {_ELSEWHERE}")
         file = path.open("ab+", buffering=0)
     with file:
         with _refusals(path):
             results = _continued(file, path, work)
-        yield Journal(path, file, results)
+        yield _Journal(path, file, results)
 
 
 @contextmanager
 def _refusals(path: Path) -> Iterator[None]:
-    """Make one line of what the system refuses in the block."""
+    """Raise InputError for what the system refuses in the block."""
     try:
         yield
     except BlockingIOError:
         raise InputError(
-            f"{path} is being written by another sweep: wait for it, or {ELSEWHERE}"
+            f"{path} is being written by another sweep: wait for it, or {_ELSEWHERE}"
         ) from None
     except OSError as error:
         raise InputError(f"{path} cannot be used: {error.strerror or error}") from None
 
 
 def _continued(file: BinaryIO, path: Path, work: Work) -> dict[str, Result]:
-    """The results in the file, which is locked and ready for more: a header and whole lines."""
+    """Return the results in the file, which is locked and left with a header and whole lines."""
     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # until it is closed or we are killed
     header = {"work": f"{work.__module__}.{work.__qualname__}", "versions": versions()}
     file.seek(0)
     text = file.read()
+    # Of a line that a killed sweep was writing there is only a part, without its end.
     whole = text[: text.rfind(b"\n") + 1]
     first, *lines = whole.splitlines() or [b""]
-    if text and not _encoded(json.dumps(header)).startswith(text):
+    if text and not f"{json.dumps(header)}\n".encode().startswith(text):
         _check_header(first, header, path)
-    # Of a line that a killed sweep was writing there is only a part, without its end.
     file.truncate(len(whole))
     if not whole:
         _write(file, json.dumps(header))
-    return _results(lines, path)
-
-
-def _encoded(line: str) -> bytes:
-    return line.encode() + b"\n"
+    results = {}
+    for number, line in enumerate(lines, start=2):
+        try:
+            result = _from_line(line)
+            results[_identity(result.cell)] = result
+        except (ValueError, TypeError):
+            raise InputError(f"line {number} of {path} is no result: delete that line") from None
+    return results
 
 
 def _write(file: BinaryIO, line: str) -> None:
-    rest = _encoded(line)
+    rest = f"{line}\n".encode()
     while rest:  # a disk that fills up takes a part
         rest = rest[file.write(rest) :]
     os.fsync(file.fileno())
@@ -186,34 +285,23 @@ def _check_header(line: bytes, ours: dict[str, Any], path: Path) -> None:
         theirs = json.loads(line)
         work, made_by = theirs["work"], dict(theirs["versions"])
     except (ValueError, TypeError, KeyError):
-        raise InputError(f"{path} is not the record of a sweep: move it, or {ELSEWHERE}") from None
+        raise InputError(f"{path} is not the record of a sweep: move it, or {_ELSEWHERE}") from None
     if work != ours["work"]:
         raise InputError(
-            f"{path} is the record of {work}, not of {ours['work']}: move it, or {ELSEWHERE}"
+            f"{path} is the record of {work}, not of {ours['work']}: move it, or {_ELSEWHERE}"
         )
     for part, version in ours["versions"].items():
         if made_by.get(part) != version:
             raise InputError(
                 f"{path} was made with {part} {made_by.get(part)}, and this is {version}: results "
-                f"of both would be mixed; delete it, or {ELSEWHERE}"
+                f"of both would be mixed; delete it, or {_ELSEWHERE}"
             )
 
 
-def _results(lines: list[bytes], path: Path) -> dict[str, Result]:
-    results = {}
-    for number, line in enumerate(lines, start=2):
-        try:
-            result = from_line(line)
-            results[identity(result.cell)] = result
-        except (ValueError, TypeError):
-            raise InputError(f"line {number} of {path} is no result: delete that line") from None
-    return results
-
-
-CHECK = 5.0  # s that a place may give no results before it is checked
-ANSWER = 4.0  # s that a scheduler may take to answer
-ABSENCE = 30.0  # s without dask workers: more than a nanny needs to start one again
-WINDOW = 1000  # cells handed to a scheduler at once: more than its threads, few enough to be quick
+_CHECK = 5.0  # s that a place may give no results before it is checked
+_ANSWER = 4.0  # s that a scheduler may take to answer
+_ABSENCE = 30.0  # s without dask workers: more than a nanny needs to start one again
+_WINDOW = 1000  # cells handed to a scheduler at once: more than its threads, few enough to be quick
 
 
 @dataclass(frozen=True)
@@ -252,7 +340,7 @@ class _Place:
         waiting = iter(cells)
         running = {self.submit(cell): cell for cell in islice(waiting, self.window)}
         while running:
-            finished, _ = wait(running, CHECK, FIRST_COMPLETED)
+            finished, _ = wait(running, _CHECK, FIRST_COMPLETED)
             if not finished:
                 self.check()
             for future in finished:
@@ -265,16 +353,16 @@ class _Place:
             return future.result()[0], False
         except EndedError as ended:
             if ended.status is None:
-                return to_line(cell, None, f"{OUTLASTED} {self.limit:g} s"), False
-            return to_line(cell, None, _death(ended.status)), True
+                return _to_line(cell, None, f"{_OUTLASTED} {self.limit:g} s"), False
+            return _to_line(cell, None, _death(ended.status)), True
         except CancelledError:  # by dask, whose scheduler does not answer
             raise InputError(f"{self.name} has gone: start it, and this again to go on") from None
         except ChildProcessError as error:
-            raise InputError(f"no cells can run on {self.name}: {reason(error)}") from None
+            raise InputError(f"no cells can run on {self.name}: {_reason(error)}") from None
         # A dask worker that leaves while its answer is fetched loses it, and one that is killed
         # leaves none, which dask reports by errors of many types.
         except Exception as error:
-            return to_line(cell, None, reason(error)), True
+            return _to_line(cell, None, _reason(error)), True
 
 
 def _death(status: int) -> str:
@@ -289,9 +377,9 @@ def _line(work: Work, cell: Cell) -> str:
         record = work(cell)
         if not isinstance(record, Mapping):
             raise TypeError(f"a record must be a mapping, not {type(record).__name__}")
-        return to_line(cell, record, None)
+        return _to_line(cell, record, None)
     except (Exception, SystemExit) as error:
-        return to_line(cell, None, reason(error))
+        return _to_line(cell, None, _reason(error))
 
 
 @contextmanager
@@ -317,16 +405,16 @@ def _cluster(work: Work, limit: float | None, address: str) -> Iterator[_Place]:
         ) from None
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we say it in a line
     try:
-        client = distributed.Client(address, timeout=ANSWER, set_as_default=False)
+        client = distributed.Client(address, timeout=_ANSWER, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise InputError(
-            f"no dask scheduler answers at {address}: {reason(error)}; give the address that "
+            f"no dask scheduler answers at {address}: {_reason(error)}; give the address that "
             "`dask scheduler` prints, such as tcp://127.0.0.1:8786"
         ) from None
 
     def check() -> None:
         try:
-            client.wait_for_workers(1, timeout=ABSENCE)
+            client.wait_for_workers(1, timeout=_ABSENCE)
         except OSError:  # as a TimeoutError is
             raise InputError(
                 f"all workers of {address} have gone: start some, and this again to go on"
@@ -336,7 +424,7 @@ def _cluster(work: Work, limit: float | None, address: str) -> Iterator[_Place]:
         _check_workers(client, address, work)
         executor = client.get_executor(pure=False)
         submit = partial(executor.submit, _answer, work, limit=limit)
-        yield _Place(address, limit, WINDOW, submit, check)
+        yield _Place(address, limit, _WINDOW, submit, check)
 
 
 def _check_workers(client: Any, address: str, work: Work) -> None:
@@ -344,7 +432,7 @@ def _check_workers(client: Any, address: str, work: Work) -> None:
         workers = client.run(_versions_beside, work)
     except Exception as error:
         raise InputError(
-            f"the workers at {address} do not run robotball: {reason(error)}; install it there"
+            f"the workers at {address} do not run robotball: {_reason(error)}; install it there"
         ) from None
     if not workers:
         raise InputError(f"{address} has no workers: start some with `dask worker {address}`")
@@ -372,107 +460,3 @@ def _answer(work: Work, cell: Cell, limit: float | None) -> Answer:
 @cache
 def _worker_of(work: Work, _thread: int) -> Worker:
     return Worker(partial(_line, work))
-
-
-def sweep(
-    work: Work,
-    cells: Sequence[Cell],
-    file: Path,
-    *,
-    workers: int | None = None,
-    cluster: str | None = None,
-    limit: float | None = None,
-    show: Show | None = None,
-) -> list[Result]:
-    """The results of `work` on every cell, in the order of `cells`.
-
-    work: a module's function; file: keeps every result from the moment it is known. A sweep that
-    was killed and is started again with the same file does only what is missing, and cells of
-    other sweeps of the same work may be there too. Failures are kept like records: to try one
-    again, delete its line; to do all again, as after a change of the work, delete the file.
-
-    workers: processes on this machine, as many as it has cores for us if None; cluster: the tcp://
-    address of a dask scheduler to run on instead, whose workers need the same packages but not
-    this file; limit: s after which a cell is given up, whatever it does, not counting a time in
-    which the machine sleeps; show: called with the number of cells done and with how many failed
-    and the time left.
-
-    A cell that raises, ends its process or outlasts the limit fails alone. One whose process died
-    is run again before that is its failure, as something else may have killed it.
-
-    Raises InputError on cells that are not distinct plain data, on a file of another work or of
-    other versions or that can't be read or written, and where no process starts, or the cluster
-    does not answer or loses its workers.
-    """
-    distinct = _distinct(cells)
-    if limit is not None:
-        check_positive("limit", limit, "s")
-    with journal(file, work) as kept:
-        missing = [cell for key, cell in distinct.items() if key not in kept.results]
-        there = [kept.results[key] for key in distinct if key in kept.results]
-        progress = _Progress(show, there, len(cells))
-        if missing:
-            with _place(work, limit, workers, cluster, len(missing)) as place:
-                for line in place.lines(missing):
-                    progress.add(kept.add(line))
-        return [kept.results[key] for key in distinct]
-
-
-def _distinct(cells: Sequence[Cell]) -> dict[str, Cell]:
-    """The cells by their identities."""
-    distinct: dict[str, Cell] = {}
-    for cell in cells:
-        try:
-            key = identity(cell)
-        except (ValueError, TypeError) as error:
-            raise InputError(f"a cell must be plain data, as JSON has it: {error}") from None
-        if key in distinct:
-            raise InputError(f"cells must be distinct, and {key} is there twice")
-        distinct[key] = cell
-    return distinct
-
-
-def _place(
-    work: Work, limit: float | None, workers: int | None, cluster: str | None, count: int
-) -> AbstractContextManager[_Place]:
-    if cluster is not None:
-        if workers is not None:
-            raise InputError("a cluster has its own workers: give one of workers and cluster")
-        return _cluster(work, limit, cluster)
-    chosen = cores() if workers is None else check_count("workers", workers, 1)
-    return _local_cores(work, limit, min(chosen, count))
-
-
-class _Progress:
-    """Report to `show` after every result; those there `before` say nothing about the speed."""
-
-    def __init__(self, show: Show | None, before: Sequence[Result], total: int) -> None:
-        self.show, self.total = show, total
-        self.before = self.done = len(before)
-        self.failed = sum(result.failure is not None for result in before)
-        self.start = time.monotonic()
-        self._tell()
-
-    def add(self, result: Result) -> None:
-        """Counts one more."""
-        self.done += 1
-        self.failed += result.failure is not None
-        self._tell()
-
-    def _tell(self) -> None:
-        if self.show is None:
-            return
-        words = [f"{self.done} of {self.total} cells"]
-        if self.failed:
-            words.append(f"{self.failed} failed")
-        if self.before < self.done < self.total:
-            each = (time.monotonic() - self.start) / (self.done - self.before)
-            words.append(f"{duration(each * (self.total - self.done))} left")
-        self.show(self.done, ", ".join(words))
-
-
-def duration(seconds: float) -> str:
-    """A time to come, as precisely as it can be known."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -31,7 +31,7 @@ FLOORS = (
     ("validation.figures", "validation.paper", "validation.bench", "validation.report"),
     ("validation.commands",),
     ("validation.cli",),
-    ("validation.endings", "validation.__main__"),
+    ("validation.__main__",),
 )
 
 

@@ -13,7 +13,7 @@ import threading
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -82,10 +82,10 @@ def _answer(future: Future[Answer]) -> Answer:
         raise ChildProcessError("a process was ended from outside") from None
 
 
-def prepare(module: str) -> None:
-    """Have a module imported for the processes that will need it, while other work is done here."""
+def prepare(*modules: str) -> None:
+    """Have modules imported for the processes that will need them, beside other work here."""
     if allowed() > 1:
-        _start_server([module])
+        _start_server(modules)
 
 
 @contextmanager
@@ -207,7 +207,7 @@ class Worker:
         return any(self._pipe.poll(limit / _PARTS) for _ in range(_PARTS))
 
 
-def _start_server(modules: list[str]) -> None:
+def _start_server(modules: Iterable[str]) -> None:
     """Start the server of processes, which imports modules for them; one that runs stays.
 
     Its processes have one thread a library, and leave Ctrl-C to us, as they take over what the

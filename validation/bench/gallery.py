@@ -17,9 +17,10 @@ from typing import Any
 
 from robotball import sample_times
 from robotball.engines.mujoco.settings import FIRST_ORDER
+from robotball.files.replacing import replacing
 from robotball.film.render import Film, frames
 from validation.agreement import compare
-from validation.output import replacing, write_text
+from validation.output import write_text
 
 DOCS = Path(__file__).parents[2] / "docs"
 OUT = Path("out/gallery")

@@ -152,7 +152,7 @@ def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
 
 
 def needs(motion: Motion) -> dict[str, Any]:
-    """Return the most that a motion needs: friction (torsional [m]), motor torques [N m], powers [W]."""
+    """Return the largest loads of a motion: friction (torsional in m), torques N m, powers W."""
     loads = motion.loads
     return {
         "sliding_friction": float(loads.sliding_friction.max()),

@@ -1,7 +1,8 @@
-"""`make bench`: many motions on one core and on all, in turn; the digits must be the same.
+"""Measure many motions on one core and on all, in turn; a part of `make bench`.
 
-Beside each ratio stands what plain processes reach, one a core, each of which does the one core's
-work for itself: cores that share caches, memory and clock are not as fast together as alone.
+The digits must be the same. Beside each ratio stands what plain processes reach, one a core, each
+of which does the one core's work for itself: cores that share caches, memory and clock are not as
+fast together as alone.
 """
 
 import multiprocessing
@@ -42,7 +43,7 @@ Work = Callable[[], Digits]
 
 
 def work() -> dict[str, Work]:
-    """What is timed, by name, with its digits."""
+    """Return the functions that are timed, by name; each returns its digits."""
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, MANY), rng.uniform(0, 6, MANY), 25.0)
     some = starts[0][:SOME], starts[1][:SOME]
@@ -62,12 +63,12 @@ def work() -> dict[str, Work]:
 
 
 def plain_work() -> dict[str, Work]:
-    """What a plain process does of each; of the portraits a few, by itself."""
+    """Return the functions of a plain process; of the portraits it does a few, by itself."""
     return work() | {"portraits": lambda: np.array([measure(cell) for cell in CELLS[::10]])}
 
 
 def main() -> None:
-    """The table."""
+    """Print the table."""
     console, everyone = Console(), cores()
     console.print(
         f"The best of {OTHER_ROUNDS} rounds, of the portraits {ROUNDS['portraits']}, on one core "
@@ -102,7 +103,7 @@ def main() -> None:
 
 @contextmanager
 def plain_processes(most: int) -> Iterator[Callable[[str, int], float]]:
-    """What gives the seconds that so many processes take for a named work, each for itself."""
+    """Give a function that returns the seconds of so many processes at a named work."""
     context = multiprocessing.get_context("spawn")
     pipes, processes = [], []
     for _ in range(most):
@@ -126,7 +127,7 @@ def plain_processes(most: int) -> Iterator[Callable[[str, int], float]]:
 
 
 def serve(pipe: Connection) -> None:
-    """Does what it is told, on one core."""
+    """Do the work whose name comes through the pipe, on one core."""
     works = plain_work()
     with at_most(1):
         while True:

@@ -26,6 +26,7 @@ from robotball.cores import allowed, at_most
 from robotball.errors import SceneWarning
 from robotball.files.replacing import remove_unfinished
 
+# The libraries' own threads would take the cores of the other processes.
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
 )
@@ -230,6 +231,7 @@ def _start_server(modules: Iterable[str]) -> None:
 def _serve(pipe: connection.Connection, work: Callable[[Any], Any]) -> None:
     """Do jobs in this process, after saying that it is ready."""
     signal.signal(signal.SIGTERM, _end)
+    # A parent that is killed cannot end us, and compiled code would not see its pipe's end.
     parent = multiprocessing.parent_process()
     assert parent is not None
     end_when_closed(parent.sentinel)
@@ -240,6 +242,7 @@ def _serve(pipe: connection.Connection, work: Callable[[Any], Any]) -> None:
 
 
 def _end(*_: object) -> None:
+    """End this process at once; no `finally` of the job is waited for, which may take long."""
     remove_unfinished()
     os._exit(128 + signal.SIGTERM)
 

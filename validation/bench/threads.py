@@ -5,12 +5,11 @@ of which does the one core's work for itself: cores that share caches, memory an
 fast together as alone.
 """
 
-import multiprocessing
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from multiprocessing.connection import Connection
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from rich.table import Table
 from robotball.cores import allowed, at_most, cores
 from robotball.engines.ensembles.orbits import orbits
 from robotball.equations import Parameters
+from robotball.processes import Answer, pool
 from robotball.qualitative.basins import basins
 from robotball.qualitative.exponents import exponents
 from robotball.qualitative.sections import section, section_starts
@@ -62,6 +62,7 @@ def work() -> dict[str, Work]:
     }
 
 
+@cache
 def plain_work() -> dict[str, Work]:
     """Return the functions of a plain process; of the portraits it does a few, by itself."""
     return work() | {"portraits": lambda: np.array([measure(cell) for cell in CELLS[::10]])}
@@ -78,7 +79,7 @@ def main() -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("", "1 core [ms]", f"{everyone} cores [ms]", "ratio", "bound"):
         table.add_column(heading, justify="right")
-    with plain_processes(everyone) as together:
+    with pool(do_plainly, everyone) as submit:
         for name, run in work().items():
             counts = (1, everyone)
             best = {(kind, count): np.inf for kind in ("ours", "plain") for count in counts}
@@ -89,7 +90,7 @@ def main() -> None:
                         began = time.perf_counter()
                         digits.append(run())
                         ours = time.perf_counter() - began
-                    plain = together(name, count)
+                    plain = seconds_together(submit, name, count)
                     if done:  # the first round warms up
                         best["ours", count] = min(best["ours", count], ours)
                         best["plain", count] = min(best["plain", count], plain)
@@ -101,38 +102,17 @@ def main() -> None:
     console.print(table)
 
 
-@contextmanager
-def plain_processes(most: int) -> Iterator[Callable[[str, int], float]]:
-    """Give a function that returns the seconds of so many processes at a named work."""
-    context = multiprocessing.get_context("spawn")
-    pipes, processes = [], []
-    for _ in range(most):
-        ours, theirs = context.Pipe()
-        process = context.Process(target=serve, args=(theirs,), daemon=True)
-        process.start()
-        pipes.append(ours)
-        processes.append(process)
-
-    def together(name: str, count: int) -> float:
-        began = time.perf_counter()
-        for pipe in pipes[:count]:
-            pipe.send(name)
-        for pipe in pipes[:count]:
-            pipe.recv()
-        return time.perf_counter() - began
-
-    yield together
-    for process in processes:
-        process.terminate()
+def seconds_together(submit: Callable[..., Future[Answer]], name: str, count: int) -> float:
+    """Return the seconds of so many processes at a named work, each for itself."""
+    began = time.perf_counter()
+    for future in [submit(name) for _ in range(count)]:
+        future.result()
+    return time.perf_counter() - began
 
 
-def serve(pipe: Connection) -> None:
-    """Do the work whose name comes through the pipe, on one core."""
-    works = plain_work()
-    with at_most(1):
-        while True:
-            works[pipe.recv()]()
-            pipe.send(None)
+def do_plainly(name: str) -> None:
+    """Do a named work in a process of its own, where one thread is allowed."""
+    plain_work()[name]()
 
 
 if __name__ == "__main__":

@@ -277,6 +277,7 @@ def _write(file: BinaryIO, line: str) -> None:
     rest = f"{line}\n".encode()
     while rest:  # a disk that fills up takes a part
         rest = rest[file.write(rest) :]
+    # A result counts as done from here, so a machine that fails must not lose it.
     os.fsync(file.fileno())
 
 

@@ -1,7 +1,7 @@
 """The `robotball` command: arguments in, exit status out.
 
 Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what the system refuses.
-Nothing that a command needs is imported before it runs.
+The module of a command is imported when that command is named.
 """
 
 import contextlib
@@ -12,9 +12,10 @@ import sys
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, make_dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Union, get_args, get_type_hints
+from typing import Annotated, Any, Protocol, Union, get_type_hints
 
 import tyro
 from tyro.conf import subcommand
@@ -22,32 +23,7 @@ from tyro.conf import subcommand
 from robotball.cores import at_most
 from robotball.errors import InputError, SceneWarning, unknown
 from robotball.files.replacing import STANDARD_OUTPUT
-from validation.commands.ablation import Ablation
-from validation.commands.arguments import BAD_INPUT, Names
-from validation.commands.attractors import Attractors
-from validation.commands.basins import Basins
-from validation.commands.compare import Compare
-from validation.commands.convergence import Convergence
-from validation.commands.demo import Demo
-from validation.commands.design import Design
-from validation.commands.engines import Engines
-from validation.commands.equilibria import Equilibria
-from validation.commands.export import Export
-from validation.commands.extremes import Extremes
-from validation.commands.figures import Figures
-from validation.commands.judge import Judge
-from validation.commands.lyapunov import Lyapunov
-from validation.commands.model import Model
-from validation.commands.paper import Paper
-from validation.commands.portraits import Portraits
-from validation.commands.replay import Replay
-from validation.commands.report import Report
-from validation.commands.scenes import Scenes
-from validation.commands.section import Section
-from validation.commands.steer import Steer
-from validation.commands.tradeoff import Tradeoff
-from validation.commands.video import Video
-from validation.commands.view import View
+from validation.options import BAD_INPUT, Names
 
 
 @contextlib.contextmanager
@@ -73,17 +49,42 @@ def _paths(options: Any) -> Iterator[Path]:
             yield from _paths(value)
 
 
-Command = (
-    Scenes | Engines | Compare | Report | Judge | Video | View | Replay | Model | Export
-    | Design | Steer | Demo
-    | Figures | Section | Lyapunov | Attractors | Basins | Equilibria
-    | Portraits | Paper
-    | Ablation | Convergence | Tradeoff | Extremes
-)  # fmt: skip
+class Command(Protocol):
+    """The options of a command, and what it does with them."""
+
+    def run(self) -> int:
+        """Do the work, and return the exit status."""
 
 
 INTERRUPTED = 130
-COMMANDS: dict[str, type[Command]] = {each.__name__.lower(): each for each in get_args(Command)}
+# The module with the class of each command, loaded when the command runs.
+COMMANDS = {
+    "scenes": "validation.commands.scene_commands",
+    "engines": "validation.studies.engine_study",
+    "compare": "validation.commands.compare",
+    "report": "validation.commands.report",
+    "judge": "validation.studies.judge",
+    "video": "validation.commands.video",
+    "view": "validation.commands.view",
+    "replay": "validation.commands.compare",
+    "model": "validation.commands.scene_commands",
+    "export": "validation.commands.scene_commands",
+    "design": "validation.commands.building",
+    "steer": "validation.commands.building",
+    "demo": "validation.commands.compare",
+    "figures": "validation.commands.paper_commands",
+    "section": "validation.studies.contact_sections",
+    "lyapunov": "validation.studies.lyapunov",
+    "attractors": "validation.studies.attractors",
+    "basins": "validation.studies.attractors",
+    "equilibria": "validation.commands.equilibria_list",
+    "portraits": "validation.studies.portrait_maps",
+    "paper": "validation.commands.paper_commands",
+    "ablation": "validation.studies.ablation",
+    "convergence": "validation.studies.convergence",
+    "tradeoff": "validation.studies.tradeoff",
+    "extremes": "validation.studies.extremes",
+}
 WHAT = """Run a rolling ball by a physics engine and by the equations, and compare the two.
 
 Example: robotball compare fig12
@@ -156,9 +157,9 @@ def parse(arguments: Sequence[str]) -> Command:
     name, command = "", None
     if arguments and not arguments[0].startswith("-"):
         name = arguments[0]
-        command = COMMANDS.get(name)
-        if command is None:
+        if name not in COMMANDS:
             raise unknown("command", name, COMMANDS)
+        command = _class_of(name)
     if command:
         _check_each_is_given_once(command, arguments)
     refusal = io.StringIO()
@@ -166,7 +167,8 @@ def parse(arguments: Sequence[str]) -> Command:
         with contextlib.redirect_stderr(refusal):
             if command:
                 return tyro.cli(command, args=arguments[1:], prog=f"robotball {name}")
-            return tyro.cli(_any_command(), args=arguments, prog="robotball", description=WHAT)
+            whole = any(each.startswith("--tyro") for each in arguments)
+            return tyro.cli(_any_command(whole), args=arguments, prog="robotball", description=WHAT)
     except SystemExit as leaving:
         if not leaving.code:
             raise
@@ -183,14 +185,34 @@ def _check_each_is_given_once(command: type[Command], arguments: Sequence[str]) 
             raise InputError(f"{option} is given {times} times: give it once")
 
 
-def _any_command() -> Any:
-    """Return all commands, each with the first line of its docstring."""
+def _class_of(name: str) -> type[Command]:
+    """Import and return the class of a command."""
+    command: type[Command] = getattr(import_module(COMMANDS[name]), name.capitalize())
+    return command
+
+
+def _any_command(whole: bool) -> Any:
+    """Return all commands, each with its first line; whole: with their options, which takes longer.
+
+    Without options no module of a command is imported, so that `--help` is quick.
+    """
     return Union[  # noqa: UP007
         tuple(
-            Annotated[each, subcommand(name, description=(each.__doc__ or "").partition("\n\n")[0])]
-            for name, each in COMMANDS.items()
+            Annotated[
+                _class_of(name) if whole else make_dataclass(name, ()),
+                subcommand(name, description=_summary(name)),
+            ]
+            for name in COMMANDS
         )
     ]
+
+
+def _summary(name: str) -> str:
+    """Return the first line of a command's docstring, read from its source."""
+    place = COMMANDS[name].removeprefix("validation.").replace(".", "/")
+    source = (Path(__file__).parent / f"{place}.py").read_text(encoding="utf-8")
+    _, _, words = source.partition(f'class {name.capitalize()}:\n    """')
+    return words.partition("\n")[0]
 
 
 def _words_of(refusal: str) -> str:

@@ -4,8 +4,10 @@ A module of `validation.studies` measures and returns a `Study`. Its command han
 `present`, which writes the files, prints the tables and is the one place that does.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +17,30 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from robotball import Motion, Scene, integrate, load_scene, sample_times, scene_toml
 from robotball.motion import Label
 from validation.output import print_whole, scientific, write_picture, write_record, write_rows
 from validation.results import file_name
 
 Row = Mapping[str, Any]
 """Plain data of one run; what has no number is None or left out."""
+
+
+def scene_cell(scene: str, duration: float) -> dict[str, Any]:
+    """Return the part of a sweep's cell that describes its scene, a catalog name or a path.
+
+    The ball is in it by a digest, so that no result outlives a change of the file.
+    """
+    text = scene_toml(load_scene(scene)).encode()
+    digest = hashlib.sha256(text).hexdigest()[:12]
+    return {"scene": scene, "digest": digest, "duration": duration}
+
+
+@cache
+def reference(name: str, duration: float, interval: float) -> tuple[Scene, Motion]:
+    """Return a scene and its motion by the equations, sampled every `interval` s; cached."""
+    scene = load_scene(name)
+    return scene, integrate(scene, sample_times(duration, interval))
 
 
 @dataclass(frozen=True)
@@ -49,7 +69,7 @@ class Study:
     engine   label of the engine under test, None where several are compared
     words    the next words of the files' names, before those of the options
     rows     the CSV file, a dict a line
-    record   the JSON file, without versions
+    record   the JSON file, without versions; None where there is none
     shown    tables and lines of rich markup, in the order of printing
     picture  None where there is nothing to draw
     """
@@ -58,7 +78,7 @@ class Study:
     engine: Label | None
     words: Sequence[str]
     rows: Sequence[Row]
-    record: Mapping[str, Any]
+    record: Mapping[str, Any] | None = None
     shown: Sequence[Table | str] = ()
     picture: Figure | None = None
 
@@ -101,16 +121,21 @@ def present(study: Study, picture: Path, json: Path | None, csv: Path | None) ->
     written = []
     if study.picture is not None:
         written.append(write_picture(picture, study.picture))
-    if json is not None:
+    if json is not None and study.record is not None:
         write_record(json, study.record)
         written.append(json)
     if csv is not None:
         write_rows(csv, study.rows)
         written.append(csv)
+    show(study.shown)
+    return written
+
+
+def show(parts: Iterable[Table | str]) -> None:
+    """Print tables, each as wide as it is, and lines of rich markup."""
     console = Console()
-    for part in study.shown:
+    for part in parts:
         if isinstance(part, Table):
             print_whole(part, console)
         else:
             console.print(part)
-    return written

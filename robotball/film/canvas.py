@@ -313,8 +313,12 @@ class Canvas:
         self._context = gl.context(self.width, self.height, backend)
         OpenGL.ERROR_CHECKING = False  # a check takes as long as the call before it
         from OpenGL import GL  # whose platform is chosen by the context
+        from OpenGL.raw.GL.VERSION.GL_2_0 import glVertexAttribPointer
 
         self._gl: Any = GL
+        # PyOpenGL's own wrapper keeps every pointer under the context's handle, which OSMesa
+        # makes anew for each call: a film's memory would grow with its frames.
+        self._point_at: Any = glVertexAttribPointer
         self._program = linked(GL)
         GL.glUseProgram(self._program)
         self._at = {
@@ -479,7 +483,7 @@ class Canvas:
         GL.glBindBuffer(GL.GL_ARRAY_BUFFER, corners)
         for index in (0, 1):
             GL.glEnableVertexAttribArray(index)
-            GL.glVertexAttribPointer(index, 3, GL.GL_FLOAT, False, 24, c_void_p(12 * index))
+            self._point_at(index, 3, GL.GL_FLOAT, False, 24, c_void_p(12 * index))
         if count is not None:
             GL.glDrawArrays(GL.GL_TRIANGLE_STRIP, 0, count)
             return

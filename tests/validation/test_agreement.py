@@ -11,7 +11,7 @@ import robotball as rb
 from robotball.rotations import multiply
 from tests.motions import as_contact
 from validation import Agreement, compare
-from validation.studies.extremes import scaled
+from validation.studies.extreme_maps import scaled
 
 pytestmark = pytest.mark.core
 

@@ -125,11 +125,9 @@ def test_a_film_that_is_interrupted_leaves_nothing(start: Start, tmp_path: Path)
     while not list(tmp_path.glob("out/.*.mp4")):
         assert process.poll() is None
         time.sleep(0.01)
-    encoders = subprocess.run(
-        ["ps", "-o", "pid=", "--ppid", str(process.pid)], capture_output=True, text=True
-    )
-    for pid in encoders.stdout.split():
-        os.kill(int(pid), signal.SIGINT)
+    for children in Path(f"/proc/{process.pid}/task").glob("*/children"):
+        for pid in children.read_text().split():
+            os.kill(int(pid), signal.SIGINT)
     status, err = ended(process, signal.SIGINT)
     assert status == 130
     assert "Traceback" not in err

@@ -15,7 +15,7 @@ from tests.random_robots import random_scene as random_robot
 from tests.validation.test_readme import DOCS, README, ROWS
 from validation import compare
 from validation.bench.gallery import NUMBERS, OUTCOMES, outcomes_table
-from validation.studies.extremes import MAPS, cells_of
+from validation.studies.extreme_maps import MAPS, cells_of
 from validation.studies.random_runs import random_scene as random_ball
 from validation.studies.tradeoff import configurations
 

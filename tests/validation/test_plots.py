@@ -11,7 +11,7 @@ import robotball as rb
 from validation import compare
 from validation.output import title
 from validation.plots import ROOM, momentum_picture, path_picture, sheet_of
-from validation.studies.atlas import round_ticks
+from validation.studies.extremes import round_ticks
 
 TIMES = rb.sample_times(0.5)
 

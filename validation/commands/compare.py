@@ -1,17 +1,22 @@
-"""The command `robotball compare`."""
+"""The commands that compare an engine's motion with the equations': `compare`, `demo`, `replay`.
+
+Imports stand within the functions: drawing begins in other processes before the slow ones.
+"""
 
 import sys
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional, arg
+from tyro.conf import DisallowNone, Positional, arg
 
-from validation.commands.arguments import (
+from validation.options import (
     AGREES,
     BAD_INPUT,
     DISAGREES,
+    OUT,
     File,
     Names,
     Run,
@@ -21,6 +26,9 @@ from validation.commands.arguments import (
     listed,
     times_of,
 )
+
+DEMO_SCENES = ("fig12", "classical_regular")
+FILMED = ("fig12", "balanced")
 
 
 @dataclass(frozen=True)
@@ -99,3 +107,92 @@ class Compare:
             if name in presets and name not in catalog():
                 several = ",".join([*listed(self.preset), name])
                 raise InputError(f"{name!r} is a preset and no scene: write --preset {several}")
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Compare fig12 and classical_regular at every preset, with table, plots and a film.
+
+    Example: robotball demo --out demo
+    """
+
+    out: Path = OUT
+    """Folder for everything."""
+
+    def run(self) -> int:
+        from rich.console import Console
+        from rich.markup import escape
+
+        from robotball import PRESETS, InputError, load_scene
+        from robotball.dispatch import request_of
+        from validation.output import progress_bar, writable_folder
+        from validation.plots import draw
+        from validation.results import (
+            file_stem,
+            record,
+            show,
+            write_csv,
+            write_json,
+            write_markdown,
+        )
+        from validation.runs import agreements_of, film
+
+        out, console = writable_folder(self.out), Console()
+        requests = [request_of(settings=name) for name in PRESETS]
+        written, records, filmed = [], [], []
+        with progress_bar(len(DEMO_SCENES)) as progress:
+            for i, name in enumerate(DEMO_SCENES):
+                progress(i, name)
+                agreements = agreements_of(load_scene(name), requests)
+                written += draw(agreements, out)
+                records += [record(each) for each in agreements]
+                filmed += [each for each in agreements if (name, each.settings.name) == FILMED]
+        show(records, console)
+        for suffix, write in (("json", write_json), ("csv", write_csv), ("md", write_markdown)):
+            written.append(out / f"demo.{suffix}")
+            write(written[-1], records)
+        for agreement in filmed:
+            path = out / f"{file_stem([agreement])}.mp4"
+            try:
+                film(path, agreement)
+                written.append(path)
+            except InputError as error:
+                console.print(escape(f"no video: {error}"), style="yellow")
+        console.print("Written:", *(escape(f"  {path}") for path in written), sep="\n")
+        return AGREES
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Step through the fault window that a faulty run left, and take its steps again.
+
+    Example: robotball compare fig12 --preset naive; robotball replay out/fig12-mujoco-naive-fault.json
+    """  # noqa: E501
+
+    file: Positional[Annotated[Path, arg(metavar="FILE")]]
+    """A SCENE-ENGINE-PRESET-fault.json, which compare or video leaves of a faulty run."""
+    step: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
+    """Show all of this row alone: its readings, positions and velocities."""
+    interactive: bool = False
+    """Go from row to row, each at a press of Enter, from the first bad one on."""
+
+    def run(self) -> int:
+        from rich.console import Console
+        from rich.markup import escape
+
+        from robotball.engines.mujoco.fault_window import load, replay
+        from validation.runs import outcome_of, show_row, show_rows, walk
+
+        window, console = load(self.file), Console()
+        if self.step is not None:
+            show_row(window, self.step, console)
+            return AGREES
+        replayed = replay(window)
+        run, causes = f"{window.name}, {window.settings.get('name')}", " and ".join(window.causes)
+        console.print(escape(f"{run}: {causes} at t = {window.time:.6g} s"))
+        if self.interactive:
+            walk(window, console)
+        else:
+            show_rows(window, console)
+        print(outcome_of(window, replayed))
+        return AGREES if replayed.difference in (0.0, None) else DISAGREES

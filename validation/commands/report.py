@@ -1,25 +1,22 @@
 """The command `robotball report`."""
 
+import shlex
+import tempfile
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from validation.commands.arguments import (
-    AGREES,
-    DISAGREES,
-    Names,
-    Run,
-    RunOptions,
-    listed,
-    times_of,
-)
-
-if TYPE_CHECKING:
-    from validation.agreement import Agreement
-    from validation.output import Show
+from robotball import InputError
+from validation.agreement import Agreement
+from validation.options import AGREES, DISAGREES, Names, Run, RunOptions, listed, times_of
+from validation.output import Show, progress_bar, writable_folder, write_text
+from validation.report.scene_report import report
+from validation.report.study_report import study_report
+from validation.results import file_stem, scenes_of
+from validation.runs import agreements_of
 
 FILM = (360, 640)  # px, height and width
 MOST_NAMES = 80  # characters of a file's name that scenes may take
@@ -44,8 +41,6 @@ class Report:
     run_options: RunOptions = field(default_factory=Run)
 
     def run(self) -> int:
-        from robotball import InputError
-
         if not self.scenes:
             raise InputError("report needs a scene, or the JSON file of a study")
         studies = [name for name in self.scenes if name.endswith(".json")]
@@ -54,22 +49,12 @@ class Report:
         return self._study(Path(studies[0])) if studies else self._compared()
 
     def _study(self, source: Path) -> int:
-        from validation.output import writable_folder, write_text
-        from validation.report.study_report import study_report
-
         path = writable_folder(self.run_options.out) / f"{source.stem}-report.html"
         write_text(path, study_report(source))
         print(path)
         return AGREES
 
     def _compared(self) -> int:
-        import tempfile
-
-        from validation.output import progress_bar, writable_folder, write_text
-        from validation.report.scene_report import report
-        from validation.results import file_stem, scenes_of
-        from validation.runs import agreements_of
-
         options = self.run_options
         requests = [options.request(name) for name in listed(self.preset) or (None,)]
         scenes = list(scenes_of(self.scenes).values())
@@ -93,11 +78,11 @@ class Report:
         print(path)
         return AGREES if all(each.agrees for each in agreements) else DISAGREES
 
-    def _filmed(self, agreement: "Agreement", folder: Path) -> Path:
-        """A small film of an agreement, so that the page stays below six megabytes."""
+    def _filmed(self, agreement: Agreement, folder: Path) -> Path:
+        """Write a small film of an agreement, so that the page stays below six megabytes."""
+        # Off-screen drawing is prepared at import, which a report without a film has no need of.
         from robotball.film.render import Film
         from robotball.film.write import write_video
-        from validation.output import progress_bar
 
         path = folder / "film.mp4"
         with progress_bar(1) as show:
@@ -111,9 +96,7 @@ class Report:
         return path
 
     def _command(self) -> str:
-        """The command line that makes the same report."""
-        import shlex
-
+        """Return the command line that makes the same report."""
         options = self.run_options
         words = ["robotball", "report", *self.scenes]
         words += ["--preset", ",".join(listed(self.preset))] if self.preset else []
@@ -125,5 +108,5 @@ class Report:
         return shlex.join(words)
 
 
-def _show(show: "Show", before: int, done: float, what: str) -> None:
+def _show(show: Show, before: int, done: float, what: str) -> None:
     show(before + done, what)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from validation.commands.arguments import (
+from validation.options import (
     AGREES,
     DISAGREES,
     Preset,

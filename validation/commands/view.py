@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from validation.commands.arguments import (
+from validation.options import (
     AGREES,
     DISAGREES,
     Preset,

@@ -1,1 +1,1 @@
-"""What accuracy costs: every choice of the recipe, its error and its time."""
+"""Studies of the contact models, a file each, with the command that runs it."""

@@ -7,7 +7,7 @@ is undone.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from matplotlib.patches import Patch
 from rich.markup import escape
 from rich.table import Table
 
-from robotball import Scene, Settings, integrate, preset
+from robotball import Scene, Settings, integrate, load_scene, preset
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.mujoco.model import build
@@ -29,7 +29,8 @@ from robotball.errors import unknown
 from robotball.film.looks import INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.output import Show, scientific, title
+from validation.options import Once, OnceOptions, SceneName
+from validation.output import Show, progress_bar, scientific, title
 from validation.results import record
 from validation.studies.timing import Cost, measure_costs, simulated_second
 from validation.study import Column, Row, Study, table_of
@@ -285,3 +286,22 @@ def _beside(axes: Axes, row: float, text: str, place: float) -> None:
         xytext=(place, 0), textcoords="offset points",
         va="center", fontsize=9, annotation_clip=False,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """The error budget: from the naive model to the recipe choice by choice, and each undone.
+
+    Example: robotball ablation fig12 --quick
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    study: OnceOptions = field(default_factory=Once)
+
+    def run(self) -> int:
+        scene = load_scene(self.scene)
+        times = self.study.times(scene)
+        with progress_bar(1) as show:
+            study = measure_ablation(scene, times, 2 if self.study.quick else ROUNDS, show)
+        return self.study.present(study)

@@ -1,15 +1,10 @@
-"""The largest Lyapunov exponent of the contact model, from two motions side by side.
+"""The attractors of Fig. 11 by the contact engine, each claim beside the equations.
 
-After every interval both motions are put back on the constraints, with the momentum that they
-started from, and the second is brought back to a small distance from the first: a contact model
-has motions of its own, slipping and spinning, and other levels of M², which nobody asks about.
-
-The attractors of Fig. 11 by the contact engine: each claim measured, beside the equations.
-
-The attractors in the terminal, and as plain data.
+The commands are `robotball attractors`, and `robotball basins`, which counts the random starts of a
+scene that reach each of its attractors.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -17,119 +12,34 @@ import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
-from scipy.spatial.transform import Rotation
 
-from robotball import InputError, load_scene, preset, sample_times
-from robotball.engines.ensembles.orbits import Starts
-from robotball.engines.ensembles.systems import DEVIATION
+from robotball import load_scene, preset, sample_times
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
+from robotball.errors import check_count
+from robotball.qualitative.basins import CHAOS, LINE, LOST, basins
+from robotball.qualitative.basins import TORUS as ON_TORUS
 from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.exponents import standard_error
 from robotball.qualitative.sections import fixed_point, section
-from robotball.rotations import Array, conjugate, multiply
-from validation.output import Show, print_whole
+from validation.options import AGREES, DISAGREES, File, SceneName, Threads, check_files
+from validation.output import Show, print_whole, progress_bar, write_record
 from validation.studies.contact_sections import (
     COARSE,
     Recipe,
     Torus,
+    attracted_scene,
     cloud_by_contact,
     cloud_by_equations,
     contact_cycle,
     distance_to_curve,
+    level_starts,
     own_start,
     rank_probability,
 )
-
-SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it
-PAIR_TOLERANCE = 1e-11  # of a step of the equations alongside
-
-
-@dataclass(frozen=True)
-class ContactExponent:
-    """How n pairs of motions of the contact model came apart, in k intervals each.
-
-    growth (n, k): the logarithm of the distance's growth in each interval; interval s; attitudes
-    (n, k, 4), of the first motion when an interval began, turns (n, k, 3), the unit direction
-    of the second from there; both in principal axes; momenta (n, 3) kg m²/s, world.
-    """
-
-    growth: Array
-    interval: float
-    attitudes: Array
-    turns: Array
-    momenta: Array
-
-    @property
-    def mean(self) -> float:
-        """λ₁ over all pairs and intervals, 1/s."""
-        return float(self.growth.mean() / self.interval)
-
-    @property
-    def error(self) -> float:
-        """The standard error of `mean`, from the scatter of the pairs, 1/s."""
-        return standard_error(self.growth.mean(axis=1) / self.interval)
-
-    @property
-    def duration(self) -> float:
-        """What all pairs together ran, s."""
-        return self.growth.size * self.interval
-
-
-def contact_exponent(
-    model: Model,
-    attitudes: Array,
-    momenta: Array,
-    duration: float,
-    transient: float = 100.0,
-    interval: float = 5.0,
-    progress: Callable[[float], None] | None = None,
-) -> ContactExponent:
-    """λ₁ of the motions from n starts, each over `duration` after a `transient` [s].
-
-    attitudes (n, 4), momenta (n, 3): in principal axes, as for robotball.lyapunov.exponents.
-    Raises InputError where a run has a fault.
-    """
-    skipped, kept = round(transient / interval), max(1, round(duration / interval))
-    growth = np.empty((len(attitudes), skipped + kept))
-    origins, turns = np.empty((*growth.shape, 4)), np.empty((*growth.shape, 3))
-    for i, (q, M) in enumerate(zip(attitudes, momenta, strict=True)):
-        turn = np.array([0.6, 0.48, 0.64])
-        for k in range(skipped + kept):
-            origins[i, k], turns[i, k] = q, turn
-            beside = multiply(q, Rotation.from_rotvec(SEPARATION * turn).as_quat(scalar_first=True))
-            q, other = (rolled(model, each, M, interval) for each in (q, beside))
-            apart = multiply(conjugate(q), other)
-            turn = Rotation.from_quat(apart, scalar_first=True).as_rotvec()
-            distance = float(np.linalg.norm(turn))
-            growth[i, k], turn = np.log(distance / SEPARATION), turn / distance
-            if progress is not None:
-                progress((i * growth.shape[1] + k + 1) / growth.size)
-    late = slice(skipped, None)
-    return ContactExponent(growth[:, late], interval, origins[:, late], turns[:, late], momenta)
-
-
-def rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
-    """The attitude (4,), in principal axes, to which MuJoCo rolls the ball in `duration` s."""
-    motion = run(model, np.array([0.0, duration]), start=own_start(model.scene, attitude, momentum))
-    if motion.report.faults:
-        raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
-    return multiply(motion.attitude[-1], model.scene.principal_quaternion)
-
-
-def growth_by_equations(parameters: Parameters, contact: ContactExponent) -> Array:
-    """What `growth` (n, k) the equations have from the same starts, in the same directions."""
-    n, k = contact.growth.shape
-    starts = Starts(
-        parameters, contact.attitudes.reshape(-1, 4), np.repeat(contact.momenta, k, axis=0)
-    )
-    rest = np.concatenate([contact.turns.reshape(-1, 3), np.zeros((n * k, 2))], axis=1)
-    states, _ = starts.march(DEVIATION, rest, np.array([contact.interval]), PAIR_TOLERANCE)
-    return states[:, 0, 7].reshape(n, k)
-
+from validation.studies.lyapunov import contact_exponent, growth_by_equations
 
 F = 25.0  # of Figs 11 to 14, (kg m²/s)²
 # The curve by 192,000 points, the contact model's by 50: at most 1e-6 is lost to the spacing.
@@ -145,8 +55,10 @@ DRIFTS = {"fig12": 3.65907, "fig13": 3.665, "fig14": 3.276}  # m/s along OX
 
 @dataclass(frozen=True)
 class Measurement:
-    """One quantity by both engines; `apart`, which is to be below `bound`; error: the sampling's,
-    at one standard deviation, 0 where nothing is random.
+    """One quantity by both engines.
+
+    apart, bound: their difference and what it may be at most; error: the sampling's, at one
+    standard deviation, 0 where nothing is random.
     """
 
     claim: str
@@ -162,7 +74,7 @@ class Measurement:
 
 
 def measure_cycle(show: Show) -> Iterator[Measurement]:
-    """Fig. 11a's periodic orbit: period, fixed point, multiplier, drift."""
+    """Measure Fig. 11a's periodic orbit: period, fixed point, multiplier, drift."""
     show(0, "Fig. 11a: periodic orbit")
     scene = load_scene("fig12")
     cycle = fixed_point(scene.parameters, 3.6, 0.6, F)
@@ -183,13 +95,13 @@ def measure_cycle(show: Show) -> Iterator[Measurement]:
 
 
 def crossing_of(cycle: Cycle, parameters: Parameters) -> tuple[float, float]:
-    """(L, l) where a periodic orbit crosses g = 0 with g falling."""
+    """Return (L, l) where a periodic orbit crosses g = 0 with g falling."""
     found = section(parameters, cycle.attitude[None], cycle.momentum[None], 1, direction=-1)
     return float(found.L[0, 0]), float(found.l[0, 0])
 
 
 def measure_torus(show: Show) -> Iterator[Measurement]:
-    """Fig. 11a's limit torus: every section point of MuJoCo's against the equations' curve."""
+    """Measure Fig. 11a's limit torus: how far MuJoCo's section points are from the curve."""
     show(1, "Fig. 11a: limit torus")
     scene = load_scene("fig13")
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
@@ -201,7 +113,7 @@ def measure_torus(show: Show) -> Iterator[Measurement]:
 
 
 def measure_clouds(show: Show) -> Iterator[Measurement]:
-    """Fig. 11b's strange attractor: its cloud among the equations' own."""
+    """Measure Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
     contact = cloud_by_contact(
         build(scene, COARSE),
@@ -222,7 +134,7 @@ def measure_clouds(show: Show) -> Iterator[Measurement]:
 
 
 def measure_exponents(show: Show) -> Iterator[Measurement]:
-    """Fig. 11b's largest exponent, and the growth of both engines along the same motion."""
+    """Measure Fig. 11b's largest exponent, and the growth of both engines along one motion."""
     scene = load_scene("fig14")
     contact = contact_exponent(
         build(scene, COARSE),
@@ -254,7 +166,7 @@ def measure_drift(scene: str, velocity: float, error: float, bound: float) -> Me
 
 
 def measure_attractors(show: Show, quick: bool = False) -> list[Measurement]:
-    """All measurements, or if `quick` the periodic orbit's; show is told of eight parts."""
+    """Make all measurements, or if `quick` the periodic orbit's; show: called with 0 to 8 parts."""
     studies = (measure_cycle, measure_torus, measure_clouds, measure_exponents)[: 1 if quick else 4]
     return [measurement for study in studies for measurement in study(show)]
 
@@ -278,5 +190,80 @@ def show_attractors(measurements: Sequence[Measurement], console: Console) -> No
 
 
 def record(measurements: Sequence[Measurement]) -> dict[str, Any]:
-    """The measurements as plain data."""
+    """Return the measurements as plain data."""
     return {"measurements": [{**asdict(each), "holds": each.holds} for each in measurements]}
+
+
+@dataclass(frozen=True)
+class Attractors:
+    """Measure the attractors of Fig. 11 by a contact engine and by the equations.
+
+    Period, multiplier, torus, strange attractor, exponents and drifts; three minutes in all.
+
+    Example: robotball attractors --quick --json attractors.json
+    """
+
+    quick: bool = False
+    """The periodic orbit of Fig. 11a alone, in a few seconds."""
+    json: File = None
+    """Also write the measurements."""
+
+    def run(self) -> int:
+        check_files(self.json)
+        with progress_bar(8) as show:
+            measurements = measure_attractors(show, self.quick)
+        show_attractors(measurements, Console())
+        write_record(self.json, record(measurements))
+        return AGREES if all(each.holds for each in measurements) else DISAGREES
+
+
+@dataclass(frozen=True)
+class Basins:
+    """Tell which attractor each of many random starts of a scene's ball reaches.
+
+    Example: robotball basins fig12 --starts 100
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    starts: int = 1000
+    """Random starts with the scene's M² and (M, γ)."""
+    transient: float = 3000.0
+    """Time that each is given to reach it [s]."""
+    seed: int = 0
+    """Of the random starts."""
+    threads: Threads = None
+    json: File = None
+    """Also write the starts and what they reach."""
+
+    def run(self) -> int:
+        scene = attracted_scene(self.scene, "a basin")
+        check_count("starts", self.starts, 2)
+        attitudes, momenta = level_starts(scene, self.starts, self.seed)
+        with progress_bar(1) as show:
+            show(0, f"{scene.name}: {self.starts} starts")
+            found = basins(scene.parameters, attitudes, momenta, self.transient)
+        names = {
+            ON_TORUS: "torus",
+            CHAOS: "chaos",
+            LINE: "straight line",
+            LOST: "stops crossing g = 0",
+        }
+        for i, cycle in enumerate(found.cycles):
+            names[i] = f"cycle of period {cycle.period:.6f} s"
+        table = Table("attractor", "share of the starts", box=box.SIMPLE_HEAD)
+        for label, name in sorted(names.items(), reverse=True):
+            if found.share(label) > 0:
+                table.add_row(name, f"{found.share(label):.3f}")
+        print_whole(table, Console())
+        write_record(
+            self.json,
+            {
+                "scene": scene.name,
+                "seed": self.seed,
+                "transient": self.transient,
+                "attitudes": attitudes.tolist(),
+                "reached": [names[label] for label in found.labels.tolist()],
+            },
+        )
+        return AGREES

@@ -1,29 +1,25 @@
-"""The section map of the contact model: from crossing to crossing of g = 0 by MuJoCo.
+"""Poincaré sections of the contact model beside those of the equations, and `robotball section`.
 
-A run of many returns is cut into stretches, each begun on the constraints again and with the
-momentum it started from: so an attractor is seen at its own level of M² however long the run is.
+MuJoCo's section map goes from crossing to crossing of g = 0. A run of many returns is cut into
+stretches, each begun on the constraints again and with the momentum it started from: so an
+attractor is seen at its own level of M² however long the run is.
 
-Random starts with a scene's own M² and (M, γ): on such a level all its long-run motion is.
-
-The attractors of section 5.3, drawn by either engine by the same recipe.
-
-A recipe says from which starts, drawn by a seed, after how many returns, and how many crossings
-are taken.
-
-Clouds of section points compared: how far apart two are, and whether chance explains it.
-
-A scene's Poincaré section by both engines, as points and as a picture.
+Long-run motion needs a scene that is suited to it, and starts on the scene's level of M² and (M,
+γ), which every motion keeps. A recipe of a cloud of section points says from which starts, drawn by
+a seed, after how many returns, and how many crossings are taken. Two clouds are compared by their
+energy distance, and by its rank among those of clouds that the equations drew.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from robotball import InputError, Motion, Scene, Settings, preset, sample_times
+from robotball import InputError, Motion, Scene, Settings, load_scene, preset, sample_times
 from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
@@ -38,9 +34,12 @@ from robotball.qualitative.sections import (
     section,
     section_starts,
 )
+from robotball.qualitative.straight_motions import straight_motions
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Start
-from validation.output import title
+from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
+from validation.output import progress_bar, title, writable_folder, write_picture, write_record
+from validation.results import changed, file_name
 
 STRETCH = 100.0  # s; in it M drifts by a few millionths at most
 NO_RETURN = 100  # stretches without enough crossings, after which a run is given up
@@ -60,18 +59,18 @@ class ContactCycle:
 
 
 def start_at(model: Model, L: float, l: float, f: float) -> Start:
-    """The start of the model's ball at the point (L, l) of g = 0, in its frame's own axes."""
+    """Return the start of the model's ball at (L, l) of g = 0, in its frame's own axes."""
     attitudes, momenta = section_starts(np.array([L]), np.array([l]), f)
     return own_start(model.scene, attitudes[0], momenta[0])
 
 
 def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
-    """A start of the equations, whose axes are principal axes, in the frame's own axes."""
+    """Return a start in the frame's own axes, given in principal axes, which the equations have."""
     return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
 
 
 def sound_run(model: Model, start: Start, duration: float) -> Motion:
-    """The motion sampled at every step; raises InputError where it has a fault."""
+    """Return the motion sampled at every step. Raises InputError where it has a fault."""
     motion = run(model, sample_times(duration, model.compiled.opt.timestep), start=start)
     if motion.report.faults:
         raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
@@ -81,9 +80,9 @@ def sound_run(model: Model, start: Start, duration: float) -> Motion:
 def returns(
     model: Model, start: Start, count: int, direction: int = 1
 ) -> tuple[Crossings, float, Array]:
-    """The first `count` crossings of g = 0 in a direction (0: in both).
+    """Return the first `count` crossings of g = 0 in a direction (0: in both).
 
-    Also how long the run was [s] and the contact point's displacement (2,) over it [m]. Raises
+    Besides, how long the run was [s], and the contact point's displacement (2,) over it [m]. Raises
     InputError where a run has a fault, or does not come back often enough.
     """
     found: list[Crossings] = []
@@ -102,9 +101,9 @@ def returns(
 def contact_cycle(
     model: Model, L: float, l: float, f: float, period: float, direction: int = 1
 ) -> ContactCycle:
-    """The periodic motion that crosses g = 0 near (L, l) in a direction, once in about `period` s.
+    """Find the periodic motion that crosses g = 0 near (L, l), once in about `period` [s].
 
-    Newton's method on MuJoCo's own map, whose derivative is from runs started a little apart.
+    By Newton's method on MuJoCo's own map, whose derivative comes from runs started a little apart.
     Raises InputError where that does not converge.
     """
 
@@ -131,18 +130,17 @@ def contact_cycle(
 
 
 def _short(difference: Array) -> Array:
-    """A difference (L, l) with the angle's part between -π and π."""
+    """Return a difference (L, l) with the angle's part between -π and π."""
     L, l = difference
     return np.array([L, (l + np.pi) % (2 * np.pi) - np.pi])
 
 
 def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[Array, Array]:
-    """Attitudes (n, 4), principal axes, and world momenta (n, 3) on the scene's level of M.
+    """Return starts on the scene's level of M: attitudes (n, 4) and world momenta (n, 3).
 
-    The scene's own start for a count of 1, else random points of its section g = `g`.
+    Attitudes are of the principal axes. The scene's own start for a count of 1, else random points
+    of its section g = `g`.
     """
-    from robotball.qualitative.sections import section_starts  # compiled code takes a while to come
-
     check_count("starts", count, 1)
     check_seed(seed)
     M = scene.start.momentum
@@ -154,6 +152,50 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
     # The rubber model's M is horizontal by (3.1).
     c = float(M[2]) if scene.rolling == "classical" else 0.0
     return section_starts(L, random.uniform(-np.pi, np.pi, count), f, g, c)
+
+
+def steady_scene(name: str, purpose: str) -> Scene:
+    """Load a scene whose rates are constant. Raises InputError for any other."""
+    scene = load_scene(name)
+    if not scene.steady:
+        raise InputError(
+            f"{scene.name}: its drives change in time, and {purpose} needs constant rates; "
+            f"'robotball compare {name}' shows its motion"
+        )
+    return scene
+
+
+def moving_scene(name: str, purpose: str) -> Scene:
+    """Load a steady scene with a momentum. Raises InputError for a start from rest, M = 0."""
+    scene = steady_scene(name, purpose)
+    if not np.any(scene.start.momentum):
+        raise InputError(
+            f"{scene.name} starts from rest, and {purpose} needs a momentum M other than zero; "
+            f"'robotball equilibria {name}' shows the motion from rest"
+        )
+    return scene
+
+
+def attracted_scene(name: str, purpose: str) -> Scene:
+    """Load a moving scene that has attractors.
+
+    Raises InputError where Ω = 0, and phase volume is kept.
+    """
+    scene = moving_scene(name, purpose)
+    if not np.any(scene.parameters.Omega):
+        raise InputError(
+            f"{scene.name}: its frame does not turn (Ω = 0), so phase volume is kept and there "
+            f"are no attractors; 'robotball section {name}' shows its motion"
+        )
+    return scene
+
+
+def may_come_to_rest(scene: Scene) -> bool:
+    """Return whether a straight-line motion with the scene's M² attracts: motions may end there."""
+    ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
+    if ball.rolling != "rubber" or not np.any(ball.Omega):
+        return False
+    return any(line.is_stable for line in straight_motions(ball, f))
 
 
 # An attractor forgives a longer step as well: 3e-5 of a path in 10 s at this one, in a third of
@@ -177,39 +219,35 @@ class Recipe:
     direction: int = 1
 
     def points(self, seed: int) -> tuple[Array, Array]:
-        """Attitudes (starts, 4) and world momenta (starts, 3), evenly over the annulus."""
+        """Return attitudes (starts, 4) and world momenta (starts, 3), evenly over the annulus."""
         random = np.random.default_rng(seed)
         L = random.uniform(-1.0, 1.0, self.starts) * np.sqrt(self.f)
         return section_starts(L, random.uniform(-np.pi, np.pi, self.starts), self.f)
 
 
-@dataclass(frozen=True)
-class Torus:
-    """Where a limit torus crosses g = 0: from `starts` starts evenly within `spread` of (L, l).
+@dataclass(frozen=True, kw_only=True)
+class Torus(Recipe):
+    """The cloud of a limit torus, from starts evenly within `spread` of (L, l) on g = 0.
 
-    spread is in kg m²/s and rad; f, skipped, count, direction as in Recipe.
+    spread is in kg m²/s and rad.
     """
 
     L: float
     l: float
     spread: float
-    f: float
-    starts: int
-    skipped: int
-    count: int
-    direction: int = 1
 
     def points(self, seed: int) -> tuple[Array, Array]:
-        """Attitudes (starts, 4) and world momenta (starts, 3)."""
+        """Return attitudes (starts, 4) and world momenta (starts, 3)."""
         offsets = np.random.default_rng(seed).uniform(-self.spread, self.spread, (2, self.starts))
         return section_starts(self.L + offsets[0], self.l + offsets[1], self.f)
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Section points of one engine: `states` (n, 6), as in clouds.py; L, l and directions (n,);
-    and, from MuJoCo, the mean velocity (starts, 2) of the contact point along OX = -M/√f and OY,
-    m/s.
+    """Section points of one engine.
+
+    states: (n, 6), as the function of that name gives them; L, l and directions (n,); velocities:
+    from MuJoCo, the mean (starts, 2) of the contact point along OX = -M/√f and OY [m/s].
     """
 
     states: Array
@@ -219,8 +257,11 @@ class Cloud:
     velocities: Array
 
 
-def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int) -> Cloud:
-    """The recipe's cloud by the equations; raises InputError where a start gives too few points."""
+def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> Cloud:
+    """Return the recipe's cloud by the equations.
+
+    Raises InputError where a start gives too few points.
+    """
     attitudes, momenta = recipe.points(seed)
     total = recipe.skipped + recipe.count
     found = section(
@@ -237,9 +278,9 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe | Torus, seed: int
 
 
 def cloud_by_contact(
-    model: Model, recipe: Recipe | Torus, seed: int, progress: Callable[[float], None] | None = None
+    model: Model, recipe: Recipe, seed: int, progress: Callable[[float], None] | None = None
 ) -> Cloud:
-    """The same by MuJoCo's contact model; raises InputError where a run has a fault."""
+    """Return the recipe's cloud by MuJoCo. Raises InputError where a run has a fault."""
     parts, velocities = [], []
     for i, (attitude, momentum) in enumerate(zip(*recipe.points(seed), strict=True)):
         start = own_start(model.scene, attitude, momentum)
@@ -261,7 +302,7 @@ NEIGHBOURS = 8
 
 
 def states(gamma: Array, momenta: Array) -> Array:
-    """Points (n, 6): γ and M/|M| in frame axes, whose distance needs no angle.
+    """Return points (n, 6): γ and M/|M| in frame axes, whose distance needs no angle.
 
     On the annulus (l, L) two near states may lie far apart, at L = ±√f or at l = ±π.
     """
@@ -269,14 +310,15 @@ def states(gamma: Array, momenta: Array) -> Array:
 
 
 def distance(cloud: Array, reference: Array) -> float:
-    """2E|x - y| - E|x - x'| of clouds (n, k), (m, k): their energy distance, but for a part
-    that the reference alone has to do with.
+    """Return 2E|x - y| - E|x - x'| of clouds (n, k), (m, k).
+
+    That is their energy distance, but for a part that depends on the reference alone.
     """
     return float(2 * cdist(cloud, reference).mean() - cdist(cloud, cloud).mean())
 
 
 def rank_probability(cloud: Array, peers: Sequence[Array], reference: Array) -> float:
-    """The probability that by chance alone `cloud` is at least as far from `reference` as it is.
+    """Return how probable it is that by chance `cloud` is so far from `reference`, or farther.
 
     peers: clouds drawn by the very recipe that `cloud` claims to be drawn by, each from starts of
     its own. If the claim is true all of them and `cloud` are exchangeable, so the rank of its
@@ -288,10 +330,10 @@ def rank_probability(cloud: Array, peers: Sequence[Array], reference: Array) -> 
 
 
 def distance_to_curve(points: Array, curve: Array) -> Array:
-    """How far points (n, k) are from a curve that is known by many points (m, k) of it, (n,).
+    """Return how far points (n, k) are from a curve given by many points (m, k) of it, (n,).
 
-    To the straight line that fits the nearest few best; it misses a curve of curvature κ by
-    κs²/2 where those few reach s along it.
+    The distance is to the straight line that fits the nearest few best. It misses a curve of
+    curvature κ by κs²/2 where those few reach s along it.
     """
     _, nearest = cKDTree(curve).query(points, k=NEIGHBOURS)
     near = curve[nearest]
@@ -312,7 +354,7 @@ class Points:
     directions: Integers
 
     def late(self, skip: int) -> "Points":
-        """Without the first `skip` of each motion, and joined."""
+        """Return the crossings without the first `skip` of each motion, joined."""
         late = (..., slice(skip, None))
         return Points(
             self.times[late].ravel(),
@@ -325,7 +367,7 @@ class Points:
 def section_by_equations(
     scene: Scene, attitudes: Array, momenta: Array, count: int, g: float
 ) -> Points:
-    """The first `count` crossings of g = `g` of each of n starts, (n, count)."""
+    """Return the first `count` crossings of g = `g` of each of n starts, (n, count)."""
     found = section(scene.parameters, attitudes, momenta, count, g)
     if found.status.any():
         raise InputError(f"{np.count_nonzero(found.status)} motions do not keep crossing g = {g:g}")
@@ -333,14 +375,14 @@ def section_by_equations(
 
 
 def section_by_contact(scene: Scene, settings: Settings, duration: float, g: float) -> Points:
-    """MuJoCo's crossings (m,) from the scene's own start over a duration [s]."""
+    """Return MuJoCo's crossings (m,) from the scene's own start over a duration [s]."""
     model = build(scene, settings)
     found = crossings_of_motion(sound_run(model, scene.start, duration), scene, g)
     return Points(found.times, found.l, found.L, found.directions)
 
 
 def draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) -> Figure:
-    """The section's points on the annulus; filled where g grows, paler where it falls."""
+    """Draw the section's points on the annulus; filled where g grows, paler where it falls."""
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
     title(figure, f"{scene.name}: {scene.title}")
@@ -360,3 +402,71 @@ def draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) 
     axes.grid(alpha=0.3)
     axes.legend(loc="best", markerscale=2)
     return figure
+
+
+@dataclass(frozen=True)
+class Section:
+    """Draw a scene's Poincaré section g = g₀ on the annulus (l, L).
+
+    Example: robotball section fig12 --starts 4 --count 500
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    starts: int = 1
+    """Motions to follow: the scene's own alone, or as many random ones with its M² and (M, γ)."""
+    count: int = 2000
+    """Crossings of each."""
+    skip: int = 0
+    """Crossings of each to leave out first."""
+    g: float = 0.0
+    """The section's g₀ [rad]."""
+    preset: Preset = None
+    """Draw the engine's crossings as well, of the scene's own start, with these settings."""
+    seed: int = 0
+    """Of the random starts."""
+    out: Path = OUT
+    """Folder for the picture."""
+    threads: Threads = None
+    json: File = None
+    """Also write the points."""
+
+    def run(self) -> int:
+        scene = moving_scene(self.scene, "a section")
+        settings = None if self.preset is None else preset(self.preset)
+        words = ["section", *changed(self, "starts", "count", "skip", "g", "seed")]
+        if settings is None:
+            name = file_name(scene.name, None, words)
+        else:
+            name = file_name(scene.name, LABEL, [settings.name, *words])
+        path = writable_folder(self.out) / f"{name}.png"
+        attitudes, momenta = level_starts(scene, self.starts, self.seed, self.g)
+        total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
+        with progress_bar(1 if settings is None else 2) as show:
+            show(0, f"{scene.name}: equations")
+            points = section_by_equations(scene, attitudes, momenta, total, self.g)
+            engine = None
+            if settings is not None:
+                show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
+                duration = float(points.times[0, -1])
+                engine = section_by_contact(scene, settings, duration, self.g).late(self.skip)
+            points = points.late(self.skip)
+            write_picture(path, draw_section(scene, points, engine, self.g))
+        drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
+        for name, each in drawn.items():
+            growing = int(np.count_nonzero(each.directions == 1))
+            total = len(each.directions)
+            print(f"{name}: {total} crossings, {growing} with g growing, {total - growing} falling")
+        if may_come_to_rest(scene):
+            print("a straight-line motion with this M² attracts: what ends there crosses only by")
+            print(f"rounding; 'robotball equilibria {self.scene}' lists it")
+        print(path)
+        write_record(
+            self.json,
+            {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
+            | {
+                name: {field: values.tolist() for field, values in vars(each).items()}
+                for name, each in drawn.items()
+            },
+        )
+        return AGREES

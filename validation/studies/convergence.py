@@ -20,15 +20,25 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from operator import itemgetter
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.markup import escape
+from tyro.conf import arg
 
-from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate
+from robotball import (
+    ContactMotion,
+    InputError,
+    Motion,
+    Scene,
+    Settings,
+    integrate,
+    load_scene,
+    preset,
+)
 from robotball.engines.dop853 import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
@@ -38,7 +48,9 @@ from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
 from robotball.motion import path_error
 from robotball.rotations import Array
-from validation.output import Show, in_picture, scientific
+from validation.options import PRESET, Names, Once, OnceOptions, SceneName, listed
+from validation.output import Show, in_picture, progress_bar, scientific
+from validation.studies.ablation import without
 from validation.study import Column, Row, Study, table_of
 
 LEAST = 3  # points that make an order
@@ -148,14 +160,14 @@ class Method:
 
     @property
     def name(self) -> str:
-        """The integrator's, by which runs at many steps belong together."""
+        """Return the integrator's name, by which runs at many steps belong together."""
         if self.integrator != ADAPTIVE:
             return self.integrator
         return ADAPTIVE if self.step is None else FIXED
 
     @property
     def size(self) -> float:
-        """The step [s], or else the tolerance."""
+        """Return the step [s], or else the tolerance."""
         size = self.rtol if self.step is None else self.step
         assert size is not None
         return size
@@ -197,7 +209,7 @@ class OwnLimit:
 
 
 @dataclass(frozen=True)
-class Convergence:
+class Runs:
     """All runs of one contact model, those of one integrator together, the longest step first."""
 
     scene: Scene
@@ -232,7 +244,7 @@ def measure_convergence(
     times: Array | None = None,
     halvings: int = HALVINGS,
     show: Show | None = None,
-) -> Convergence:
+) -> Runs:
     """Run every integrator at many steps on the contact model of `settings`.
 
     times: (n,) s, equally spaced from 0, the scene's own if None; halvings: of the sample interval,
@@ -245,13 +257,13 @@ def measure_convergence(
     contact = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
     model = build(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
     methods = _methods(model, interval, halvings)
-    runs = _Runs(model, theory, len(methods) + 1, show or (lambda part, what: None))
+    runs = _Runner(model, theory, len(methods) + 1, show or (lambda part, what: None))
     limit = _limit(runs, finest)
     trials = [
         _trial(runs, limit, before, method)
         for before, method in zip([None, *methods[:-1]], methods, strict=True)
     ]
-    return Convergence(scene, settings, float(theory.times[-1]), limit, tuple(trials))
+    return Runs(scene, settings, float(theory.times[-1]), limit, tuple(trials))
 
 
 def _methods(model: Model, interval: float, halvings: int) -> list[Method]:
@@ -268,25 +280,17 @@ def _methods(model: Model, interval: float, halvings: int) -> list[Method]:
     ]
 
 
-@dataclass(frozen=True)
-class _Run:
-    """A run that came to its end, and its step [s], the mean if it chose them."""
-
-    motion: ContactMotion
-    step: float
-
-
 @dataclass
-class _Runs:
+class _Runner:
     """Runs of one model, each made once, beside the motion by the equations."""
 
     model: Model
     theory: Motion
     total: int
     show: Show
-    made: dict[Method, _Run | None] = field(default_factory=dict)
+    made: dict[Method, ContactMotion | None] = field(default_factory=dict)
 
-    def of(self, method: Method) -> _Run | None:
+    def of(self, method: Method) -> ContactMotion | None:
         """Return the run of a method; None if it broke off or would not end."""
         if method not in self.made:
             part = len(self.made) / self.total
@@ -294,14 +298,11 @@ class _Runs:
             self.made[method] = self._run(method)
         return self.made[method]
 
-    def _run(self, method: Method) -> _Run | None:
+    def _run(self, method: Method) -> ContactMotion | None:
         times = self.theory.times
         with np.errstate(all="ignore"):  # a run that diverges says so itself
             motion = run(_stepped(self.model, method, float(times[-1])), times)
-        if len(motion.times) < len(times):
-            return None
-        mean = float(times[-1]) / motion.report.steps
-        return _Run(motion, method.step or mean)
+        return motion if len(motion.times) == len(times) else None
 
 
 def _stepped(model: Model, method: Method, duration: float) -> Model:
@@ -320,7 +321,7 @@ def _stepped(model: Model, method: Method, duration: float) -> Model:
     return same
 
 
-def _limit(runs: _Runs, finest: Method) -> OwnLimit:
+def _limit(runs: _Runner, finest: Method) -> OwnLimit:
     """Return the limit of short steps, by DOP853 where the motion is smooth enough, or RK4."""
     assert finest.step is not None
     # What ten times the tolerance, or twice the step, changes is more than what is still wrong.
@@ -331,33 +332,33 @@ def _limit(runs: _Runs, finest: Method) -> OwnLimit:
     for method, coarser in candidates:
         best, near = runs.of(method), runs.of(coarser)
         if best is not None and near is not None:
-            known_to = path_error(near.motion, best.motion)
-            off = path_error(best.motion, runs.theory)
-            return OwnLimit(method, best.motion, known_to, off)
+            known_to = path_error(near, best)
+            off = path_error(best, runs.theory)
+            return OwnLimit(method, best, known_to, off)
     raise InputError(
         f"{runs.model.scene.name}: the contact model breaks off even at steps of "
         f"{finest.step:g} s; there is no limit to converge to"
     )
 
 
-def _trial(runs: _Runs, limit: OwnLimit, before: Method | None, method: Method) -> Trial:
+def _trial(runs: _Runner, limit: OwnLimit, before: Method | None, method: Method) -> Trial:
     """Compare the run of a method with both references, and with the one before it."""
     found = runs.of(method)
     if found is None:
         return Trial(method, method.step)
-    estimate = None
+    step, estimate = _step_of(method, found), None
     if before is not None and before.name == method.name and method.name in ORDERS:
         longer = runs.of(before)
         if longer is not None:
-            fall = (longer.step / found.step) ** ORDERS[method.name]
-            estimate = path_error(longer.motion, found.motion) / (fall - 1)
-    return Trial(
-        method,
-        found.step,
-        path_error(found.motion, limit.motion),
-        path_error(found.motion, runs.theory),
-        estimate,
-    )
+            fall = (_step_of(before, longer) / step) ** ORDERS[method.name]
+            estimate = path_error(longer, found) / (fall - 1)
+    own, equations = path_error(found, limit.motion), path_error(found, runs.theory)
+    return Trial(method, step, own, equations, estimate)
+
+
+def _step_of(method: Method, motion: ContactMotion) -> float:
+    """Return the step of a run [s], the mean if it chose its steps."""
+    return method.step or float(motion.times[-1]) / motion.report.steps
 
 
 NOTE = (
@@ -375,7 +376,7 @@ TITLES: dict[Reference, str] = {
 NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
-def convergence_study(study: Convergence) -> Study:
+def convergence_study(study: Runs) -> Study:
     """Return every run, the orders, and the distance of the two references."""
     limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
     runs = rows(study)
@@ -392,7 +393,7 @@ def convergence_study(study: Convergence) -> Study:
     )  # fmt: skip
 
 
-def _step(row: Row) -> str:
+def _step_text(row: Row) -> str:
     return "-" if row["step"] is None else f"{row['step'] * 1e3:.3g}"
 
 
@@ -406,7 +407,7 @@ def _richardson(row: Row) -> str:
 
 RUNS = (
     Column("integrator", itemgetter("integrator"), words=True),
-    Column("step", _step, "ms"),
+    Column("step", _step_text, "ms"),
     Column("rtol", _rtol),
     Column("own limit", "own_error"),
     Column("Richardson", _richardson),
@@ -414,7 +415,7 @@ RUNS = (
 )
 
 
-def _orders(study: Convergence, name: str) -> Row:
+def _orders(study: Runs, name: str) -> Row:
     """Return the texts of an integrator's orders, against each reference."""
     row = {"integrator": name, "claim": f"{ORDERS[name]}" if name in ORDERS else "rtol"}
     for against in REFERENCES:
@@ -442,7 +443,7 @@ def order_text(order: Order | None) -> str:
     return "-" if order is None else f"{order.order:.2f} ± {order.stderr:.2f}"
 
 
-def convergence_picture(study: Convergence) -> Figure:
+def convergence_picture(study: Runs) -> Figure:
     """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
     figure = Figure(figsize=INCHES, layout="constrained")
     title = f"{study.scene.name}, {study.settings.name}: {study.duration:g} s"
@@ -468,7 +469,7 @@ def convergence_picture(study: Convergence) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, study: Convergence, against: Reference) -> None:
+def _draw(axes: Axes, study: Runs, against: Reference) -> None:
     labelled: list[Order] = []
     for name, trials in study.by_name.items():
         order = study.order(name, against)
@@ -508,7 +509,7 @@ def _near(order: Order, other: Order) -> bool:
     return max(map(abs, apart)) < NEAR
 
 
-def rows(study: Convergence) -> list[dict[str, Any]]:
+def rows(study: Runs) -> list[dict[str, Any]]:
     """Return a row of plain numbers for every run."""
     return [
         {
@@ -523,7 +524,7 @@ def rows(study: Convergence) -> list[dict[str, Any]]:
     ]
 
 
-def record(study: Convergence) -> dict[str, Any]:
+def record(study: Runs) -> dict[str, Any]:
     """Return the study as plain data; an order or a stall that there is not is None."""
     orders = {
         name: {
@@ -547,3 +548,28 @@ def record(study: Convergence) -> dict[str, Any]:
         "orders": orders,
         "runs": rows(study),
     }
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Orders of convergence of every integrator, against the contact model's limit and theory.
+
+    Example: robotball convergence fig12 --quick --without softness,noslip
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    preset: Annotated[str, arg(metavar=PRESET)] = "accurate"
+    """The settings whose contact model it is; integrator and step are swept."""
+    without: Names = ()
+    """Choices of the ablation to undo in it. Several: softness,noslip. There are
+    drive, friction, cone, root, integrator, start, softness, noslip, solver, timestep."""
+    study: OnceOptions = field(default_factory=Once)
+
+    def run(self) -> int:
+        scene = load_scene(self.scene)
+        settings = without(preset(self.preset), listed(self.without))
+        times, halvings = self.study.times(scene), HALVINGS - 2 * self.study.quick
+        with progress_bar(1) as show:
+            measured = measure_convergence(scene, settings, times, halvings, show)
+        return self.study.present(convergence_study(measured))

@@ -1,12 +1,11 @@
-"""Environments of their own for engines, so that none decides on another's packages.
+"""One run of one engine as a process of its own: a cell as JSON in, its record as JSON out.
 
-An environment has the engine and what it asks for; everything else, robotball among it, it takes
-from ours, after its own. So MuJoCo of another version is only another environment.
+An engine has an environment of its own, so that none decides on another's packages. It holds the
+engine and what that requires; everything else, robotball among it, comes from our environment,
+which is searched after it. So MuJoCo of another version is only another environment.
 
-One run of one engine, as a process of its own: a cell as JSON in, its record as JSON out.
-
-It is started by the interpreter of the engine's environment, with a pipe whose closing ends it.
-What the engine prints goes to standard error.
+The process is started by the environment's interpreter, with a pipe whose closing ends it. What the
+engine prints goes to standard error.
 """
 
 import hashlib
@@ -53,7 +52,7 @@ class Contestant:
 
 
 def contestants() -> dict[str, Contestant]:
-    """All of them by name: the engines, and one of them in an older version."""
+    """Return all contestants by name: the engines, and one of them in an older version."""
     found = []
     for name in engine_names():
         try:
@@ -67,9 +66,10 @@ def contestants() -> dict[str, Contestant]:
 
 
 def python_of(contestant: Contestant, folder: Path) -> Path | None:
-    """The interpreter that runs it: its environment's, or ours where it needs none; else None.
+    """Return the interpreter of a contestant: its environment's, or ours where it needs none.
 
-    An environment without its link, which comes last, was not made to its end, and is none.
+    None where there is neither. The link is written last: an environment without it was not made to
+    its end, and is none.
     """
     home = folder / contestant.name
     if _link_of(home).exists():
@@ -80,7 +80,7 @@ def python_of(contestant: Contestant, folder: Path) -> Path | None:
 
 
 def install(contestant: Contestant, folder: Path) -> Path:
-    """Its environment, made anew by venv and pip.
+    """Make a contestant's environment anew by venv and pip, and return its folder.
 
     Raises InputError where pip fails, for what our own environment has, and in place of a folder
     that holds something else.
@@ -105,7 +105,7 @@ def install(contestant: Contestant, folder: Path) -> Path:
 
 
 def _link(home: Path) -> None:
-    """Has the environment look into ours, after its own packages."""
+    """Link the environment to ours, whose packages come after its own."""
     ours: Sequence[str] = (str(Path(robotball.__file__).parents[1]), sysconfig.get_path("purelib"))
     _link_of(home).write_text("\n".join(ours) + "\n")
 
@@ -117,11 +117,11 @@ def _link_of(home: Path) -> Path:
 
 ENOUGH = 1.0  # s of processor time after which a run is not timed again
 LOOSEST = 0.3  # that a run is held to at another value than the preset's own, which has no other
-FIXED_WORK = bytes(1 << 23)  # whose digest tells the speed of the machine at the time
+FIXED_WORK = bytes(1 << 23)  # the time of its digest is the speed of the machine at that moment
 
 
 def run(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """What came of a run: errors, what the engine did besides, cost and versions."""
+    """Run a cell and return its record: errors, other readings, cost and versions."""
     scene = load_scene(cell["scene"])
     theory = integrate(scene, sample_times(cell["duration"]))
     engine = engine_named(cell["engine"])
@@ -165,7 +165,7 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSettings:
-    """The preset with another value of a field, for a run that goes on in spite of its faults."""
+    """Return the preset with another value of a field, for a run that goes on after a fault."""
     changes: dict[str, Any] = {field: value, "stop_at_fault": False}
     if getattr(preset, field) != value:
         changes["error_tolerance"] = LOOSEST
@@ -173,19 +173,19 @@ def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSetti
 
 
 def known(value: float | None) -> float | None:
-    """A number that JSON has."""
+    """Return the number, or None where JSON has none for it."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
 def fixed_work() -> float:
-    """Processor time of a piece of work that no package takes part in [s]."""
+    """Measure the processor time of a piece of work in which no package takes part [s]."""
     began = time.process_time()
     hashlib.sha256(FIXED_WORK).digest()
     return time.process_time() - began
 
 
 def main() -> None:
-    """Reads a cell, ends with its reader, and writes the record."""
+    """Read a cell, write its record, and end when the reader does."""
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what engines print
     end_when_closed(int(sys.argv[1]))

@@ -1,408 +1,642 @@
-"""The maps of extremes as data: two axes each, how the run of a cell is made, what is held fixed.
+"""Where the contact model breaks: each cell of the maps is run and held against the equations.
 
-A cell runs the catalog's ball with one thing changed and the rest held, over any number of decades.
+The cells together show which outcomes there are, what was missed and where the limits lie. The
+picture of a map has a panel for each integrator and rolling model; a cell shows its outcome by a
+grey and a letter, so that it needs no colour. The maps themselves are data, in `extreme_maps.py`.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cache
+import logging
+import time
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from enum import Enum
+from typing import Annotated, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from rich.table import Table
+from tyro.conf import DisallowNone, Positional, arg
 
-from robotball import Scene, Servo, Settings, load_scene
-from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, MOST_STEPS, recipe
-from robotball.errors import unknown
-from robotball.robot import Ball, Frame, Rotor, Shell
+from robotball import Fault, FaultKind, InputError, Motion, Scene, Settings
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.limits import LAWS, exceeded
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.planned_run import PlannedRun
+from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.settings import Chosen
+from robotball.engines.reduced import compiled_states, motion_of
+from robotball.errors import check_count, check_seed
+from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
-from robotball.scene import Start
-from validation.sweeps import Cell
+from validation.agreement import Agreement
+from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
+from validation.output import halo, progress_bar, writable_folder, write_record
+from validation.studies.extreme_maps import (
+    ACCURATE,
+    DURATION,
+    ERROR_TOLERANCE,
+    MAPS,
+    QUICK,
+    TIMESTEP,
+    WHOLE,
+    WRONG,
+    CellRun,
+    Map,
+    cell_run,
+    cells_of,
+)
+from validation.studies.random_runs import measure_detection
+from validation.study import Column, Row, Study, show, table_of
+from validation.sweeps import Result, rows_of
 
 
-def momentum_of(scene: Scene) -> Array:
-    """K (3,) of (A.3), frame axes [kg m²/s]."""
-    return scene.principal_axes @ np.array(scene.parameters.K)
+class Outcome(Enum):
+    """The outcome of a cell: its sign on the map, and the sentence that explains it."""
+
+    ACCURATE = ("", f"accurate: error at most {ACCURATE:g}")
+    DEGRADED = ("·", f"degraded: error at most {WRONG:g}")
+    WRONG = ("X", f"silently wrong: error above {WRONG:g}, contact and drives as they should be")
+    SLIPPED = ("s", "slipped: friction cone saturated, or slip along the path")
+    LOST_CONTACT = ("c", "lost contact")
+    OFF_RATE = ("r", "a drive lost its rate")
+    DIVERGED = ("D", "diverged and reported")
+    REFUSED = ("–", "refused before the run, with one line")
+    UNFINISHED = ("?", "stopped at its limit of steps or time")
+    FAILED = ("!", "ended in an error that nobody had foreseen")
+
+    def __init__(self, sign: str, sentence: str) -> None:
+        self.sign = sign
+        self.sentence = sentence
 
 
-def gyrostat(
-    scene: Scene, *, frame_rate: float, K: Array, rotor_rate: float | None = None
-) -> Scene:
-    """The scene with other Ω and K (3,), frame axes, and the same A and mass.
+# Any other kind of fault leaves no state.
+OF_KIND = {
+    FaultKind.OUT_OF_STEPS: Outcome.UNFINISHED,
+    FaultKind.CONTACT_LOST: Outcome.LOST_CONTACT,
+    FaultKind.CONE_SATURATED: Outcome.SLIPPED,
+    FaultKind.SLIPPED: Outcome.SLIPPED,
+    FaultKind.RATE_OFF: Outcome.OFF_RATE,
+    FaultKind.TORQUE_LIMIT: Outcome.OFF_RATE,
+    FaultKind.MOMENTUM_OFF: Outcome.WRONG,
+}
+# What these cost is in the error, and may be little.
+BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
 
-    frame_rate [rad/s]; by (A.3) the rotor has to carry K + (J_s + d)Ω: its axis and its rate
-    become what that takes, or, where rotor_rate [rad/s] is given, its axis and its inertia. The
-    frame takes the rest of the inertia; InputError where nothing is left for it.
+
+def largest_error(record: Mapping[str, Any]) -> float | None:
+    """Return the larger of path error and momentum error; None where the run has none."""
+    errors = [record.get(name) for name in ("path_error", "momentum_error")]
+    known = [error for error in errors if error is not None]
+    return max(known) if len(known) == len(errors) else None
+
+
+def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
+    """Return the outcome of a run with these faults, the earliest first, and this error.
+
+    The error is None where the run broke off. One that goes on is called by its first fault, from
+    which the others follow: a ball that slips may well lose its contact later.
     """
-    ball = scene.ball
-    (rotor,) = ball.rotors
-    carried = K + (ball.shell.axial_inertia + ball.d) * frame_rate * ball.shell.axis
-    size = float(np.linalg.norm(carried))
-    inertia = rotor.axial_inertia if rotor_rate is None else size / rotor_rate
-    new = replace(rotor, axial_inertia=inertia, transverse_inertia=inertia / 2, axis=carried / size)
-    frame = replace(ball.frame, inertia=ball.frame.inertia + rotor.inertia - new.inertia)
-    return replace(
-        scene,
-        ball=Ball(ball.shell, frame, (new,)),
-        frame_rate=frame_rate,
-        rotor_rates=(size / inertia,),
-    )
+    kinds = [OF_KIND.get(fault.kind, Outcome.DIVERGED) for fault in faults]
+    if Outcome.DIVERGED in kinds or (error is None and Outcome.UNFINISHED not in kinds):
+        return Outcome.DIVERGED
+    if error is None:
+        return Outcome.UNFINISHED
+    grave = [kind for kind in kinds if kind not in BY_ERROR]
+    if error > WRONG:
+        first = [kind for kind in kinds if kind is not Outcome.WRONG]
+        return first[0] if first else Outcome.WRONG
+    if grave:
+        return grave[0]
+    return Outcome.ACCURATE if error <= ACCURATE else Outcome.DEGRADED
 
 
-def redistributed(scene: Scene, *, frame_to_shell: float, rotor_to_frame: float) -> Scene:
-    """The scene with its whole mass shared out anew; the bodies keep their shapes and rates."""
-    ball = scene.ball
-    shares = np.array([1.0, frame_to_shell, frame_to_shell * rotor_to_frame])
-    shell, frame, rotor = (ball.mass * shares / shares.sum()).tolist()
-    (old_rotor,) = ball.rotors
-    return replace(
-        scene,
-        ball=Ball(
-            scaled_shell(ball.shell, shell / ball.shell.mass),
-            scaled_frame(ball.frame, frame / ball.frame.mass),
-            (scaled_rotor(old_rotor, rotor / old_rotor.mass),),
-        ),
-    )
+TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
+STEPS = 50  # at least, for an instability to grow in
+SAMPLES = 100  # at most, at which the two motions are compared
+AMPLE = 3.0  # times the motion's demand
 
 
-def scaled(scene: Scene, *, mass: float, length: float) -> Scene:
-    """The same motion of a ball whose masses and lengths are multiplied by two factors.
+def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the record of a cell {map, rolling, integrator, x, y}; no input makes it raise.
 
-    Rates and times stay, so that momenta go with mass·length² and gravity with length.
+    outcome: an Outcome's name; path_error, momentum_error: relative, gamma_error: rad, None where
+    the run broke off; faults: of the run; foretold: the limits that the precheck finds exceeded;
+    nearness: to each limit; seconds: CPU time.
     """
-    ball = scene.ball
+    began = time.process_time()
+    # In a process of its own nothing else keeps MuJoCo and NumPy quiet about what is recorded.
+    logging.getLogger("absl").setLevel(logging.ERROR)
+    place = (cell[key] for key in ("rolling", "integrator", "x", "y"))
+    with warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
+        try:
+            record = _measured(cell_run(MAPS[cell["map"]], *place))
+        except InputError as error:
+            record = {"outcome": Outcome.REFUSED.name, "refusal": str(error)}
+    return {**record, "seconds": time.process_time() - began}
+
+
+def _measured(this: CellRun) -> dict[str, Any]:
+    scene, times = this.scene, sample_times(this)
+    theory = reference(scene, times)
+    settings = ample(this.settings, theory) if this.ample else this.settings
+    motion = run(build(scene, settings), times)
+    errors = errors_of(Agreement(theory, motion))
+    return {
+        "outcome": classify(motion.report.faults, largest_error(errors)).name,
+        **errors,
+        "faults": [str(fault) for fault in motion.report.faults],
+        # What a user reads before the run, who does not know the motion yet.
+        "foretold": [limit.what for limit in exceeded(scene, settings, times)],
+        "nearness": nearness(PlannedRun(scene, settings, float(times[-1]), theory.loads)),
+        "steps": motion.report.steps,
+    }
+
+
+def errors_of(agreement: Agreement) -> dict[str, float | None]:
+    """Return the errors of a record, by their names; None where there is no number."""
+    names = ("path_error", "momentum_error", "gamma_error")
+    errors = {name: getattr(agreement, name) for name in names}
+    return {
+        name: error if error is not None and np.isfinite(error) else None
+        for name, error in errors.items()
+    }
+
+
+def nearness(plan: PlannedRun) -> dict[str, float | None]:
+    """Return how much of each predicted limit is used, by the name of its prediction.
+
+    What is used without end is None.
+    """
+    checks = {predict.__name__: predict(plan) for predict in LAWS}
+    return {
+        name: check.nearness if np.isfinite(check.nearness) else None
+        for name, check in checks.items()
+        if check is not None
+    }
+
+
+def reference(scene: Scene, times: Array) -> Motion:
+    """Integrate a steady scene over times (n,) [s] from 0 by the compiled step.
+
+    The error is that of `integrate`, which would be too slow: some cells turn a million times.
+    Raises InputError where the motion is given up.
+    """
+    return motion_of(scene, times, compiled_states(scene, times))
+
+
+def speed_scale(scene: Scene) -> float:
+    """Estimate how fast the ball turns: A(|M| + |K|) + |Ω| [rad/s]."""
+    numbers = scene.parameters
+    size = np.linalg.norm(scene.start.momentum) + np.linalg.norm(numbers.K)
+    return float(max(numbers.A) * size + np.linalg.norm(numbers.Omega))
+
+
+def sample_times(this: CellRun) -> Array:
+    """Return the times (n,) of a cell, whole timesteps apart [s].
+
+    They cover a few turns of the ball, unless the cell has a duration, and enough steps of a fixed
+    length.
+    """
+    step = this.settings.timestep or TIMESTEP
+    duration = this.duration or min(DURATION, TURNING / speed_scale(this.scene))
+    if not this.settings.adaptive and this.duration is None:
+        duration = max(duration, STEPS * step)
+    interval = step * max(1.0, np.ceil(duration / step / SAMPLES))
+    if this.settings.adaptive:
+        interval = duration / SAMPLES
+    return interval * np.arange(max(2, round(duration / interval) + 1))
+
+
+def ample(settings: Settings, theory: Motion) -> Settings:
+    """Return the settings with friction AMPLE times the motion's demand, where it is less."""
+    settings, loads = Chosen(theory.scene, settings).settings, theory.loads
+    spin = settings.torsional_friction_of(theory.scene.ball.radius)
     return replace(
-        scene,
-        ball=Ball(
-            scaled_shell(ball.shell, mass, length),
-            scaled_frame(ball.frame, mass, length),
-            tuple(scaled_rotor(rotor, mass, length) for rotor in ball.rotors),
-        ),
-        start=Start(scene.start.attitude, scene.start.momentum * mass * length**2),
-        gravity=scene.gravity * length,
+        settings,
+        sliding_friction=max(settings.sliding_friction, AMPLE * loads.sliding_friction.max()),
+        torsional_friction=max(spin, AMPLE * loads.torsional_friction.max()),
     )
 
 
-def scaled_shell(shell: Shell, mass: float, length: float = 1.0) -> Shell:
-    """The shell with its mass and its lengths multiplied by two factors."""
-    return replace(
-        shell,
-        radius=shell.radius * length,
-        mass=shell.mass * mass,
-        axial_inertia=shell.axial_inertia * mass * length**2,
-        transverse_inertia=shell.transverse_inertia * mass * length**2,
-    )
+# Beyond these a step makes the state grow, and a run soon has none.
+STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
 
 
-def scaled_frame(frame: Frame, mass: float, length: float = 1.0) -> Frame:
-    """The same of the frame."""
-    return Frame(frame.mass * mass, frame.inertia * mass * length**2, frame.centre * length)
+def outcome_of(result: Result) -> Outcome:
+    """Return the outcome of a cell, also of one that the sweep had to give up."""
+    if result.record is not None:
+        return Outcome[result.record["outcome"]]
+    assert result.failure is not None
+    return Outcome.UNFINISHED if result.outlasted else Outcome.FAILED
 
 
-def scaled_rotor(rotor: Rotor, mass: float, length: float = 1.0) -> Rotor:
-    """The same of a rotor."""
-    return replace(
-        rotor,
-        mass=rotor.mass * mass,
-        axial_inertia=rotor.axial_inertia * mass * length**2,
-        transverse_inertia=rotor.transverse_inertia * mass * length**2,
-        centre=rotor.centre * length,
-    )
+def foretold(result: Result) -> bool:
+    """Return whether the precheck warned of the run."""
+    return bool(result.record and result.record.get("foretold"))
 
 
-SCENES = {"rubber": "fig12", "classical": "classical_regular"}
-TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
-RTOL = 1e-8  # of the adaptive integrator's steps, where it is not varied
-DURATION = 3.0  # s, on maps that do not vary it: a few turns of the ball
-ERROR_TOLERANCE = 1e-2  # the error that a cell is held to
-ADAPTIVE_STEPS = 2000  # at most; of the cells that end well none takes 1800
-COUNT = 8  # values of an axis, if no other number is given
+def noticed(result: Result) -> bool:
+    """Return whether the monitor found a fault during the run."""
+    return bool(result.record and result.record.get("faults"))
+
+
+def error_of(result: Result) -> float | None:
+    """Return the larger of path error and momentum error; None where there is none."""
+    return largest_error(result.record or {})
+
+
+def missed(result: Result) -> bool:
+    """Return whether a run is wrong, and neither the precheck nor the monitor said so."""
+    error = error_of(result)
+    return error is not None and error > WRONG and not (foretold(result) or noticed(result))
 
 
 @dataclass(frozen=True)
-class Axis:
-    """A quantity, with its unit in the label, and its values."""
+class Measured:
+    """A predicted limit beside the measured one, both in parts of the predicted one.
 
-    label: str
-    values: tuple[float, ...]
+    kept: the farthest that a run went without breaking; broken: the nearest at which one broke and
+    no other limit was nearer, None where there is none. A prediction is right where both are 1.
+    cells: how many are beyond the limit.
 
-
-@dataclass(frozen=True)
-class CellRun:
-    """What one cell runs.
-
-    ample: whether friction is raised to three times the motion's demand where it is less.
-    duration: s; None for a few turns of the ball.
-    """
-
-    scene: Scene
-    settings: Settings
-    ample: bool = True
-    duration: float | None = None
-
-
-@dataclass(frozen=True)
-class Map:
-    """A failure map: `make` gives the run of an integrator at (x, y) from the base scene.
-
-    The adaptive integrator has no timestep: where that is an axis, it is its rtol that varies.
+    What breaks beyond a limit of stability is the state: the run diverges or the ball jumps off.
+    Beyond any other it is the tolerance that the run was held to.
     """
 
     name: str
-    title: str
-    held: str
-    x: Axis
-    y: Axis
-    make: Callable[[Scene, str, float, float], CellRun]
-    rollings: tuple[str, ...] = tuple(SCENES)
-    limit: float = 60.0  # s of one cell
-
-    def x_of(self, integrator: str) -> Axis:
-        """The first axis as an integrator has it."""
-        return ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
+    kept: float
+    broken: float | None
+    cells: int
 
 
-def cell_run(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> CellRun:
-    """The run of a cell; raises InputError where there is no such ball."""
-    return chosen.make(base(rolling), integrator, x, y)
+def measured_limits(results: Sequence[Result]) -> Iterator[Measured]:
+    """Yield the limits that some of the cells are beyond, as those cells show them."""
+    known = [(each, _nearness(each)) for each in results if each.record]
+    for name in dict.fromkeys(name for _, nearness in known for name in nearness):
+        beyond = sum(nearness.get(name, 0.0) > 1 for _, nearness in known)
+        if not beyond:
+            continue
+        stability = name in STABILITY
+        broke = _blew_up if stability else _broke
+        mine = [(each, nearness) for each, nearness in known if name in nearness]
+        kept = [nearness[name] for each, nearness in mine if not broke(each)]
+        broken = [
+            nearness[name]
+            for each, nearness in mine
+            if broke(each) and nearness[name] == _nearest(nearness, stability)
+        ]
+        yield Measured(name, max(kept, default=0.0), min(broken, default=None), beyond)
 
 
-@cache
-def base(rolling: str) -> Scene:
-    """The scene that the maps of a rolling model start from."""
-    return load_scene(SCENES[rolling])
+def _nearest(nearness: Mapping[str, float], stability: bool) -> float:
+    return max(value for name, value in nearness.items() if not stability or name in STABILITY)
 
 
-def map_settings(integrator: str, step: float | None = None) -> Settings:
-    """The recipe with an integrator and its timestep [s], or rtol if it is the adaptive one."""
-    if integrator == ADAPTIVE:
-        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=ADAPTIVE, rtol=step or RTOL)
-        chosen = replace(chosen, max_steps=ADAPTIVE_STEPS)
-    else:
-        timestep = step or TIMESTEP
-        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=integrator, timestep=timestep)
-        constant, ratio = CONSTANT["solref"]
-        # As MuJoCo would do in silence.
-        chosen = replace(chosen, solref=(max(constant, 2 * timestep), ratio))
-    # What becomes of a run is to be seen to its end.
-    return replace(chosen, stop_at_fault=False)
+def _blew_up(result: Result) -> bool:
+    return outcome_of(result) in (Outcome.DIVERGED, Outcome.LOST_CONTACT)
 
 
-def decades(low: float, high: float, count: int = COUNT) -> tuple[float, ...]:
-    """Values evenly spaced in their logarithm, to three digits."""
-    return tuple(float(f"{v:.3g}") for v in np.geomspace(low, high, count))
+def _broke(result: Result) -> bool:
+    error = error_of(result)
+    return error is None or error > ERROR_TOLERANCE or noticed(result)
 
 
-def _momentum(scene: Scene, integrator: str, step: float, size: float) -> CellRun:
-    K = momentum_of(scene)
-    ball = gyrostat(scene, frame_rate=_frame_rate(scene), K=K / np.linalg.norm(K) * size)
-    return CellRun(ball, map_settings(integrator, step))
+def _nearness(result: Result) -> dict[str, float]:
+    """Return how much of each limit is used; of a refused cell none."""
+    numbers = (result.record or {}).get("nearness", {})
+    return {name: np.inf if value is None else value for name, value in numbers.items()}
 
 
-def _frame(scene: Scene, integrator: str, step: float, rate: float) -> CellRun:
-    ball = gyrostat(scene, frame_rate=rate, K=momentum_of(scene))
-    return CellRun(ball, map_settings(integrator, step))
+def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
+    """Return a record for each map and integrator: outcomes, missed runs, and limits."""
+    records = []
+    for name, results in found.items():
+        for integrator in dict.fromkeys(each.cell["integrator"] for each in results):
+            mine = [each for each in results if each.cell["integrator"] == integrator]
+            counts = Counter(map(outcome_of, mine))
+            records.append(
+                {
+                    "map": name,
+                    "integrator": integrator,
+                    "cells": len(mine),
+                    "outcomes": {kind.name: counts[kind] for kind in Outcome},
+                    "missed": sum(map(missed, mine)),
+                    "limits": [asdict(limit) for limit in measured_limits(mine)],
+                }
+            )
+    return records
 
 
-def _rotor(scene: Scene, integrator: str, step: float, rate: float) -> CellRun:
-    ball = gyrostat(scene, frame_rate=_frame_rate(scene), K=momentum_of(scene), rotor_rate=rate)
-    return CellRun(ball, map_settings(integrator, step))
+def totals(results: Sequence[Result]) -> dict[str, int]:
+    """Count the wrong runs, by who reported them, and the accurate ones that raised an alarm.
+
+    wrong: off by more than a tenth, or broken off, if by a limit of steps; reported_by_engine:
+    those of them that ended in a state which is no number; alarms: accurate, but warned of or
+    noticed.
+    """
+    ran = [each for each in results if outcome_of(each) is not Outcome.REFUSED]
+    wrong = [each for each in ran if (error := error_of(each)) is None or error > WRONG]
+    accurate = [each for each in ran if (error := error_of(each)) is not None and error <= ACCURATE]
+    return {
+        "runs": len(results),
+        "wrong": len(wrong),
+        "reported_by_engine": sum(outcome_of(each) is Outcome.DIVERGED for each in wrong),
+        "foretold": sum(map(foretold, wrong)),
+        "noticed": sum(map(noticed, wrong)),
+        "missed": sum(not (foretold(each) or noticed(each)) for each in wrong),
+        "accurate": len(accurate),
+        "alarms": sum(foretold(each) or noticed(each) for each in accurate),
+    }
 
 
-def _masses(scene: Scene, integrator: str, frame_to_shell: float, rotor_to_frame: float) -> CellRun:
-    ball = redistributed(scene, frame_to_shell=frame_to_shell, rotor_to_frame=rotor_to_frame)
-    return CellRun(ball, map_settings(integrator))
+def shown(records: Sequence[Row]) -> Iterator[Table | str]:
+    """Yield how many cells have which outcome, then the limits as predicted and as measured."""
+    yield table_of(OUTCOME_COLUMNS, records)
+    for kind in Outcome:
+        yield f"  {kind.sign or '='}  {kind.sentence}"
+    yield "  missed: wrong, with neither a warning before the run nor a fault in it\n"
+    limits = [{**each, **limit} for each in records for limit in each["limits"]]
+    yield table_of(LIMIT_COLUMNS, limits)
+    yield "kept up to, broken from: in parts of the predicted limit; beyond: cells past it"
 
 
-def _scale(scene: Scene, integrator: str, mass: float, length: float) -> CellRun:
-    return CellRun(scaled(scene, mass=mass, length=length), map_settings(integrator))
+def _count(kind: Outcome) -> Column:
+    return Column(kind.sign or "=", lambda row: str(row["outcomes"][kind.name] or ""))
 
 
-def _friction(scene: Scene, integrator: str, sliding: float, gravity: float) -> CellRun:
-    settings = replace(map_settings(integrator), sliding_friction=sliding, torsional_friction=1e6)
-    return CellRun(replace(scene, gravity=gravity), settings, ample=False)
+def _part(header: str, key: str) -> Column:
+    return Column(header, lambda row: f"{row[key]:.2g}" if row[key] else "-")
 
 
-def _torsion(scene: Scene, integrator: str, sliding: float, torsional: float) -> CellRun:
-    settings = replace(
-        map_settings(integrator), sliding_friction=sliding, torsional_friction=torsional
-    )
-    return CellRun(scene, settings, ample=False)
+PLACE = (
+    Column("map", lambda row: row["map"], words=True),
+    Column("integrator", lambda row: row["integrator"], words=True),
+)
+OUTCOME_COLUMNS = (
+    *PLACE,
+    *map(_count, Outcome),
+    Column("missed", lambda row: str(row["missed"] or "")),
+)
+LIMIT_COLUMNS = (
+    *PLACE,
+    Column("predicted limit", lambda row: row["name"], words=True),
+    _part("kept up to", "kept"),
+    _part("broken from", "broken"),
+    Column("beyond", lambda row: str(row["cells"])),
+)
 
 
-def _gravity(scene: Scene, integrator: str, gravity: float, constant: float) -> CellRun:
-    settings = replace(map_settings(integrator), solref=(constant, 1.0))
-    return CellRun(replace(scene, gravity=gravity), settings)
-
-
-def _contact(scene: Scene, integrator: str, constant: float, rate: float) -> CellRun:
-    # The direct form of a critically damped contact, which MuJoCo does not soften to fit dt.
-    settings = replace(
-        map_settings(integrator),
-        solref=(-1 / constant**2, -2 / constant),
-        solreffriction=(-1.0, -rate),
-    )
-    return CellRun(scene, settings)
-
-
-def _servo(scene: Scene, integrator: str, step: float, rate: float) -> CellRun:
-    gain = rate * scene.ball.rotors[0].axial_inertia
-    settings = replace(map_settings(integrator, step), drive=Servo(gain=gain))
-    return CellRun(scene, settings)
-
-
-def _duration(scene: Scene, integrator: str, step: float, duration: float) -> CellRun:
-    settings = replace(map_settings(integrator, step), max_steps=MOST_STEPS)
-    return CellRun(scene, settings, duration=duration)
-
-
-def _frame_rate(scene: Scene) -> float:
-    return float(scene.drives[0].rate(0.0))
-
-
-TIMESTEPS = Axis("timestep [s]", decades(2e-4, 0.2))
-LONG_TIMESTEPS = Axis("timestep [s]", (0.02, 0.05, 0.1, 0.2))
-ADAPTIVE_AXES = {
-    TIMESTEPS: Axis("rtol of a step", decades(1e-13, 0.1)),
-    # A day's motion takes it minutes, whatever its rtol.
-    LONG_TIMESTEPS: Axis("rtol of a step", (1e-6,)),
+GREYS = {
+    Outcome.ACCURATE: 1.0,
+    Outcome.DEGRADED: 0.92,
+    Outcome.WRONG: 0.1,
+    Outcome.SLIPPED: 0.78,
+    Outcome.LOST_CONTACT: 0.68,
+    Outcome.OFF_RATE: 0.84,
+    Outcome.DIVERGED: 0.5,
+    Outcome.REFUSED: 1.0,
+    Outcome.UNFINISHED: 1.0,
+    Outcome.FAILED: 0.1,
 }
+WIDE, PANEL, LINE = 9.0, 3.5, 0.19  # inches: the picture; a panel's height; a legend's line
+TICKS = 4  # at most, on an axis
+ACROSS = 3  # panels side by side: their letters are read at a page's width
+LINES = [
+    (colour, dashes)
+    for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
+    for colour in (ACCENT, LABEL.colour, INK)
+]
+SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
-MAPS: dict[str, Map] = {
-    each.name: each
-    for each in (
-        Map(
-            "momentum",
-            "timestep × momentum |K|",
-            "A, Ω, M and the direction of K; the rotor's rate and axis give K",
-            TIMESTEPS,
-            Axis("|K| [kg m²/s]", decades(0.1, 1e4, 9)),
-            _momentum,
-        ),
-        Map(
-            "frame",
-            "timestep × frame's rate |Ω|",
-            "A, K and M; the rotor's rate and axis make up for the frame's",
-            TIMESTEPS,
-            Axis("|Ω| [rad/s]", decades(0.01, 1e4, 9)),
-            _frame,
-        ),
-        Map(
-            "rotor",
-            "timestep × rotor's speed at fixed K",
-            "A, Ω, K and M: the faster the rotor, the smaller its inertia",
-            TIMESTEPS,
-            Axis("rotor's speed [rad/s]", decades(10, 1e11, 9)),
-            _rotor,
-        ),
-        Map(
-            "masses",
-            "mass of rotor : frame : shell",
-            "total mass, shapes of the bodies, their rates, M",
-            Axis("frame's mass / shell's", decades(1e-6, 1e6, 9)),
-            Axis("rotor's mass / frame's", decades(1e-6, 1e6, 9)),
-            _masses,
-        ),
-        Map(
-            "scale",
-            "scale of mass × scale of length",
-            "rates and times: M goes with mass·length², gravity with length",
-            Axis("masses × ", decades(1e-9, 1e9, 9)),
-            Axis("lengths × ", decades(1e-9, 1e9, 9)),
-            _scale,
-        ),
-        Map(
-            "friction",
-            "sliding friction × gravity",
-            "the ball and its start; torsional friction 1e6 m",
-            Axis("coefficient of sliding friction", decades(1e-3, 1e6, 10)),
-            Axis("gravity [m/s²]", decades(1e-3, 1e3, 7)),
-            _friction,
-        ),
-        Map(
-            "torsion",
-            "sliding × torsional friction",
-            "the ball, its start and gravity, 9.81 m/s²",
-            Axis("coefficient of sliding friction", decades(1e-3, 1e6, 10)),
-            Axis("coefficient of torsional friction [m]", decades(1e-3, 1e6, 10)),
-            _torsion,
-            rollings=("rubber",),
-        ),
-        Map(
-            "gravity",
-            "gravity × time constant of the contact",
-            "the ball and its start; the margin carries the weight, at whatever depth",
-            Axis("gravity [m/s²]", decades(1e-9, 1e6, 11)),
-            Axis("solref's time constant [s]", decades(0.01, 10, 9)),
-            _gravity,
-        ),
-        Map(
-            "contact",
-            "stiffness × friction damping of the contact",
-            "the ball and its start; damping ratio 1, in solref's direct form",
-            Axis("time constant of the contact [s]", decades(1e-5, 10, 9)),
-            Axis("solreffriction's damping b [1/s]", decades(1e-3, 1e6, 10)),
-            _contact,
-        ),
-        Map(
-            "servo",
-            "timestep × servo gain",
-            "the ball and its start; the same gain kv on both hinges, j of the rotor",
-            TIMESTEPS,
-            Axis("kv/j [1/s]", decades(0.1, 1e7, 9)),
-            _servo,
-        ),
-        Map(
-            "duration",
-            "timestep × duration",
-            "the ball and its start; a limit cycle or a regular motion, so not chaos",
-            LONG_TIMESTEPS,
-            Axis("duration [s]", decades(0.1, 1e5, 7)),
-            _duration,
-            limit=1800.0,
-        ),
+
+def picture(of: Map, results: Sequence[Result]) -> Figure:
+    """Draw the panels of a map, rolling models below each other, integrators three in a row."""
+    rollings = list(dict.fromkeys(each.cell["rolling"] for each in results))
+    integrators = list(dict.fromkeys(each.cell["integrator"] for each in results))
+    exceeded = _exceeded(results)
+    styles = dict(zip(exceeded, LINES * (1 + len(exceeded) // len(LINES)), strict=False))
+    across = min(ACROSS, len(integrators))
+    rows = -(-len(integrators) // across)
+    height = PANEL * len(rollings) * rows + LINE * (len(exceeded) + len(Outcome))
+    figure = Figure(figsize=(WIDE, height), layout="constrained")
+    panels = figure.subplots(len(rollings) * rows, across, squeeze=False)
+    for block, rolling in enumerate(rollings):
+        for place in range(rows * across):
+            axes = panels[block * rows + place // across, place % across]
+            if place >= len(integrators):
+                axes.set_axis_off()
+                continue
+            integrator = integrators[place]
+            cells = [
+                each
+                for each in results
+                if (each.cell["rolling"], each.cell["integrator"]) == (rolling, integrator)
+            ]
+            _panel(axes, cells, styles)
+            _label(axes, of, cells, integrator)
+            axes.set_title(f"{integrator}, {rolling}", size=10)
+            if place % across == 0:
+                axes.set_ylabel(of.y.label, size=9)
+            else:
+                axes.set_yticklabels([])
+    _legends(figure, of, styles, {each.name: each for each in measured_limits(results)})
+    return figure
+
+
+def _values(results: Sequence[Result], key: str) -> list[float]:
+    return sorted({each.cell[key] for each in results})
+
+
+def _exceeded(results: Sequence[Result]) -> list[str]:
+    """Return the limits with cells on both sides in some panel, so that a line can be drawn."""
+    sides: dict[tuple[str, ...], set[bool]] = {}
+    for each in results:
+        panel = (each.cell["rolling"], each.cell["integrator"])
+        for name, value in (each.record or {}).get("nearness", {}).items():
+            sides.setdefault((name, *panel), set()).add(value is None or value > 1)
+    exceeded = {name for (name, *_), both in sides.items() if len(both) == 2}
+    return [name for name in SENTENCES if name in exceeded]
+
+
+def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
+    xs, ys = _values(results, "x"), _values(results, "y")
+    grids = {name: np.full((len(ys), len(xs)), np.nan) for name in styles}
+    for each in results:
+        i, j = xs.index(each.cell["x"]), ys.index(each.cell["y"])
+        _draw_cell(axes, i, j, each)
+        for name, value in (each.record or {}).get("nearness", {}).items():
+            if name in grids:
+                grids[name][j, i] = 1e6 if value is None else np.clip(value, 1e-6, 1e6)
+    for name, grid in grids.items():
+        _draw_limit(axes, np.log10(grid), *styles[name])
+    axes.set_xlim(-0.5, len(xs) - 0.5)
+    axes.set_ylim(-0.5, len(ys) - 0.5)
+
+
+def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
+    outcome = outcome_of(result)
+    grey = GREYS[outcome]
+    ink = "white" if grey < 0.4 else INK
+    axes.add_patch(
+        Rectangle((i - 0.5, j - 0.5), 1, 1, facecolor=str(grey), edgecolor="0.75", linewidth=0.4)
     )
-}
+    axes.text(i, j - 0.08, outcome.sign, color=ink, size=8, ha="center", va="center")
+    for marked, side in ((foretold(result), -0.32), (noticed(result), 0.32)):
+        if marked:
+            axes.plot(i + side, j + 0.33, ".", color=ink, markersize=2)
+    if missed(result):
+        axes.plot(i, j, "o", markerfacecolor="none", markeredgecolor=ink, markersize=11)
 
 
-def chosen(names: tuple[str, ...]) -> list[Map]:
-    """The named maps, all for none; raises InputError on a name that is no map's."""
-    for name in names:
-        if name not in MAPS:
-            raise unknown("map", name, MAPS)
-    return [MAPS[name] for name in dict.fromkeys(names or MAPS)]
+def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
+    if nearness.shape[1] == 1:  # one column, of which a second one is beyond the border
+        nearness = np.repeat(nearness, 2, axis=1)
+    inside = nearness[np.isfinite(nearness)]
+    if min(nearness.shape) < 2 or not len(inside) or not inside.min() < 0 < inside.max():
+        return
+    rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
+    lines = axes.contour(
+        columns,
+        rows,
+        np.ma.masked_invalid(_to_the_borders(nearness)),
+        levels=[0.0],
+        colors=[colour],
+        linewidths=1.8,
+    )
+    lines.set_linestyle(dashes)
+    lines.set_path_effects(halo(3.2))
 
 
-QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
-QUICK_COUNT = 3  # values of an axis
-QUICK_DURATION = 10.0  # s, at most
+def _to_the_borders(grid: Array) -> Array:
+    """Return the grid with one value more on every side, half a cell on by its slope.
+
+    A line that no two cells show is not made by that.
+    """
+    for _ in range(2):
+        ends, slopes = grid[[0, -1]], np.diff(grid, axis=0)[[0, -1]] / 2
+        beyond = ends + slopes * [[-1.0], [1.0]]
+        beyond = np.where(np.sign(beyond) == np.sign(ends), beyond, ends)
+        grid = np.concatenate([beyond[:1], grid, beyond[1:]]).T
+    return grid
+
+
+def _label(axes: Axes, of: Map, results: Sequence[Result], integrator: str) -> None:
+    for axis, key in ((axes.xaxis, "x"), (axes.yaxis, "y")):
+        places, labels = round_ticks(_values(results, key))
+        axis.set_ticks(places, labels, size=8.5)
+    axes.set_xlabel(of.x_of(integrator).label, size=9)
+
+
+def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
+    """Return places among the cells of these values, and labels, at powers of ten: TICKS at most.
+
+    A power need be no cell's own value. Where fewer than two lie in the range, some cells' values.
+    """
+    least = values[0]
+    if least > 0:
+        logs = np.log10(values)
+        decades = np.arange(np.ceil(logs[0] - 1e-9), np.floor(logs[-1] + 1e-9) + 1)
+        decades = decades[:: max(1, -(-len(decades) // TICKS))]
+        if len(decades) > 1:
+            places = np.interp(decades, logs, np.arange(len(values))).tolist()
+            return places, [f"$10^{{{decade:.0f}}}$" for decade in decades]
+    cells = range(0, len(values), max(1, -(-(len(values) - 1) // (TICKS - 1))))
+    return [float(cell) for cell in cells], [f"{values[cell]:.2g}" for cell in cells]
+
+
+def _sentence(limit: Measured) -> str:
+    """Return the prediction, and what was measured of it."""
+    words = f"{SENTENCES[limit.name]}; kept to {limit.kept:.2g}"
+    return words if limit.broken is None else f"{words}, broken from {limit.broken:.2g} of it"
+
+
+def _legends(
+    figure: Figure, of: Map, styles: Mapping[str, Any], measured: Mapping[str, Measured]
+) -> None:
+    """Write the title and the meaning of the lines above, that of cells and dots below."""
+    limits = [
+        Line2D([], [], color=colour, linestyle=dashes, label=_sentence(measured[name]))
+        for name, (colour, dashes) in styles.items()
+    ]
+    outcomes = [
+        Patch(
+            facecolor=str(GREYS[each]),
+            edgecolor="0.5",
+            label=f"{each.sign or ' '}   {each.sentence}",
+        )
+        for each in Outcome
+    ]
+    dot: dict[str, Any] = {"color": INK, "marker": ".", "linestyle": ""}
+    circle: dict[str, Any] = {"color": INK, "marker": "o", "mfc": "none", "linestyle": ""}
+    marks = [
+        Line2D([], [], **dot, label="left dot: warned of before the run"),
+        Line2D([], [], **dot, label="right dot: noticed during the run"),
+        Line2D([], [], **circle, label="circle: wrong, and neither"),
+    ]
+    words = f"{of.title}\nheld: {of.held}"
+    if limits:
+        words += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"
+    shared: dict[str, Any] = {"frameon": False, "fontsize": 8}
+    # Its title is the picture's: a legend outside the panels would lie on a title of the figure.
+    figure.legend(
+        handles=limits, loc="outside upper left", title=words, alignment="left", **shared,
+    )  # fmt: skip
+    figure.legend(handles=[*outcomes, *marks], loc="outside lower left", ncols=2, **shared)
 
 
 @dataclass(frozen=True)
-class Cut:
-    """How much of the maps to run: all integrators and values, or a few."""
+class Extremes:
+    """Map where each integrator and contact setting fails, loudly or silently.
 
-    integrators: tuple[str, ...] = tuple(INTEGRATORS)
-    count: int | None = None
+    Example: robotball extremes momentum --quick
+    """
 
-    def values(self, axis: Axis) -> tuple[float, ...]:
-        """Those of the axis that are in the cut, its ends among them."""
-        values = axis.values
-        if self.count is None or self.count >= len(values):
-            return values
-        if "duration" in axis.label:
-            values = tuple(v for v in values if v <= QUICK_DURATION)
-        chosen = np.linspace(0, len(values) - 1, self.count).round().astype(int)
-        return tuple(values[i] for i in np.unique(chosen))
+    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
+    """Which maps; all of them if none is given. There are
+    momentum, frame, rotor, masses, scale, friction, torsion, gravity, contact, servo, duration."""
+    random: DisallowNone[Annotated[int | None, arg(metavar="N", help_behavior_hint="")]] = None
+    """Instead of maps, N random extreme runs and N ordinary ones.
+    Is any failure missed by the precheck and the monitor, and is any alarm false?"""
+    seed: int = 0
+    """Of the random runs."""
+    sweep: SweepOptions = field(default_factory=Sweep)
+    json: File = None
+    """Also write how many cells have which outcome, and the limits as measured."""
 
+    def run(self) -> int:
+        if self.random is None:
+            return self._maps()
+        if self.maps:
+            raise InputError("extremes does one study at a time: give maps or --random")
+        return self._random(self.random)
 
-WHOLE, QUICK = Cut(), Cut(QUICK_INTEGRATORS, QUICK_COUNT)
+    def _maps(self) -> int:
+        maps = chosen("map", self.maps, MAPS)
+        writable_folder(self.sweep.out)
+        cut = QUICK if self.sweep.quick else WHOLE
+        found = {
+            each.name: self.sweep.results(measure, cells_of(each, cut), "extremes", each.limit)
+            for each in maps
+        }
+        records = summary(found)
+        show(shown(records))
+        for each, results in zip(maps, found.values(), strict=True):
+            rows, drawn = rows_of(results), picture(each, results)
+            self.sweep.present(Study("extremes", None, [each.name], rows, picture=drawn))
+        all_maps = totals([each for results in found.values() for each in results])
+        write_record(self.json, {"quick": self.sweep.quick, "totals": all_maps, "summary": records})
+        return DISAGREES if any(each["missed"] for each in records) else AGREES
 
-
-def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:
-    """The cells of a map; those of one ball follow each other."""
-    return [
-        {"map": chosen.name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
-        for rolling in chosen.rollings
-        for integrator in cut.integrators
-        for y in cut.values(chosen.y)
-        for x in cut.values(chosen.x_of(integrator))
-    ]
+    def _random(self, count: int) -> int:
+        check_count("random", count, 1)
+        seed = check_seed(self.seed)
+        with progress_bar(2 * count) as progress:
+            found = measure_detection(count, seed, progress)
+        print(*found.lines, sep="\n")
+        write_record(self.json, found.record())
+        return DISAGREES if found.missed else AGREES

@@ -8,21 +8,22 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball import Motion, Scene, Settings, integrate
+from robotball import PRESETS, Motion, Scene, Settings, integrate
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
+from robotball.engines.mujoco.settings import recipe
 from robotball.equations import Rolling
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import SAMPLE_INTERVAL
 from validation.agreement import Agreement
 from validation.output import in_picture
-from validation.studies.tradeoff import RECIPE, reference, scene_cell
-from validation.study import Study
+from validation.study import Study, reference, scene_cell
 from validation.sweeps import Cell, Result, rows_of
 
+RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # no error is a fault
 ROLLING, TORSIONAL = "rolling", "torsional"
 ROLLING_LENGTHS = (1e-6, 1.0)  # m, the ends of the study
 TORSIONAL_LENGTHS = (5e-3, 1e3)  # m; the first is MuJoCo's default

@@ -1,6 +1,7 @@
-"""A trajectory held against the equations: how far off it is, and which mistakes explain that.
+"""A trajectory held against the equations, and `robotball judge`.
 
-A judgement as lines and a table in the terminal, and as plain data.
+The errors of a file are those of `Agreement`, with slip and spin where its rates are known. The
+search in `judge_search.py` finds mistakes that explain them; the file is then judged without these.
 """
 
 import contextlib
@@ -8,13 +9,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from tyro.conf import Positional, UseAppendAction, arg
 
 from robotball import (
     InputError,
@@ -22,14 +24,17 @@ from robotball import (
     RecordedMotion,
     Scene,
     Trajectory,
+    load_scene,
     read_trajectory,
     recorded,
     scene_toml,
 )
 from robotball.engines import recorded as derivative
+from robotball.errors import check_positive
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
-from validation.output import print_whole
+from validation.options import AGREES, DISAGREES, File, SceneName, check_files, listed
+from validation.output import print_whole, progress_bar, write_record
 from validation.studies.convergence import LEAST, fit_order
 from validation.studies.judge_search import Explanation, Lag, Mistake, explain, lag_of, reference_of
 from validation.studies.mistakes import Errors, numbers_of, some_of
@@ -50,43 +55,46 @@ class Beside:
 
     @cached_property
     def path_error(self) -> float:
-        """The largest contact-point error over the path's length or the radius."""
+        """Return the largest contact-point error over the path's length or the radius."""
         return path_error(self.motion, self.theory)
 
     @cached_property
     def attitude_error(self) -> float:
-        """The largest angle between the two attitudes [rad]."""
+        """Return the largest angle between the two attitudes [rad]."""
         return attitude_error(self.motion, self.theory)
 
     @cached_property
     def gamma_error(self) -> float:
-        """The largest angle between the two verticals, seen from the frame [rad]."""
+        """Return the largest angle between the two verticals, seen from the frame [rad]."""
         return gamma_error(self.motion, self.theory)
 
     @cached_property
     def momentum_error(self) -> float | None:
-        """Of M from the file's attitude and ω, or of its own M, relative; None if not known."""
+        """Return the error of M, relative; None where M is not known.
+
+        M is from the file's attitude and ω, or the file's own.
+        """
         error = momentum_error(self.motion, self.theory)
         return error if np.isfinite(error) else None
 
     @property
     def momentum_known_to(self) -> float:
-        """What numerical rates may have made of the momentum error."""
+        """Return how much of the momentum error numerical rates may have made."""
         return float(self.motion.momentum_error.max() / self.theory.scene.momentum_scale)
 
     @property
     def slip(self) -> tuple[float, float] | None:
-        """The largest [m/s], and what numerical rates may have made of it; None if not known."""
+        """Return the largest slip [m/s], and its error by numerical rates; None if not known."""
         return _largest(self.motion.slip, self.motion.slip_error)
 
     @property
     def spin(self) -> tuple[float, float] | None:
-        """The same of the spin, either way round [rad/s]."""
+        """Return the largest spin, either way round [rad/s], and its error; None if not known."""
         return _largest(np.abs(self.motion.spin), self.motion.spin_error)
 
     @cached_property
     def hinge_rates(self) -> dict[str, tuple[float, float]]:
-        """Of each hinge whose rate is known: how far it is off, relative, and its factor.
+        """Return how far each known hinge rate is off, relative, and its factor.
 
         Both by the mean square: the factor takes the reference's rate nearest to the file's.
         """
@@ -101,7 +109,7 @@ class Beside:
 
     @property
     def unknown_hinges(self) -> tuple[str, ...]:
-        """The hinges with a motor of which the file says nothing."""
+        """Return the hinges with a motor of which the file says nothing."""
         known = np.asarray(np.isfinite(self.motion.hinge_rates).all(axis=0))
         names = [hinge.name for hinge in self.motion.scene.hinges]
         return tuple(name for name, sure in zip(names, known, strict=True) if not sure)
@@ -134,7 +142,7 @@ class FileJudgement:
 
     @property
     def other_scene(self) -> str | None:
-        """The name of the scene in the file's header, where that is not the one that was meant."""
+        """Return the scene's name in the file's header, where that is another scene."""
         header = self.trajectory.header or {}
         given = header.get("scene_toml")
         with contextlib.suppress(InputError):  # of a rate by a function, which no header can hold
@@ -148,17 +156,17 @@ class FileJudgement:
 
     @property
     def plain_errors(self) -> Errors:
-        """Of the file as it stands."""
+        """Return the errors of the file as it stands."""
         return self.explanation.plain
 
     @property
     def best(self) -> Beside:
-        """The trajectory without its mistakes."""
+        """Return the trajectory without its mistakes."""
         return self.corrected or self.plain
 
     @property
     def covers(self) -> float:
-        """The time from the file's first row to its last [s]."""
+        """Return the time from the file's first row to its last [s]."""
         return float(self.trajectory.times[-1] - self.trajectory.times[0])
 
     @property
@@ -167,7 +175,7 @@ class FileJudgement:
 
     @property
     def within(self) -> bool:
-        """Whether all that is known is within the tolerance, and no mistake was found."""
+        """Return whether all that is known is within the tolerance, and no mistake was found."""
         of_momentum = (self.plain.momentum_error or 0.0) - self.plain.momentum_known_to
         of_hinges = (error for error, _ in self.plain.hinge_rates.values())
         errors = (self.plain.path_error, self.plain.attitude_error, of_momentum, *of_hinges)
@@ -180,7 +188,7 @@ class FileJudgement:
 
 @dataclass(frozen=True)
 class Order:
-    """The order of a measure over several files; None where the errors are no straight line."""
+    """The order of a measure over several files; None where the errors lie on no straight line."""
 
     measure: str
     order: float | None
@@ -208,13 +216,13 @@ def judge(
     tolerance: float = TOLERANCE,
     progress: Callable[[float], None] | None = None,
 ) -> Judgement:
-    """What is wrong with trajectories of a scene, each from a file or as `read_trajectory` gives.
+    """Find what is wrong with trajectories of a scene.
 
-    timesteps: the engine's in each file [s]; by the file's header, or else the interval of its
-    samples, where they are not given. tolerance: of path, momentum and hinges' rates, relative, and
-    of the attitude in rad. progress is called with the fraction that is done. Raises InputError as
-    `read_trajectory`, `recorded` and `integrate` do, and for a file that is many times longer than
-    the scene.
+    files: each a file, or a trajectory as `read_trajectory` gives it. timesteps: the engine's in
+    each file [s]; by the file's header, or else the interval of its samples, where they are not
+    given. tolerance: of path, momentum and hinges' rates, relative, and of the attitude in rad.
+    progress: called with the fraction that is done. Raises InputError as `read_trajectory`,
+    `recorded` and `integrate` do, and for a file that is many times longer than the scene.
     """
     given = [files] if isinstance(files, Path | str | Trajectory) else list(files)
     if timesteps and len(timesteps) != len(given):
@@ -235,7 +243,7 @@ def judge(
 
 
 def _thinned(trajectory: Trajectory) -> Trajectory:
-    """Some of the rows of a long trajectory, the first and the last among them."""
+    """Return some of the rows of a long trajectory, the first and the last among them."""
     count, rows = len(trajectory.times), ROWS
     while rows < count:
         at = np.linspace(0, count - 1, rows).round().astype(int)
@@ -253,7 +261,7 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
 
 
 def timestep_of(trajectory: Trajectory) -> float:
-    """The engine's step that the file's header gives, or else the interval of its samples [s]."""
+    """Return the engine's step of the file's header, or else the interval of its samples [s]."""
     given = (trajectory.header or {}).get("timestep", "")
     try:
         return float(given)
@@ -295,7 +303,7 @@ def _beside(scene: Scene, trajectory: Trajectory) -> Beside:
 
 
 def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
-    """Of path and attitude, where the files have at least two different steps."""
+    """Yield those of path and attitude, where the files have at least two different steps."""
     steps = [each.timestep for each in judged]
     if len(set(steps)) < 2:
         return
@@ -342,7 +350,7 @@ def show(judgement: Judgement, console: Console, every: bool = False) -> None:
 
 
 def lines(judged: FileJudgement) -> list[str]:
-    """What is to be said of a file, a line each."""
+    """Return what there is to report of a file, a line each."""
     plain, best = judged.plain, judged.best
     found = [
         *judged.trajectory.notes,
@@ -445,7 +453,7 @@ def _table(judged: FileJudgement, every: bool) -> Table:
     rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
     named = {each.name for each in judged.mistakes}
     for family in dict.fromkeys(each.family for each in trials):
-        # The best of each name; those that change nothing tell nothing.
+        # The best of each name; those that change nothing say nothing of the file.
         own = [each for each in trials if each.family == family and each.name not in named]
         own = [each for each in own if not _same(each.errors, judged.plain_errors)]
         own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, ROUNDING)).sum()))
@@ -467,7 +475,7 @@ def _cells(errors: Errors) -> tuple[str, ...]:
 
 
 def record(judgement: Judgement) -> dict[str, Any]:
-    """The judgement as plain data; numbers that are not known are None."""
+    """Return the judgement as plain data; numbers that are not known are None."""
     return {
         "scene": judgement.scene.name,
         "rolling": judgement.scene.rolling,
@@ -519,3 +527,56 @@ def _measures(beside: Beside) -> dict[str, Any]:
         name: None if value is None or not np.isfinite(value) else value
         for name, value in numbers.items()
     }
+
+
+@dataclass(frozen=True)
+class Judge:
+    """Say how far anybody's trajectory of a scene is off, and which mistake explains that.
+
+    docs/trajectories.md has the columns; `robotball export` writes what an engine needs.
+
+    Example: robotball export fig12 --to a; robotball judge fig12 a/reference.csv
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    files: Positional[Annotated[tuple[Path, ...], arg(metavar="FILE...")]]
+    """CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz; several with different steps give the
+    order of convergence."""
+    timestep: UseAppendAction[Annotated[tuple[str, ...], arg(metavar="SECONDS,…")]] = ()
+    """The engine's step in each file; else the one in its header, or the interval of its
+    samples."""
+    tolerance: Annotated[float, arg(metavar="ERROR")] = TOLERANCE
+    """The errors that agree: of path, momentum and hinges' rates, relative; of attitude [rad]."""
+    every: bool = False
+    """Show every mistake that was tried, not the two best of each kind."""
+    json: File = None
+    """Also write the judgement with all that was tried."""
+
+    def run(self) -> int:
+        if not self.files:
+            raise InputError("judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz")
+        check_positive("tolerance", self.tolerance, "")
+        check_files(self.json)
+        scene = load_scene(self.scene)
+        with progress_bar(1) as bar:
+            judgement = judge(
+                scene,
+                self.files,
+                timesteps=self._timesteps(),
+                tolerance=self.tolerance,
+                progress=lambda part: bar(part, f"{scene.name}: judging"),
+            )
+        write_record(self.json, record(judgement))
+        show(judgement, Console(), self.every)
+        return AGREES if judgement.agrees else DISAGREES
+
+    def _timesteps(self) -> list[float]:
+        steps = []
+        for text in listed(self.timestep):
+            try:
+                steps.append(float(text))
+            except ValueError:
+                raise InputError(f"a timestep must be a number of seconds, not {text!r}") from None
+            check_positive("timestep", steps[-1], "s")
+        return steps

@@ -1,6 +1,8 @@
-"""Whether a shift in time explains how a trajectory differs from the reference.
+"""The search for mistakes that explain how a trajectory differs from the reference.
 
-The search for the mistakes that explain how a trajectory differs from the reference.
+Each known mistake (`mistakes.py`) is undone by itself. The one that lessens the errors most is
+taken for made, and the search goes on with what is left. Conventions come first: they are cheap to
+try, and another scene has to be integrated. A shift in time is reported, and undone nowhere.
 """
 
 import contextlib
@@ -30,14 +32,14 @@ from validation.studies.mistakes import (
     typical,
 )
 
-SHIFT_EXPLAINS = 3.0  # times less error, from where on a shift is told
+SHIFT_EXPLAINS = 3.0  # times less error, from where on a shift is reported
 SHIFTS = 400  # that are tried, at most, before the best is found among its neighbours
 LONGEST = 0.1  # of the time, that a trajectory is shifted by, or stretched
 
 
 @dataclass(frozen=True)
 class Lag:
-    """The shift [s] by which a trajectory comes after the reference, and the errors without it.
+    """The shift [s] of a trajectory behind the reference, and the errors with and without it.
 
     before, after: typical errors, the root mean square of path and attitude together, relative.
     """
@@ -52,7 +54,7 @@ class Lag:
 
 
 def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
-    """The lag of numbers at times (n,) [s] behind a reference that is sampled as finely."""
+    """Return the lag of numbers at times (n,) [s] behind a reference that is sampled as finely."""
     path, attitude = _between(reference)
     end = float(reference.times[-1])
 
@@ -79,9 +81,10 @@ def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
 
 
 def stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
-    """How many times too long the times of the numbers seem, by what lessens their errors most.
+    """Return the factor by which the times of the numbers seem too long.
 
-    reference: the motion of the truth, in fine samples, until after the trajectory's end.
+    It lessens their errors most. reference: the motion of the truth, in fine samples, until after
+    the trajectory's end.
     """
     path, attitude = _between(reference)
 
@@ -101,7 +104,7 @@ def stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
 
 
 def _between(reference: Motion) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:
-    """Path and attitude, as a quaternion of about unit length, between a motion's samples."""
+    """Return path and attitude, about a unit quaternion, between a motion's samples."""
     times, q = reference.times, continuous(reference.attitude)
     path, turn = sampled_rates(times, reference.contact_point)[0], sampled_rates(times, q)[0]
     return (
@@ -137,7 +140,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Mistake:
-    """One that explains an error, the errors with and without it, and others that do as well."""
+    """A mistake that explains an error, the errors with and without it, and others as good."""
 
     family: str
     name: str
@@ -150,9 +153,8 @@ class Mistake:
 class Explanation:
     """The mistakes in a file, the one that explains most first, and all that were tried.
 
-    plain: the errors of the file as it stands.
-    scene: the one that was simulated, as far as the mistakes tell; trajectory: the file's, in the
-    right conventions.
+    plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
+    mistakes show; trajectory: the file's, in the right conventions.
     """
 
     plain: Errors
@@ -163,14 +165,14 @@ class Explanation:
 
 
 def reference_of(scene: Scene, times: Array) -> Motion:
-    """The scene's motion by the equations, at 0 and the times (n,) of a trajectory."""
+    """Integrate the scene at 0 and at the times (n,) of a trajectory."""
     return integrate(scene, _from_zero(times))
 
 
 def explain(trajectory: Trajectory, theory: Motion, rolling_radius: float) -> Explanation:
-    """What may be wrong with a trajectory, of which the theory is the reference.
+    """Search for what is wrong with a trajectory, of which the theory is the reference.
 
-    rolling_radius: as the file tells it [m].
+    rolling_radius: by the file's own path and rotation [m].
     """
     search = _Search(trajectory, theory, rolling_radius)
     plain = largest(errors_at(search.numbers, search.truth))
@@ -211,10 +213,11 @@ class _Search:
         self._others: list[tuple[str, Scene, Truth]] | None = None
 
     def mistakes(self) -> list[Mistake]:
-        """Those that explain the errors; each, with those after it, most of all that it met.
+        """Return the mistakes that explain the errors.
 
-        Where the mistake is one that is not known, another may undo one of its errors by chance, or
-        make one small at the beginning and large later.
+        Each, with those after it, removes most of the error that it met. Where the mistake is one
+        that is not known, another may undo one of its errors by chance, or make one small at the
+        beginning and large later: it is dropped.
         """
         meant, left = self.scene, [_total(errors_at(self.numbers, self.truth), self.truth)]
         tried = []
@@ -228,7 +231,7 @@ class _Search:
         return tried[:count]
 
     def _lessening(self) -> Iterator[Mistake]:
-        """Those that lessen an error; what each left is what the next has to explain."""
+        """Yield mistakes that lessen an error; the next has to explain what each left."""
         for _ in range(MOST_MISTAKES):
             before = errors_at(self.numbers, self.truth)
             families = {each.family for each in self.found}
@@ -257,7 +260,7 @@ class _Search:
             yield Mistake(chosen.family, chosen.name, *errors, tuple(each.name for each in as_well))
 
     def corrected(self) -> Trajectory:
-        """The whole trajectory without the mistakes that were found in its conventions."""
+        """Return the whole trajectory without the mistakes found in its conventions."""
         if not self.found:
             return self.trajectory
         times = self.trajectory.times / np.prod([each.stretch for each in self.found])
@@ -294,7 +297,7 @@ class _Search:
             yield _Option(each.family, each.name, each.parts, numbers, self.truth, self.scene, base)
 
     def _scenes(self, before: tuple[Array, ...]) -> list[_Option]:
-        """The motions of scenes that may have been simulated instead."""
+        """Return the motions of scenes that may have been simulated instead."""
         if self._others is None:
             self._others = list(self._integrated())
         base = (self.numbers, self.truth, before)
@@ -305,16 +308,16 @@ class _Search:
 
     def _integrated(self) -> Iterator[tuple[str, Scene, Truth]]:
         times = _from_zero(self.truth.times)
-        for each in mistaken_scenes(self.scene, self.rolling_radius):
-            for scene in each.scenes:
+        for name, scenes in mistaken_scenes(self.scene, self.rolling_radius):
+            for scene in scenes:
                 try:
                     theory = integrate(scene, times, rtol=TRIED)
                 except InputError:  # a ball that nobody can have simulated
                     continue
-                yield each.name, scene, self._truth(theory, 1)
+                yield name, scene, self._truth(theory, 1)
 
     def _stretched(self, before: tuple[Array, ...]) -> Iterator[_Option]:
-        """The scene's own motion, at times that are not the file's."""
+        """Yield the scene's own motion, at times that are not the file's."""
         times, base = self.truth.times, (self.numbers, self.truth, before)
         later = np.linspace(0, times[-1] / (1 - LONGEST), FINE)
         with contextlib.suppress(InputError):  # of a drive that ends before
@@ -338,7 +341,7 @@ def _with_own_rate(times: Array, numbers: Numbers) -> Numbers:
 
 
 def _total(errors: tuple[Array, ...], truth: Truth) -> Array:
-    """(2,): all errors together, the typical ones and their root mean square."""
+    """Return all errors together (2,): the typical ones and their root mean square."""
     typically = np.linalg.norm(np.exp(typical(errors, truth.times)))
     return np.array([typically, np.sqrt(np.mean(np.square(errors), axis=1).sum())])
 
@@ -348,7 +351,7 @@ def _from_zero(times: Array) -> Array:
 
 
 def _is_closer(own: _Option, best: _Option) -> bool:
-    """Whether the attitude's rate is far nearer to ω than what a convention makes of the file's."""
+    """Return whether the attitude's rate is far nearer to ω than the file's by a convention."""
     return best.family == RATE and bool(best.typical[2] - own.typical[2] > LESSENS)
 
 
@@ -359,7 +362,7 @@ def _is_clear(option: _Option) -> bool:
 def _best(
     options: Sequence[_Option], errors: tuple[Array, ...]
 ) -> tuple[_Option, list[_Option]] | None:
-    """The option that explains most, the simplest of those, and the others as good."""
+    """Return the simplest of the options that explain most, and the others as good."""
     gains = []
     before = typical(errors, options[0].truth.times)
     for option in options:

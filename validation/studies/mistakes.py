@@ -5,7 +5,7 @@ Numbers of a file are compared with the reference's sample by sample, under each
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, partial, reduce
 from itertools import permutations, product
 from typing import Any
 
@@ -40,7 +40,7 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Truth:
-    """What the numbers should be, at the same samples.
+    """The right numbers, at the same samples.
 
     times (n,) s; contact_point (n, 2) m; attitude (n, 4); rate (n, 3) rad/s; frame_angle,
     frame_rate (n,) of the frame in the shell; places: of each body's centre of mass from the
@@ -60,7 +60,10 @@ class Truth:
 
 @dataclass(frozen=True)
 class Errors:
-    """Of the path, over its length; of the attitude [rad]; of ω, relative, None without it."""
+    """The errors of numbers.
+
+    path: over its length; attitude: rad; rate: that of ω, relative, None where it is not known.
+    """
 
     path: float
     attitude: float
@@ -73,7 +76,7 @@ class Errors:
 
 
 def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
-    """Those of a trajectory, at some of its samples."""
+    """Return the numbers of a trajectory, at some of its samples."""
     rate = trajectory.angular_velocity
     return Numbers(
         trajectory.position[at], trajectory.attitude[at], None if rate is None else rate[at]
@@ -81,7 +84,7 @@ def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
 
 
 def truth_of(motion: Motion, at: slice) -> Truth:
-    """The same of a reference motion that has the trajectory's times."""
+    """Return the numbers of a reference motion that has the trajectory's times."""
     centre = motion.contact_point
     return Truth(
         motion=motion,
@@ -97,7 +100,7 @@ def truth_of(motion: Motion, at: slice) -> Truth:
 
 
 def some_of(count: int) -> slice:
-    """Some of so many samples, the first among them, at equal distances."""
+    """Select some of `count` samples, the first among them, at equal distances."""
     return slice(None, None, max(1, count // MOST))
 
 
@@ -105,7 +108,7 @@ Base = tuple[Numbers, Truth, tuple[Array, ...]]
 
 
 def errors_at(numbers: Numbers, truth: Truth, base: Base | None = None) -> tuple[Array, ...]:
-    """Of path, attitude and, if it is there, ω: (n,) each, in the units of `Errors`.
+    """Return the errors of path, attitude and, if known, ω: (n,) each, in the units of `Errors`.
 
     base: numbers, truth and their errors, of which those are taken that have not changed.
     """
@@ -134,13 +137,13 @@ def errors_at(numbers: Numbers, truth: Truth, base: Base | None = None) -> tuple
 
 
 def largest(errors: tuple[Array, ...]) -> Errors:
-    """The largest of each."""
+    """Return the largest of each."""
     path, attitude, *rate = (float(each.max()) for each in errors)
     return Errors(path, attitude, rate[0] if rate else None)
 
 
 def typical(errors: tuple[Array, ...], times: Array) -> Array:
-    """(2 or 3,): the mean over ln(t) of ln(error) of each, at times (n,).
+    """Return the mean over ln(t) of ln(error) of each, (2 or 3,), at times (n,).
 
     An engine's error is small at the beginning, and a mistake is there from the beginning on; in a
     chaotic motion both are as large as they can be at the end.
@@ -169,35 +172,26 @@ class Convention:
 
 
 def conventions(truth: Truth, has_height: bool) -> Iterator[Convention]:
-    """All that are tried on a trajectory of the reference's motion.
+    """Yield all that are tried on a trajectory of the reference's motion.
 
-    has_height: whether its z is known, without which no world but one with the same vertical is
-    tried.
+    has_height: whether its z is known. Without it only worlds with the same vertical are tried.
     """
-    yield from _combined("attitude", [_orders(), _senses(), _frames(truth)])
-    yield from _combined("position", [_origins(), _lengths(truth), _planes(), _places(truth)])
-    yield from _combined("angular velocity", [_units(), _signs(), _axes(truth), _bodies(truth)])
+    yield from _combined("attitude", _attitudes(truth))
+    yield from _combined("position", _positions(truth))
+    yield from _combined("angular velocity", _rates(truth))
     yield from (Convention("world", *part, 1) for part in _worlds(has_height))
 
 
 def _combined(family: str, parts: Sequence[Sequence[Part]]) -> Iterator[Convention]:
-    for chosen in product(*([("", _same), *each] for each in parts)):
+    """Yield all combinations with at most one of each kind of part."""
+    for chosen in product(*([("", lambda numbers: numbers), *each] for each in parts)):
         names = [name for name, _ in chosen if name]
         if names:
             yield Convention(family, "; ".join(names), _all([f for _, f in chosen]), len(names))
 
 
-def _same(numbers: Numbers) -> Numbers:
-    return numbers
-
-
 def _all(changes: Sequence[Change]) -> Change:
-    def undo(numbers: Numbers) -> Numbers:
-        for change in changes:
-            numbers = change(numbers)
-        return numbers
-
-    return undo
+    return lambda numbers: reduce(lambda some, change: change(some), changes, numbers)
 
 
 # Attitude ----------------------------------------------------------------------------------
@@ -207,47 +201,49 @@ def _turned(change: Callable[[Array], Array]) -> Change:
     return lambda numbers: numbers.changed(attitude=change(numbers.attitude))
 
 
-def _orders() -> list[Part]:
-    return [
+def _right(q: Array) -> Change:
+    return _turned(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
+
+
+def _attitudes(truth: Truth) -> list[list[Part]]:
+    """Return orders of a quaternion's numbers, its senses, and frames of which it may be."""
+    scene, start = truth.motion.scene, truth.motion.scene.start.attitude
+    counted = "the attitude is counted from the start, in"
+    orders = [
         ("the quaternion's order is x, y, z, w", _turned(lambda q: q[:, [3, 0, 1, 2]])),
         ("qx, qy, qz, qw hold w, x, y, z", _turned(lambda q: q[:, [1, 2, 3, 0]])),
     ]
-
-
-def _senses() -> list[Part]:
-    return [("the rotation is from world to frame (conjugate, transposed)", _turned(conjugate))]
-
-
-def _frames(truth: Truth) -> list[Part]:
-    scene, start = truth.motion.scene, truth.motion.scene.start.attitude
-    principal = conjugate(scene.principal_quaternion)
-    half = truth.frame_angle[:, None] / 2
-    axis = scene.ball.shell.axis
-    in_shell = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
-    parts = [
-        ("the attitude is the shell's, not the frame's", _right(in_shell)),
-        ("the attitude is that of the ball's principal axes", _right(principal)),
-        ("the attitude is counted from the start, in world axes", _right(start)),
+    senses = [("the rotation is from world to frame (conjugate, transposed)", _turned(conjugate))]
+    frames = [
+        ("the attitude is the shell's, not the frame's", _right(_in_shell(truth, 1))),
         (
-            "the attitude is counted from the start, in frame axes",
-            _turned(lambda q: multiply(start, q)),
+            "the attitude is that of the ball's principal axes",
+            _right(conjugate(scene.principal_quaternion)),
+        ),
+        (f"{counted} world axes", _right(start)),
+        (f"{counted} frame axes", _turned(lambda q: multiply(start, q))),
+        *(
+            (
+                f"the frame's axes are others: the file's {XYZ} are the scene's {_text(S)}",
+                _right(from_matrix(S)),
+            )
+            for S in _rotations()
         ),
     ]
-    for S in _rotations():
-        name = f"the frame's axes are others: the file's {XYZ} are the scene's {_text(S)}"
-        parts.append((name, _right(from_matrix(S))))
-    return parts
+    return [orders, senses, frames]
 
 
-def _right(q: Array) -> Change:
-    return _turned(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
+def _in_shell(truth: Truth, sense: int) -> Array:
+    """Return the frame's attitude in the shell (n, 4), or for the sense -1 its inverse."""
+    half, axis = sense * truth.frame_angle[:, None] / 2, truth.motion.scene.ball.shell.axis
+    return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
 
 
 # Position ----------------------------------------------------------------------------------
 
 
 def _moved(change: Callable[[Array], Array]) -> Change:
-    """Of the horizontal part (n, 2)."""
+    """Return what undoes a change of the horizontal part (n, 2)."""
 
     def undo(numbers: Numbers) -> Numbers:
         height = numbers.position[:, 2:]
@@ -257,28 +253,22 @@ def _moved(change: Callable[[Array], Array]) -> Change:
     return undo
 
 
-def _origins() -> list[Part]:
-    return [("the path does not start at (0, 0)", _moved(lambda p: p - p[0]))]
+def _resized(size: float) -> Change:
+    return lambda numbers: numbers.changed(position=size * numbers.position)
 
 
-def _lengths(truth: Truth) -> list[Part]:
-    units = {unit: size for unit, size in LENGTHS.items() if unit != "m"}
-    names = {f"the positions are in {SPELT.get(u, u)}": size for u, size in units.items()}
+def _positions(truth: Truth) -> list[list[Part]]:
+    """Return origins, units, axes of the plane, and points of the ball that x, y may be of."""
     a = truth.motion.scene.ball.radius
-    names |= {"the positions are in radii of the ball": a, "the positions are in diameters": 2 * a}
-    return [
-        (name, partial(_resized, size))
-        for name, size in names.items()
+    sizes = {SPELT.get(unit, unit): size for unit, size in LENGTHS.items() if unit != "m"}
+    sizes |= {"radii of the ball": a, "diameters": 2 * a}
+    origins = [("the path does not start at (0, 0)", _moved(lambda p: p - p[0]))]
+    lengths = [
+        (f"the positions are in {unit}", _resized(size))
+        for unit, size in sizes.items()
         if not 1 / NEAR < size < NEAR
     ]
-
-
-def _resized(size: float, numbers: Numbers) -> Numbers:
-    return numbers.changed(position=size * numbers.position)
-
-
-def _planes() -> list[Part]:
-    return [
+    planes = [
         ("x and y are exchanged", _moved(lambda p: p[:, ::-1])),
         ("x has the other sign", _moved(lambda p: p * [-1, 1])),
         ("y has the other sign", _moved(lambda p: p * [1, -1])),
@@ -287,16 +277,12 @@ def _planes() -> list[Part]:
         ("x, y are the scene's -y, x", _moved(lambda p: p[:, ::-1] * [1, -1])),
         ("x, y are the scene's -y, -x", _moved(lambda p: -p[:, ::-1])),
     ]
-
-
-def _places(truth: Truth) -> list[Part]:
-    scene = truth.motion.scene
-    reach = 1e-6 * scene.ball.radius
-    return [
+    places = [
         (f"x, y are of the {name}'s centre of mass", _moved(partial(np.add, -place)))
         for name, place in truth.places.items()
-        if np.abs(place).max() > reach
+        if np.abs(place).max() > 1e-6 * a
     ]
+    return [origins, lengths, planes, places]
 
 
 # Angular velocity --------------------------------------------------------------------------
@@ -311,23 +297,14 @@ def _rated(change: Callable[[Array, Numbers], Array]) -> Change:
     return undo
 
 
-def _units() -> list[Part]:
+def _rates(truth: Truth) -> list[list[Part]]:
+    """Return units, signs and axes of ω, and the bodies of which it may be."""
+    scene, to_frame = truth.motion.scene, _in_shell(truth, -1)
+    more = np.outer(truth.frame_rate, scene.ball.shell.axis)
     sizes = {"deg/s": np.pi / 180, "revolutions per second": 2 * np.pi, "rpm": 2 * np.pi / 60}
-    return [
-        (f"the angular velocity is in {unit}", _rated(partial(_times, size)))
-        for unit, size in sizes.items()
-    ]
-
-
-def _signs() -> list[Part]:
-    return [("the angular velocity has the other sign", _rated(lambda w, _: -w))]
-
-
-def _axes(truth: Truth) -> list[Part]:
-    scene = truth.motion.scene
-    half = -truth.frame_angle[:, None] / 2
-    to_frame = np.concatenate([np.cos(half), np.sin(half) * scene.ball.shell.axis], axis=1)
-    parts: list[Part] = [
+    units = [(f"the angular velocity is in {unit}", _scaled(size)) for unit, size in sizes.items()]
+    signs = [("the angular velocity has the other sign", _scaled(-1.0))]
+    axes = [
         (
             "the angular velocity is in world axes",
             _rated(lambda w, numbers: _rotated(w, conjugate(numbers.attitude))),
@@ -337,33 +314,24 @@ def _axes(truth: Truth) -> list[Part]:
             _rated(lambda w, numbers: _rotated(w, numbers.attitude)),
         ),
         ("the angular velocity is in the shell's axes", _rated(lambda w, _: _rotated(w, to_frame))),
-        (
-            "the angular velocity is in principal axes",
-            _rated(lambda w, _: w @ scene.principal_axes.T),
+        ("the angular velocity is in principal axes", _along(scene.principal_axes.T)),
+        *(
+            (f"the angular velocity's {XYZ} are along the scene's {_text(S)}", _along(S))
+            for S in _rotations()
         ),
     ]
-    for S in _rotations():
-        name = f"the angular velocity's {XYZ} are along the scene's {_text(S)}"
-        parts.append((name, _rated(partial(_along, S))))
-    return parts
-
-
-def _bodies(truth: Truth) -> list[Part]:
-    more = np.outer(truth.frame_rate, truth.motion.scene.ball.shell.axis)
-    return [
-        (
-            "the angular velocity is the shell's, not the frame's",
-            _rated(lambda w, _: w + more),
-        )
+    bodies = [
+        ("the angular velocity is the shell's, not the frame's", _rated(lambda w, _: w + more))
     ]
+    return [units, signs, axes, bodies]
 
 
-def _times(size: float, w: Array, _: Numbers) -> Array:
-    return w * size
+def _scaled(size: float) -> Change:
+    return _rated(lambda w, _: size * w)
 
 
-def _along(S: Array, w: Array, _: Numbers) -> Array:
-    return w @ S
+def _along(S: Array) -> Change:
+    return _rated(lambda w, _: w @ S)
 
 
 def _rotated(v: Array, attitude: Array) -> Array:
@@ -381,7 +349,7 @@ WORLDS = {
 
 
 def _worlds(has_height: bool) -> Iterator[Part]:
-    """The file's axes x, y, z are others than the world's, and maybe the frame's likewise."""
+    """Yield axes x, y, z of the file other than the world's, and maybe the frame's likewise."""
     for S in _signed_permutations():
         if np.array_equal(S, np.eye(3)) or not (has_height or abs(S[2, 2]) == 1):
             continue
@@ -414,7 +382,7 @@ def _seen_from(S: Array, both: bool = True) -> Change:
 
 @cache
 def _signed_permutations() -> tuple[Array, ...]:
-    """The 48 (3, 3), turned and mirrored; row i is the i-th axis."""
+    """Return the 48 (3, 3), turned and mirrored; row i is the i-th axis."""
     return tuple(
         np.eye(3)[list(order)] * np.array(signs, dtype=float)[:, None]
         for order in permutations(range(3))
@@ -423,32 +391,28 @@ def _signed_permutations() -> tuple[Array, ...]:
 
 
 def _rotations() -> list[Array]:
-    """Those of them that turn, but for the one that does not."""
+    """Return the signed permutations that turn, without the identity."""
     turning = [S for S in _signed_permutations() if np.linalg.det(S) > 0]
     return [S for S in turning if not np.array_equal(S, np.eye(3))]
 
 
 def _text(S: Array) -> str:
-    """The axes by name: "y, -x, z"."""
+    """Return the axes by name: "y, -x, z"."""
     names = (("-" if row.sum() < 0 else "") + "xyz"[int(np.abs(row).argmax())] for row in S)
     return ", ".join(names)
 
 
 DEGREES = np.pi / 180
 CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engine's error
-LIKELY = 5.0  # times the radius, or less: any other is told from numbers that mean something else
+LIKELY = 5.0  # times the radius, or less: any other comes of numbers that mean something else
 
 
-@dataclass(frozen=True)
-class MistakenScene:
-    """A mistake in setting up the scene, and the scenes that it may have led to."""
-
-    name: str
-    scenes: tuple[Scene, ...]
+MistakenScene = tuple[str, tuple[Scene, ...]]
+"""A mistake in setting up the scene, and the scenes that it may have led to."""
 
 
 def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
-    """All that are tried; rolling_radius: as a file tells it [m], nan where it does not."""
+    """Yield all that are tried; rolling_radius: by the file [m], nan where it is not known."""
     names = [hinge.name for hinge in scene.hinges]
     moving = [i for i, hinge in enumerate(scene.hinges) if _has_rate(scene, i)]
     groups = [([i], f"the {names[i]}'s rate") for i in moving]
@@ -456,13 +420,11 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenSce
         groups.append((moving, "all rates"))
     for which, what in groups:
         signs = "have" if what == "all rates" else "has"
-        yield MistakenScene(f"{what} {signs} the other sign", _with_rates(scene, which, -1.0))
+        yield (f"{what} {signs} the other sign", _with_rates(scene, which, -1.0))
     for which, what in groups:
         missing = "are" if what == "all rates" else "is"
-        yield MistakenScene(f"{what} {missing} zero", _with_rates(scene, which, 0.0))
-        yield MistakenScene(
-            f"{what} {missing} taken in degrees", _with_rates(scene, which, DEGREES)
-        )
+        yield (f"{what} {missing} zero", _with_rates(scene, which, 0.0))
+        yield (f"{what} {missing} taken in degrees", _with_rates(scene, which, DEGREES))
     yield from _radii(scene, rolling_radius)
     other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
     flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
@@ -472,7 +434,7 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenSce
     up, omega = rotation_matrix(scene.start.attitude)[2], _omega(scene)
     shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
     still = _kept(level, scene, omega - up * (up @ shell)) if other == "rubber" else ()
-    yield MistakenScene(f"the ball {spin}", (*_kept(level, scene), *still, level))
+    yield (f"the ball {spin}", (*_kept(level, scene), *still, level))
     yield from _inertias(scene)
     yield from _starts(scene)
 
@@ -486,7 +448,7 @@ def _has_rate(scene: Scene, hinge: int) -> bool:
 
 
 def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, ...]:
-    """The rates of some hinges times a factor; with the same M, frame's ω, or shell's ω."""
+    """Return scenes with some rates times a factor: with the same M, frame's ω, or shell's ω."""
     given = [scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates]
     rates = [scaled(rate, factor) if i in which else rate for i, rate in enumerate(given)]
     rotors = 1 + len(scene.ball.rotors)
@@ -504,7 +466,7 @@ def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, .
 
 
 def scaled(rate: Rate, factor: float) -> Rate:
-    """A rate times a factor, whatever kind of rate it is."""
+    """Return a rate times a factor, whatever kind of rate it is."""
     if isinstance(rate, Ramp):
         return msgspec.structs.replace(
             rate, initial=factor * rate.initial, final=factor * rate.final
@@ -542,14 +504,14 @@ def _radii(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
         transverse_inertia=ratio**2 * shell.transverse_inertia,
     )
     scenes = [replace(scene, ball=replace(scene.ball, shell=each)) for each in (larger, heavier)]
-    yield MistakenScene(
+    yield (
         f"the ball's radius is {rolling_radius:.4g} m, not {radius:g} m",
         tuple(each for changed in scenes for each in (*_kept(changed, scene), changed)),
     )
 
 
 def _inertias(scene: Scene) -> Iterator[MistakenScene]:
-    """Moments that are exchanged, or about another point than the body's centre of mass."""
+    """Yield moments that are exchanged, or about another point than the body's centre of mass."""
     for name, body in scene.ball.named_bodies:
         others: dict[str, Body] = {}
         if isinstance(body, Shell | Rotor):
@@ -567,11 +529,11 @@ def _inertias(scene: Scene) -> Iterator[MistakenScene]:
                 )
         for what, other in others.items():
             if np.abs(other.inertia - body.inertia).max() > CLEAR * np.abs(body.inertia).max():
-                yield MistakenScene(what, _with_body(scene, body, other))
+                yield (what, _with_body(scene, body, other))
 
 
 def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
-    """The scene with another body in one's place, with the same ω of the frame, or the same M."""
+    """Return the scene with another body in one's place, with the frame's ω kept, or M."""
     ball = scene.ball
 
     def chosen(each: Any) -> Any:
@@ -589,17 +551,13 @@ def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
 def _starts(scene: Scene) -> Iterator[MistakenScene]:
     start, R = scene.start, rotation_matrix(scene.start.attitude)
     omega, q = _omega(scene), start.attitude
-    yield MistakenScene(
-        "the start's angular velocity is set in world axes", _kept(scene, scene, R.T @ omega)
-    )
-    yield MistakenScene(
+    yield ("the start's angular velocity is set in world axes", _kept(scene, scene, R.T @ omega))
+    yield (
         "the start's angular velocity is set in frame axes where world axes are meant",
         _kept(scene, scene, R @ omega),
     )
-    yield MistakenScene(
-        "the start's angular velocity has the other sign", _kept(scene, scene, -omega)
-    )
-    yield MistakenScene(
+    yield ("the start's angular velocity has the other sign", _kept(scene, scene, -omega))
+    yield (
         "the start's momentum is taken in frame axes",
         (replace(scene, start=replace(start, momentum=_level(scene, R @ start.momentum))),),
     )
@@ -613,9 +571,7 @@ def _starts(scene: Scene) -> Iterator[MistakenScene]:
         turned = replace(scene, start=replace(start, attitude=attitude))
         scenes = (*_kept(turned, scene, omega), turned)
         in_world = rotation_matrix(attitude).T @ R @ omega
-        yield MistakenScene(
-            f"the start's attitude is {how}", (*scenes, *_kept(turned, scene, in_world))
-        )
+        yield (f"the start's attitude is {how}", (*scenes, *_kept(turned, scene, in_world)))
 
 
 def _omega(scene: Scene) -> Array:
@@ -623,7 +579,7 @@ def _omega(scene: Scene) -> Array:
 
 
 def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> tuple[Scene, ...]:
-    """A changed scene that starts with the frame's ω of the other, or with another one."""
+    """Return a changed scene that starts with the frame's ω of the other, or with this ω."""
     hinges = changed.hinges
     start = changed.start
     M = momentum_at(
@@ -642,5 +598,5 @@ def _start(scene: Scene, M: Array) -> Start:
 
 
 def _level(scene: Scene, M: Array) -> Array:
-    """M as the rolling model has it: a rubber ball's is horizontal."""
+    """Return M as the rolling model has it: a rubber ball's is horizontal."""
     return M * [1.0, 1.0, 0.0] if scene.rolling == "rubber" else M

@@ -1,6 +1,6 @@
 """The cost of a step with each thing that the minimal model leaves out."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from operator import itemgetter
 from typing import Any
@@ -14,8 +14,8 @@ from robotball.engines.mujoco.export import DEFAULT_ITERATIONS
 from robotball.engines.mujoco.model import build, hinges_of
 from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
-from robotball.robot import Rotor
 from validation.output import Show
+from validation.studies.extreme_maps import scaled_body
 from validation.studies.friction import LEAST_FRICTION
 from validation.studies.timing import measure_costs, one_step
 from validation.study import Column, Row, Study, table_of
@@ -25,46 +25,29 @@ SPLIT = 3  # rotors for each of the scene's
 SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc", "frameangacc")
 
 
-@dataclass(frozen=True)
-class Part:
-    """A variant of the minimal model: the name of what it adds, and the compiled model."""
-
-    name: str
-    compiled: mujoco.MjModel
-
-
-def parts_of(scene: Scene) -> list[Part]:
-    """Return the minimal model, its variants with one thing more each, and one with all of them."""
+def parts_of(scene: Scene) -> dict[str, mujoco.MjModel]:
+    """Return the compiled models by what they have: the minimal one, one thing more each, all."""
     classical = scene.rolling == "classical"
     spin: dict[str, Any] = {"torsional_friction": LEAST_FRICTION} if classical else {}
     roll = {**spin, "condim": 6, "rolling_friction": LEAST_FRICTION}
     prescribed = any(not hinge.own_motor for hinge in hinges_of(scene, MINIMAL))
     servos: dict[str, Any] = {"drive": NAIVE.drive} if prescribed else {}
-    parts = [_part("minimal", scene, MINIMAL)]
+    parts = {"minimal": _compiled(scene, MINIMAL)}
     if scene.ball.rotors:
-        parts.append(_part("three rotors for each", split(scene), MINIMAL))
+        parts["three rotors for each"] = _compiled(split(scene), MINIMAL)
     if classical:
-        parts.append(_part("condim 4", scene, replace(MINIMAL, condim=4, **spin)))
-    parts += [
-        _part("condim 6", scene, replace(MINIMAL, **roll)),
-        _part("geoms, textures, lights", scene, MINIMAL, dressed=True),
-        _part("sensors of every body", scene, MINIMAL, sensors=True),
-        *([_part("servos for the rates", scene, replace(MINIMAL, **servos))] if prescribed else []),
-        _part("Newton for PGS", scene, replace(MINIMAL, solver="Newton")),
-        _part(
-            f"{DEFAULT_ITERATIONS} iterations",
-            scene,
-            replace(MINIMAL, iterations=DEFAULT_ITERATIONS),
-        ),
-        _part(
-            "all of it",
-            split(scene),
-            # Without the huge inertias MuJoCo's own tolerance can stop the iterations early.
-            replace(MINIMAL, **roll, **servos, solver="Newton", iterations=None, tolerance=None),
-            dressed=True,
-            sensors=True,
-        ),
-    ]
+        parts["condim 4"] = _compiled(scene, replace(MINIMAL, condim=4, **spin))
+    parts["condim 6"] = _compiled(scene, replace(MINIMAL, **roll))
+    parts["geoms, textures, lights"] = _compiled(scene, MINIMAL, dressed=True)
+    parts["sensors of every body"] = _compiled(scene, MINIMAL, sensors=True)
+    if prescribed:
+        parts["servos for the rates"] = _compiled(scene, replace(MINIMAL, **servos))
+    parts["Newton for PGS"] = _compiled(scene, replace(MINIMAL, solver="Newton"))
+    many = replace(MINIMAL, iterations=DEFAULT_ITERATIONS)
+    parts[f"{DEFAULT_ITERATIONS} iterations"] = _compiled(scene, many)
+    # Without the huge inertias MuJoCo's own tolerance can stop the iterations early.
+    whole = replace(MINIMAL, **roll, **servos, solver="Newton", iterations=None, tolerance=None)
+    parts["all of it"] = _compiled(split(scene), whole, dressed=True, sensors=True)
     return parts
 
 
@@ -72,17 +55,17 @@ def measure_parts(scene: Scene, rounds: int, show: Show) -> Study:
     """Measure the cost of a step of each variant, all in turn, as ratios to the minimal model's."""
     parts = parts_of(scene)
     costs = measure_costs(
-        [partial(one_step, part.compiled) for part in parts],
+        [partial(one_step, compiled) for compiled in parts.values()],
         rounds,
         lambda done: show(done / (rounds + 1) / len(parts), f"{scene.name}: parts"),
     )
     rows: list[Row] = []
-    for part, cost in zip(parts, costs, strict=True):
-        ratio, of = cost.over(costs[0]), part.compiled
+    for (name, of), cost in zip(parts.items(), costs, strict=True):
+        ratio = cost.over(costs[0])
         least, most = ratio.spread
         rows.append(
             {
-                "part": part.name, "ratio": ratio.ratio, "least": least, "most": most,
+                "part": name, "ratio": ratio.ratio, "least": least, "most": most,
                 "bodies": of.nbody, "dofs": of.nv, "sensors": of.nsensor, "geoms": of.ngeom,
             }
         )  # fmt: skip
@@ -108,7 +91,7 @@ COLUMNS = (
 def split(scene: Scene) -> Scene:
     """Return the scene with every rotor made of three about its axis: inertia and K are equal."""
     ball = scene.ball
-    rotors = tuple(_third(rotor) for rotor in ball.rotors for _ in range(SPLIT))
+    rotors = tuple(scaled_body(rotor, 1 / SPLIT) for rotor in ball.rotors for _ in range(SPLIT))
     motors = scene.motors
     if motors:
         own = [motor and _weaker(motor) for motor in motors[1:] for _ in range(SPLIT)]
@@ -121,15 +104,6 @@ def split(scene: Scene) -> Scene:
     )
 
 
-def _third(rotor: Rotor) -> Rotor:
-    return replace(
-        rotor,
-        mass=rotor.mass / SPLIT,
-        axial_inertia=rotor.axial_inertia / SPLIT,
-        transverse_inertia=rotor.transverse_inertia / SPLIT,
-    )
-
-
 def _weaker(motor: Motor) -> Servo:
     if not isinstance(motor, Servo):
         raise InputError(f"only velocity servos are shared among rotors, not {motor}")
@@ -137,12 +111,12 @@ def _weaker(motor: Motor) -> Servo:
     return Servo(motor.gain / SPLIT, None if limit is None else limit / SPLIT)
 
 
-def _part(
-    name: str, scene: Scene, settings: Settings, *, dressed: bool = False, sensors: bool = False
-) -> Part:
+def _compiled(
+    scene: Scene, settings: Settings, *, dressed: bool = False, sensors: bool = False
+) -> mujoco.MjModel:
     model = build(scene, settings, dressed=dressed)
     if not sensors:
-        return Part(name, model.compiled)
+        return model.compiled
     spec = mujoco.MjSpec.from_string(model.xml)
     for body in spec.bodies[1:]:
         for kind in SENSORS:
@@ -151,4 +125,4 @@ def _part(
                 objtype=mujoco.mjtObj.mjOBJ_BODY,
                 objname=body.name,
             )
-    return Part(name, spec.compile())
+    return spec.compile()

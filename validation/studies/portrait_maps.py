@@ -1,34 +1,31 @@
-"""Which phase portrait (4.1) has at each (K₃, Ω): the maps, a cell's record, and the sweep.
+"""Maps of the phase portraits of (4.1) over K₃ and Ω, with the curves of section 4.2 over them.
 
 (4.1) is linear in K and Ω together, so that of (K₃, Ω) only three ratios count: the size of both
 scales time alone. Each map is a plane through the ball of Figs 6 to 8.
-
-The maps of phase portraits as pictures and tables, with the curves of section 4.2 over them.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from operator import itemgetter
+from typing import Annotated, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from rich import box
-from rich.console import Console
 from rich.table import Table
+from tyro.conf import Positional, arg
 
-from robotball import InputError
 from robotball.equations import Parameters, Vector
 from robotball.film.looks import ACCENT, INK
 from robotball.qualitative.equilibria import kappa, name_of, proposition_2
 from robotball.rotations import Array
-from validation.output import Show, halo, print_whole
-from validation.sweeps import Cell, Result, sweep
+from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
+from validation.output import halo, writable_folder, write_record
+from validation.study import Column, Study, show, table_of
+from validation.sweeps import Cell, Result, rows_of
 
 A: Vector = (0.5, 0.4, 0.3)  # of Figs 5 to 8, 1/(kg m²)
 OMEGA: Vector = (4.0, 2.0, 1.0)  # rad/s
@@ -49,13 +46,13 @@ class Plane:
     Omega: Callable[[float], Vector]
 
     def ball(self, K3: float, y: float) -> Parameters:
-        """The ball at a place of the map."""
+        """Return the ball at a place of the map."""
         d = 1.0
         I = (1 / A[0] - d, 1 / A[1] - d, 1 / A[2] - d)
         return Parameters("rubber", I, d, 1.0, self.Omega(y), (0.0, 0.0, K3))
 
     def axes(self, count: int) -> tuple[list[float], list[float]]:
-        """The values of K₃ and of y; with an even count none falls on a line of symmetry."""
+        """Return the values of K₃ and of y; with an even count none is on a line of symmetry."""
         return tuple(
             [float(f"{value:.6g}") for value in np.linspace(low, high, count)]
             for low, high in ((-self.K3, self.K3), (self.low, self.high))
@@ -63,7 +60,7 @@ class Plane:
 
 
 def turned(degrees: float) -> Vector:
-    """OMEGA with its part across e₃ turned to this angle from e₁."""
+    """Return OMEGA with its part across e₃ turned to this angle from e₁."""
     size, angle = np.hypot(OMEGA[0], OMEGA[1]), np.radians(degrees)
     return (float(size * np.cos(angle)), float(size * np.sin(angle)), OMEGA[2])
 
@@ -79,46 +76,14 @@ PLANES = {
 }  # fmt: skip
 
 
-def chosen(names: Sequence[str]) -> list[Plane]:
-    """The maps named, or all for none; raises InputError for one that there is not."""
-    for name in names:
-        if name not in PLANES:
-            raise InputError(f"no map is called {name!r}; there are {', '.join(PLANES)}")
-    return [PLANES[name] for name in names or PLANES]
-
-
 def cells_of(plane: Plane, count: int) -> list[Cell]:
-    """The cells of a map, row by row."""
+    """Return the cells of a map, row by row."""
     across, up = plane.axes(count)
     return [{"map": plane.name, "K3": K3, "y": y} for y in up for K3 in across]
 
 
-def survey(
-    planes: Sequence[Plane],
-    count: int,
-    file: Path,
-    show: Show,
-    *,
-    workers: int | None = None,
-    cluster: str | None = None,
-) -> dict[str, list[Result]]:
-    """The results of the maps' cells by the map's name; `file` keeps them for another time."""
-    results: dict[str, list[Result]] = {}
-    for done, plane in enumerate(planes):
-        results[plane.name] = sweep(
-            measure,
-            cells_of(plane, count),
-            file,
-            workers=workers,
-            cluster=cluster,
-            limit=LIMIT,
-            show=partial(_show, show, done * count**2, plane.name),
-        )
-    return results
-
-
 def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """The phase portrait of a cell {map, K3, y}.
+    """Return the phase portrait of a cell {map, K3, y}.
 
     points: the type of each fixed point by its name; cycles: period s and multiplier of each, and
     whether it is its own opposite; basins: the share of the sphere of each attractor.
@@ -140,10 +105,6 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
         ],
         "basins": found.basins,
     }
-
-
-def _show(show: Show, done: int, name: str, part: float, words: str) -> None:
-    show(done + part, f"{name}: {words}")
 
 
 FINE = 70  # values of an axis for the curves
@@ -176,17 +137,17 @@ OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
 
 
 def number_of_points(record: Mapping[str, Any]) -> str:
-    """Of fixed points, those of index 1 counted with the saddles."""
+    """Return how many fixed points there are, those of index 1 counted with the saddles."""
     return f"{len(record['points'])} fixed points"
 
 
 def type_of_poles(record: Mapping[str, Any]) -> str:
-    """Of Γ₅ and Γ₆, which are of one type."""
+    """Return the type of Γ₅ and Γ₆, which have the same."""
     return f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}"
 
 
 def kind_of_cycles(record: Mapping[str, Any]) -> str:
-    """How many limit cycles there are, C and -C as one."""
+    """Return how many limit cycles there are, C and -C as one."""
     stable = sum(abs(cycle["multiplier"]) < 1 for cycle in record["cycles"])
     unstable = len(record["cycles"]) - stable
     if stable + unstable == 0:
@@ -196,7 +157,7 @@ def kind_of_cycles(record: Mapping[str, Any]) -> str:
 
 
 def largest_basin(record: Mapping[str, Any]) -> str:
-    """Whose basin is the largest."""
+    """Return the attractor with the largest basin."""
     name = max(record["basins"], key=lambda each: record["basins"][each])
     return f"largest basin: {'a cycle' if name.startswith('cycle') else name}"
 
@@ -210,7 +171,7 @@ PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
 
 
 def picture(plane: Plane, results: Sequence[Result]) -> Figure:
-    """Four panels of the same cells, each by one property, with the curves over them."""
+    """Draw four panels of the same cells, each by one property, with the curves over them."""
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     figure.suptitle(
         f"Phase portraits of motion from rest: A = diag{A}, K = (0, 0, K₃), {plane.held}",
@@ -239,7 +200,7 @@ def picture(plane: Plane, results: Sequence[Result]) -> Figure:
 def draw_cells(
     axes: Axes, results: Sequence[Result], property_of: Callable[[Mapping[str, Any]], str]
 ) -> None:
-    """Each cell in the colour of its property, with a legend of what is there."""
+    """Draw each cell in the colour of its property, with a legend of what is there."""
     across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
     words = [property_of(each.record) if each.record else "no result" for each in results]
     order = [*COLOURS]
@@ -272,7 +233,7 @@ def draw_cells(
 
 
 def curves_of(plane: Plane) -> list[tuple[Array, Array, Array]]:
-    """For each of CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
+    """Return for each of CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
     across = np.linspace(-plane.K3, plane.K3, FINE)
     up = np.linspace(plane.low, plane.high, FINE)
     balls = [[plane.ball(K3, y) for K3 in across] for y in up]
@@ -283,7 +244,7 @@ def curves_of(plane: Plane) -> list[tuple[Array, Array, Array]]:
 
 
 def summary(planes: Sequence[Plane], found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
-    """A record for each map: how many cells have which portrait, and where the formulas fail."""
+    """Return a record for each map: how many cells have which portrait, where formulas fail."""
     records = []
     for plane in planes:
         results = found[plane.name]
@@ -308,7 +269,7 @@ def summary(planes: Sequence[Plane], found: Mapping[str, Sequence[Result]]) -> l
 
 
 def as_predicted(ball: Parameters, record: Mapping[str, Any]) -> bool:
-    """Whether the number of points is that of κ₁, κ₂ and the type of Γ₅ that of Proposition 2."""
+    """Return whether κ₁, κ₂ give the number of points, and Proposition 2 the type of Γ₅."""
     expected = 2 + 4 * (abs(kappa(ball, 1)) < 1) + 4 * (abs(kappa(ball, 0)) < 1)
     A1, A2, B = proposition_2(ball)
     focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"
@@ -316,16 +277,50 @@ def as_predicted(ball: Parameters, record: Mapping[str, Any]) -> bool:
     return len(record["points"]) == expected and record["points"]["Γ₅"] == kind
 
 
-def show(records: Sequence[Mapping[str, Any]], console: Console) -> None:
-    """Print the counts, and how the formulas did."""
+def shown(records: Sequence[Mapping[str, Any]]) -> Iterator[Table | str]:
+    """Yield the counts, and how the formulas did."""
     for record in records:
-        table = Table(f"map {record['map']}: {record['cells']} cells", "cells", box=box.SIMPLE_HEAD)
-        for counts in record["counts"].values():
-            for words, count in counts.items():
-                table.add_row(words, str(count))
-            table.add_section()
-        print_whole(table, console)
-        console.print(
+        columns = (
+            Column(f"map {record['map']}: {record['cells']} cells", itemgetter("what"), words=True),
+            Column("cells", lambda row: str(row["count"])),
+        )
+        rows = [
+            {"title": title, "what": words, "count": count}
+            for title, counts in record["counts"].items()
+            for words, count in counts.items()
+        ]
+        yield table_of(columns, rows, section="title")
+        yield (
             f"number of fixed points and type of Γ₅ against the formulas: "
             f"{record['against_the_formulas']} cells differ; {record['failed']} without a result"
         )
+
+
+@dataclass(frozen=True)
+class Portraits:
+    """Map the phase portraits of motion from rest over K₃ and Ω, which section 4.2 leaves open.
+
+    Example: robotball portraits axial --quick
+    """
+
+    maps: Positional[Annotated[tuple[str, ...], arg(metavar="MAP...", help_behavior_hint="")]] = ()
+    """Which maps, axial (K₃ and Ω₃) or azimuth (K₃ and the angle of Ω₁, Ω₂); both if none."""
+    sweep: SweepOptions = field(default_factory=Sweep)
+    json: File = None
+    """Also write how many cells have which portrait."""
+
+    def run(self) -> int:
+        planes = chosen("map", self.maps, PLANES)
+        writable_folder(self.sweep.out)
+        count = QUICK_COUNT if self.sweep.quick else COUNT
+        found = {
+            each.name: self.sweep.results(measure, cells_of(each, count), "portraits", LIMIT)
+            for each in planes
+        }
+        records = summary(planes, found)
+        show(shown(records))
+        for each, results in zip(planes, found.values(), strict=True):
+            rows, drawn = rows_of(results), picture(each, results)
+            self.sweep.present(Study("portraits", None, [each.name], rows, picture=drawn))
+        write_record(self.json, {"quick": self.sweep.quick, "summary": records})
+        return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

@@ -38,14 +38,13 @@ from robotball.rotations import Array
 from robotball.scene import Start
 from validation.agreement import compare
 from validation.output import Show
-from validation.studies.atlas import WRONG
-from validation.studies.extremes import scaled, scaled_frame, scaled_rotor, scaled_shell
+from validation.studies.extreme_maps import WRONG, scaled, scaled_body
 
 SEED = 20190501
 
 
 def random_scene(number: int) -> Scene:
-    """A ball of mass points within its shell, 0 to 3 rotors, in axes that are not principal."""
+    """Return a ball of mass points in its shell, 0 to 3 rotors, in axes that are not principal."""
     rng = np.random.default_rng([SEED, number])
     radius, mass = rng.uniform(0.5, 1.5), rng.uniform(0.3, 2.0)
 
@@ -105,7 +104,7 @@ class RandomRun:
 
 
 def ordinary(seed: int, number: int) -> RandomRun:
-    """A catalog ball with its rates, momentum and attitude varied, at one of the recipe presets."""
+    """Return a catalog ball with rates, momentum and attitude varied, at a preset of the recipe."""
     random = np.random.default_rng([seed, number, 0])
     scene = _varied(_any_scene(random), random)
     duration = float(random.uniform(1.0, 10.0))
@@ -114,7 +113,7 @@ def ordinary(seed: int, number: int) -> RandomRun:
 
 
 def extreme(seed: int, number: int) -> RandomRun:
-    """The naive or the recipe's settings on a varied ball, one to three axes far out."""
+    """Return the naive or the recipe's settings on a varied ball, one to three axes far out."""
     random = np.random.default_rng([seed, number, 1])
     scene = _varied(_any_scene(random), random)
     settings = random.choice(np.array([preset("naive"), recipe("recipe", 1e-2, timestep=5e-3)]))
@@ -128,7 +127,7 @@ def extreme(seed: int, number: int) -> RandomRun:
 
 
 def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) -> Array:
-    """Times that neither the engine nor the equations need long for."""
+    """Return times that neither the engine nor the equations need long for."""
     plan = PlannedRun(scene, settings, scene.duration)
     timestep = plan.timestep if np.isfinite(plan.timestep) else 0.02
     turns = TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
@@ -142,7 +141,7 @@ def _any_scene(random: np.random.Generator) -> Scene:
 
 @cache
 def balanced() -> list[Scene]:
-    """The catalog's balls that the small equations describe: what is changed keeps them so."""
+    """Return the catalog's balls that the small equations describe: changes keep them so."""
     with warnings.catch_warnings(action="ignore", category=SceneWarning):  # to be built by nobody
         scenes = map(load_scene, catalog())
         return [scene for scene in scenes if scene.not_reduced is None]
@@ -158,7 +157,7 @@ def _varied(scene: Scene, random: np.random.Generator) -> Scene:
 
 
 def _faster(scene: Scene, factor: float, which: int) -> Scene:
-    """Rates times a factor: the frame's (0) or the rotors' (1), where they are numbers."""
+    """Return the scene with the frame's rate (0) or the rotors' (1) times a factor, if constant."""
 
     def times(rate: Any) -> Any:
         return rate * factor if isinstance(rate, float | int) else rate
@@ -169,18 +168,18 @@ def _faster(scene: Scene, factor: float, which: int) -> Scene:
 
 
 def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
-    """The same ball of so many times the mass and size, with M in the same proportion to it."""
+    """Return the ball with its mass and size multiplied, and M in proportion to it."""
     return replace(scaled(scene, mass=mass, length=length), gravity=scene.gravity)
 
 
 def _heavier_part(scene: Scene, factor: float, part: str) -> Scene:
     ball = scene.ball
     if part == "shell":
-        heavier = replace(ball, shell=scaled_shell(ball.shell, factor))
+        heavier = replace(ball, shell=scaled_body(ball.shell, factor))
     elif part == "frame":
-        heavier = replace(ball, frame=scaled_frame(ball.frame, factor))
+        heavier = replace(ball, frame=scaled_body(ball.frame, factor))
     else:
-        rotors = tuple(scaled_rotor(rotor, factor) for rotor in ball.rotors)
+        rotors = tuple(scaled_body(rotor, factor) for rotor in ball.rotors)
         heavier = replace(ball, rotors=rotors)
     return replace(scene, ball=heavier)
 
@@ -189,7 +188,7 @@ Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
 
 
 def _of_scene(low: float, high: float, change: Callable[[Scene, float], Scene]) -> Axis:
-    """An axis of the scene, from 10**low to 10**high."""
+    """Return an axis of the scene, from 10**low to 10**high."""
     return lambda scene, settings, random: (
         change(scene, float(10 ** random.uniform(low, high))), settings,
     )  # fmt: skip
@@ -252,7 +251,7 @@ REFERENCE_STEPS = 20_000  # of the equations; runs that need more are not judged
 
 @dataclass(frozen=True)
 class Judged:
-    """What came of a run: its path error (None where it broke off) and what was said of it.
+    """The outcome of a run: its path error (None where it broke off) and what was reported of it.
 
     within: whether its errors are within its tolerance; warned: by the precheck; refused: why it
     was not run, if it was not.
@@ -284,7 +283,7 @@ class Judged:
 
 @dataclass(frozen=True)
 class Detection:
-    """What was missed among the extreme runs, and which alarms of ordinary ones were false."""
+    """The extreme runs, whose failures should be reported, and the ordinary ones."""
 
     extreme: tuple[Judged, ...]
     ordinary: tuple[Judged, ...]
@@ -299,7 +298,7 @@ class Detection:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many of the extreme runs came to what."""
+        """Count the extreme runs by their outcome."""
         counts: Counter[str] = Counter()
         for each in self.extreme:
             counts["refused"] += bool(each.refused)
@@ -311,7 +310,7 @@ class Detection:
 
     @property
     def lines(self) -> list[str]:
-        """The result in words."""
+        """Return the result in words."""
         counts = ", ".join(f"{name} {count}" for name, count in self.counts.items())
         return [
             f"{len(self.extreme)} extreme runs: {counts}",
@@ -321,7 +320,7 @@ class Detection:
         ]
 
     def record(self) -> dict[str, Any]:
-        """The result as plain data."""
+        """Return the result as plain data."""
         return {
             "extreme": self.counts,
             "missed": [_words(each) for each in self.missed],
@@ -330,7 +329,7 @@ class Detection:
 
 
 def measure_detection(count: int, seed: int, show: Show | None = None) -> Detection:
-    """So many extreme runs and as many ordinary ones, judged."""
+    """Judge `count` extreme runs and as many ordinary ones."""
     logging.getLogger("absl").setLevel(logging.ERROR)
     show = show or (lambda done, what: None)
     sets: list[tuple[Judged, ...]] = []
@@ -344,7 +343,7 @@ def measure_detection(count: int, seed: int, show: Show | None = None) -> Detect
 
 
 def judged(run: RandomRun) -> Judged:
-    """A run by the engine and by the equations, and what was said of it."""
+    """Run by the engine and by the equations, and return what was reported of it."""
     with warnings.catch_warnings(action="ignore"):
         try:
             theory = integrate(run.scene, run.times, max_steps=REFERENCE_STEPS)

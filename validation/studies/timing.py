@@ -8,7 +8,7 @@ import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 
 import mujoco
 
@@ -56,17 +56,16 @@ class Cost:
         return Cost(tuple(ours / theirs for ours, theirs in ratios), other.seconds)
 
 
-class BareLoop:
-    """mj_step over and over, with nothing read, monitored or kept."""
+def bare_loop() -> float:
+    """Return the processor time [s] of one simulated second of mj_step alone, unmonitored."""
+    compiled = _baseline_model().compiled
+    return one_step(compiled) / compiled.opt.timestep
 
-    @cached_property
-    def _model(self) -> Model:
-        scene, settings = BASELINE
-        return build(load_scene(scene), preset(settings))
 
-    def __call__(self) -> float:
-        """Return the processor time of one simulated second [s]."""
-        return one_step(self._model.compiled) / self._model.compiled.opt.timestep
+@cache
+def _baseline_model() -> Model:
+    scene, settings = BASELINE
+    return build(load_scene(scene), preset(settings))
 
 
 def one_step(compiled: mujoco.MjModel) -> float:
@@ -100,13 +99,12 @@ def measure_costs(
 
     show: called with the number of works done, of (rounds + 1) times as many.
     """
-    bare = BareLoop()
     ratios: list[list[float]] = [[] for _ in works]
     loops: list[float] = []
-    before = bare()
+    before = bare_loop()
     for turn in range(rounds + 1):
         for i, work in enumerate(works):
-            seconds, after = work(), bare()
+            seconds, after = work(), bare_loop()
             if turn:
                 loops.append(after)
                 ratios[i].append(2 * seconds / (before + after))

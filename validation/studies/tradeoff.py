@@ -1,18 +1,15 @@
 """Error against processor time over many configurations, and the Pareto front.
 
-The configurations are two stars, a line through each, and a random sample.
-Every combination would be tens of thousands of runs. The stars change one choice of the recipe, or
-of the naive model, at a time; the lines change the steps alone; the sample has what happens where
-choices meet.
+Every combination of choices would be tens of thousands of runs. The configurations are two stars, a
+line through each, and a random sample: the stars change one choice of the recipe, or of the naive
+model, at a time; the lines change the steps alone; the sample shows choices that meet.
 """
 
-import hashlib
 import logging
 import math
 import random
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cache
+from dataclasses import dataclass, field, fields, replace
 from itertools import chain, product
 from operator import itemgetter
 from typing import Any
@@ -23,7 +20,13 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
-from robotball import PRESETS, Motion, Scene, Settings, integrate, load_scene, sample_times
+from robotball import (
+    PRESETS,
+    InputError,
+    Scene,
+    Settings,
+    load_scene,
+)
 from robotball.drives import Servo
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.engine import MUJOCO
@@ -39,14 +42,17 @@ from robotball.engines.mujoco.settings import (
     recipe,
     settings_from,
 )
-from robotball.files.scene_writer import scene_toml
 from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.output import in_picture, scientific
+from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of
+from validation.output import in_picture, progress_bar, scientific, writable_folder
+from validation.results import changed
 from validation.studies.convergence import fit_order
+from validation.studies.friction import friction_cells, friction_run, friction_study
+from validation.studies.parts_cost import measure_parts
 from validation.studies.timing import measure_costs, simulated_second
-from validation.study import Column, Row, Study, table_of
+from validation.study import Column, Row, Study, reference, scene_cell, table_of
 from validation.sweeps import Cell, Result, rows_of
 
 Options = dict[str, Any]
@@ -63,6 +69,8 @@ FINE_STEPS = (5e-3, 1e-3, 0.2e-3)  # where first order has its slope
 RTOLS = tuple(10.0**-k for k in range(4, 14))
 SAMPLE = 120  # random combinations
 SEED = 4
+LIMIT = 60.0  # s that a run may take
+ROUNDS = 3  # of timing, after one that warms up
 
 
 def _both(*names: str) -> tuple[Options, Options]:
@@ -204,16 +212,6 @@ ORDER = 1.25  # of a line that is taken for first order: the steeper ones cancel
 TIMED = 0.05  # s of processor time that is timed at every turn
 
 
-def scene_cell(scene: str, duration: float) -> dict[str, Any]:
-    """Return the part of a cell that describes its scene, a catalog name or a path.
-
-    The ball is in it by a digest, so that no result outlives a change of the file.
-    """
-    text = scene_toml(load_scene(scene)).encode()
-    digest = hashlib.sha256(text).hexdigest()[:12]
-    return {"scene": scene, "digest": digest, "duration": duration}
-
-
 def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: int) -> list[Cell]:
     """Return a cell for each of the settings, plain data with all their options."""
     shared = {**scene_cell(scene, duration), "rounds": rounds}
@@ -222,7 +220,7 @@ def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: 
 
 def measure(cell: Cell) -> dict[str, Any]:
     """Measure errors against the equations, faults, and the cost of a simulated second."""
-    scene, theory = reference(cell["scene"], cell["duration"])
+    scene, theory = reference(cell["scene"], cell["duration"], INTERVAL)
     model = build(scene, settings_with(cell))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times), MUJOCO)
@@ -248,13 +246,6 @@ def _worth(seconds: float, whole: float, times: Array) -> Array:
     return times[: max(2, math.ceil(len(times) * min(1.0, seconds / whole)))]
 
 
-@cache
-def reference(name: str, duration: float, interval: float = INTERVAL) -> tuple[Scene, Motion]:
-    """Return a scene and its motion by the equations, sampled every `interval` s; cached."""
-    scene = load_scene(name)
-    return scene, integrate(scene, sample_times(duration, interval))
-
-
 @dataclass(frozen=True)
 class Configuration:
     """A configuration that was run, or why it could not be.
@@ -277,7 +268,7 @@ class Configuration:
 
     @property
     def sound(self) -> bool:
-        """Whether it is a result: no trouble, and no path that is good by accident."""
+        """Return whether it is a result: no trouble, and no path that is good by accident."""
         return not self.trouble and self.momentum_error <= CANCELLED * self.error
 
     @property
@@ -286,7 +277,7 @@ class Configuration:
 
     @property
     def timestep(self) -> float:
-        """s, of an integrator that has one; MuJoCo's default where none is set."""
+        """Return the timestep [s] of an integrator that has one; MuJoCo's default if not set."""
         return float(self.options.get("timestep", 2e-3))
 
     @property
@@ -309,36 +300,21 @@ class Configuration:
 _PRESETS = {repr(sorted(options_of(s).items())): name for name, s in PRESETS.items()}
 
 
-def configurations_of(results: Sequence[Result]) -> tuple[list[Configuration], float]:
-    """Return the results as configurations, and the cost of the bare loop's second [s].
-
-    It is the median over the whole study.
-    """
-    baselines = [r.record["baseline"] for r in results if r.record is not None]
-    baseline = float(np.median(baselines)) if baselines else math.nan
-    return [_configuration(result, baseline) for result in results], baseline
-
-
 def _configuration(result: Result, baseline: float) -> Configuration:
-    options = options_of(settings_with(result.cell))
-    record = result.record
-    if record is None:
-        reason = result.failure or ""
-        return Configuration(
-            options, math.nan, math.nan, math.nan, (math.nan,) * 2, math.nan, reason
-        )
-    error, of_momentum = (
-        math.nan if record[name] is None else float(record[name])
-        for name in ("path_error", "momentum_error")
-    )
+    record = result.record or {}
+
+    def number(name: str) -> float:
+        value = record.get(name)
+        return math.nan if value is None else float(value)
+
     return Configuration(
-        options,
-        error,
-        of_momentum,
-        record["ratio"],
-        (record["ratio_least"], record["ratio_most"]),
-        record["ratio"] * baseline,
-        "; ".join(record["faults"]),
+        options_of(settings_with(result.cell)),
+        number("path_error"),
+        number("momentum_error"),
+        number("ratio"),
+        (number("ratio_least"), number("ratio_most")),
+        number("ratio") * baseline,
+        "; ".join(record["faults"]) if record else result.failure or "",
     )
 
 
@@ -405,7 +381,7 @@ def first_order_lines(configurations: Sequence[Configuration]) -> list[Line]:
 
 
 @dataclass(frozen=True)
-class Tradeoff:
+class Comparison:
     """The study of one scene: all configurations, their Pareto front, and first order beside it.
 
     baseline: processor time of the bare loop's simulated second [s], by which costs are seconds;
@@ -431,13 +407,15 @@ class Tradeoff:
         return {each.preset: each for each in self.configurations if each.preset}
 
 
-def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Tradeoff:
+def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Comparison:
     """Return the comparison that the results of `measure` make."""
-    configurations, baseline = configurations_of(results)
+    baselines = [result.record["baseline"] for result in results if result.record is not None]
+    baseline = float(np.median(baselines)) if baselines else math.nan
+    configurations = [_configuration(result, baseline) for result in results]
     front = sound_pareto_front(configurations)
     good_enough = [each for each in front if each.error <= TARGET]
     lines = first_order_lines(configurations)
-    return Tradeoff(
+    return Comparison(
         scene,
         tuple(configurations),
         baseline,
@@ -476,7 +454,7 @@ def tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
     )  # fmt: skip
 
 
-def verdict(study: Tradeoff) -> str:
+def verdict(study: Comparison) -> str:
     """Compare the cost of first order at the target with the front's, in words."""
     if study.best is None:
         return f"No configuration reaches a path error of {TARGET:g}."
@@ -514,7 +492,7 @@ COLUMNS = (
 )
 
 
-def tradeoff_picture(study: Tradeoff) -> Figure:
+def tradeoff_picture(study: Comparison) -> Figure:
     """Draw all configurations with an error, the front, the presets, and first order prolonged."""
     figure = Figure(figsize=INCHES, layout="constrained")
     name = in_picture(study.scene.name)
@@ -583,7 +561,7 @@ def _prolong(axes: Axes, line: Line) -> None:
         )
 
 
-def _compare(axes: Axes, study: Tradeoff) -> None:
+def _compare(axes: Axes, study: Comparison) -> None:
     """Draw the two costs at the target, and their ratio."""
     axes.axvline(TARGET, color=INK, linewidth=0.8, linestyle=":")
     if study.best is None or study.first_order is None or study.ratio is None:
@@ -620,7 +598,7 @@ def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
     )
 
 
-def record(study: Tradeoff) -> dict[str, Any]:
+def record(study: Comparison) -> dict[str, Any]:
     """Return the study as plain data; what has no number is None."""
     line = study.first_order
     return {
@@ -651,3 +629,45 @@ def _record(of: Configuration) -> dict[str, Any]:
         "trouble": of.trouble,
         "options": of.options,
     }
+
+
+@dataclass(frozen=True)
+class Tradeoff:
+    """What accuracy costs: error against processor time, and the Pareto front.
+
+    Example: robotball tradeoff fig12 --quick
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    parts: bool = False
+    """Measure instead what a step costs with each thing that the model leaves out."""
+    friction: bool = False
+    """Study instead what rolling and torsional friction do to the ball."""
+    duration: Duration = None
+    """Simulated time; the scene's own if not given."""
+    sweep: SweepOptions = field(default_factory=Sweep)
+
+    def run(self) -> int:
+        if self.parts and self.friction:
+            raise InputError("tradeoff does one study at a time: give one of parts and friction")
+        scene = load_scene(self.scene)
+        seconds = seconds_of(self.duration, self.sweep.quick, scene)
+        writable_folder(self.sweep.out)
+        measured = self._parts if self.parts else self._friction if self.friction else self._front
+        return self.sweep.present(measured(scene, seconds), *changed(self, "duration"))
+
+    def _front(self, scene: Scene, seconds: float) -> Study:
+        quick = self.sweep.quick
+        cells = cells_of(self.scene, configurations(quick), seconds, 2 if quick else ROUNDS)
+        results = self.sweep.results(measure, cells, f"{scene.name}-tradeoff", LIMIT)
+        return tradeoff_study(scene, results)
+
+    def _friction(self, scene: Scene, seconds: float) -> Study:
+        cells = friction_cells(self.scene, seconds, self.sweep.quick)
+        results = self.sweep.results(friction_run, cells, f"{scene.name}-friction", LIMIT)
+        return friction_study(scene, results)
+
+    def _parts(self, scene: Scene, _seconds: float) -> Study:
+        with progress_bar(1) as show:
+            return measure_parts(scene, 3 if self.sweep.quick else 15, show)

@@ -42,7 +42,7 @@ def test_line_breaks_in_names_stay_out_of_the_message(write: Write, tmp_path: Pa
     assert "unknown" in refusal(write(edited("radius =", '"rad\\nius" =')))
     with pytest.raises(rb.InputError, match=r"a b\.toml: No such file"):
         rb.load_scene(tmp_path / "a\nb.toml")
-    with pytest.raises(rb.InputError, match=r"\.toml: embedded null"):
+    with pytest.raises(rb.InputError, match=r"\.toml: .*embedded null"):
         rb.load_scene("a\0b.toml")
 
 

@@ -14,7 +14,7 @@ import pytest
 import robotball as rb
 from validation.cli import COMMANDS, main
 from validation.studies.ablation import CHOICES
-from validation.studies.extremes import MAPS
+from validation.studies.extreme_maps import MAPS
 from validation.studies.portrait_maps import PLANES
 
 

@@ -16,7 +16,6 @@ from robotball.engines.mujoco.run import run
 from robotball.qualitative.sections import crossings_of_motion, fixed_point, section
 from robotball.rotations import Array, multiply
 from robotball.scene import Start
-from validation.studies.attractors import contact_exponent, growth_by_equations
 from validation.studies.contact_sections import (
     COARSE,
     Recipe,
@@ -29,6 +28,7 @@ from validation.studies.contact_sections import (
     own_start,
     rank_probability,
 )
+from validation.studies.lyapunov import contact_exponent, growth_by_equations
 
 F = 25.0  # (kg m²/s)²
 BALANCED = rb.preset("balanced")

@@ -14,7 +14,7 @@ from robotball.engines.mujoco.settings import Prescribed
 from validation.cli import parse
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
-from validation.studies.convergence import FIXED, ORDERS, Convergence, measure_convergence
+from validation.studies.convergence import FIXED, ORDERS, Runs, measure_convergence
 
 BOTH = ("fig12", "classical_regular")
 SOFT = ("softness", "noslip")
@@ -32,12 +32,12 @@ BOUNDS = {
 
 
 @cache
-def study(scene: str, *undone: str) -> Convergence:
+def study(scene: str, *undone: str) -> Runs:
     """One simulated second of the recipe's contact model, less some choices."""
     return measured(scene, without(TOP, undone))
 
 
-def measured(scene: str, settings: rb.Settings) -> Convergence:
+def measured(scene: str, settings: rb.Settings) -> Runs:
     return measure_convergence(rb.load_scene(scene), settings, rb.sample_times(1.0), 6)
 
 
@@ -144,7 +144,7 @@ def test_no_step_is_so_long_that_mujoco_changes_the_contact() -> None:
 
 def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is refused in one line, with the shortest step that was tried."""
-    monkeypatch.setattr(convergence._Runs, "of", lambda *_: None)
+    monkeypatch.setattr(convergence._Runner, "of", lambda *_: None)
     with pytest.raises(rb.InputError, match=r"fig12: .* breaks off even at steps of 0\.0003125 s"):
         measured("fig12", TOP)
 

@@ -15,16 +15,7 @@ from robotball import FaultKind
 from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS
 from validation import compare
 from validation.cli import main
-from validation.studies.atlas import (
-    Outcome,
-    classify,
-    measure,
-    measured_limits,
-    missed,
-    reference,
-    totals,
-)
-from validation.studies.extremes import (
+from validation.studies.extreme_maps import (
     MAPS,
     QUICK,
     TIMESTEPS,
@@ -36,6 +27,15 @@ from validation.studies.extremes import (
     momentum_of,
     redistributed,
     scaled,
+)
+from validation.studies.extremes import (
+    Outcome,
+    classify,
+    measure,
+    measured_limits,
+    missed,
+    reference,
+    totals,
 )
 from validation.studies.random_runs import extreme, ordinary
 from validation.sweeps import Result

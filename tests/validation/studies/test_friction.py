@@ -9,7 +9,7 @@ import pytest
 import robotball as rb
 from tests.validation.studies.test_tradeoff import tradeoff
 from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL, friction_cells, friction_run
-from validation.studies.tradeoff import scene_cell
+from validation.study import scene_cell
 
 
 def measured(

@@ -16,7 +16,7 @@ from validation.studies.timing import Cost, measure_costs, simulated_second
 def test_a_machine_that_slows_down_changes_no_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     """Work that takes twice the bare loop costs 2, however the speed drifts between turns."""
     speed: Iterator[float] = itertools.count(1.0, 0.5)
-    monkeypatch.setattr(timing, "BareLoop", lambda: lambda: next(speed))
+    monkeypatch.setattr(timing, "bare_loop", lambda: next(speed))
     # Before each work the clock has just told `now`, and after it `now` + 0.5.
     seen = iter([2 * (1.25 + 0.5 * n) for n in range(8)])
     one, other = measure_costs([lambda: next(seen), lambda: next(seen)], rounds=3)

@@ -178,7 +178,7 @@ def test_a_rotor_split_in_three_moves_the_ball_alike() -> None:
 @pytest.mark.parametrize("name", ["fig12", "classical_regular", "chaplygin_ball", "servo_motors"])
 def test_each_part_is_in_its_variant_alone(name: str) -> None:
     """The minimal model is the smallest of all; the last has everything."""
-    parts = {part.name: part.compiled for part in parts_of(rb.load_scene(name))}
+    parts = parts_of(rb.load_scene(name))
     minimal, whole = parts["minimal"], parts["all of it"]
     assert parts["geoms, textures, lights"].ngeom > minimal.ngeom
     assert parts["geoms, textures, lights"].nlight == 1

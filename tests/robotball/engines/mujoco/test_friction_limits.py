@@ -13,7 +13,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.planned_run import LimitCheck, PlannedRun
 from robotball.engines.mujoco.settings import Chosen, Radii, settings_from
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, error, run, the_limit
-from validation.studies.extremes import scaled
+from validation.studies.extreme_maps import scaled
 
 
 @pytest.mark.parametrize(

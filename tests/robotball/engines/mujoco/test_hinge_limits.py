@@ -11,7 +11,7 @@ from robotball.engines.mujoco import limits as step_limits
 from robotball.engines.mujoco.planned_run import PlannedRun
 from tests.robotball.engines.mujoco.limits import FAST, FIG12, REGULAR, error, run, the_limit
 from validation import compare
-from validation.studies.extremes import scaled
+from validation.studies.extreme_maps import scaled
 
 SERVO = replace(FAST, timestep=2e-3, drive=rb.Servo(gain=1.0))
 

@@ -1,18 +1,62 @@
-"""The command `robotball steer`."""
+"""The commands for builders of robots: bodies for requested numbers, drives for a wanted path."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
-from tyro.conf import arg
+import numpy as np
+from tyro.conf import DisallowNone, arg
 
-from validation.commands.arguments import AGREES, DISAGREES, OUT, Preset, SceneName
-
-if TYPE_CHECKING:
-    from robotball.steering import WantedPath
+from robotball import InputError, Limits, load_scene, scene_toml
+from robotball import steering as paths
+from robotball.designing import describe, redesign
+from robotball.steering import WantedPath, shortfalls, steer
+from validation.agreement import compare
+from validation.options import AGREES, DISAGREES, OUT, Preset, SceneName
+from validation.output import writable_folder, write_text
+from validation.plots import draw
+from validation.results import changed, file_name
 
 NEAR = 1e-3  # of the path's length: how near to it a robot that is steered must come
+
+
+@dataclass(frozen=True)
+class Design:
+    """Find bodies for a scene's A, Ω and K: print them, and write a scene that has them.
+
+    Example: robotball design fig12 --rotor-speed 20
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    mass: DisallowNone[Annotated[float | None, arg(metavar="KG", help_behavior_hint="")]] = None
+    """Mass of the ball; the best one if not given."""
+    rotor_speed: Annotated[float, arg(metavar="RAD/S")] = math.inf
+    """The fastest that a rotor may turn."""
+    frame_radius: DisallowNone[Annotated[float | None, arg(metavar="M", help_behavior_hint="")]] = (
+        None
+    )
+    """Within which the frame must lie; the shell's if not given."""
+    shell_thickness: Annotated[float, arg(metavar="M")] = 0.0
+    """Of a homogeneous shell; 0 for a thin one."""
+    out: Path = OUT
+    """Folder for the scene."""
+
+    def run(self) -> int:
+        scene = load_scene(self.scene)
+        limits = Limits(
+            rotor_speed=self.rotor_speed,
+            frame_radius=self.frame_radius,
+            shell_thickness=self.shell_thickness,
+        )
+        found, designed = redesign(scene, self.mass, limits)
+        words = changed(self, "mass", "rotor_speed", "frame_radius", "shell_thickness")
+        name = file_name(designed.name, None, words)
+        path = writable_folder(self.out) / f"{name}.toml"
+        write_text(path, scene_toml(replace(designed, name=name)))
+        print(describe(found), path, sep="\n")
+        return AGREES
 
 
 @dataclass(frozen=True)
@@ -44,17 +88,6 @@ class Steer:
     """Folder for the scene and the pictures."""
 
     def run(self) -> int:
-        from dataclasses import replace
-
-        import numpy as np
-
-        from robotball import load_scene, scene_toml
-        from robotball.steering import shortfalls, steer
-        from validation.agreement import compare
-        from validation.output import writable_folder, write_text
-        from validation.plots import draw
-        from validation.results import changed, file_name
-
         robot, path = load_scene(self.scene), self._path()
         steered = steer(robot, path, self.duration)
         out = writable_folder(self.out)
@@ -82,9 +115,7 @@ class Steer:
         print(file, *draw([agreement], out), sep="\n")
         return AGREES if agreement.agrees and not missing else DISAGREES
 
-    def _path(self) -> "WantedPath":
-        from robotball import steering as paths
-
+    def _path(self) -> WantedPath:
         if self.through:
             return paths.through(points_of(self.through))
         if self.path == "circle":
@@ -93,9 +124,7 @@ class Steer:
 
 
 def points_of(text: str) -> list[tuple[float, float]]:
-    """Pairs X,Y of a text; raises InputError where it is none."""
-    from robotball import InputError
-
+    """Return the pairs X,Y of a text. Raises InputError where it holds anything else."""
     try:
         pairs = [tuple(float(part) for part in pair.split(",")) for pair in text.split()]
     except ValueError:

@@ -1,15 +1,134 @@
-"""The command `robotball equilibria`."""
+"""The command `robotball equilibria`: fixed points, limit cycles and straight-line motions."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from validation.commands.arguments import AGREES, OUT, File, SceneName, Threads
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
 
-if TYPE_CHECKING:
-    from robotball import Scene
+from robotball import InputError, Scene
+from robotball.qualitative.cycles import Cycle
+from robotball.qualitative.equilibria import (
+    ContactPath,
+    FixedCircle,
+    FixedPoint,
+    contact_path,
+    fixed_circle,
+    fixed_points,
+    index_sum,
+    name_of,
+)
+from robotball.qualitative.portraits import limit_cycles
+from robotball.qualitative.straight_motions import (
+    StraightMotion,
+    stability_limit,
+    straight_motion,
+    straight_motions,
+)
+from robotball.rotations import Array, rotation_matrix
+from validation.figures.sphere import portrait
+from validation.options import AGREES, OUT, File, SceneName, Threads
+from validation.output import (
+    print_whole,
+    progress_bar,
+    writable_folder,
+    write_picture,
+    write_record,
+)
+from validation.results import changed, file_name
+from validation.studies.contact_sections import level_starts, steady_scene
+
+NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
+
+
+def circle_rows(circle: FixedCircle) -> list[tuple[str, str, str, str]]:
+    """Return the two halves of the circle of fixed points as rows of the table."""
+    rows = []
+    for name, angles, word in (
+        ("Σ_s", (0.0, np.pi / 2), "attracts"),
+        ("Σ_u", (np.pi / 2, np.pi), "repels"),
+    ):
+        ends = circle.at(np.array(angles))
+        rates = circle.rate(circle.at(np.linspace(*angles, 400)))
+        fastest = rates[np.argmax(np.abs(rates))]
+        span = f"± from {row(ends[0])}\nto {row(ends[1])}"
+        rows.append((name, span, f"0, and 0 to {fastest:.4g}", f"{word},\nstraight line"))
+    return rows
+
+
+def straight_row(line: StraightMotion) -> tuple[str, str, str, str]:
+    """Return a straight-line motion as a row of the table."""
+    kind = "stable" if line.is_stable else "unstable"
+    return "straight", row(line.gamma), row(line.eigenvalues), kind
+
+
+def path_words(path: ContactPath, a: float) -> str:
+    """Describe the contact point's path at a fixed point of a ball of radius a [m]."""
+    if path.speed < a * max(abs(path.turning), 1.0) / NEARLY_STRAIGHT:
+        return "spins on the spot" if path.turning else "at rest"
+    straight = path.radius > NEARLY_STRAIGHT * a
+    return "straight line" if straight else f"circle of {path.radius:.4g} m"
+
+
+def record(
+    points: Sequence[FixedPoint],
+    paths: Sequence[ContactPath],
+    circle: FixedCircle | None,
+    cycles: Sequence[Cycle],
+    lines: Sequence[StraightMotion],
+    more: dict[str, Any],
+    names: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Return all that was found as plain data."""
+    return {
+        "fixed_points": [
+            {
+                "name": name,
+                "gamma": p.gamma.tolist(),
+                "eigenvalues": pairs(p.eigenvalues),
+                "kind": p.kind,
+                "contact_speed": c.speed,
+                "contact_turning": c.turning,
+            }
+            for name, p, c in zip(names, points, paths, strict=True)
+        ],
+        "fixed_circle": circle and {"axes": circle.axes.tolist(), "index": circle.index},
+        "limit_cycles": [
+            {
+                "gamma": c.gamma.tolist(),
+                "period": c.period,
+                "multipliers": pairs(c.multipliers),
+            }
+            for c in cycles
+        ],
+        "straight_motions": [
+            {
+                "gamma": s.gamma.tolist(),
+                "eigenvalues": pairs(s.eigenvalues),
+                "speed": s.speed,
+            }
+            for s in lines
+        ],
+        **more,
+    }
+
+
+def row(values: Array) -> str:
+    """Return numbers side by side, without rounding errors; conjugate ones as a ± bi."""
+    values = np.round(values, 12) + 0.0
+    if np.isrealobj(values) or not np.any(values.imag):
+        return ", ".join(f"{x:.5g}" for x in values.real)
+    above = [z for z in values if z.imag >= 0]
+    return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
+
+
+def pairs(values: Array) -> list[list[float]]:
+    """Return complex numbers as [real, imaginary]."""
+    return [[float(z.real), float(z.imag)] for z in values]
 
 
 @dataclass(frozen=True)
@@ -30,11 +149,6 @@ class Equilibria:
     """Also write them."""
 
     def run(self) -> int:
-        import numpy as np
-
-        from robotball import InputError
-        from validation.commands.suited import steady_scene
-
         scene = steady_scene(self.scene, "an equilibrium")
         if scene.rolling == "classical":
             return self._classical(scene)
@@ -46,17 +160,7 @@ class Equilibria:
         return self._rubber(scene)
 
     def _classical(self, scene: Scene) -> int:
-        """A classical ball has an equilibrium at every γ, and no motion from rest of its own."""
-        from rich import box
-        from rich.console import Console
-        from rich.table import Table
-
-        from robotball.qualitative.straight_motions import straight_motion
-        from robotball.rotations import rotation_matrix
-        from validation.output import print_whole, write_record
-        from validation.studies.contact_sections import level_starts
-        from validation.studies.equilibria import record, row, straight_row
-
+        """List the scene's own straight motion: a classical ball has one at every γ."""
         gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
         line = straight_motion(scene.parameters, gamma)
         table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)
@@ -69,31 +173,6 @@ class Equilibria:
         return AGREES
 
     def _rubber(self, scene: Scene) -> int:
-        import numpy as np
-        from rich import box
-        from rich.console import Console
-        from rich.table import Table
-
-        from robotball.qualitative.equilibria import (
-            contact_path,
-            fixed_circle,
-            fixed_points,
-            index_sum,
-            name_of,
-        )
-        from robotball.qualitative.portraits import limit_cycles
-        from robotball.qualitative.straight_motions import stability_limit, straight_motions
-        from validation.figures.sphere import portrait
-        from validation.output import (
-            print_whole,
-            progress_bar,
-            writable_folder,
-            write_picture,
-            write_record,
-        )
-        from validation.results import changed, file_name
-        from validation.studies.equilibria import circle_rows, path_words, record, row, straight_row
-
         ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
         name = file_name(scene.name, None, ["equilibria", *changed(self, "longest")])
         picture = writable_folder(self.out) / f"{name}.png"

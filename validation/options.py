@@ -1,24 +1,25 @@
-"""What the commands share: exit statuses, and arguments of the same kind and name.
+"""Options and exit statuses that commands share.
 
-Commands load what they need when they run, so that `--help` loads none of it.
+Imports stand within the functions, so that `robotball --help` loads none of what a study needs.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, UseAppendAction, arg
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from robotball import Request, Scene
     from robotball.rotations import Array
-    from validation.study import Study as Studied
+    from validation.study import Study
     from validation.sweeps import Cell, Result, Work
 
+T = TypeVar("T")
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
 OUT = Path("out")
 QUICK = 1.0  # s, simulated by a quick form of a study
@@ -57,20 +58,28 @@ class Sweep:
     """Folder for everything; started again after a break, the study goes on with what is there."""
 
     def results(
-        self, work: Work, cells: Sequence[Cell], name: str, scene: Scene, limit: float
+        self, work: Work, cells: Sequence[Cell], journal: str, limit: float
     ) -> list[Result]:
-        """Sweep a study's runs, none of which may take longer than `limit` [s]."""
+        """Sweep a study's runs, none of which may take longer than `limit` [s].
+
+        journal: the name, without its end, of the file that keeps the results for another time.
+        """
         from validation.output import progress_bar
         from validation.sweeps import sweep
 
-        journal = self.out / f"{scene.name}-{name}.jsonl"
         with progress_bar(len(cells)) as show:
+            kept = self.out / f"{journal}.jsonl"
             return sweep(
-                work, cells, journal, workers=self.workers, cluster=self.cluster,
-                limit=limit, show=show,
-            )  # fmt: skip
+                work,
+                cells,
+                kept,
+                workers=self.workers,
+                cluster=self.cluster,
+                limit=limit,
+                show=show,
+            )
 
-    def present(self, study: Studied, *words: str) -> int:
+    def present(self, study: Study, *words: str) -> int:
         """Write a study's picture, data and table, and print it; return the exit status.
 
         words: what the command's own options add to the files' names.
@@ -117,7 +126,7 @@ RunOptions = OmitArgPrefixes[Run]
 
 
 @dataclass(frozen=True)
-class Study:
+class Once:
     """Options of a study of one scene in one go."""
 
     duration: Duration = None
@@ -141,7 +150,7 @@ class Study:
         writable_folder(self.out)
         return times
 
-    def present(self, study: Studied) -> int:
+    def present(self, study: Study) -> int:
         """Write a study's picture and the data asked for, and print it; return the status."""
         from validation.results import changed
         from validation.study import present
@@ -151,16 +160,29 @@ class Study:
         return AGREES
 
 
-StudyOptions = OmitArgPrefixes[Study]
+OnceOptions = OmitArgPrefixes[Once]
+
+
+def chosen(kind: str, names: Sequence[str], known: Mapping[str, T]) -> list[T]:
+    """Return the named ones of what is known, each once, or all where no name is given.
+
+    Raises InputError for a name that is not known; kind: what the message calls it.
+    """
+    from robotball.errors import unknown
+
+    for name in names:
+        if name not in known:
+            raise unknown(kind, name, known)
+    return [known[name] for name in dict.fromkeys(names or known)]
 
 
 def listed(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The names of an option of `Names`: lists with commas, of all times that it is given."""
+    """Return the names of an option of `Names`: lists with commas, given any number of times."""
     return tuple(name.strip() for each in names for name in each.split(",") if name.strip())
 
 
 def seconds_of(duration: float | None, quick: bool, scene: Scene) -> float:
-    """The simulated time [s] of a study; InputError unless it can be one."""
+    """Return the simulated time [s] of a study. Raises InputError unless it is positive."""
     from robotball.errors import check_positive
 
     if duration is None:
@@ -170,7 +192,7 @@ def seconds_of(duration: float | None, quick: bool, scene: Scene) -> float:
 
 
 def times_of(duration: float | None) -> Array | None:
-    """Sample times of a duration [s]; None, each scene's own, where none is given."""
+    """Return sample times of a duration [s]; None, each scene's own, where none is given."""
     from robotball import sample_times
 
     return None if duration is None else sample_times(duration)

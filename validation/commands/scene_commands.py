@@ -1,12 +1,36 @@
-"""The command `robotball model`."""
+"""The commands that list the catalog and write a scene for other programs."""
 
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import arg
 
-from validation.commands.arguments import AGREES, PRESET, File, SceneName
+from validation.options import AGREES, OUT, PRESET, Duration, File, SceneName, times_of
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """The catalog: every scene that comes with robotball.
+
+    Example: robotball scenes
+    """
+
+    def run(self) -> int:
+        from rich import box
+        from rich.console import Console
+        from rich.markup import escape
+        from rich.table import Table
+
+        from robotball.files.scene_file import entries
+        from validation.output import print_whole
+
+        table = Table("scene", "rolling", "duration", "title", box=box.SIMPLE_HEAD)
+        for each in entries():
+            table.add_row(each.name, each.rolling, f"{each.duration:g} s", escape(each.title))
+        print_whole(table, Console())
+        return AGREES
 
 
 @dataclass(frozen=True)
@@ -55,4 +79,34 @@ class Model:
                 write_text(out.with_name(f"{stem}-controls.csv"), files.controls)
             else:
                 print("robotball: --out FILE writes it beside the model", file=sys.stderr)
+        return AGREES
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write what another simulator needs of a scene: JSON, MJCF, URDF, SDF, conventions.
+
+    Its trajectory is then held against the equations by `robotball judge`.
+
+    Example: robotball export fig12 --to fig12-export
+    """
+
+    scene: SceneName
+    """A name from the catalog, or a path to a TOML file."""
+    to: Annotated[Path | None, arg(metavar="DIR")] = None
+    """The folder for the files; out/SCENE-export if not given."""
+    duration: Duration = None
+    """Simulated time; the scene's own if not given."""
+
+    def run(self) -> int:
+        from robotball import export_scene, load_scene
+        from validation.output import writable_folder
+        from validation.results import changed, file_name
+
+        scene = load_scene(self.scene)
+        times = times_of(self.duration)
+        name = file_name(scene.name, None, ["export", *changed(self, "duration")])
+        folder = writable_folder(self.to or OUT / name)
+        for path in export_scene(scene, folder, times):
+            print(path)
         return AGREES

@@ -1,0 +1,69 @@
+"""The commands about the paper: its statements checked, its figures drawn."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from validation.options import AGREES, OUT, File, Threads
+
+
+@dataclass(frozen=True)
+class Paper:
+    """Check the paper's statements one by one, in its order, misprints included.
+
+    Each row has its place, what is checked, what is printed where that is something else, by what
+    means, and the number with its bound; then come statements of our own. Takes about a minute;
+    the first time, another to compile. Exit status 0 where all that can be checked holds, as
+    printed or as corrected.
+
+    Example: robotball paper --json paper.json
+    """
+
+    json: File = None
+    """Also write the findings as JSON."""
+
+    def run(self) -> int:
+        from rich.console import Console
+
+        from validation.output import writable_file
+        from validation.paper import SECTIONS
+        from validation.paper.claim import examine_all, show_findings, write_findings
+
+        if self.json:
+            writable_file(self.json)
+        parts = examine_all(SECTIONS)
+        if self.json:
+            write_findings(self.json, parts)
+        show_findings(parts, Console())
+        failing = "does not reproduce"
+        return int(any(each.verdict == failing for part in parts for each in part.findings))
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Draw the paper's Figs 3 to 14, each with its facts and with an engine's motion over it.
+
+    Example: robotball figures 5 12
+    """
+
+    names: Positional[Annotated[tuple[str, ...], arg(metavar="N...", help_behavior_hint="")]] = ()
+    """Which figures, 3 to 14 or tori (both rolling models' trajectories on the same tori); all of
+    them if none is given."""
+    out: Path = OUT
+    """Folder for the pictures."""
+    threads: Threads = None
+    json: File = None
+    """Also write which files were drawn."""
+
+    def run(self) -> int:
+        from validation.figures.paper_figures import chosen, draw_figures
+        from validation.output import progress_bar, writable_folder, write_record
+
+        pictures, out = chosen(self.names), writable_folder(self.out)
+        with progress_bar(len(pictures)) as show:
+            written = draw_figures(self.names, out, show)
+        print(*written, sep="\n")
+        write_record(self.json, {"figures": [str(path) for path in written]})
+        return AGREES

@@ -1,0 +1,357 @@
+"""The maps of `robotball extremes` as data: two axes each, and what they change in a run.
+
+A cell runs a catalog ball with one or two things changed and the rest held, over any number of
+decades. What comes of a cell is in `extremes.py`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from typing import Any, TypeVar
+
+import numpy as np
+
+from robotball import Scene, Servo, Settings, load_scene
+from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, MOST_STEPS, recipe
+from robotball.robot import Ball, Frame, Rotor, Shell
+from robotball.rotations import Array
+from robotball.scene import Start
+from validation.sweeps import Cell
+
+SCENES = {"rubber": "fig12", "classical": "classical_regular"}
+TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
+RTOL = 1e-8  # of the adaptive integrator's steps, where it is not varied
+DURATION = 3.0  # s, on maps that do not vary it: a few turns of the ball
+ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
+ERROR_TOLERANCE = 1e-2  # the error that a cell is held to
+WRONG = 0.1  # an error above it is no result at all
+ADAPTIVE_STEPS = 2000  # at most; of the cells that end well none takes 1800
+COUNT = 8  # values of an axis, if no other number is given
+QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
+QUICK_COUNT = 3  # values of an axis
+QUICK_DURATION = 10.0  # s, at most
+
+OneBody = TypeVar("OneBody", Shell, Frame, Rotor)
+
+
+def momentum_of(scene: Scene) -> Array:
+    """Return K (3,) of (A.3), frame axes [kg m²/s]."""
+    return scene.principal_axes @ np.array(scene.parameters.K)
+
+
+def gyrostat(
+    scene: Scene,
+    *,
+    frame_rate: float | None = None,
+    K: Array | None = None,
+    rotor_rate: float | None = None,
+) -> Scene:
+    """Return the scene with other Ω and K (3,), frame axes, and the same A and mass.
+
+    What is None stays; rates are in rad/s. By (A.3) the rotor has to carry K + (J_s + d)Ω: its axis
+    and its rate become what that takes, or, where its rate is given, its axis and its inertia. The
+    frame takes the rest of the inertia. Raises InputError where nothing is left for it.
+    """
+    ball = scene.ball
+    (rotor,) = ball.rotors
+    K = momentum_of(scene) if K is None else K
+    frame_rate = float(scene.drives[0].rate(0.0)) if frame_rate is None else frame_rate
+    carried = K + (ball.shell.axial_inertia + ball.d) * frame_rate * ball.shell.axis
+    size = float(np.linalg.norm(carried))
+    inertia = rotor.axial_inertia if rotor_rate is None else size / rotor_rate
+    new = replace(rotor, axial_inertia=inertia, transverse_inertia=inertia / 2, axis=carried / size)
+    frame = replace(ball.frame, inertia=ball.frame.inertia + rotor.inertia - new.inertia)
+    return replace(
+        scene,
+        ball=Ball(ball.shell, frame, (new,)),
+        frame_rate=frame_rate,
+        rotor_rates=(size / inertia,),
+    )
+
+
+def redistributed(scene: Scene, *, frame_to_shell: float, rotor_to_frame: float) -> Scene:
+    """Return the scene with its mass shared out anew; bodies keep their shapes and rates."""
+    ball = scene.ball
+    shares = np.array([1.0, frame_to_shell, frame_to_shell * rotor_to_frame])
+    shell, frame, rotor = (ball.mass * shares / shares.sum()).tolist()
+    (old_rotor,) = ball.rotors
+    return replace(
+        scene,
+        ball=Ball(
+            scaled_body(ball.shell, shell / ball.shell.mass),
+            scaled_body(ball.frame, frame / ball.frame.mass),
+            (scaled_body(old_rotor, rotor / old_rotor.mass),),
+        ),
+    )
+
+
+def scaled(scene: Scene, *, mass: float, length: float) -> Scene:
+    """Return the same motion of a ball whose masses and lengths are multiplied by two factors.
+
+    Rates and times stay, so that momenta go with mass·length² and gravity with length.
+    """
+    ball = scene.ball
+    return replace(
+        scene,
+        ball=Ball(
+            scaled_body(ball.shell, mass, length),
+            scaled_body(ball.frame, mass, length),
+            tuple(scaled_body(rotor, mass, length) for rotor in ball.rotors),
+        ),
+        start=Start(scene.start.attitude, scene.start.momentum * mass * length**2),
+        gravity=scene.gravity * length,
+    )
+
+
+def scaled_body(body: OneBody, mass: float, length: float = 1.0) -> OneBody:
+    """Return a body with its mass and its lengths multiplied by two factors."""
+    factors = {
+        "mass": mass,
+        "axial_inertia": mass * length**2,
+        "transverse_inertia": mass * length**2,
+        "inertia": mass * length**2,
+        "radius": length,
+        "centre": length,
+    }
+    names = {each.name for each in fields(body)} & factors.keys()
+    return replace(body, **{name: getattr(body, name) * factors[name] for name in names})
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A quantity, with its unit in the label, and its values."""
+
+    label: str
+    values: tuple[float, ...]
+
+
+def _decades(low: float, high: float, count: int = COUNT) -> tuple[float, ...]:
+    """Return values evenly spaced in their logarithm, to three digits."""
+    return tuple(float(f"{v:.3g}") for v in np.geomspace(low, high, count))
+
+
+TIMESTEPS = Axis("timestep [s]", _decades(2e-4, 0.2))
+LONG_TIMESTEPS = Axis("timestep [s]", (0.02, 0.05, 0.1, 0.2))
+# The adaptive integrator has no timestep: its rtol varies instead.
+ADAPTIVE_AXES = {
+    TIMESTEPS: Axis("rtol of a step", _decades(1e-13, 0.1)),
+    # A day's motion takes it minutes, whatever its rtol.
+    LONG_TIMESTEPS: Axis("rtol of a step", (1e-6,)),
+}
+
+
+@dataclass(frozen=True)
+class Map:
+    """A failure map: the values of x and y, and what each pair of them changes.
+
+    ball       the scene at (x, y), from the base scene
+    options    the options of MuJoCo at (x, y), beside the integrator and its steps
+    ample      whether friction is raised to three times the motion's demand where it is less
+    lasting    whether y is the duration [s]; else a cell lasts a few turns of the ball
+    limit      s that a cell may take
+    """
+
+    name: str
+    title: str
+    held: str
+    x: Axis
+    y: Axis
+    ball: Callable[[Scene, float, float], Scene] = lambda scene, x, y: scene
+    options: Callable[[Scene, float, float], dict[str, Any]] = lambda scene, x, y: {}
+    ample: bool = True
+    lasting: bool = False
+    rollings: tuple[str, ...] = tuple(SCENES)
+    limit: float = 60.0
+
+    def x_of(self, integrator: str) -> Axis:
+        """Return the first axis as an integrator has it."""
+        return ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
+
+
+@dataclass(frozen=True)
+class CellRun:
+    """The run of one cell; duration: s, None for a few turns of the ball; ample: as in Map."""
+
+    scene: Scene
+    settings: Settings
+    ample: bool
+    duration: float | None
+
+
+def cell_run(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> CellRun:
+    """Return the run of a cell. Raises InputError where there is no such ball."""
+    scene = base(rolling)
+    settings = _settings(integrator, x if chosen.x in ADAPTIVE_AXES else None)
+    return CellRun(
+        chosen.ball(scene, x, y),
+        replace(settings, **chosen.options(scene, x, y)),
+        chosen.ample,
+        y if chosen.lasting else None,
+    )
+
+
+@cache
+def base(rolling: str) -> Scene:
+    """Return the scene that the maps of a rolling model start from."""
+    return load_scene(SCENES[rolling])
+
+
+def _settings(integrator: str, step: float | None) -> Settings:
+    """Return the recipe with an integrator and its timestep [s], or rtol if it is adaptive."""
+    if integrator == ADAPTIVE:
+        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=ADAPTIVE, rtol=step or RTOL)
+        chosen = replace(chosen, max_steps=ADAPTIVE_STEPS)
+    else:
+        timestep = step or TIMESTEP
+        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=integrator, timestep=timestep)
+        constant, ratio = CONSTANT["solref"]
+        # MuJoCo (refsafe) would raise the time constant to two steps in silence.
+        chosen = replace(chosen, solref=(max(constant, 2 * timestep), ratio))
+    # A run is followed to its end, so that its outcome is seen.
+    return replace(chosen, stop_at_fault=False)
+
+
+def _with_momentum(scene: Scene, size: float) -> Scene:
+    K = momentum_of(scene)
+    return gyrostat(scene, K=K / np.linalg.norm(K) * size)
+
+
+MAPS: dict[str, Map] = {
+    each.name: each
+    for each in (
+        Map(
+            "momentum",
+            "timestep × momentum |K|",
+            "A, Ω, M and the direction of K; the rotor's rate and axis give K",
+            TIMESTEPS,
+            Axis("|K| [kg m²/s]", _decades(0.1, 1e4, 9)),
+            lambda scene, _, size: _with_momentum(scene, size),
+        ),
+        Map(
+            "frame",
+            "timestep × frame's rate |Ω|",
+            "A, K and M; the rotor's rate and axis make up for the frame's",
+            TIMESTEPS,
+            Axis("|Ω| [rad/s]", _decades(0.01, 1e4, 9)),
+            lambda scene, _, rate: gyrostat(scene, frame_rate=rate),
+        ),
+        Map(
+            "rotor",
+            "timestep × rotor's speed at fixed K",
+            "A, Ω, K and M: the faster the rotor, the smaller its inertia",
+            TIMESTEPS,
+            Axis("rotor's speed [rad/s]", _decades(10, 1e11, 9)),
+            lambda scene, _, rate: gyrostat(scene, rotor_rate=rate),
+        ),
+        Map(
+            "masses",
+            "mass of rotor : frame : shell",
+            "total mass, shapes of the bodies, their rates, M",
+            Axis("frame's mass / shell's", _decades(1e-6, 1e6, 9)),
+            Axis("rotor's mass / frame's", _decades(1e-6, 1e6, 9)),
+            lambda scene, x, y: redistributed(scene, frame_to_shell=x, rotor_to_frame=y),
+        ),
+        Map(
+            "scale",
+            "scale of mass × scale of length",
+            "rates and times: M goes with mass·length², gravity with length",
+            Axis("masses × ", _decades(1e-9, 1e9, 9)),
+            Axis("lengths × ", _decades(1e-9, 1e9, 9)),
+            lambda scene, mass, length: scaled(scene, mass=mass, length=length),
+        ),
+        Map(
+            "friction",
+            "sliding friction × gravity",
+            "the ball and its start; torsional friction 1e6 m",
+            Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
+            Axis("gravity [m/s²]", _decades(1e-3, 1e3, 7)),
+            lambda scene, _, gravity: replace(scene, gravity=gravity),
+            lambda _, sliding, __: {"sliding_friction": sliding, "torsional_friction": 1e6},
+            ample=False,
+        ),
+        Map(
+            "torsion",
+            "sliding × torsional friction",
+            "the ball, its start and gravity, 9.81 m/s²",
+            Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
+            Axis("coefficient of torsional friction [m]", _decades(1e-3, 1e6, 10)),
+            options=lambda _, sliding, torsional: {
+                "sliding_friction": sliding, "torsional_friction": torsional,
+            },
+            ample=False,
+            rollings=("rubber",),
+        ),
+        Map(
+            "gravity",
+            "gravity × time constant of the contact",
+            "the ball and its start; the margin carries the weight, at whatever depth",
+            Axis("gravity [m/s²]", _decades(1e-9, 1e6, 11)),
+            Axis("solref's time constant [s]", _decades(0.01, 10, 9)),
+            lambda scene, gravity, _: replace(scene, gravity=gravity),
+            lambda _, __, constant: {"solref": (constant, 1.0)},
+        ),
+        Map(
+            "contact",
+            "stiffness × friction damping of the contact",
+            "the ball and its start; damping ratio 1, in solref's direct form",
+            Axis("time constant of the contact [s]", _decades(1e-5, 10, 9)),
+            Axis("solreffriction's damping b [1/s]", _decades(1e-3, 1e6, 10)),
+            # MuJoCo does not soften the direct form of a contact to fit the timestep.
+            options=lambda _, constant, rate: {
+                "solref": (-1 / constant**2, -2 / constant), "solreffriction": (-1.0, -rate),
+            },
+        ),
+        Map(
+            "servo",
+            "timestep × servo gain",
+            "the ball and its start; the same gain kv on both hinges, j of the rotor",
+            TIMESTEPS,
+            Axis("kv/j [1/s]", _decades(0.1, 1e7, 9)),
+            options=lambda scene, _, rate: {
+                "drive": Servo(gain=rate * scene.ball.rotors[0].axial_inertia)
+            },
+        ),
+        Map(
+            "duration",
+            "timestep × duration",
+            "the ball and its start; a limit cycle or a regular motion, so not chaos",
+            LONG_TIMESTEPS,
+            Axis("duration [s]", _decades(0.1, 1e5, 7)),
+            options=lambda *_: {"max_steps": MOST_STEPS},
+            lasting=True,
+            limit=1800.0,
+        ),
+    )
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Cut:
+    """How much of the maps to run: all integrators and values, or a few."""
+
+    integrators: tuple[str, ...] = tuple(INTEGRATORS)
+    count: int | None = None
+
+    def values(self, axis: Axis) -> tuple[float, ...]:
+        """Return those of the axis that are in the cut, its ends among them."""
+        values = axis.values
+        if self.count is None or self.count >= len(values):
+            return values
+        if "duration" in axis.label:
+            values = tuple(v for v in values if v <= QUICK_DURATION)
+        kept = np.linspace(0, len(values) - 1, self.count).round().astype(int)
+        return tuple(values[i] for i in np.unique(kept))
+
+
+WHOLE, QUICK = Cut(), Cut(QUICK_INTEGRATORS, QUICK_COUNT)
+
+
+def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:
+    """Return the cells of a map; those of one ball follow each other."""
+    return [
+        {"map": chosen.name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
+        for rolling in chosen.rollings
+        for integrator in cut.integrators
+        for y in cut.values(chosen.y)
+        for x in cut.values(chosen.x_of(integrator))
+    ]

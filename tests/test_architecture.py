@@ -32,7 +32,7 @@ FLOORS = (
     ("validation.figures", "validation.paper", "validation.bench", "validation.report"),
     ("validation.commands",),
     ("validation.cli",),
-    ("validation.endings", "validation.__main__"),
+    ("validation.__main__",),
 )
 
 

@@ -1,4 +1,4 @@
-"""Agreement: how far a motion of a contact engine is from the reference's motion of its scene."""
+"""Compare a contact engine's motion of a scene with the reference's."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ from robotball.rotations import Array
 if TYPE_CHECKING:
     from validation.sensitivity import Sensitivity
 
-LIMITED = 3.0  # times the reference's own error: a smaller path error tells no more of the engine
+LIMITED = 3.0  # times the reference's own error: a smaller path error may be the reference's
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,12 +76,12 @@ class Agreement(Value):
 
     @cached_property
     def path_errors(self) -> Array:
-        """(n,) m: the distance between the two contact points, as far as the motion goes."""
+        """The distance (n,) [m] between the two contact points, as far as the motion goes."""
         return path_errors(self.motion, self.theory)
 
     @cached_property
     def momentum_errors(self) -> Array:
-        """(n,): how far M is off, relative, as far as the motion goes."""
+        """The relative error (n,) of M, as far as the motion goes."""
         return momentum_errors(self.motion, self.theory)
 
     @property
@@ -114,13 +114,13 @@ class Agreement(Value):
 
     @property
     def tolerance(self) -> float:
-        """The error, relative, that the settings are held to."""
+        """The largest relative error with which a motion by these settings agrees."""
         accuracy = self.settings.accuracy
         return self.settings.error_tolerance if accuracy is None else accuracy
 
     @property
     def agrees(self) -> bool:
-        """No fault, and path and momentum both within the tolerance.
+        """Whether there is no fault, and path and momentum are both within the tolerance.
 
         The path alone is not enough, as errors of two kinds can cancel in it, unless an accuracy of
         the path was requested.
@@ -133,7 +133,7 @@ class Agreement(Value):
 
     @property
     def reference_error(self) -> float | None:
-        """The reference's own path error, as it estimates it; None of one that does not."""
+        """The reference's own path error, as it estimates it; None if it does not."""
         theory = self.theory
         return theory.reference_error if isinstance(theory, ReferenceMotion) else None
 
@@ -145,9 +145,9 @@ class Agreement(Value):
 
     @cached_property
     def sensitivity(self) -> "Sensitivity | None":
-        """What the motion itself makes of small errors, where the path alone is off; else None.
+        """The motion's sensitivity to small errors, where the path alone is off; else None.
 
-        None too where it is not known. It takes a few short runs.
+        It is None too where it is not known. A few short runs are needed to find it.
         """
         if self.engine is None or self.faults or self.agrees or not self.finished:
             return None
@@ -165,7 +165,7 @@ class Agreement(Value):
 
     @property
     def verdict(self) -> str:
-        """One line: agrees, or why not."""
+        """Whether it agrees, or why not, in one line."""
         if self.faults:
             return "; ".join(str(fault) for fault in self.faults)
         if self.sensitive:
@@ -187,9 +187,9 @@ def compare(
     fault_window: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Agreement:
-    """A contact engine's motion of `scene`, compared with the equations'.
+    """Run `scene` by a contact engine and by the equations, and compare the two motions.
 
-    scene: itself, or what `load_scene` takes: a name from the catalog, or a path to a TOML file.
+    scene: a Scene, a name from the catalog, or a path to a TOML file, as `load_scene` takes them.
     settings: a preset's name or the engine's settings, its default preset if None; times: (n,) s
     from 0, the scene's own if None; accuracy: instead of settings, the path error to reach; theory:
     the equations' motion at those times, where it is known already. Raises InputError and warns as

@@ -1,14 +1,12 @@
 """The `robotball` command: arguments in, exit status out.
 
 Exit status: 0 agreement within the stated bound, 1 not, 2 bad input, or what the system refuses.
-The module of a command is imported when that command is named. A character that a stream cannot
-show, and a reader that goes away, end no command.
+The module of a command is imported when that command is named.
 """
 
 import contextlib
 import io
 import logging
-import os
 import re
 import sys
 import warnings
@@ -28,59 +26,9 @@ from robotball.files.replacing import STANDARD_OUTPUT
 from validation.options import BAD_INPUT, Names
 
 
-class Lasting(io.TextIOWrapper):
-    """A stream that goes on, to nowhere, when its reader has left.
-
-    Raises InputError where it cannot be written for another reason, as on a full disk.
-    """
-
-    def write(self, text: str) -> int:
-        with self._going_on():
-            super().write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        with self._going_on():
-            super().flush()
-
-    @contextlib.contextmanager
-    def _going_on(self) -> Iterator[None]:
-        try:
-            yield
-        except BrokenPipeError:
-            self._drop()
-        except OSError as error:
-            self._drop()
-            raise InputError(f"the output cannot be written: {error.strerror}") from None
-
-    def _drop(self) -> None:
-        """Send what it still holds, and all that is to come, to nowhere."""
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, self.fileno())
-        os.close(nowhere)
-
-
-def make_lasting() -> None:
-    """Let standard output and error outlast their readers, and show `?` for what they lack.
-
-    Streams that a caller has put in their place are left as they are.
-    """
-    for name in ("stdout", "stderr"):
-        stream = getattr(sys, name)
-        if type(stream) is io.TextIOWrapper:
-            stream.flush()
-            lasting = Lasting(
-                stream.buffer,
-                encoding=stream.encoding,
-                errors="replace",
-                line_buffering=stream.line_buffering,
-            )
-            setattr(sys, name, lasting)
-
-
 @contextlib.contextmanager
 def standard_output_of(command: object) -> Iterator[None]:
-    """Where an option of a command is `-`, standard output holds that result alone.
+    """Keep standard output for one result, where an option of a command is `-`.
 
     Tables and messages go to standard error then. Raises InputError for more than one such option.
     """
@@ -92,7 +40,7 @@ def standard_output_of(command: object) -> Iterator[None]:
 
 
 def _paths(options: Any) -> Iterator[Path]:
-    """The paths among the options of a command, in groups of them too."""
+    """Yield the paths among the options of a command, in groups of them too."""
     for field in fields(options):
         value = getattr(options, field.name)
         if isinstance(value, Path):
@@ -109,7 +57,6 @@ class Command(Protocol):
 
 
 INTERRUPTED = 130
-FORMER_NAMES = {"ladder": "ablation"}
 # The module with the class of each command, loaded when the command runs.
 COMMANDS = {
     "scenes": "validation.commands.scene_commands",
@@ -153,8 +100,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     warnings.simplefilter("once", SceneWarning)
     warnings.filterwarnings("ignore", module="matplotlib")  # a picture is right, or a test fails
     warnings.showwarning = _show_warning
-    make_lasting()
-    arguments = _renamed(sys.argv[1:] if arguments is None else arguments)
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments[:1] == ["ladder"]:
+        print("robotball: `ladder` is called `ablation` now", file=sys.stderr)
+        arguments[0] = "ablation"
     try:
         if arguments == ["--version"]:
             print(version_line())
@@ -163,35 +112,32 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with standard_output_of(command), at_most(getattr(command, "threads", None)):
             status = command.run()
         sys.stdout.flush()
-    except InputError as error:
-        print(f"robotball: {error}", file=sys.stderr)
-        status = BAD_INPUT
-    except OSError as error:
-        what = f"{error.filename}: " if error.filename else ""
-        print(f"robotball: {what}{error.strerror or error}", file=sys.stderr)
-        status = BAD_INPUT
-    except MemoryError:
-        print("robotball: there is not enough memory for this; ask for less", file=sys.stderr)
-        status = BAD_INPUT
-    except (AttributeError, RuntimeError) as error:
-        from robotball.film.gl import advice, ended_import
-
-        if not ended_import(error):
-            raise
-        print(f"robotball: {advice()}", file=sys.stderr)
-        status = BAD_INPUT
     except KeyboardInterrupt:
         status = INTERRUPTED
+    except Exception as error:
+        refusal = _refusal(error)
+        if refusal is None:
+            raise
+        print(f"robotball: {refusal}", file=sys.stderr)
+        status = BAD_INPUT
     sys.exit(status)
 
 
-def _renamed(arguments: Sequence[str]) -> list[str]:
-    """The arguments with a command's former name replaced, which a line on standard error says."""
-    if not arguments or arguments[0] not in FORMER_NAMES:
-        return list(arguments)
-    name = FORMER_NAMES[arguments[0]]
-    print(f"robotball: `{arguments[0]}` is called `{name}` now", file=sys.stderr)
-    return [name, *arguments[1:]]
+def _refusal(error: Exception) -> str | None:
+    """Return one line on what the input or the system refuses; None for an error of our own."""
+    match error:
+        case InputError():
+            return str(error)
+        case OSError():
+            what = f"{error.filename}: " if error.filename else ""
+            return f"{what}{error.strerror or error}"
+        case MemoryError():
+            return "there is not enough memory for this; ask for less"
+        case AttributeError() | RuntimeError():
+            from robotball.film.gl import advice, ended_import
+
+            return advice() if ended_import(error) else None
+    return None
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
@@ -199,7 +145,7 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def version_line() -> str:
-    """What a report of an error should name."""
+    """Return the versions that a report of an error should name."""
     from validation.output import versions
 
     own, *others = (f"{name} {number}" for name, number in versions().items() if name != "machine")
@@ -207,7 +153,7 @@ def version_line() -> str:
 
 
 def parse(arguments: Sequence[str]) -> Command:
-    """The command of the arguments; raises InputError, in one line, where they make none."""
+    """Return the command of the arguments. Raises InputError, in one line, if they make none."""
     name, command = "", None
     if arguments and not arguments[0].startswith("-"):
         name = arguments[0]
@@ -270,7 +216,7 @@ def _summary(name: str) -> str:
 
 
 def _words_of(refusal: str) -> str:
-    """What tyro says in a box of several lines: below its title, above the first rule after it."""
+    """Return the words in tyro's box: those below its title, above the first rule after it."""
     parts = re.split(r"[─-]{4,}", re.sub(r"[│╰╯]", " ", refusal.partition("\n")[2]))
     words = next(" ".join(part.split()) for part in parts if part.strip())
     if re.match("Unrecognized options: [^-]", words):

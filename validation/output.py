@@ -1,6 +1,7 @@
-"""Output: records with the versions they depend on, in files that are whole or not there.
+"""Write results into files that are whole or not there, and show the progress of long work.
 
-How far long work is, on standard error: a bar, or a line now and then.
+Records name the versions that they depend on. Progress goes to standard error: a bar, or a line now
+and then.
 """
 
 import csv
@@ -20,13 +21,17 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from robotball.errors import InputError
-from robotball.files.replacing import STANDARD_OUTPUT, followed, no_regular_file, refused
-from robotball.files.replacing import replacing as replacing
+from robotball.files.replacing import (
+    STANDARD_OUTPUT,
+    followed,
+    no_regular_file,
+    refused,
+    replacing,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patheffects import AbstractPathEffect
-    from rich.console import Console
     from rich.table import Table
 
 DPI = 120
@@ -111,7 +116,7 @@ def scientific(value: float | None) -> str:
     return "-" if value is None else f"{value:.1e}"
 
 
-def print_whole(table: "Table", console: "Console") -> None:
+def print_whole(table: "Table", console: Console) -> None:
     """Print a table as wide as it is: a narrow terminal breaks its lines, and cuts no number."""
     terminal, console.width = console.width, WIDEST
     console.print(table)
@@ -153,15 +158,13 @@ def writable_file(path: Path) -> Path:
 
 
 Show = Callable[[float, str], None]
-
-
-LINE_EVERY = 30.0
-"""How often [s] a line says how far the work is, where there is no terminal for a bar."""
+"""Called with the work done and with words on what is being done now."""
+LINE_EVERY = 30.0  # s between lines of progress, where there is no terminal for a bar
 
 
 @contextmanager
 def progress_bar(total: float) -> Iterator[Show]:
-    """A bar on standard error; call it with the work done and what is being done now.
+    """Show the progress of work of this size on standard error by a bar.
 
     Where that is no terminal, as in a log file, it is a line now and then.
     """

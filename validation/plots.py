@@ -1,8 +1,8 @@
 """Draw the pictures of a scene's agreements: paths and the momentum, each with its error below.
 
-A Sheet has what they show in plain numbers, so that another process can draw it. matplotlib takes
-longer to come than a short motion to be compared. So other processes draw, which import it while
-this one works; a process that has it already draws by itself.
+To import matplotlib takes longer than to compare a short motion. So other processes draw, which
+import it while this one works; a process that has it already draws by itself. A Sheet holds what
+the pictures show in plain numbers, which can be sent to another process.
 """
 
 import sys
@@ -13,21 +13,52 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
 from numpy.typing import NDArray
 
-from robotball.cores import in_processes, prepare
-from validation.output import DPI, in_picture, replacing, title
+from robotball.processes import in_processes, prepare
+from validation.output import in_picture, title, write_picture
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from robotball.motion import Motion
     from validation.agreement import Agreement
 
-# As in robotball.rotations, which would bring scipy to who draws.
+# The type of robotball.rotations, whose import would bring scipy to a process that only draws.
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+MATPLOTLIB = "matplotlib.backends.backend_agg"  # with all of it that a PNG needs
+MANY = 4  # scenes, worth more than one process to compare them, each of which draws its own
+
+
+def prepare_drawing(scenes: int) -> None:
+    """Have matplotlib imported elsewhere, for a `draw` of so many scenes that is some time away."""
+    if scenes < MANY and MATPLOTLIB not in sys.modules:
+        with suppress(OSError):  # then `draw` does without
+            prepare(__name__, MATPLOTLIB)
+
+
+def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
+    """Write two pictures of one scene's agreements by one engine, and return their paths.
+
+    They are PNGs in the folder `out`.
+    """
+    from validation.results import file_stem
+
+    name, sheet = file_stem(agreements), sheet_of(agreements)
+    drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in PICTURES]
+    if MATPLOTLIB not in sys.modules:
+        with suppress(OSError):  # no process is to be had, or one was killed
+            return list(in_processes(_write, drawings))
+    return [_write(each) for each in drawings]
+
+
+def _write(drawing: tuple[str, "Sheet", Path]) -> Path:
+    kind, sheet, path = drawing
+    return write_picture(path, PICTURES[kind](sheet))
+
 
 MOST = 50_000  # points of a line: a dozen for each column of pixels
 
@@ -45,7 +76,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Errors:
-    """Of a motion: values (n,) at times (n,) s, without the zero that they start from."""
+    """Errors of a motion: values (n,) at times (n,) s, without the zero that they start from."""
 
     times: Array
     values: Array
@@ -82,7 +113,7 @@ class Sheet:
 
 
 def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
-    """The sheet of one scene's agreements, by one engine."""
+    """Return the sheet of one scene's agreements by one engine."""
     from robotball.notebook import by_value
 
     theory = agreements[0].theory
@@ -118,7 +149,7 @@ def _errors(motion: "Motion", values: Array) -> Errors:
 
 
 def extremes(values: Array) -> Integers:
-    """The places of the values (n,), or of the largest and the smallest of each bin of many."""
+    """Return the indices of values (n,): of all, or of the extremes of each bin of many."""
     if len(values) <= MOST:
         return np.arange(len(values))
     edges = np.linspace(0, len(values), MOST // 2 + 1).astype(int)
@@ -127,14 +158,14 @@ def extremes(values: Array) -> Integers:
     return np.array(found).ravel()
 
 
-# Settings are told apart by line style, so in grey too; the coarsest is the most broken line.
+# Settings differ by line style, so in grey too; the coarsest has the most broken line.
 STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
 INCHES = (8.0, 7.0)
 ROOM = {"left": 0.13, "right": 0.86, "top": 0.9, "bottom": 0.08, "hspace": 0.25}
 
 
-def path_picture(sheet: Sheet) -> Figure:
-    """The contact points' paths of both motions, and their distance over time below."""
+def path_picture(sheet: Sheet) -> "Figure":
+    """Draw the contact points' paths of both motions, and their distance over time below."""
     figure, paths, errors = _two_panels(sheet)
     paths.plot(*sheet.theory.contact_point.T, label=sheet.theory.label, **_wide(sheet))
     for run, style in _styled(sheet):
@@ -148,8 +179,8 @@ def path_picture(sheet: Sheet) -> Figure:
     return figure
 
 
-def momentum_picture(sheet: Sheet) -> Figure:
-    """M's components, by the equations and by the engine, and the error of M below."""
+def momentum_picture(sheet: Sheet) -> "Figure":
+    """Draw M's components by the equations and by the engine, and the error of M below."""
     figure, components, errors = _two_panels(sheet)
     theory, wide = sheet.theory, _wide(sheet)
     components.plot([], [], label=theory.label, **wide)
@@ -173,16 +204,19 @@ def momentum_picture(sheet: Sheet) -> Figure:
     return figure
 
 
-PICTURES: dict[str, Callable[[Sheet], Figure]] = {
+PICTURES: dict[str, Callable[[Sheet], "Figure"]] = {
     "path": path_picture,
     "momentum": momentum_picture,
 }
 
 
-def _two_panels(sheet: Sheet) -> tuple[Figure, Axes, Axes]:
+def _two_panels(sheet: Sheet) -> "tuple[Figure, Axes, Axes]":
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import NullLocator
+
     figure = Figure(figsize=INCHES)
     title(figure, sheet.title)
-    # Room that is given: to have it found takes as long as all the rest of a picture.
+    # Margins are given: a layout that matplotlib finds takes as long as the rest of a picture.
     above, below = figure.subplots(2, 1, gridspec_kw=ROOM)
     below.set_yscale("log")
     below.yaxis.set_minor_locator(NullLocator())
@@ -194,7 +228,7 @@ def _two_panels(sheet: Sheet) -> tuple[Figure, Axes, Axes]:
 
 
 def _wide(sheet: Sheet) -> dict[str, Any]:
-    """How the equations' motion is drawn, below all others."""
+    """Return the style of the equations' motion, which is wide below all others."""
     return {"color": sheet.theory.colour, "linewidth": 5, "alpha": 0.6}
 
 
@@ -203,15 +237,15 @@ def _styled(sheet: Sheet) -> list[tuple[Run, Any]]:
     return [(each, STYLES[(i - last) % len(STYLES)]) for i, each in enumerate(sheet.runs)]
 
 
-def _log_line(axes: Axes, run: Run, errors: Errors, style: Any) -> None:
-    """A line on a log axis, named at its end."""
+def _log_line(axes: "Axes", run: Run, errors: Errors, style: Any) -> None:
+    """Draw a line on a log axis, and name it at its end."""
     axes.plot(errors.times, errors.values, linestyle=style, color=run.line.colour)
     if run.finished:
         _beside(axes, in_picture(run.settings), errors.largest)
 
 
-def _beside(axes: Axes, text: str, height: float) -> None:
-    """A label at the right of the axes, at the height of what it names."""
+def _beside(axes: "Axes", text: str, height: float) -> None:
+    """Write a label at the right of the axes, at the height of what it names."""
     axes.annotate(
         text,
         (1.0, height),
@@ -220,39 +254,3 @@ def _beside(axes: Axes, text: str, height: float) -> None:
         textcoords="offset points",
         va="center",
     )
-
-
-PLOTS = "validation.plots"  # imports matplotlib
-KINDS = ("path", "momentum")
-MANY = 4  # scenes, worth more than one process to compare them, each of which draws its own
-
-
-def prepare_drawing(scenes: int) -> None:
-    """Have matplotlib imported elsewhere, for a `draw` of so many scenes that is some time away."""
-    if scenes < MANY and not _has_matplotlib():
-        with suppress(OSError):  # then `draw` does without
-            prepare(PLOTS)
-
-
-def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
-    """Two pictures of one scene's agreements, by one engine, as PNGs in `out`."""
-    from validation.results import file_stem
-
-    name, sheet = file_stem(agreements), sheet_of(agreements)
-    drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in KINDS]
-    if not _has_matplotlib():
-        with suppress(OSError):  # no process is to be had, or one was killed
-            return list(in_processes(write, drawings))
-    return [write(each) for each in drawings]
-
-
-def write(drawing: tuple[str, Sheet, Path]) -> Path:
-    """Draw one kind of picture of a sheet into a file."""
-    kind, sheet, path = drawing
-    with replacing(path) as temporary:
-        PICTURES[kind](sheet).savefig(temporary, dpi=DPI)
-    return path
-
-
-def _has_matplotlib() -> bool:
-    return "matplotlib.figure" in sys.modules

@@ -1,4 +1,4 @@
-"""Names of files, and agreements as records: JSON, CSV, Markdown and a table in the terminal.
+"""Name the files of results, and write agreements as JSON, CSV, Markdown and a terminal's table.
 
 No two files of different runs share a name. It has the scene, the engine, the preset, and every
 option that is not at its default.
@@ -94,25 +94,14 @@ def _words(name: str, value: Any) -> list[str]:
 
 
 TABLE_COLUMNS = (
-    "scene",
-    "rolling",
-    "engine",
-    "preset",
-    "timestep",
-    "path_error",
-    "gamma_error",
-    "momentum_error",
-    "realtime_factor",
-    "agrees",
-    "verdict",
-)
-
-
+    "scene", "rolling", "engine", "preset", "timestep", "path_error", "gamma_error",
+    "momentum_error", "realtime_factor", "agrees", "verdict",
+)  # fmt: skip
 Record = dict[str, Any]
 
 
 def record(agreement: Agreement) -> Record:
-    """One comparison as plain data; numbers of a run that broke off are None."""
+    """Return a comparison as plain data; numbers of a run that broke off are None."""
     report, sensitivity = agreement.report, agreement.sensitivity
     return {
         "scene": agreement.scene.name,
@@ -156,14 +145,14 @@ def _fault(fault: Fault) -> dict[str, Any]:
 
 
 def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
-    """Its numbers, those that are not finite as None, and whether it explains the error."""
+    """Return its numbers, None for those that are not finite, and whether it explains the error."""
     numbers = asdict(sensitivity).items()
     plain = {name: value if math.isfinite(value) else None for name, value in numbers}
     return {**plain, "explains": sensitivity.explains}
 
 
 def needs(motion: Motion) -> dict[str, Any]:
-    """The most that a motion asks for: friction (torsional in m), motor torques N m, powers W."""
+    """Return the largest loads of a motion: friction (torsional in m), torques N m, powers W."""
     loads = motion.loads
     return {
         "sliding_friction": float(loads.sliding_friction.max()),
@@ -174,18 +163,18 @@ def needs(motion: Motion) -> dict[str, Any]:
 
 
 def write_json(path: Path, records: Sequence[Record]) -> None:
-    """A list of records, one an agreement."""
+    """Write a list of records, one an agreement."""
     text = json.dumps(list(records), indent=2, allow_nan=False, ensure_ascii=False)
     write_text(path, text + "\n")
 
 
 def write_csv(path: Path, records: Sequence[Record]) -> None:
-    """The table of the agreements, a row each."""
+    """Write the table of the agreements, a row each."""
     write_rows(path, records, TABLE_COLUMNS)
 
 
 def write_markdown(path: Path, records: Sequence[Record]) -> None:
-    """The table of the agreements as the README shows it."""
+    """Write the table of the agreements as the README shows it."""
     lines = [
         "| scene | preset | step | path error | γ error | momentum error | × real time | verdict |",
         "|---|---|---:|---:|---:|---:|---:|---|",
@@ -193,7 +182,7 @@ def write_markdown(path: Path, records: Sequence[Record]) -> None:
     for each in records:
         errors = (each[name] for name in ("path_error", "gamma_error", "momentum_error"))
         cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:.3g} ms"]
-        cells += ["-" if error is None else f"{error:.1e}" for error in errors]
+        cells += map(scientific, errors)
         cells += [f"{each['realtime_factor']:.0f}"]
         lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")
     write_text(path, "\n".join(lines) + "\n")

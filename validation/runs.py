@@ -1,7 +1,4 @@
-"""A fault window in the terminal: its rows, one of them, or one after another.
-
-Long work with its progress shown: many comparisons, a film.
-"""
+"""Run many comparisons or a film with progress shown, and show a fault window in the terminal."""
 
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -16,9 +13,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from robotball import InputError, Request, Scene, integrate
-from robotball.cores import allowed, in_processes
+from robotball.cores import allowed
 from robotball.engines.mujoco.fault_window import FaultWindow, Replayed
 from robotball.files.replacing import refused
+from robotball.processes import in_processes
 from robotball.rotations import Array
 from validation.agreement import Agreement, compare_with
 from validation.output import Show, print_whole, progress_bar
@@ -29,8 +27,130 @@ if TYPE_CHECKING:
     from robotball.film.render import Film
 
 
+def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["Compared"]:
+    """Return what is kept of every scene, in their order; many scenes on all cores."""
+    found: list[Compared] = []
+    each = len(comparing.requests)
+    with progress_bar(len(scenes) * each) as show:
+        if len(scenes) < MANY or allowed() == 1:
+            for scene in scenes:
+                found.append(comparing(scene, partial(_from, show, len(found) * each)))
+        else:
+            for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
+                found.append(compared)
+                show(len(found) * each, scene.name)
+    return found
+
+
+def _from(show: Show, begin: int, done: float, what: str) -> None:
+    show(begin + done, what)
+
+
+@dataclass(frozen=True)
+class Comparing:
+    """Scene → Compared, with pictures and fault windows in the folder `out`.
+
+    requests: each makes one, in whatever process it is; the others: as for `agreements_of`.
+    """
+
+    requests: Sequence[Callable[[], Request]]
+    times: Array | None
+    strict: bool
+    out: Path
+    plots: bool
+
+    def __call__(self, scene: Scene, show: Show = lambda *_: None) -> "Compared":
+        requests = [make() for make in self.requests]
+        try:
+            agreements = agreements_of(
+                scene, requests, self.times, strict=self.strict, fault_windows=self.out, show=show
+            )
+        except InputError as error:
+            return Compared([], [], refused=str(error))
+        pictures = draw(agreements, self.out) if self.plots else ()
+        records = [record(each) for each in agreements]
+        return Compared(records, windows(agreements, self.out), pictures)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What is kept of a scene's agreements.
+
+    records: as results.record has them; windows: the files of the faulty runs' fault windows;
+    pictures: their files; refused: why there is nothing, if the scene cannot be run.
+    """
+
+    records: list[Record]
+    windows: list[Path]
+    pictures: Sequence[Path] = ()
+    refused: str | None = None
+
+
+def agreements_of(
+    scene: Scene,
+    requests: Sequence[Request],
+    times: Array | None = None,
+    *,
+    strict: bool = False,
+    fault_windows: Path | None = None,
+    show: Show = lambda *_: None,
+) -> list[Agreement]:
+    """Run a scene by every request, and integrate the equations once.
+
+    strict: as in simulate; fault_windows: the folder for the states around each run's first fault;
+    show: called with the number of requests done.
+    """
+    show(0, f"{scene.name}: equations")
+    theory = integrate(scene, times)
+
+    def agreement(done: int, request: Request) -> Agreement:
+        window = None
+        if fault_windows is not None:
+            window = fault_window_path(fault_windows, scene, request.engine.label, request.name)
+
+        def progress(part: float) -> None:
+            show(done + part, f"{scene.name}: {request.name}")
+
+        more = replace(request, strict=strict, fault_window=window, progress=progress)
+        return compare_with(theory, more)
+
+    return [agreement(i, request) for i, request in enumerate(requests)]
+
+
+def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
+    """Film both motions of an agreement at `path`, by default as `Film()` says."""
+    from robotball.film.write import write_video  # an encoder and a GL, which only a film needs
+
+    with refused(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with progress_bar(1) as show:
+        write_video(
+            path,
+            agreement.motion,
+            agreement.theory,
+            how,
+            progress=lambda part: show(part, f"{agreement.scene.name}: video"),
+        )
+
+
+def windows(agreements: Sequence[Agreement], folder: Path) -> list[Path]:
+    """Return the files of the fault windows that the faulty runs left in a folder."""
+    paths = [
+        fault_window_path(folder, each.scene, each.motion.engine, each.settings.name)
+        for each in agreements
+        if each.faults
+    ]
+    return [path for path in paths if path.exists()]
+
+
+def tell_fault_windows(paths: Iterable[Path]) -> None:
+    """Print how to look at the first fault of each faulty run that left a fault window."""
+    for path in paths:
+        print(f"robotball replay {path}", "steps through its first fault")
+
+
 def show_rows(window: FaultWindow, console: Console) -> None:
-    """Print all rows, the first bad one marked."""
+    """Print all rows of a fault window, the first bad one marked."""
     table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
     for heading in ("row", *window.columns):
         table.add_column(escape(heading), justify="right")
@@ -55,7 +175,7 @@ def walk(window: FaultWindow, console: Console) -> None:
 
 
 def show_row(window: FaultWindow, row: int, console: Console) -> None:
-    """All that is known of one row; raises InputError where there is no such row."""
+    """Print all that is known of one row. Raises InputError where there is no such row."""
     if not 0 <= row < len(window.table):
         raise InputError(f"--step must be a row from 0 to {len(window.table) - 1}, not {row}")
     console.print(f"row {row}{', the first bad one' if row == window.bad else ''}")
@@ -71,140 +191,10 @@ def _cell(value: float | None, digits: int = 4) -> str:
 
 
 def outcome_of(window: FaultWindow, replayed: Replayed) -> str:
-    """What came of taking the steps again, in a line."""
+    """Return the outcome of taking the steps again, in a line."""
     if replayed.difference is None:
         return f"not stepped again: {replayed.why}"
     what = "the forces at its states" if window.adaptive else "its steps"
     if replayed.difference == 0.0:
         return f"{replayed.rows} rows: {what}, computed again, are the same to the last bit"
     return f"{replayed.rows} rows: {what}, computed again, differ by {replayed.difference:.3g}"
-
-
-def agreements_of(
-    scene: Scene,
-    requests: Sequence[Request],
-    times: Array | None = None,
-    *,
-    strict: bool = False,
-    fault_windows: Path | None = None,
-    show: Show = lambda *_: None,
-) -> list[Agreement]:
-    """A scene by every request; the equations are integrated once.
-
-    strict: as in simulate; fault_windows: the folder for the states around each run's first fault;
-    show: told how many requests are done.
-    """
-    show(0, f"{scene.name}: equations")
-    theory = integrate(scene, times)
-    agreements = []
-    for i, request in enumerate(requests):
-        progress = partial(_show, show, i, f"{scene.name}: {request.name}")
-        window = None
-        if fault_windows is not None:
-            label = request.engine.label
-            window = fault_window_path(fault_windows, scene, label, request.name)
-        asked = replace(request, strict=strict, fault_window=window, progress=progress)
-        agreements.append(compare_with(theory, asked))
-    return agreements
-
-
-@dataclass(frozen=True)
-class Compared:
-    """What is kept of a scene's agreements.
-
-    records: as results.record has them; windows: the files of the faulty runs' fault windows;
-    pictures: their files; refused: why there is nothing, if the scene cannot be run.
-    """
-
-    records: list[Record]
-    windows: list[Path]
-    pictures: Sequence[Path] = ()
-    refused: str | None = None
-
-
-@dataclass(frozen=True)
-class Comparing:
-    """Scene → Compared, with pictures and fault windows in the folder `out`.
-
-    requests: each makes one, in whatever process it is; the others: as for `agreements_of`.
-    """
-
-    requests: Sequence[Callable[[], Request]]
-    times: Array | None
-    strict: bool
-    out: Path
-    plots: bool
-
-    def __call__(self, scene: Scene, show: Show = lambda *_: None) -> Compared:
-        requests = [make() for make in self.requests]
-        try:
-            agreements = agreements_of(
-                scene,
-                requests,
-                self.times,
-                strict=self.strict,
-                fault_windows=self.out,
-                show=show,
-            )
-        except InputError as error:
-            return Compared([], [], refused=str(error))
-        pictures: Sequence[Path] = ()
-        if self.plots:
-            pictures = draw(agreements, self.out)
-        records = [record(each) for each in agreements]
-        return Compared(records, windows(agreements, self.out), pictures)
-
-
-def compare_all(scenes: Sequence[Scene], comparing: Comparing) -> list[Compared]:
-    """What is kept of every scene, in their order; many scenes on all cores."""
-    found: list[Compared] = []
-    each = len(comparing.requests)
-    with progress_bar(len(scenes) * each) as show:
-        if len(scenes) < MANY or allowed() == 1:
-            for i, scene in enumerate(scenes):
-                found.append(comparing(scene, partial(_from, show, i * each)))
-        else:
-            for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
-                found.append(compared)
-                show(len(found) * each, scene.name)
-    return found
-
-
-def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
-    """Both motions of an agreement as a film at `path`, by default as `Film()` says."""
-    from robotball.film.write import write_video  # an encoder and a GL, which only a film needs
-
-    with refused(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-    with progress_bar(1) as show:
-        write_video(
-            path,
-            agreement.motion,
-            agreement.theory,
-            how,
-            progress=lambda part: show(part, f"{agreement.scene.name}: video"),
-        )
-
-
-def _show(show: Show, done: int, what: str, part: float) -> None:
-    show(done + part, what)
-
-
-def _from(show: Show, begin: int, done: float, what: str) -> None:
-    show(begin + done, what)
-
-
-def windows(agreements: Sequence[Agreement], folder: Path) -> list[Path]:
-    """The files of the fault windows that the faulty runs left in a folder."""
-    paths = [
-        fault_window_path(folder, each.scene, each.motion.engine, each.settings.name)
-        for each in agreements
-        if each.faults
-    ]
-    return [path for path in paths if path.exists()]
-
-
-def tell_fault_windows(paths: Iterable[Path]) -> None:
-    """Print how to look at the first fault of each faulty run that left a fault window."""
-    for path in paths:
-        print(f"robotball replay {path}", "steps through its first fault")

@@ -1,9 +1,9 @@
-"""Sensitivity: whether the motion itself, not the engine, explains how far the two engines part.
+"""Estimate how much of the distance between two motions is the motion's own sensitivity.
 
-The engine is set anew on the equations' motion at equal stretches and followed to the next: what
-it misses there, its defect, is all that it can be blamed for. What the motion then makes of it is a
-matter of the equations alone, to first order a linear one: all defects, carried on by the
-difference of two neighbouring motions of the equations and added, are the error to expect.
+The engine starts anew on the equations' motion at equal stretches and runs to the end of each: its
+error there, the defect, is all that it can be blamed for. The growth of a defect afterwards is a
+matter of the equations alone, and linear to first order. All defects, carried on by the difference
+of two neighbouring motions of the equations and added, are the error to expect.
 """
 
 import math
@@ -32,7 +32,7 @@ LEEWAY = 20.0
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What a motion makes of the engine's small errors, over `duration` s.
+    """The growth of an engine's small errors by the motion itself.
 
     exponent     1/s  of the growth of a small turn of the start, over the motion's second half
     doubling     by how much twice the time multiplies that growth; 2 in a regular motion
@@ -73,7 +73,7 @@ class Sensitivity:
 
 
 def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensitivity | None:
-    """The sensitivity of a scene's motion to the errors that an engine makes of it.
+    """Estimate the sensitivity of a scene's motion to the errors that an engine makes.
 
     motion: the engine's, by the settings in its report; theory: the equations' motion at the same
     times. None where the commands change in time and where the engine breaks off: there it is not
@@ -106,16 +106,16 @@ def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensit
 
 
 def _stretches_of(theory: Motion) -> Motion:
-    """The equations' motion at the ends of equal stretches of a longer one."""
+    """Return the equations' motion at the ends of equal stretches of a longer one."""
     duration = float(theory.times[-1])
     count = int(np.clip(duration / STRETCH, FEWEST, MOST))
     return integrate(theory.scene, np.linspace(0.0, duration, count + 1))
 
 
 def total_defect(run: Runner, theory: Motion) -> float | None:
-    """What an engine misses over all stretches, set anew on the right motion at each.
+    """Return the sum of an engine's path errors over stretches that start on the right motion.
 
-    Relative as path errors are; None where a stretch is not run to its end.
+    It is over the path's length; None where a stretch is not run to its end.
     """
     defects = _defects(run, _stretches_of(theory))
     return None if defects is None else _total(defects, theory.path_scale)
@@ -126,9 +126,9 @@ def _total(defects: Array, path_scale: float) -> float:
 
 
 def chaotic(scene: Scene, duration: float = LONG) -> bool:
-    """Whether a small turn of the start grows exponentially over `duration` [s].
+    """Return whether a small turn of the start grows exponentially over `duration` [s].
 
-    False where the commands change in time, of which it is not known.
+    It is False where the commands change in time, as it is not known there.
     """
     if not scene.steady:
         return False
@@ -138,9 +138,9 @@ def chaotic(scene: Scene, duration: float = LONG) -> bool:
 
 
 def _defects(run: Runner, right: Motion) -> Array | None:
-    """What an engine misses (k, e) at the end of each of k stretches from the right motion.
+    """Return an engine's errors (k, e) at the ends of k stretches that start on the right motion.
 
-    None where a stretch is not run to its end.
+    It is None where a stretch is not run to its end.
     """
     defects = []
     for i, length in enumerate(np.diff(right.times)):
@@ -156,12 +156,12 @@ def _defects(run: Runner, right: Motion) -> Array | None:
 
 
 def _moving(scene: Scene) -> list[int]:
-    """The hinges whose rate is not given."""
+    """Return the indices of the hinges whose rate is not given."""
     return [i for i, hinge in enumerate(scene.hinges) if hinge.motor is not None]
 
 
 def _start(right: Motion, i: int, error: Array | None = None) -> Start:
-    """The start of stretch i, off by an error (e,) if one is given."""
+    """Return the start of stretch i, off by an error (e,) if one is given."""
     scene = right.scene
     attitude, M = right.attitude[i], right.momentum[i]
     angles, rates = right.hinge_angles[i].copy(), right.hinge_rates[i].copy()
@@ -178,7 +178,7 @@ def _start(right: Motion, i: int, error: Array | None = None) -> Start:
 
 
 def _difference(other: Motion, right: Motion, i: int) -> Array:
-    """How far a motion over stretch i ends from the right one's: (e,)."""
+    """Return the error (e,) at the end of a motion over stretch i."""
     scene = right.scene
     w, *turn = multiply(conjugate(right.attitude[i + 1]), other.attitude[-1])
     moved = other.momentum[-1] - right.momentum[i + 1]
@@ -192,7 +192,7 @@ def _difference(other: Motion, right: Motion, i: int) -> Array:
 
 
 def _transfer(right: Motion, i: int, error: Array) -> Array:
-    """What an error (e,) at the start of stretch i has become at its end, to first order."""
+    """Return an error (e,) at the start of stretch i as it is at its end, to first order."""
     size = float(np.linalg.norm(error[:-2]))
     if not size > 0:
         return error
@@ -205,7 +205,7 @@ def _transfer(right: Motion, i: int, error: Array) -> Array:
 
 
 def _carried(right: Motion, defects: Array) -> list[Array]:
-    """The error (e,) at the end of every stretch, of which each adds its defect."""
+    """Return the error (e,) at the end of every stretch, of which each adds its defect."""
     error, errors = np.zeros(defects.shape[1]), []
     for i, defect in enumerate(defects):
         error = _transfer(right, i, error) + defect
@@ -216,7 +216,7 @@ def _carried(right: Motion, defects: Array) -> list[Array]:
 
 
 def _growth(right: Motion) -> Array:
-    """The logarithm (k,) of what the motion makes of a small turn of its start, by each stretch."""
+    """Return the logarithm (k,) of the growth of a small turn of the start, by each stretch."""
     error, total, growth = np.zeros(8 + 2 * len(_moving(right.scene))), 0.0, []
     error[:3] = (0.6, 0.48, 0.64)
     for i in range(len(right.times) - 1):

@@ -16,7 +16,6 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
 
-from robotball.cores import in_processes
 from robotball.errors import InputError, check_positive
 from robotball.film import gl
 from robotball.film import looks as palette
@@ -24,6 +23,7 @@ from robotball.film.looks import GHOST, Shape, looks_of
 from robotball.film.stage import LENS, NEAR, Arrow, Camera, Pixels, Stage
 from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.motion import ContactMotion, Motion
+from robotball.processes import in_processes
 from robotball.rotations import Array, rotation_matrix
 
 FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")

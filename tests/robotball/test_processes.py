@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from robotball import InputError, SceneWarning
-from robotball.cores import allowed, at_most, in_processes
+from robotball.cores import allowed, at_most
 from robotball.errors import warn
 from robotball.files.replacing import replacing
+from robotball.processes import in_processes
 
 
 def late(jobs: int, job: int) -> tuple[int, int, int]:
@@ -99,7 +100,7 @@ def test_a_process_that_is_ended_leaves_no_half_file(tmp_path: Path) -> None:
 SCRIPT = """
 import os
 from functools import partial
-from robotball.cores import in_processes
+from robotball.processes import in_processes
 from robotball.cores import at_most
 from tests.robotball.test_processes import late
 def main():
@@ -140,7 +141,7 @@ def test_a_script_that_its_processes_would_run_again_is_refused(tmp_path: Path) 
 
 
 PREPARED = """
-from robotball.cores import in_processes, prepare
+from robotball.processes import in_processes, prepare
 from robotball.cores import at_most
 from tests.robotball.test_processes import known
 with at_most(2):

@@ -44,8 +44,8 @@ def test_a_cluster_whose_workers_have_gone_is_not_waited_for(
     tmp_path: Path, cluster: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One line, and what was done is kept."""
-    monkeypatch.setattr("validation.sweeps.CHECK", 0.2)
-    monkeypatch.setattr("validation.sweeps.ABSENCE", 0.5)
+    monkeypatch.setattr("validation.sweeps._CHECK", 0.2)
+    monkeypatch.setattr("validation.sweeps._ABSENCE", 0.5)
     file, address = tmp_path / "sweep.jsonl", cluster.scheduler_address
 
     def leave(done: float, what: str) -> None:

@@ -15,7 +15,7 @@ WORK = """
 import ctypes, sys, time
 from pathlib import Path
 from robotball.files.replacing import replacing
-from validation.endings import ended_by_signals
+from validation.__main__ import ended_by_signals
 
 def in_compiled_code():
     lock, lock_it = ctypes.create_string_buffer(64), ctypes.CDLL(None).pthread_mutex_lock

@@ -1,10 +1,9 @@
-"""One scene's own front: the recipe over its steps, and what asking for an accuracy makes of it.
+"""Measure the cost model by which settings are chosen for a requested accuracy.
 
-The cost model that a requested accuracy is predicted by, measured again, and how well it goes.
-
-Every scene of the catalog and random balls at both families of the recipe; the coefficients fitted
-to them beside those in use; and for four accuracies what was reached, how honest the estimate was
-and what it all took, against the cheapest of the searched configurations.
+Every scene of the catalog and random balls run at both families of the recipe: RK4 at many steps,
+and adaptive at many tolerances. The coefficients fitted to these runs stand beside those in use.
+For four accuracies a second table shows what was reached, how honest the estimate was and what it
+took, over the cheapest of the configurations searched.
 """
 
 import argparse
@@ -49,7 +48,7 @@ ENOUGH = 3e-11  # a finer run than one of this error is no target's best
 
 
 def cells() -> list[Cell]:
-    """The catalog, and the random balls."""
+    """Return the scenes of the catalog, and the random balls."""
     return [
         *({"scene": name} for name in catalog()),
         *({"ball": number} for number in range(BALLS)),
@@ -57,7 +56,7 @@ def cells() -> list[Cell]:
 
 
 def measure(cell: Cell) -> Mapping[str, Any]:
-    """The runs of both families, and one case a target; errors against the equations."""
+    """Return the runs of both families, and one case a target; errors against the equations."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)
         scene = random_scene(cell["ball"]) if "ball" in cell else load_scene(cell["scene"])
@@ -81,7 +80,7 @@ def measure(cell: Cell) -> Mapping[str, Any]:
 
 
 def _search(scene: Scene, theory: Motion, family: Iterable[Settings]) -> list[dict[str, Any]]:
-    """The runs of a family from the coarsest on, until one is good enough for any target."""
+    """Return the runs of a family from the coarsest on, until one is enough for any target."""
     runs: list[dict[str, Any]] = []
     for settings in family:
         runs.append(_run(scene, theory, settings))
@@ -105,7 +104,7 @@ def _run(scene: Scene, theory: Motion, settings: Settings) -> dict[str, Any]:
 
 
 def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
-    """A run to an accuracy, its true error beside the estimate."""
+    """Return a run to an accuracy, its true error beside the estimate."""
     with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always", SceneWarning)
         motion = simulate(scene, theory.times, accuracy=target)
@@ -123,7 +122,7 @@ def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
 
 
 def best_seconds(record: Mapping[str, Any], target: float) -> float:
-    """The least that a sound run of a true error within the target took [s]; infinite if none."""
+    """Return the least time [s] of a sound run of an error within the target, or infinity."""
     runs = [*record["rk4"], *record["adaptive"]]
     return min(
         (
@@ -197,7 +196,7 @@ def coefficients(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
 
 
 def _orders(record: Record) -> list[float]:
-    """Of the error, from the longest step of RK4 to each shorter one."""
+    """Return the orders of the error, from the longest step of RK4 to each shorter one."""
     first, *others = record["rk4"]
     return [
         float(np.log(first["error"] / each["error"]) / np.log(first["size"] / each["size"]))
@@ -207,7 +206,7 @@ def _orders(record: Record) -> list[float]:
 
 
 def _rtol_orders(record: Record) -> list[float]:
-    """Of the error, between rtols LOOSER apart, at the end that accuracy uses."""
+    """Return the orders of the error in rtol, between rtols LOOSER apart as accuracy uses them."""
     runs = record["adaptive"]
     apart = round(np.log(LOOSER) / np.log(runs[0]["size"] / runs[1]["size"]))
     return [
@@ -218,13 +217,13 @@ def _rtol_orders(record: Record) -> list[float]:
 
 
 def _stiffness(record: Record) -> float:
-    """RK4's error where the scene turns by a radian in a step, along its fourth order."""
+    """Return RK4's error where the scene turns by a radian in a step, along its fourth order."""
     run = record["rk4"][0]
     return float(run["error"] / (record["rate"] * run["size"]) ** 4)
 
 
 def _gain(record: Record) -> float:
-    """DOP853's error over rtol as its drift of M tells it, by RK4's of both: a geometric mean."""
+    """Return DOP853's error over rtol, a geometric mean, from its drift of M and RK4's of both."""
     first = record["rk4"][0]
     drifts = [
         run["drift"] / run["size"] for run in record["adaptive"] if 1e-12 < run["size"] < 2e-9
@@ -233,7 +232,7 @@ def _gain(record: Record) -> float:
 
 
 def _density(record: Record) -> tuple[float, float]:
-    """The power of 1/rtol with which steps grow, and their number at 1e-11 a radian."""
+    """Return the power of 1/rtol with which steps grow, and their number at 1e-11 a radian."""
     runs = [run for run in record["adaptive"] if run["size"] < 2e-9]
     sizes, steps = (np.log([run[key] for run in runs]) for key in ("size", "steps"))
     slope, at_one = np.polyfit(sizes, steps, 1)
@@ -246,7 +245,7 @@ def _per_step(record: Record) -> float:
 
 
 def _per_adaptive_step(record: Record) -> Array:
-    """Seconds of a step of DOP853 and of a sample."""
+    """Return the seconds of a step of DOP853 and of a sample."""
     runs = record["adaptive"]
     seconds = np.array([run["seconds"] for run in runs])
     counts = np.array([[run["steps"], record["samples"]] for run in runs])
@@ -254,12 +253,12 @@ def _per_adaptive_step(record: Record) -> Array:
 
 
 def _factor(values: Array) -> float:
-    """The standard deviation of the logarithm, as a factor."""
+    """Return the standard deviation of the logarithm, as a factor."""
     return float(np.exp(np.std(np.log(values))))
 
 
 def coefficient_table(records: Sequence[Record]) -> Table:
-    """The coefficients measured now beside those in use."""
+    """Return the table of the coefficients measured now beside those in use."""
     table = Table(title="the front", title_justify="left", box=box.SIMPLE_HEAD)
     for heading in ("coefficient", "in use", "measured", "scatter"):
         table.add_column(heading, justify="left" if heading == "coefficient" else "right")
@@ -269,7 +268,7 @@ def coefficient_table(records: Sequence[Record]) -> Table:
 
 
 def case_table(records: Sequence[Record]) -> Table:
-    """A row an accuracy: how many reached it, how honest the estimates were, what it took."""
+    """Return a row an accuracy: how many reached it, how honest estimates were, what it took."""
     table = Table(title="accuracies requested", title_justify="left", box=box.SIMPLE_HEAD)
     for heading in (
         "requested", "cases", "reached", "reported", "silent", "estimate\n< half", "DOP853",
@@ -304,7 +303,7 @@ def case_table(records: Sequence[Record]) -> Table:
 
 
 def _cases(records: Sequence[Record], target: float | None) -> list[dict[str, Any]]:
-    """The cases of a target, or all, with what is made of them."""
+    """Return the cases of a target, or all, with their verdicts and ratios."""
     cases = []
     for record in records:
         for case in record["cases"]:

@@ -1,7 +1,8 @@
-"""How honest `--accuracy` is about its error, over random balls; `python -m` runs it, for hours.
+"""Measure how honest `--accuracy` is about its error, over random balls; it takes hours.
 
 A miss is a run whose path error is above what was requested, though it neither warned nor broke
-off. What is known of each ball is kept in out/estimates.jsonl, so it goes on after a break.
+off. Results are kept in out/estimates.jsonl, so `python -m validation.bench.estimates` goes on
+after a break.
 """
 
 import sys
@@ -26,7 +27,7 @@ FILE = Path("out", "estimates.jsonl")
 
 
 def cells(count: int) -> list[Cell]:
-    """The first so many balls, each with the accuracy that is requested of it."""
+    """Return the first so many balls, each with the accuracy that is requested of it."""
     return [
         {"ball": number, "accuracy": ACCURACIES[number // 4 % len(ACCURACIES)]}
         for number in range(count)
@@ -34,9 +35,9 @@ def cells(count: int) -> list[Cell]:
 
 
 def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
-    """The path error as it was estimated and as it is, and whether it was warned of.
+    """Return the estimated and the actual path error, and whether a warning came.
 
-    Both are None of a run that broke off; reference: the equations' own error.
+    Both errors are None of a run that broke off; reference: the equations' own error.
     """
     scene = random_scene(cell["ball"])
     theory = integrate(scene, TIMES)
@@ -54,7 +55,7 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def missed(result: Result) -> bool:
-    """Whether a run is worse than requested and says nothing of it."""
+    """Return whether a run is worse than requested without a warning or a fault."""
     record = result.record
     if record is None or record["warned"] or record["faults"] or record["actual"] is None:
         return False
@@ -62,7 +63,7 @@ def missed(result: Result) -> bool:
 
 
 def lines(results: Sequence[Result]) -> list[str]:
-    """What the balls say together, and each miss."""
+    """Return a summary of all balls, and a line for each miss."""
     records = [result.record for result in results if result.record is not None]
     ratios = [each["actual"] / each["estimated"] for each in records if each["actual"] is not None]
     misses = [result for result in results if missed(result)]
@@ -87,7 +88,7 @@ def lines(results: Sequence[Result]) -> list[str]:
 
 
 def main(count: int = BALLS) -> None:
-    """Measure so many balls and print what they say."""
+    """Measure so many balls and print the summary."""
     FILE.parent.mkdir(exist_ok=True)
     with progress_bar(count) as show:
         results = sweep(measure, cells(count), FILE, limit=LIMIT, show=show)

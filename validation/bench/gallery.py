@@ -1,7 +1,8 @@
-"""`make gallery`: every picture and table of the docs, made again by the program.
+"""Make every picture and table of the docs again by the program, as `make gallery` does.
 
-Each line is a command and the files of its output that the docs show; an argument makes those that
-begin with it. The pictures of other engines need environments, so they are made only by that.
+An entry of PICTURES is a command and the files of its output that the docs show. An argument
+selects the entries that begin with it. The pictures of other engines need environments of their
+own, so they are made only where an argument names them.
 """
 
 import json
@@ -17,9 +18,10 @@ from typing import Any
 
 from robotball import sample_times
 from robotball.engines.mujoco.settings import FIRST_ORDER
+from robotball.files.replacing import replacing
 from robotball.film.render import Film, frames
 from validation.agreement import compare
-from validation.output import replacing, write_text
+from validation.output import write_text
 
 DOCS = Path(__file__).parents[2] / "docs"
 OUT = Path("out/gallery")
@@ -110,7 +112,7 @@ def write_frame(path: Path) -> None:
 
 
 def numbers_of_tradeoff(record: Mapping[str, Any]) -> dict[str, Any]:
-    """How many configurations there are and are sound, and the best of each kind."""
+    """Return how many configurations there are and are sound, and the best of each kind."""
     runs = record["configurations"]
     servos = [run for run in runs if "gain" in (run["options"]["drive"] or ())]
     rates = [run for run in servos if "hinge rate" in run["trouble"]]
@@ -127,7 +129,7 @@ def numbers_of_tradeoff(record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def outcomes_of(summary: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
-    """How many runs of each integrator had each outcome, over all maps."""
+    """Return how many runs of each integrator had each outcome, over all maps."""
     found: dict[str, Counter[str]] = {}
     for each in summary:
         found.setdefault(each["integrator"], Counter()).update(each["outcomes"])
@@ -135,7 +137,7 @@ def outcomes_of(summary: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, int
 
 
 def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
-    """The same as Markdown: an outcome a row, where some run had it."""
+    """Return the outcomes as a Markdown table: a row for each outcome that some run had."""
     runs = max(sum(counts.values()) for counts in outcomes.values())
     lines = [
         f"| of {runs} runs each | {' | '.join(outcomes)} |",
@@ -149,13 +151,13 @@ def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
 
 
 def write_numbers(study: str, numbers: Mapping[str, Any]) -> None:
-    """A study's numbers in the file of all."""
+    """Write a study's numbers into the file of all."""
     known = _read(NUMBERS) if NUMBERS.exists() else {}
     write_text(NUMBERS, json.dumps({**known, study: numbers}, indent=1) + "\n")
 
 
 def write_proofs(findings: Path) -> None:
-    """The table of proofs in the page of errata, from the JSON of `robotball paper`."""
+    """Write the table of proofs into the page of errata, from the JSON of `robotball paper`."""
     page = DOCS / "errata.md"
     above = page.read_text(encoding="utf-8").partition(PROOFS)[0].rstrip()
     claims = _read(findings)["claims"]

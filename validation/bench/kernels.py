@@ -1,12 +1,9 @@
-"""The same equations in heyoka, an independent Taylor integrator (extra `reference`).
+"""Compare the compiled stepper with scipy and heyoka at equal errors (extra `bench`).
 
-Tools compared at the same error: every one at several tolerances, all in turn.
-
-The least processor time of several rounds, of all threads together, is set against the error, and
-times are compared at one error, read off between tolerances; set-up and compilation are outside the
-clock.
-
-The compiled stepper against scipy and heyoka at matched error (extra `bench`), on one thread.
+heyoka is an independent Taylor integrator, which gets the same equations. Every tool runs on one
+thread at several tolerances, all in turn. The least processor time of several rounds is set against
+the error, and times are compared at one error, interpolated between tolerances; set-up and
+compilation are not timed.
 
 heyoka has its defaults, to which wider lanes add nothing, and batches of 8, which beat the
 recommended 4. Errors are against this stepper at a tolerance of 1e-15, whose own error is four
@@ -50,7 +47,7 @@ BALL_SIZE = LEVEL - BALL
 
 
 def equations_of(system: System, parameters: Parameters) -> Equations:
-    """A system of the compiled stepper as heyoka's equations, with pars as `pars_of` gives them.
+    """Return a system of the compiled stepper as heyoka's equations, with pars as of `pars_of`.
 
     A quaternion in them is drawn to length one, which heyoka cannot set at every step.
     """
@@ -69,7 +66,7 @@ def equations_of(system: System, parameters: Parameters) -> Equations:
 
 
 def level_equations(parameters: Parameters) -> Equations:
-    """dγ/dt = γ×ω, dM/dt = M×ω in frame axes, with the numbers of the ball put in."""
+    """Return dγ/dt = γ×ω, dM/dt = M×ω in frame axes, with the numbers of the ball put in."""
     gamma = vector(hy.make_vars("gamma1", "gamma2", "gamma3"))
     M = vector(hy.make_vars("M1", "M2", "M3"))
     omega = parameters.angular_velocity(M, gamma)
@@ -78,7 +75,7 @@ def level_equations(parameters: Parameters) -> Equations:
 
 
 def pars_of(starts: Starts) -> Array:
-    """The values (n, k) of the pars, one row a start."""
+    """Return the values (n, k) of the pars, one row a start."""
     used = BALL_SIZE + (2 if starts.parameters.rolling == "classical" else 1)
     return starts.rows[:, :used]
 
@@ -86,14 +83,14 @@ def pars_of(starts: Starts) -> Array:
 def batch(
     equations: Equations, states: Array, pars: Array | None, tolerance: float, **more: Any
 ) -> Any:
-    """An integrator of n states (n, size) side by side, from time 0."""
+    """Return an integrator of n states (n, size) side by side, from time 0."""
     if pars is not None:
         more["pars"] = pars.T.copy()
     return hy.taylor_adaptive_batch(equations, states.T.copy(), tol=tolerance, **more)
 
 
 def vector(items: Sequence[Any]) -> Vector:
-    """Three items as a vector."""
+    """Return three items as a vector."""
     x, y, z = items
     return (x, y, z)
 
@@ -119,7 +116,7 @@ class Contender:
     errors: dict[float, float] = field(default_factory=dict)
 
     def at(self, error: float) -> float:
-        """The time at an error [s], by a power law between the two nearest tolerances."""
+        """Return the time at an error [s], by a power law between the two nearest tolerances."""
         order = sorted(self.tolerances, key=self.errors.__getitem__)
         errors, seconds = ([values[t] for t in order] for values in (self.errors, self.seconds))
         if not errors[0] <= error <= errors[-1]:
@@ -160,9 +157,10 @@ OURS, HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10
 
 
 def in_batches(form: Equations, begin: Array, pars: Array | None, ends: tuple[float, ...]) -> Any:
-    """A heyoka contender's `prepare`: all starts through batches, the first batch's states back.
+    """Return a heyoka contender's `prepare`, which runs all starts in batches.
 
-    begin (n, size), pars (n, k); ends: times to stop at [s], the states of the first are kept.
+    begin (n, size), pars (n, k); ends: times to stop at [s]. The run returns the states of the
+    first batch at the first of them.
     """
 
     def prepare(tolerance: float) -> Run:
@@ -186,12 +184,12 @@ def in_batches(form: Equations, begin: Array, pars: Array | None, ends: tuple[fl
 
 
 def median_error(reference: Array) -> Callable[[Array], float]:
-    """The largest error of a row (n, k), in the median over rows: chaos makes some rows useless."""
+    """Return the median over rows (n, k) of the largest error: chaos makes some rows useless."""
     return lambda rows: float(np.median(np.abs(rows - reference).max(axis=1)))
 
 
 def numpy_rate(_: float, state: Array, momentum: Array) -> Array:
-    """What one writes first: d/dt of (q, X, Y) by (3.2), with NumPy's vectors."""
+    """Return d/dt of (q, X, Y) by (3.2) in plain NumPy, as one writes it first."""
     q = state[:4] / np.linalg.norm(state[:4])
     alpha, beta, gamma = rotation_matrix(q)
     M = momentum[0] * alpha + momentum[1] * beta
@@ -205,7 +203,7 @@ def numpy_rate(_: float, state: Array, momentum: Array) -> Array:
 
 
 def one_orbit(attitude: Array, momentum: Array) -> None:
-    """One orbit, closely sampled; the error is the path's largest."""
+    """Compare one orbit, closely sampled; the error is the path's largest."""
     times = np.linspace(0.0, DURATION, OUTPUTS + 1)
     reference = orbit(FIG11B, attitude, momentum, times, 1e-15)[1]
     starts = Starts(FIG11B, attitude, momentum)
@@ -253,7 +251,7 @@ def one_orbit(attitude: Array, momentum: Array) -> None:
 
 
 def ensembles(attitudes: Array, momenta: Array) -> None:
-    """Many orbits with their paths; and without, each in the form that suits it best."""
+    """Compare many orbits with their paths, and without, each in the form that suits it best."""
     starts, times = Starts(FIG11B, attitudes, momenta), np.array([0.0, DURATION])
     best = orbits(FIG11B, attitudes[:LANES], momenta[:LANES], times, 1e-15)
     turned = np.concatenate([starts.attitudes, np.zeros((MANY, 2))], axis=1)
@@ -308,13 +306,13 @@ def ensembles(attitudes: Array, momenta: Array) -> None:
 
 
 def level_states(attitudes: Array, momenta: Array) -> Array:
-    """(γ, M) (n, 6) in frame axes."""
+    """Return (γ, M) (n, 6) in frame axes."""
     axes = rotation_matrix(attitudes)
     return np.concatenate([axes[:, 2], np.einsum("nij,ni->nj", axes, momenta)], axis=1)
 
 
 def section_points(attitudes: Array, momenta: Array) -> None:
-    """Both directions of g = 0; the error is that of the time of a start's last point."""
+    """Compare sections, in both directions of g = 0, by the time of each start's last point."""
     first = attitudes[:LANES], momenta[:LANES]
     best = section(FIG11B, *first, POINTS, tolerance=1e-15).times
     horizon = float(best.max()) + 1.0
@@ -363,7 +361,7 @@ def section_points(attitudes: Array, momenta: Array) -> None:
 
 
 def exponents(attitudes: Array, momenta: Array) -> None:
-    """The nine equations of the exponents; the error is that of ln growth and volume at 50 s."""
+    """Compare the nine equations of the exponents by ln growth and volume at 50 s."""
     starts, ends = Starts(FIG11B, attitudes, momenta), (50.0, 400.0)
     rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (MANY, 1))
     best = starts.march(DEVIATION, rest, np.array(ends[:1]), 1e-15)[0][:LANES, 0]
@@ -390,7 +388,7 @@ def exponents(attitudes: Array, momenta: Array) -> None:
 
 
 def main() -> None:
-    """All tables; where the processor has 512-bit lanes, with them and without."""
+    """Print all tables; where the processor has 512-bit lanes, with them and without."""
     print(platform.processor() or platform.machine(), platform.platform())
     print(", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "scipy", "heyoka")))
     tables()
@@ -402,7 +400,7 @@ def main() -> None:
 
 
 def tables() -> None:
-    """All of them, on one thread."""
+    """Print all tables, on one thread."""
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, MANY), rng.uniform(0, 6, MANY), 25.0)
     with at_most(1):

@@ -1,4 +1,4 @@
-"""`make bench`: what the pieces cost, as ratios to a bare loop of mj_step in the same run."""
+"""Measure what a run costs over a bare loop of mj_step; a part of `make bench`."""
 
 import statistics
 import time
@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def _table(scene: Scene) -> Table:
-    """One row a preset; all but the first figure are ratios to the preset's own bare loop."""
+    """Return a row a preset; all but the first figure are ratios to the preset's own bare loop."""
     models = {
         preset: build(scene, settings)
         for preset, settings in PRESETS.items()
@@ -55,7 +55,7 @@ def _table(scene: Scene) -> Table:
 
 
 def _measure(scene: Scene, models: dict[str, Model]) -> dict[str, list[float]]:
-    """Seconds of every piece of work, a list over the rounds; one more round warms up."""
+    """Return the seconds of every piece of work, a list over rounds; one more round warms up."""
     seconds: dict[str, list[float]] = defaultdict(list)
     for _ in range(1 + ROUNDS):
         seconds["equations"].append(_timed(lambda: integrate(scene))[0])
@@ -68,7 +68,7 @@ def _measure(scene: Scene, models: dict[str, Model]) -> dict[str, list[float]]:
 
 
 def _bare_loop(model: Model) -> float:
-    """Seconds of processor time that the same steps take with nothing read, monitored or kept."""
+    """Return the processor time [s] of the same steps with nothing read, monitored or kept."""
     began = time.thread_time()
     data = model.start_data()
     for _ in range(_step_count(model)):
@@ -87,7 +87,7 @@ def _timed(work: Callable[[], Made]) -> tuple[float, Made]:
 
 
 def _ratio(ours: list[float], theirs: list[float]) -> str:
-    """Median, least and largest of the ratios round by round."""
+    """Return the median, least and largest of the ratios round by round."""
     ratios = [a / b for a, b in zip(ours, theirs, strict=True)]
     return f"{statistics.median(ratios):.2f} ({min(ratios):.2f}-{max(ratios):.2f})"
 

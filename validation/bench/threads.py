@@ -1,15 +1,15 @@
-"""`make bench`: many motions on one core and on all, in turn; the digits must be the same.
+"""Measure many motions on one core and on all, in turn; a part of `make bench`.
 
-Beside each ratio stands what plain processes reach, one a core, each of which does the one core's
-work for itself: cores that share caches, memory and clock are not as fast together as alone.
+The digits must be the same. Beside each ratio stands what plain processes reach, one a core, each
+of which does the one core's work for itself: cores that share caches, memory and clock are not as
+fast together as alone.
 """
 
-import multiprocessing
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from multiprocessing.connection import Connection
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from rich.table import Table
 from robotball.cores import allowed, at_most, cores
 from robotball.engines.ensembles.orbits import orbits
 from robotball.equations import Parameters
+from robotball.processes import Answer, pool
 from robotball.qualitative.basins import basins
 from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section, section_starts
@@ -42,7 +43,7 @@ Work = Callable[[], Digits]
 
 
 def work() -> dict[str, Work]:
-    """What is timed, by name, with its digits."""
+    """Return the functions that are timed, by name; each returns its digits."""
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, MANY), rng.uniform(0, 6, MANY), 25.0)
     some = starts[0][:SOME], starts[1][:SOME]
@@ -61,13 +62,14 @@ def work() -> dict[str, Work]:
     }
 
 
+@cache
 def plain_work() -> dict[str, Work]:
-    """What a plain process does of each; of the portraits a few, by itself."""
+    """Return the functions of a plain process; of the portraits it does a few, by itself."""
     return work() | {"portraits": lambda: np.array([measure(cell) for cell in CELLS[::10]])}
 
 
 def main() -> None:
-    """The table."""
+    """Print the table."""
     console, everyone = Console(), cores()
     console.print(
         f"The best of {OTHER_ROUNDS} rounds, of the portraits {ROUNDS['portraits']}, on one core "
@@ -77,7 +79,7 @@ def main() -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("", "1 core [ms]", f"{everyone} cores [ms]", "ratio", "bound"):
         table.add_column(heading, justify="right")
-    with plain_processes(everyone) as together:
+    with pool(do_plainly, everyone) as submit:
         for name, run in work().items():
             counts = (1, everyone)
             best = {(kind, count): np.inf for kind in ("ours", "plain") for count in counts}
@@ -88,7 +90,7 @@ def main() -> None:
                         began = time.perf_counter()
                         digits.append(run())
                         ours = time.perf_counter() - began
-                    plain = together(name, count)
+                    plain = seconds_together(submit, name, count)
                     if done:  # the first round warms up
                         best["ours", count] = min(best["ours", count], ours)
                         best["plain", count] = min(best["plain", count], plain)
@@ -100,38 +102,17 @@ def main() -> None:
     console.print(table)
 
 
-@contextmanager
-def plain_processes(most: int) -> Iterator[Callable[[str, int], float]]:
-    """What gives the seconds that so many processes take for a named work, each for itself."""
-    context = multiprocessing.get_context("spawn")
-    pipes, processes = [], []
-    for _ in range(most):
-        ours, theirs = context.Pipe()
-        process = context.Process(target=serve, args=(theirs,), daemon=True)
-        process.start()
-        pipes.append(ours)
-        processes.append(process)
-
-    def together(name: str, count: int) -> float:
-        began = time.perf_counter()
-        for pipe in pipes[:count]:
-            pipe.send(name)
-        for pipe in pipes[:count]:
-            pipe.recv()
-        return time.perf_counter() - began
-
-    yield together
-    for process in processes:
-        process.terminate()
+def seconds_together(submit: Callable[..., Future[Answer]], name: str, count: int) -> float:
+    """Return the seconds of so many processes at a named work, each for itself."""
+    began = time.perf_counter()
+    for future in [submit(name) for _ in range(count)]:
+        future.result()
+    return time.perf_counter() - began
 
 
-def serve(pipe: Connection) -> None:
-    """Does what it is told, on one core."""
-    works = plain_work()
-    with at_most(1):
-        while True:
-            works[pipe.recv()]()
-            pipe.send(None)
+def do_plainly(name: str) -> None:
+    """Do a named work in a process of its own, where one thread is allowed."""
+    plain_work()[name]()
 
 
 if __name__ == "__main__":

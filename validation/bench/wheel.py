@@ -1,7 +1,7 @@
-"""`make wheel`: the wheel is built, installed into an empty environment, and run elsewhere.
+"""Build the wheel, install it into an empty environment, and run it, as `make wheel` does.
 
-What it depends on is taken from this environment, so that nothing is fetched: what is tried is
-whether the wheel has every file that the program needs.
+Dependencies are taken from this environment, so that nothing is fetched. The wheel must have every
+file that the program needs.
 """
 
 import subprocess

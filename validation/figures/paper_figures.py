@@ -11,7 +11,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from robotball import InputError
-from robotball.cores import in_processes
+from robotball.processes import in_processes
 from validation.figures.attractor_sections import figure11a, figure11b, figure_tori
 from validation.figures.lines import figure9, figure10
 from validation.figures.paths import figure12, figure13, figure14

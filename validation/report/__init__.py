@@ -1,1 +1,1 @@
-"""One HTML page of what was run: words, numbers, plots and a view, with no need of a network."""
+"""Reports: self-contained HTML pages with words, numbers, plots and a view."""

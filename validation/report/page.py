@@ -1,4 +1,4 @@
-"""The page around a report: head, style, script; tables and plots as HTML."""
+"""Build the HTML of a report: the page with its style and script, tables and plots."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ NUMBER = set("0123456789.e+- ")
 
 
 def page(title: str, body: Iterable[str], head: str = "") -> str:
-    """A whole HTML page, self-contained."""
+    """Return a whole HTML page, self-contained."""
     style, script = ((HERE / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -28,17 +28,17 @@ def page(title: str, body: Iterable[str], head: str = "") -> str:
 
 
 def text(words: object) -> str:
-    """Words as HTML, on one line."""
+    """Return words as HTML, on one line."""
     return escape(" ".join(str(words).split()))
 
 
 def paragraph(words: str, kind: str = "") -> str:
-    """A paragraph of plain words."""
+    """Return a paragraph of plain words."""
     return f'<p class="{kind}">{text(words)}</p>' if kind else f"<p>{text(words)}</p>"
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str = "") -> str:
-    """A table that scrolls by itself where it is wider than the page."""
+    """Return a table that scrolls by itself where it is wider than the page."""
     head = "".join(f'<th scope="col">{text(each)}</th>' for each in headings)
     body = "".join(f"<tr>{''.join(map(_data, row))}</tr>" for row in rows)
     return (
@@ -48,19 +48,19 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str =
 
 
 def _data(cell: object) -> str:
-    """A cell; on paper the lines of words are broken, and a number stays whole."""
+    """Return a cell; on paper the lines of words are broken, and a number stays whole."""
     words = text(cell)
     return f'<td class="number">{words}</td>' if set(words) <= NUMBER else f"<td>{words}</td>"
 
 
 def folded(summary: str, inside: str, short: bool = False) -> str:
-    """What a reader may unfold; what is short is unfolded on paper."""
+    """Return a part that a reader may unfold; a short one is unfolded on paper."""
     kind = ' class="short"' if short else ""
     return f"<details{kind}><summary>{text(summary)}</summary>{inside}</details>"
 
 
 def plain(values: Mapping[str, Any]) -> str:
-    """Names and values as a table."""
+    """Return names and values as a table."""
     return table(("", ""), values.items(), "words")
 
 
@@ -74,7 +74,7 @@ def plot(
     equal: bool = False,
     note: str = "",
 ) -> str:
-    """A plot with its names above, the values under the pointer and a table of them below."""
+    """Return a plot with its names above, and below it values under the pointer and in a table."""
     drawn = chart(lines, x_label, y_label, log=log, equal=equal, size=(560, 330))
     words = f'<p class="faint">{text(note)}</p>' if note else ""
     return (
@@ -85,7 +85,7 @@ def plot(
 
 
 def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
-    """Each line at a few places, in a table."""
+    """Return a table of each line at a few places."""
     first, path = lines[0], lines[0].times is not None
     count = len(first.x)
     places = sorted({round(i * (count - 1) / (ROWS - 1)) for i in range(ROWS)})
@@ -106,5 +106,5 @@ def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
 
 
 def embedded(data: bytes, kind: str) -> str:
-    """A file's bytes as an address that needs no network."""
+    """Return a file's bytes as an address that needs no network."""
     return f"data:{kind};base64,{b64encode(data).decode('ascii')}"

@@ -1,4 +1,4 @@
-"""The report of scenes that were compared: agreement, plots, a view, settings, how to repeat it."""
+"""Report scenes that were compared: agreement, plots, a view, settings, how to repeat it."""
 
 from collections.abc import Sequence
 from html import escape
@@ -27,7 +27,7 @@ ERRORS = {
 
 
 def report(agreements: Sequence[Agreement], command: str, film: Path | None = None) -> str:
-    """The whole page; agreements of one scene stand together.
+    """Return the whole page; agreements of one scene stand together.
 
     command: what makes it again; film: the mp4 of the first agreement, in place of its 3-D view.
     """
@@ -98,7 +98,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
 
 
 def sentence(agreement: Agreement) -> str:
-    """The verdict in words and numbers, with the bound."""
+    """Return the verdict in words and numbers, with the bound."""
     engine, name = agreement.motion.engine.name, agreement.settings.name
     start = f"{engine}, {name}: {agreement.verdict}."
     if not agreement.finished:
@@ -169,7 +169,7 @@ def _plots(group: Sequence[Agreement]) -> list[str]:
 
 
 def _over_time(group: Sequence[Agreement], values: Sequence[Array]) -> list[Line]:
-    """Lines without the exact zero that they start from, of runs that went on from there."""
+    """Return lines without the exact zero that they start from, of runs that went on from there."""
     return [
         Line(
             each.settings.name,
@@ -184,7 +184,7 @@ def _over_time(group: Sequence[Agreement], values: Sequence[Array]) -> list[Line
 
 
 def friction_words(group: Sequence[Agreement]) -> list[str]:
-    """What the motion demands of the plane, and what each of the settings gives."""
+    """Return sentences on the friction that the motion needs and that each settings give."""
     first, asked = group[0], needs(group[0].theory)
     sliding, torsional = asked["sliding_friction"], asked["torsional_friction"]
     words = [

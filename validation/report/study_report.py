@@ -1,4 +1,4 @@
-"""The report of a study's JSON file: its tables, its versions, and the pictures beside it."""
+"""Report a study's JSON file: its tables, its versions, and the pictures beside it."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ WIDEST = 60  # characters of a cell
 
 
 def study_report(source: Path) -> str:
-    """The page of a JSON file that a study wrote, and of its picture: `x.png`, or all `x….png`.
+    """Return the page of a JSON file that a study wrote, with its picture `x.png`, or all `x….png`.
 
     Raises InputError for a file that cannot be read, or that no study wrote.
     """
@@ -48,7 +48,7 @@ def _is_record(part: object) -> bool:
 
 
 def _parts(record: Mapping[str, Any]) -> list[str]:
-    """A record's plain values as one table, and each list of records in it as another."""
+    """Return a record's plain values as one table, and each list of records as another."""
     single = {name: value for name, value in record.items() if _is_plain(value)}
     body = [plain({name: _cell(value) for name, value in single.items()})] if single else []
     for name, value in record.items():

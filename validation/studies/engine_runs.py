@@ -27,11 +27,11 @@ from typing import Any
 
 import robotball
 from robotball import InputError, engine_named, engine_names, integrate, load_scene, sample_times
-from robotball.cores import end_when_closed
 from robotball.dispatch import DEFAULT, run_request
 from robotball.engine import Request
 from robotball.engines.adapter import Adapter
 from robotball.motion import EngineSettings, momentum_error, path_error
+from robotball.processes import end_when_closed
 from validation.sensitivity import total_defect
 
 OLDER = "mujoco-3.17"  # before RK4 was of order 4 on free joints

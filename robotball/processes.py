@@ -1,0 +1,276 @@
+"""Work in processes, on as many cores as are allowed.
+
+Each process shares a pipe with one thread here and nothing with any other process. Where processes
+share a queue, as those of concurrent.futures and pebble do, one that is killed may keep the queue's
+lock: after several random kills all others wait for it, or the whole pool breaks.
+"""
+
+import fcntl
+import multiprocessing
+import os
+import signal
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager, suppress
+from functools import partial
+from itertools import islice
+from multiprocessing import connection, forkserver, resource_tracker
+from multiprocessing.process import BaseProcess
+from typing import Any, TypeAlias, TypeVar
+
+from robotball.cores import allowed, at_most
+from robotball.errors import SceneWarning
+from robotball.files.replacing import remove_unfinished
+
+# The libraries' own threads would take the cores of the other processes.
+_ONE_THREAD = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
+)
+# Its server imports the work once, and then starts a process in milliseconds.
+_FORKSERVER = multiprocessing.get_context("forkserver")
+_CHILDREN = threading.Lock()  # multiprocessing polls all processes when one starts, in any thread
+_TRIES = 10  # starts of a process that is killed before it is ready
+_IDLE = 60.0  # s that a process waits for a job before it ends, as after a sweep on a dask worker
+_GRACE = (
+    1.0  # s for a process to end in; one in compiled code, which writes no file, is killed then
+)
+_PARTS = 20  # a limit is waited for in so many parts: a time in which we are stopped takes one
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+Answer: TypeAlias = tuple[Any, list[str]]  # the result of a job, and the texts of its warnings
+
+
+def in_processes(
+    work: Callable[[Job], Result], jobs: Sequence[Job], least: int = 2
+) -> Iterator[Result]:
+    """Yield the results of jobs in their order, from as many processes as `at_most` allows.
+
+    work: a module's function, `partial` of one, or an object that can be called; like jobs and
+    results it can be pickled. With one process, or fewer jobs than `least`, it is called here: a
+    process takes a second to start. Its warnings and errors are the caller's. The processes end
+    with the iterator. Raises ChildProcessError where one of them dies.
+    """
+    count = min(allowed(), len(jobs))
+    if count < 2 or len(jobs) < least:
+        yield from map(work, jobs)
+        return
+    with pool(work, count) as submit:
+        waiting = iter(jobs)
+        # As many as keep every process busy: the results of a film's frames would fill the memory.
+        in_order = deque(submit(job) for job in islice(waiting, 2 * count))
+        running = set(in_order)
+        while running:
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in finished:
+                for line in _answer(future)[1]:
+                    warnings.warn(line, SceneWarning, stacklevel=2)
+            more = [submit(job) for job in islice(waiting, len(finished))]
+            running.update(more)
+            in_order.extend(more)
+            while in_order and in_order[0].done():
+                yield _answer(in_order.popleft())[0]
+
+
+def _answer(future: Future[Answer]) -> Answer:
+    try:
+        return future.result()
+    except EndedError:
+        raise ChildProcessError("a process was ended from outside") from None
+
+
+def prepare(*modules: str) -> None:
+    """Have modules imported for the processes that will need them, beside other work here."""
+    if allowed() > 1:
+        _start_server(modules)
+
+
+@contextmanager
+def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., Future[Answer]]]:
+    """Give a function that has a job, and its limit [s], answered by one of so many workers.
+
+    Its futures are those of `Worker.answer`. The processes end with the block, whatever they do.
+    """
+    workers = [Worker(work) for _ in range(count)]
+    free = list(workers)
+
+    def answer(job: Any, limit: float | None = None) -> Answer:
+        worker = free.pop()
+        try:
+            return worker.answer(job, limit)
+        finally:
+            free.append(worker)
+
+    executor = ThreadPoolExecutor(count)
+    try:
+        yield lambda *job: executor.submit(answer, *job)
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:
+            worker.stop()
+        late = time.monotonic() + _GRACE
+        for worker in workers:
+            worker.end(late)
+        executor.shutdown()
+
+
+class EndedError(Exception):
+    """A process ended before its job did.
+
+    status: of its exit; the signal's number, negative, where it was killed; None where it was ended
+    for a job that took longer than its limit.
+    """
+
+    def __init__(self, status: int | None) -> None:
+        super().__init__(status)
+        self.status = status
+
+
+class Worker:
+    """A process that does jobs for one thread, started when first needed and again after its end.
+
+    work: a function that can be pickled.
+    """
+
+    def __init__(self, work: Callable[[Any], Any]) -> None:
+        self._work = work
+        self._process: BaseProcess | None = None
+        self._closed = False
+
+    def answer(self, job: Any, limit: float | None = None) -> Answer:
+        """Return what `work` makes of a job; its errors are raised here.
+
+        Raises EndedError where the process dies, or is killed as the job takes longer than `limit`
+        [s], and ChildProcessError where none can be started.
+        """
+        # Between two jobs nothing comes through the pipe but its end.
+        if self._process is None or self._pipe.poll():
+            self._start()
+        try:
+            self._pipe.send(job)
+            if answered := self._answers(limit):
+                result, error, lines = self._pipe.recv()
+        except (OSError, EOFError):
+            raise EndedError(self.end()) from None
+        if not answered:
+            self.end()
+            raise EndedError(None)
+        if error is not None:
+            raise error
+        return result, lines
+
+    def stop(self) -> None:
+        """Let the process end soon, and start no other; for any thread."""
+        with _CHILDREN:
+            self._closed = True
+            if (process := self._process) is not None:
+                process.terminate()
+
+    def end(self, late: float = 0.0) -> int:
+        """Return the exit status of the process, killed if it still runs at a monotonic time."""
+        process, self._process = self._process, None
+        if process is None:
+            return 0
+        connection.wait([process.sentinel], max(0.0, late - time.monotonic()))
+        with _CHILDREN:
+            process.kill()
+            process.join()
+            return process.exitcode or 0
+
+    def _start(self) -> None:
+        for _ in range(_TRIES):
+            self.end()
+            self._pipe, theirs = _FORKSERVER.Pipe()
+            process = _FORKSERVER.Process(target=_serve, args=(theirs, self._work), daemon=True)
+            with suppress(OSError, EOFError):
+                with theirs, _CHILDREN:
+                    if self._closed:
+                        raise CancelledError
+                    _start_server(_modules(self._work))
+                    process.start()
+                    self._process = process
+                self._pipe.recv()
+                return
+            if self.end() > 0:  # by an exception, as where the work cannot be imported
+                break
+        raise ChildProcessError(
+            "a process was ended from outside, or by a script that starts processes whenever it is "
+            'imported: put what it does below `if __name__ == "__main__":`'
+        )
+
+    def _answers(self, limit: float | None) -> bool:
+        if limit is None:
+            return self._pipe.poll(None)
+        return any(self._pipe.poll(limit / _PARTS) for _ in range(_PARTS))
+
+
+def _start_server(modules: Iterable[str]) -> None:
+    """Start the server of processes, which imports modules for them; one that runs stays.
+
+    Its processes have one thread a library, and leave Ctrl-C to us, as they take over what the
+    server has from its start.
+    """
+    resource_tracker.ensure_running()  # whose start would unblock SIGINT
+    before = {name: os.environ[name] for name in _ONE_THREAD if name in os.environ}
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    os.environ.update(_ONE_THREAD)
+    try:
+        _FORKSERVER.set_forkserver_preload(["__main__", *modules, __name__])
+        forkserver.ensure_running()
+    finally:
+        for name in _ONE_THREAD:
+            del os.environ[name]
+        os.environ.update(before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+def _serve(pipe: connection.Connection, work: Callable[[Any], Any]) -> None:
+    """Do jobs in this process, after saying that it is ready."""
+    signal.signal(signal.SIGTERM, _end)
+    # A parent that is killed cannot end us, and compiled code would not see its pipe's end.
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    end_when_closed(parent.sentinel)
+    pipe.send(None)
+    with at_most(1), suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        while pipe.poll(_IDLE):
+            pipe.send(_call(work, pipe.recv()))
+
+
+def _end(*_: object) -> None:
+    """End this process at once; no `finally` of the job is waited for, which may take long."""
+    remove_unfinished()
+    os._exit(128 + signal.SIGTERM)
+
+
+def _modules(work: Any) -> list[str]:
+    """Return the modules of a function, or of all functions in a `partial`."""
+    if not isinstance(work, partial):
+        return [work.__module__] if callable(work) else []
+    return [module for part in (work.func, *work.args) for module in _modules(part)]
+
+
+def _call(work: Callable[[Any], Any], job: Any) -> tuple[Any, BaseException | None, list[str]]:
+    """Return the result of a job, or its error, and the texts of its warnings."""
+    result, error = None, None
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", SceneWarning)
+        try:
+            result = work(job)
+        except Exception as raised:
+            error = raised
+    lines = [str(w.message) for w in caught if issubclass(w.category, SceneWarning)]
+    return result, error, lines
+
+
+def end_when_closed(pipe: int) -> None:
+    """Have SIGIO end this process when the other end of a pipe closes, even in compiled code.
+
+    Where the system ignores SIGIO, as macOS does, the process ends after its job.
+    """
+    fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(pipe, fcntl.F_SETFL, os.O_ASYNC)

@@ -40,25 +40,6 @@ def followed(some: Parameters, gamma: Array, times: Array) -> Array:
     return rotation_matrix(orbit(some, attitude, np.zeros(3), times)[0])[:, 2]
 
 
-def test_fig6_has_ten_fixed_points() -> None:
-    """Four saddles, two stable foci, two unstable nodes and two slow stable foci, (0, 0, ±1)."""
-    points = fixed_points(from_rest(0.3))
-    assert kinds(points) == {
-        "saddle": 4,
-        "stable focus": 2,
-        "unstable node": 2,
-        "slow stable focus": 2,
-    }
-    slow = [point.gamma for point in points if point.kind == "slow stable focus"]
-    assert np.abs(np.abs(slow) - [0, 0, 1]).max() < 1e-15
-
-
-@pytest.mark.parametrize(("K3", "number"), [(0.515, 10), (0.5151, 6), (2.082, 6), (2.0821, 2)])
-def test_fixed_points_vanish_where_the_paper_says(K3: float, number: int) -> None:
-    """|κ₁| = 1 at K₃ = 0.51503 and |κ₂| = 1 at 2.08207; just beside, all are still told apart."""
-    assert len(fixed_points(from_rest(K3))) == number
-
-
 @pytest.mark.slow
 def test_no_fixed_point_is_missed() -> None:
     """Of 40 random balls: every list passes the check by indices, and no solver finds more.

@@ -68,9 +68,8 @@ def test_no_scene_is_left_out() -> None:
     assert sorted([*MEASURED, SERVO]) == rb.catalog()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MEASURED)
-@pytest.mark.parametrize("settings", ["balanced", "accurate"])
+@pytest.mark.parametrize("settings", ["balanced", pytest.param("accurate", marks=pytest.mark.slow)])
 def test_both_engines_agree_on_every_scene(name: str, settings: str) -> None:
     """The path error is at most three times what was measured, and there is no fault."""
     agreement = agreement_of(name, settings)
@@ -140,6 +139,12 @@ def test_the_head_of_a_file_is_that_of_its_scene() -> None:
         assert (entry.title, entry.rolling) == (scene.title, scene.rolling)
         assert entry.duration == scene.duration
     assert [entry.name for entry in entries()] == rb.catalog()
+
+
+def test_the_classical_scenes_have_the_balls_of_their_figures() -> None:
+    """Figs 12 and 14; their numbers are the captions'."""
+    for name, figure in (("classical_regular", "fig12"), ("classical_chaotic", "fig14")):
+        assert rb.load_scene(name).ball == rb.load_scene(figure).ball
 
 
 def test_every_scene_says_where_its_numbers_come_from() -> None:

@@ -1,18 +1,15 @@
 """Which attractor a start reaches, told in two ways."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins, drift
 from robotball.qualitative.sections import section_starts
-from robotball.rotations import Array
-from tests.figures import CHAOTIC, REGULAR, F, ball
+from tests.figures import CHAOTIC, REGULAR, ball, spread_starts
 
-
-def some_starts(n: int) -> tuple[Array, Array]:
-    """Attitudes (n, 4) and momenta (n, 3) all over the section g = 0."""
-    rng = np.random.default_rng(2)
-    return section_starts(rng.uniform(-4.9, 4.9, n), rng.uniform(0, 6.28, n), F)
+some_starts = partial(spread_starts, 2, most=4.9)
 
 
 def test_fig11a_has_two_attractors() -> None:

@@ -1,5 +1,7 @@
 """Lyapunov exponents: the reduced form against the full one, and the paper's numbers corrected."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -10,17 +12,11 @@ from robotball.errors import InputError
 from robotball.qualitative.exponents import exponents, kaplan_yorke
 from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array, rotation_matrix
-from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F
+from tests.figures import BALLS, CLASSICAL, REGULAR, F, spread_starts
 
 pytestmark = pytest.mark.core
 
-BALLS = [pytest.param(CHAOTIC, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
-
-
-def some_starts(n: int, c: float = 0.0) -> tuple[Array, Array]:
-    """Attitudes (n, 4) and momenta (n, 3) all over the section g = 0."""
-    rng = np.random.default_rng(5)
-    return section_starts(rng.uniform(-4, 4, n), rng.uniform(0, 6.28, n), F, c=c)
+some_starts = partial(spread_starts, 5)
 
 
 def level_state(attitude: Array, momentum: Array) -> Array:

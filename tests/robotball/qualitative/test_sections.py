@@ -1,5 +1,7 @@
 """Sections without angles, periodic orbits and drift: the paper's numbers, and heyoka's."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -10,17 +12,11 @@ from robotball.qualitative.cycles import close
 from robotball.qualitative.sections import fixed_point, section, section_starts
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import section_state
-from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F, ball
+from tests.figures import BALLS, CHAOTIC, CLASSICAL, REGULAR, F, ball, spread_starts
 
 pytestmark = pytest.mark.core
 
-BALLS = [pytest.param(CHAOTIC, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
-
-
-def some_starts(n: int, c: float, g: float = 0.0) -> tuple[Array, Array]:
-    """Attitudes (n, 4) and momenta (n, 3) all over the section's annulus."""
-    rng = np.random.default_rng(11)
-    return section_starts(rng.uniform(-4.99, 4.99, n), rng.uniform(0, 6.28, n), F, g, c)
+some_starts = partial(spread_starts, 11, most=4.99)
 
 
 def in_frame(attitudes: Array, momentum: Array) -> tuple[Array, Array]:

@@ -239,7 +239,8 @@ def _rotor_masses(
 def _Z(request: DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
     """Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
     g = request.momentum(s) / request.speed
-    per_T = 1 / np.maximum(T, 1e-300)
+    # Without a rotor T is 0; the momentum is rounding then, and nothing gives any back.
+    per_T = np.divide(1.0, T, out=np.zeros_like(T), where=T > 0)
     given_back = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
     P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * request.B
     return P_less_T + given_back, T - per_T * (g * g).sum(axis=-1)

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.core
 
 # Bounds are about three times what was measured, beside them, in path error over 10 s. At 20
 # ms RK4's own error dominates and is the same on every machine; at 1 ms it does, with rounding of
-# the same size; the adaptive preset has rounding alone. test_catalog has balanced, of all scenes.
+# the same size; the adaptive preset has rounding alone. test_catalog has balanced.
 PATH_BOUNDS = {
     ("fig12", "fast"): 1e-6,  # 3.3e-7
     ("fig12", "accurate"): 1e-11,  # 2.5e-12

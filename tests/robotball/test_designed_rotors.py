@@ -21,6 +21,8 @@ def test_a_ball_whose_momentum_is_that_of_shell_and_mass_needs_no_rotor() -> Non
     assert made.rotor_rates == ()
     assert made.ball.shell.axial_inertia + made.ball.d == pytest.approx(0.95, rel=1e-14)
     assert numbers(made)[2] == pytest.approx([0.0, 0.0, -1.9], rel=1e-14)
+    Omega = np.array([0.3, -0.7, 1.9])
+    assert fig12(Omega=Omega, K=-0.95 * Omega).rotor_rates == ()
     for K in ((0.0, 0.0, -1.5), (0.0, 0.0, 1.9), (1e-6, 0.0, -1.9), (0.0, 0.0, 0.0)):
         assert len(fig12(K=K).rotor_rates) == 1
 

@@ -138,7 +138,9 @@ ROBOTS = [name for name in MEASURED if rb.load_scene(name).not_reduced]
 
 
 def motion_of(name: str) -> rb.ReferenceMotion:
-    return agreement_of(name, "balanced").theory
+    theory = agreement_of(name, "balanced").theory
+    assert isinstance(theory, rb.ReferenceMotion)
+    return theory
 
 
 @pytest.mark.parametrize("name", ROBOTS)

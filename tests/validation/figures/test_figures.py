@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-import robotball as rb
-from robotball.engines.mujoco.model import build
 from robotball.qualitative.cycles import invariant_curve
 from robotball.qualitative.equilibria import fixed_points
 from robotball.qualitative.portraits import separatrices
@@ -22,11 +20,6 @@ from validation.figures.lines import LINE_K, growth_rate, line_verticals
 from validation.figures.paper_figures import FIGURES, draw_figures
 from validation.figures.rest import both, closed_contour
 from validation.paper.formulas import paper_scene
-from validation.studies.contact_sections import (
-    cloud_by_contact,
-    cloud_by_equations,
-    distance_to_curve,
-)
 
 
 @pytest.fixture
@@ -105,22 +98,6 @@ def test_fig9s_straight_lines_go_opposite_ways() -> None:
         M = np.cross(gamma, LINE_K)
         assert gamma @ gamma == pytest.approx(1)
         assert M[2] == pytest.approx(np.sqrt(3) * (1 if name[0] == "σ" else -1))
-
-
-@pytest.mark.slow
-def test_mujocos_torus_of_fig11a_is_that_of_the_equations() -> None:
-    """60 points in 20 ms steps: measured 1.9e-4 of unit vectors at most, RK4's error.
-
-    A control: points of the strange attractor of Fig. 11b are as far away as 1.6.
-    """
-    scene = rb.load_scene("fig12")
-    curve = cloud_by_equations(scene.parameters, figures_sections.TORUS, seed=0)
-    few = replace(figures_sections.TORUS_BY_CONTACT, skipped=60, count=60)
-    model = build(scene, rb.preset("fast"))
-    points = cloud_by_contact(model, few, seed=0)
-    assert distance_to_curve(points.states, curve.states).max() < 6e-4
-    chaos = cloud_by_equations(rb.load_scene("fig14").parameters, figures_sections.CHAOS, seed=0)
-    assert distance_to_curve(chaos.states, curve.states).max() > 1
 
 
 @pytest.mark.parametrize("by_engine", [False, True])

@@ -513,7 +513,8 @@ def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Ar
 def _Z(request: DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
     """Return Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
     g = request.momentum(s) / request.speed
-    per_T = 1 / np.maximum(T, 1e-300)  # T >= |g|, so that T = 0 has g = 0, and 0/0 is to be 0
+    # Without a rotor T is 0; the momentum is rounding then, and nothing gives any back.
+    per_T = np.divide(1.0, T, out=np.zeros_like(T), where=T > 0)
     given_back = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
     P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * request.B
     return P_less_T + given_back, T - per_T * (g * g).sum(axis=-1)

@@ -1,6 +1,11 @@
-"""The balls of the paper's figures, by the numbers of the equations."""
+"""The balls of the paper's figures, by the numbers of the equations, and starts."""
+
+import numpy as np
+import pytest
 
 from robotball.equations import Parameters, Rolling, Vector
+from robotball.qualitative.sections import section_starts
+from robotball.rotations import Array
 
 
 def ball(
@@ -20,3 +25,13 @@ REGULAR = ball((0.7, 0.6, 0.8), (0.0, 0.0, 2.0), (2.0, 2.0, 0.0))  # Figs 11a, 1
 CHAOTIC = ball((0.8, 0.6, 0.7), (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))  # Figs 11b, 14
 CLASSICAL = ball((0.8, 0.6, 0.7), (0.0, 0.0, 2.0), (2.0, 3.0, 0.0), "classical")  # with c = 3
 F = 25.0  # M² of all of them [(kg m²/s)²]
+# A ball of each model, with the c of its starts.
+BALLS = [pytest.param(CHAOTIC, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
+
+
+def spread_starts(
+    seed: int, n: int, c: float = 0.0, g: float = 0.0, most: float = 4.0
+) -> tuple[Array, Array]:
+    """Attitudes (n, 4) and momenta (n, 3) all over the section's annulus, as far as |L| = most."""
+    rng = np.random.default_rng(seed)
+    return section_starts(rng.uniform(-most, most, n), rng.uniform(0, 6.28, n), F, g, c)

@@ -20,7 +20,7 @@ def graph_of(modules: Mapping[str, Path]) -> dict[str, set[str]]:
     To import a module runs its packages as well, but what they hand on counts only where it is
     taken from them.
     """
-    return {name: set(_imported(name, file, modules)) for name, file in modules.items()}
+    return {name: set(imported(name, file, modules)) for name, file in modules.items()}
 
 
 def reached(graph: Mapping[str, set[str]], start: str) -> set[str]:
@@ -34,7 +34,8 @@ def reached(graph: Mapping[str, set[str]], start: str) -> set[str]:
     return seen
 
 
-def _imported(module: str, file: Path, modules: Mapping[str, Path]) -> Iterator[str]:
+def imported(module: str, file: Path, modules: Mapping[str, Path]) -> Iterator[str]:
+    """What one module imports of the others, as its file has it."""
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):

@@ -23,7 +23,6 @@ from robotball.robot import (
     thin_shell_inertia,
 )
 from robotball.rotations import Array
-from tests.scenes import FOUR
 
 NAN, INF = float("nan"), float("inf")
 Z_AXIS = np.array([0.0, 0.0, 1.0])
@@ -36,36 +35,6 @@ BALL = Ball(SHELL, FRAME, (ROTOR,))
 def gap(a: ArrayLike, b: ArrayLike) -> float:
     """The largest difference of two arrays' entries."""
     return float(np.abs(np.asarray(a) - np.asarray(b)).max())
-
-
-# The catalog -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("name", "A", "K"),
-    [
-        ("fig12", (0.7, 0.6, 0.8), (2.0, 2.0, 0.0)),
-        ("fig13", (0.7, 0.6, 0.8), (2.0, 2.0, 0.0)),
-        ("fig14", (0.8, 0.6, 0.7), (2.0, 3.0, 0.0)),
-        ("classical_regular", (0.7, 0.6, 0.8), (2.0, 2.0, 0.0)),
-    ],
-)
-def test_catalog_bodies_have_the_papers_numbers(name: str, A: Array, K: Array) -> None:
-    """A, K, Ω and a of the figures come back from the bodies, to rounding: at most 4.4e-16."""
-    p = rb.load_scene(name).parameters
-    assert gap(p.A, A) < 1e-15
-    assert gap(p.K, K) < 2e-15
-    assert (p.Omega, p.a) == ((0.0, 0.0, 2.0), 1.0)
-    assert p.d == pytest.approx(0.9, rel=1e-15)
-
-
-@pytest.mark.parametrize("name", FOUR)
-def test_catalog_bodies_fit_into_the_shell(name: str) -> None:
-    """No body needs mass outside the shell: ½ tr I = Σ m r² is at most m a² for each."""
-    ball = rb.load_scene(name).ball
-    for body_name, body in ball.named_bodies:
-        fullness = np.trace(body.inertia) / 2 / (body.mass * ball.radius**2)
-        assert fullness <= 1 + 1e-15, body_name  # a thin shell's is 1
 
 
 # A ball of any bodies ------------------------------------------------------------------------

@@ -1,9 +1,5 @@
-"""A design is told in lines of words, and as a scene file."""
+"""A design is described in lines of words."""
 
-from dataclasses import replace
-from typing import Any
-
-import robotball as rb
 from robotball import Limits
 from robotball.designing import describe
 from tests.robotball.designs import UNBUILDABLE, fig12
@@ -21,14 +17,3 @@ def test_a_description_lists_bodies_rates_and_the_verdict() -> None:
     assert "ring of radius 0.9 m" in lines[3]
     assert "18.5 rad/s" in lines[4]
     assert UNBUILDABLE in describe(fig12(A=(0.5, 0.4, 0.3)))
-
-
-def test_a_designed_scene_survives_its_file(tmp_path: Any) -> None:
-    """Written and read again it is the same ball."""
-    made, scene = fig12(), rb.load_scene("fig12")
-    designed = replace(
-        scene, ball=made.ball, frame_rate=made.frame_rate, rotor_rates=made.rotor_rates
-    )
-    path = tmp_path / "designed.toml"
-    path.write_text(rb.scene_toml(designed))
-    assert rb.load_scene(path).parameters == designed.parameters

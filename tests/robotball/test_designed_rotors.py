@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import robotball as rb
 from robotball import Limits
-from robotball.designing import _best, _margin, _request, two_rings
-from tests.random_balls import random_axis, ring_ball
+from robotball.designing import ROTOR_SHARE, _best, _margin, _request, share, two_rings
+from tests.random_balls import random_axis, random_ball, ring_ball
 from tests.robotball.designs import A12, K12, OMEGA12, check_bodies, error, fig12, numbers
 
 
@@ -21,6 +21,8 @@ def test_a_ball_whose_momentum_is_that_of_shell_and_mass_needs_no_rotor() -> Non
     assert made.rotor_rates == ()
     assert made.ball.shell.axial_inertia + made.ball.d == pytest.approx(0.95, rel=1e-14)
     assert numbers(made)[2] == pytest.approx([0.0, 0.0, -1.9], rel=1e-14)
+    Omega = np.array([0.3, -0.7, 1.9])
+    assert fig12(Omega=Omega, K=-0.95 * Omega).rotor_rates == ()
     for K in ((0.0, 0.0, -1.5), (0.0, 0.0, 1.9), (1e-6, 0.0, -1.9), (0.0, 0.0, 0.0)):
         assert len(fig12(K=K).rotor_rates) == 1
 
@@ -74,6 +76,51 @@ def test_two_rings_have_the_moments_asked_of_them(seed: int, cosine: float) -> N
     assert j.sum() == pytest.approx(T, rel=1e-14)
     assert np.abs(j_n.sum(axis=0) - g).max() < 1e-14 * T
     assert np.abs(N - request).max() < 1e-14 * T
+
+
+@pytest.mark.parametrize("free", [True, False], ids=["any mass", "a mass"])
+def test_a_share_keeps_every_bound_by_its_margin(free: bool) -> None:
+    """And one of them by no more: of the frame's moments and mass, and of its reach.
+
+    Measured 1.6e-13 of the margin: rounding. Two rotors may weigh less than what is allowed for.
+    """
+    rng, rotors = np.random.default_rng(3), set()
+    for _ in range(200):
+        real = random_ball(rng, int(rng.integers(4))) if rng.random() < 0.8 else ring_ball(rng, 3)
+        ball, light = real.ball, rng.uniform(0.2, 0.9)
+        limits = Limits(
+            shell_thickness=real.thickness,
+            frame_radius=real.frame_radius,
+            rotor_radius=real.rotor_radius,
+            rotor_speed=1.5 * max(map(abs, real.rotor_rates), default=1.0),
+            shell_mass=light * ball.shell.mass,
+            frame_mass=light * ball.frame.mass,
+            rotor_mass=light * min((each.mass for each in ball.rotors), default=0.0) / 4,
+        )
+        B = np.asarray(np.linalg.inv(ball.A), dtype=float)
+        mass = None if free else ball.mass
+        request = _request(B, real.Omega, real.K, ball.radius, mass, limits)
+        found = share(request, request.frame_radius)
+        assert found is not None
+        total = found.shell_mass + found.frame_mass + found.rotor_masses.sum()
+        s = total + request.shell_factor * found.shell_mass
+        flat = np.eye(3) - found.axes[:, :, None] * found.axes[:, None, :]
+        frame = (1 - s) * np.eye(3) - 2 * request.B
+        frame -= np.einsum("r,rij->ij", found.axial_inertias, flat)
+        # A single rotor takes a part of the margin for a slower rate, in each direction.
+        slower = ROTOR_SHARE * found.margin * (len(found.axes) == 1)
+        moment = np.linalg.eigvalsh(frame + slower * flat.sum(axis=0))[0] - slower
+        room = found.frame_mass * request.frame_radius**2 - np.trace(frame) / 2
+        kept = [moment, found.frame_mass - request.frame, room]
+        shell = found.shell_mass - request.shell
+        assert shell >= found.margin * (1 - 1e-9)
+        least = min(kept if free else [*kept, shell])
+        rotors.add(len(found.axes))
+        if len(found.axes) < 2:
+            assert least == pytest.approx(found.margin, rel=1e-11)
+        else:
+            assert least >= found.margin * (1 - 1e-9)
+    assert rotors == {0, 1, 2}
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -74,14 +74,3 @@ def test_power_is_torque_times_rate() -> None:
     assert np.abs(theirs).max() > 10  # W
     # Measured 2.3e-6 W of 40: RK4's error.
     assert np.abs(ours - theirs).max() < 1e-5
-
-
-@pytest.mark.slow
-def test_a_torque_limit_that_is_reached_is_reported() -> None:
-    """A servo at its limit loses the rate; it is no fault, and the run says from when."""
-    weak = (rb.Servo(gain=100.0, torque_limit=3.0), None)
-    agreement = compare(replace(FIG12, motors=weak), "balanced")
-    assert agreement.finished
-    assert agreement.faults == ()
-    assert "frame's motor at its torque limit" in [note.text for note in agreement.report.notes]
-    assert np.abs(agreement.motion.loads.motor_torques[:, 0]).max() == pytest.approx(3.0, rel=1e-6)

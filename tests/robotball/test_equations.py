@@ -272,7 +272,7 @@ def test_angular_momentum_about_the_contact_is_that_of_the_bodies() -> None:
 # Numbers -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("thinness", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("thinness", [1e-3, 1e-6, 1e-9, 1e-15, 1e-40])
 def test_a_ball_of_little_inertia_loses_no_digits(thinness: float) -> None:
     """(3.3) keeps 1e-15 for I << d, where 1/d - (Aγ,γ) as printed loses log10(d/I) digits."""
     I, d = (0.7 * thinness, 1.1 * thinness, 0.9 * thinness), 0.9
@@ -295,12 +295,13 @@ def test_a_ball_of_little_inertia_loses_no_digits(thinness: float) -> None:
     def worst(omega: list[Scalar]) -> float:
         return max(abs(float((o - e) / e)) for o, e in zip(omega, exact, strict=True))
 
-    with mpmath.workdps(50):
+    with mpmath.workdps(120):
         exact = printed(mpmath.mpf)
         # Rounding: measured 6.1e-16 at worst.
         assert worst(list(computed)) < 2e-15
-        # Measured 6.3e-14, 8.6e-11, 3.3e-8: it must lose, or this test shows nothing.
-        assert worst(printed(float)) > 1e-17 / thinness
+        # Measured 6.3e-14, 8.6e-11, 3.3e-8: it must lose, or this test shows nothing. Of a ball
+        # that is thinner nothing is left.
+        assert thinness < 1e-9 or worst(printed(float)) > 1e-17 / thinness
 
 
 @pytest.mark.parametrize("rolling", MODELS)

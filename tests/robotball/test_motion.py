@@ -14,10 +14,39 @@ import robotball.motion
 from robotball.engines.mujoco.stepping import stretches
 from robotball.engines.reduced import motion_of
 from robotball.motion import PIECE, attitude_error, gamma_error, momentum_error, path_error
-from robotball.rotations import Array
+from robotball.rotations import Array, multiply
 
 FIG12 = rb.load_scene("fig12")
 MEASURES = (path_error, attitude_error, gamma_error, momentum_error)
+
+
+@pytest.mark.parametrize(
+    ("axis", "angle", "of_gamma"),
+    [([0.0, 0.0, 1.0], 0.2, 0.0), ([0.6, 0.8, 0.0], 0.3, 0.3), ([0.0, 1.0, 0.0], 2 * np.pi, 0.0)],
+)
+def test_each_error_has_its_own_scale(axis: list[float], angle: float, of_gamma: float) -> None:
+    """Metres over the path's length, radians of frame and vertical, and M over its size, 5."""
+    theory = rb.integrate(FIG12, np.linspace(0.0, 2.0, 21))
+    turn = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.array(axis))])
+    length = np.linalg.norm(np.diff(theory.contact_point, axis=0), axis=1).sum()
+    off = replace(
+        theory,
+        contact_point=theory.contact_point + np.outer(theory.times, [0.3, 0.4]),
+        attitude=multiply(turn, theory.attitude),
+        momentum=theory.momentum + np.outer(theory.times, [0.0, 1.0, 0.0]),
+    )
+    assert path_error(off, theory) == pytest.approx(0.5 * 2.0 / length, rel=1e-12)
+    assert attitude_error(off, theory) == pytest.approx(angle % (2 * np.pi), abs=1e-12)
+    assert gamma_error(off, theory) == pytest.approx(of_gamma, abs=1e-12)
+    assert momentum_error(off, theory) == pytest.approx(2.0 / 5.0, rel=1e-12)
+
+
+def test_friction_needed_is_a_load_over_the_normal_force() -> None:
+    """And none where nothing presses the ball on the plane."""
+    force = np.array([[3.0, 4.0, 10.0], [3.0, 4.0, 0.0], [1.0, 0.0, -2.0]])
+    loads = rb.motion.Loads(force, np.array([-2.0, 1.0, 1.0]), np.zeros((3, 1)))
+    assert loads.sliding_friction.tolist() == [0.5, 0.0, 0.0]
+    assert loads.torsional_friction.tolist() == [0.2, 0.0, 0.0]
 
 
 def arrays(motion: rb.Motion) -> dict[Any, Array]:

@@ -83,7 +83,7 @@ CAPTIONS = {
 }
 
 
-def motion(caption: Caption, times: Array) -> tuple[Array, Array]:
+def motion(caption: Caption, times: Array, rtol: float = 1e-12) -> tuple[Array, Array]:
     """γ (n, 3) and (X, Y) (n, 2) by (2.6), (2.7) and (3.2), by scipy."""
     n = caption.n
 
@@ -95,7 +95,7 @@ def motion(caption: Caption, times: Array) -> tuple[Array, Array]:
         return np.concatenate([*turning, [n.a * beta @ shell, -n.a * alpha @ shell]])
 
     start = np.concatenate([caption.M, caption.axes.ravel(), [0.0, 0.0]])
-    found = f.followed(rate, start, times)
+    found = f.followed(rate, start, times, rtol)
     return found[:, 9:12], found[:, 12:]
 
 

@@ -156,3 +156,24 @@ def test_torsional_friction_that_is_not_there_is_told_before_the_run() -> None:
         assert said in lack
     assert engine.lacks(rb.load_scene("classical_regular"), engine.presets["best"]) is None
     assert engine.lacks(rubber, engine.presets["ideal"]) is None
+
+
+def bullet() -> Adapter:
+    if not ADAPTERS["bullet"].installed:
+        pytest.skip("needs the extra bullet")
+    return ADAPTERS["bullet"]
+
+
+def test_bullet_at_its_best_is_of_first_order() -> None:
+    """A fifth of the step makes a fifth of the error, of the path and of M."""
+    steps = (5e-3, 1e-3)
+    coarse, fine = (errors("bullet", "best", "timestep", step, "fig12") for step in steps)
+    assert np.divide(coarse, fine) == pytest.approx([5, 5], rel=0.2)
+
+
+def test_bullet_as_it_comes_cuts_the_rotors_rate() -> None:
+    """Every hinge at 100 rad/s at most, in silence: the rotor's 148 are off by a third."""
+    scene = rb.load_scene("fig12")
+    motion = rb.simulate(scene, rb.sample_times(0.2), "as-it-comes", engine=bullet())
+    assert motion.hinge_rates[-1, 1] == pytest.approx(100, abs=1)
+    assert motion.report.faults[0].kind is rb.FaultKind.RATE_OFF

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 import pytest
@@ -30,19 +31,11 @@ from robotball.engines.ensembles.steppers import (
 )
 from robotball.equations import Parameters, as_vector, speed_bound
 from robotball.errors import InputError
-from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array, rotation_matrix
-from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F
+from tests.figures import BALLS, CHAOTIC, CLASSICAL, REGULAR, F, spread_starts
 from tests.scenes import FOUR
 
-BALLS = [pytest.param(REGULAR, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
-
-
-def some_starts(n: int, c: float = 0.0) -> tuple[Array, Array]:
-    """Attitudes (n, 4) and momenta (n, 3) all over the level set."""
-    rng = np.random.default_rng(7)
-    return section_starts(rng.uniform(-4, 4, n), rng.uniform(0, 6.28, n), F, g=1.0, c=c)
-
+some_starts = partial(spread_starts, 7, g=1.0)
 
 # The step ----------------------------------------------------------------------------------
 

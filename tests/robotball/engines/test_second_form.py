@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import robotball as rb
 from robotball import equations as eq
 from robotball.equations import Scalar, Vector, as_vector
-from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.rotations import Array, rotation_matrix
 from tests.scenes import FOUR
 
 pytestmark = pytest.mark.core
@@ -85,57 +85,3 @@ def test_full_equations_give_the_same_motion(
     assert np.abs(full.omega - omega).max() < 3e-11
     assert np.abs(full.space_axes - axes).max() < 2e-11
     assert np.abs(full.contact_point - reduced.contact_point).max() < 3e-11
-
-
-def test_momentum_is_constant_in_space_along_the_full_motion(
-    scene: rb.Scene, full: FullMotion
-) -> None:
-    """M(ω, γ), turned into world axes, stays the start's: the full system does not know of M.
-
-    Integration error of ω and the axes: at most 2.2e-12 kg m²/s of 5.
-    """
-    gamma = full.space_axes[:, 2, :]
-    M = np.stack(scene.parameters.momentum(tuple(full.omega.T), tuple(gamma.T)), axis=1)
-    M_world = np.einsum("nij,nj->ni", full.space_axes, M)
-    assert np.abs(M_world - scene.start.momentum).max() < 1e-11
-
-
-def test_shell_spins_on_the_spot_in_the_classical_model_only(
-    scene: rb.Scene, full: FullMotion
-) -> None:
-    """(ω - Ω, γ) stays 0 in the rubber model, held by a spin torque λ₀; not in the classical."""
-    gamma = full.space_axes[:, 2, :]
-    spin = np.einsum("ni,ni->n", full.omega - scene.parameters.Omega, gamma)
-    _, spin_torque = full_acceleration(scene, tuple(full.omega.T), tuple(gamma.T))
-    if scene.rolling == "rubber":
-        assert np.abs(spin).max() < 5e-12  # integration error, measured 1.3e-12 rad/s
-        assert np.abs(spin_torque).max() > 1  # N m; measured 14 to 21
-    else:
-        assert np.abs(spin).max() > 1  # rad/s; measured 4.8
-        assert spin_torque == 0
-
-
-def test_an_independent_integrator_reaches_the_same_state(scene: rb.Scene) -> None:
-    """heyoka's Taylor series of the same formulas end where `integrate` does, at 10 s."""
-    hy = pytest.importorskip("heyoka", reason="heyoka is the extra `reference`, on Linux only")
-    p = scene.parameters
-    w, x, y, z, X, Y = hy.make_vars("w", "x", "y", "z", "X", "Y")
-    alpha, beta, gamma = eq.space_axes((w, x, y, z))
-    MX, MY, MZ = as_vector(scene.start.momentum)
-    M = eq.add(eq.add(eq.scale(MX, alpha), eq.scale(MY, beta)), eq.scale(MZ, gamma))
-    omega = p.angular_velocity(M, gamma)
-    rates = (
-        *eq.attitude_rate((w, x, y, z), omega),
-        *eq.contact_velocity(alpha, beta, omega, p.Omega, p.a),
-    )
-    q0 = multiply(scene.start.attitude, scene.principal_quaternion)
-    taylor = hy.taylor_adaptive(
-        list(zip((w, x, y, z, X, Y), rates, strict=True)), [*q0, 0.0, 0.0], compact_mode=True
-    )
-    taylor.propagate_until(SECONDS)
-    end = rb.integrate(scene, np.array([0.0, SECONDS]))
-    axes = rotation_matrix(multiply(taylor.state[:4], conjugate(scene.principal_quaternion)))
-    # DOP853's own error; measured 1.2e-13 (fig12) to 4.0e-12 m (classical_regular).
-    assert np.abs(taylor.state[4:] - end.contact_point[-1]).max() < 1e-11
-    # Measured 2.8e-13 to 2.1e-12.
-    assert np.abs(axes - rotation_matrix(end.attitude[-1])).max() < 1e-11

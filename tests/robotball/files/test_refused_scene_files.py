@@ -99,30 +99,18 @@ ATTITUDE = "attitude = [1.0, 0.0, 0.0, 0.0]\n"
             "f = 25.0 }\nattitude = [1.0, 0.0]",
             "attitude: it must be a list of 4, not 2",
         ),
-        # values
+        # values, of which the tests of bodies and of starts have the rest
         ("radius = 1.0", "radius = 0.0", "the shell's radius must be positive and finite, not 0"),
-        ("mass = 0.07", "mass = -0.07", "shell's mass must be positive and finite, not -0.07 kg"),
-        ("mass = 0.0284", "mass = 0", "rotor1's mass must be positive and finite, not 0 kg"),
         ("duration = 10.0", "duration = -1.0", "duration must be positive and finite, not -1"),
-        ("duration = 10.0", "duration = 0", "duration must be positive and finite, not 0"),
-        (
-            ROTOR_INERTIA,
-            "inertia = { axial = 0.023, transverse = 0.01 }",
-            "rotor1 is flatter than a disk: its axial inertia 0.023 exceeds twice the "
-            "transverse 0.01 by 0.003 kg m²",
-        ),
         (
             ROTOR_INERTIA,
             "inertia = { axial = -0.023, transverse = 0.01 }",
             "rotor1's inertia is not positive: its smallest principal moment is -0.023 kg m²",
         ),
         ("[0.46643401118350475,", "[1.5,", "frame's inertia breaks the triangle inequality: 1.5"),
-        ("[0.46643401118350475, -", "[0.46643401118350475, ", "frame's inertia is not symmetric"),
         ('inertia = "thin"', 'inertia = "thin"\naxis = [0.0, 0.0, 0.0]', "shell.axis must have a"),
         # starts
         ("L = 3.6", "L = 5.5", "|L| = 5.5 must not exceed sqrt(f) = 5"),
-        ("f = 25.0", "f = -25.0", "f = M² must be positive, not -25"),
-        ("f = 25.0 ", "f = 25.0, c = 5.0 ", "|c| = 5 must be smaller than sqrt(f) = 5"),
         ("f = 25.0 ", "f = 25.0, c = 1.0 ", "M is not horizontal"),
         (SECTION, "", "start gives nothing; it takes one form"),
         (SECTION, SECTION + "\nrest = true", "start gives rest, section; it takes one form"),

@@ -18,9 +18,11 @@ from robotball.qualitative.equilibria import (
     attitude_at,
     contact_path,
     first_lyapunov_value,
+    fixed_point_at,
     fixed_points,
     flow,
     jacobian,
+    proposition_2,
     rate_scale,
     tangents,
 )
@@ -38,25 +40,6 @@ def followed(some: Parameters, gamma: Array, times: Array) -> Array:
     """γ (m, 3) at the times, from the direction of γ (3,)."""
     attitude = attitude_at(gamma / np.linalg.norm(gamma))
     return rotation_matrix(orbit(some, attitude, np.zeros(3), times)[0])[:, 2]
-
-
-def test_fig6_has_ten_fixed_points() -> None:
-    """Four saddles, two stable foci, two unstable nodes and two slow stable foci, (0, 0, ±1)."""
-    points = fixed_points(from_rest(0.3))
-    assert kinds(points) == {
-        "saddle": 4,
-        "stable focus": 2,
-        "unstable node": 2,
-        "slow stable focus": 2,
-    }
-    slow = [point.gamma for point in points if point.kind == "slow stable focus"]
-    assert np.abs(np.abs(slow) - [0, 0, 1]).max() < 1e-15
-
-
-@pytest.mark.parametrize(("K3", "number"), [(0.515, 10), (0.5151, 6), (2.082, 6), (2.0821, 2)])
-def test_fixed_points_vanish_where_the_paper_says(K3: float, number: int) -> None:
-    """|κ₁| = 1 at K₃ = 0.51503 and |κ₂| = 1 at 2.08207; just beside, all are still told apart."""
-    assert len(fixed_points(from_rest(K3))) == number
 
 
 @pytest.mark.slow
@@ -125,6 +108,22 @@ def test_a_slow_focus_attracts_as_its_first_lyapunov_value_says() -> None:
     law = 0.02 / np.sqrt(1 - 2 * value * 0.02**2 * times)
     assert r[-1] < 0.95 * r[0]
     assert np.abs(r / law - 1).max() < 0.005
+
+
+def test_the_axis_of_k_is_a_saddle_or_a_weak_focus_by_proposition_2() -> None:
+    """Of 200 random balls, by A₁A₂ and by B/A₁: the eigenvalues and the value of third order."""
+    rng, found = np.random.default_rng(12), Counter[str]()
+    for _ in range(200):
+        A, Omega, K3 = rng.uniform(0.2, 1.0, 3), rng.normal(size=3), rng.normal()
+        some = ball(as_vector(A), as_vector(Omega), (0.0, 0.0, K3), d=0.01)
+        A1, A2, B = proposition_2(some)
+        focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"
+        for side in (1.0, -1.0):
+            kind = fixed_point_at(some, np.array([0.0, 0.0, side])).kind
+            assert kind == ("saddle" if A1 * A2 < 0 else focus)
+            found[kind] += 1
+    assert len(found) == 3
+    assert min(found.values()) > 40
 
 
 @pytest.mark.parametrize("index", range(10))

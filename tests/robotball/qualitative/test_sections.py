@@ -1,9 +1,11 @@
 """Sections without angles, periodic orbits and drift: the paper's numbers, and heyoka's."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from robotball.engines.ensembles.orbits import TOO_MANY_STEPS, Starts, orbit
+from robotball.engines.ensembles.orbits import TOO_MANY_STEPS, orbit
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.qualitative.cycles import close
@@ -11,17 +13,11 @@ from robotball.qualitative.long_run import drift
 from robotball.qualitative.sections import fixed_point, section, section_starts
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import section_state
-from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F, ball
+from tests.figures import BALLS, CHAOTIC, CLASSICAL, REGULAR, F, ball, spread_starts
 
 pytestmark = pytest.mark.core
 
-BALLS = [pytest.param(CHAOTIC, 0.0, id="rubber"), pytest.param(CLASSICAL, 3.0, id="classical")]
-
-
-def some_starts(n: int, c: float, g: float = 0.0) -> tuple[Array, Array]:
-    """Attitudes (n, 4) and momenta (n, 3) all over the section's annulus."""
-    rng = np.random.default_rng(11)
-    return section_starts(rng.uniform(-4.99, 4.99, n), rng.uniform(0, 6.28, n), F, g, c)
+some_starts = partial(spread_starts, 11, most=4.99)
 
 
 def in_frame(attitudes: Array, momentum: Array) -> tuple[Array, Array]:
@@ -159,35 +155,24 @@ def test_the_section_needs_a_momentum_and_an_orbit_that_comes_back() -> None:
 # Periodic orbits and drift -----------------------------------------------------------------
 
 
-def test_fig11a_has_one_periodic_orbit() -> None:
-    """Period 8.7432614 and |multiplier| 0.9281608, both to 1e-6; its two crossings are one orbit.
+def test_a_settled_motion_crosses_at_two_fixed_points_of_one_orbit() -> None:
+    """Fig. 11a's: the same period and multipliers from both, a pair; closed to 1e-11.
 
-    Closed to 1e-11, which period and multipliers follow to 1e-9.
-    """
-    settled = section(REGULAR, *section_starts(3.6, 0.6, F), count=200)
-    cycles = [fixed_point(REGULAR, settled.L[0, i], settled.l[0, i], F) for i in (-1, -2)]
-    for cycle in cycles:
-        assert cycle.period == pytest.approx(8.7432614, abs=1e-6)
-        assert np.abs(cycle.multipliers) == pytest.approx([0.9281608] * 2, abs=1e-6)
-    product = np.abs(np.prod(cycles[0].multipliers))
-    assert product == pytest.approx(0.9281608**2, abs=1e-6)
-
-
-def test_multipliers_are_those_of_the_map() -> None:
-    """A small circle about the fixed point shrinks, return by return, by |multiplier|.
-
-    Ratios of distances over 20 returns average the complex pair's turning: 1 %.
+    A small circle about one of them shrinks, return by return, by the multipliers' product: over
+    20 returns to 1 %, as dL dl is not the invariant area.
     """
     settled = section(REGULAR, *section_starts(3.6, 0.6, F), count=400)
+    here, other = (fixed_point(REGULAR, settled.L[0, i], settled.l[0, i], F) for i in (-1, -2))
+    assert here.period == pytest.approx(other.period, abs=1e-8)
+    assert np.abs(here.multipliers) == pytest.approx(np.abs(other.multipliers), abs=1e-8)
+    assert here.multipliers[0] == pytest.approx(here.multipliers[1].conjugate(), abs=1e-8)
     L, l = settled.L[0, -1], settled.l[0, -1]
     angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    starts = section_starts(L + 1e-4 * np.cos(angles), l + 1e-4 * np.sin(angles), F)
+    circle = L + 1e-4 * np.cos(angles), l + 1e-4 * np.sin(angles)
     way = int(settled.directions[0, -1])
-    found = section(REGULAR, *starts, count=20, direction=way)
-    area0 = polygon_area(L + 1e-4 * np.cos(angles), l + 1e-4 * np.sin(angles))
-    area = polygon_area(found.L[:, -1], found.l[:, -1])
-    # dL dl is not the invariant area, but the fixed point is where it started.
-    assert area / area0 == pytest.approx(0.9281608**40, rel=0.01)
+    found = section(REGULAR, *section_starts(*circle, F), count=20, direction=way)
+    shrunk = polygon_area(found.L[:, -1], found.l[:, -1]) / polygon_area(*circle)
+    assert shrunk == pytest.approx(abs(np.prod(here.multipliers)) ** 20, rel=0.01)
 
 
 def polygon_area(x: Array, y: Array) -> float:
@@ -215,25 +200,3 @@ def test_newton_says_where_it_finds_nothing() -> None:
     attitudes, momenta = section_starts(0.0, 0.6, F)
     with pytest.raises(InputError, match="does not converge"):
         close(CHAOTIC, attitudes[0], momenta[0], 0.1)
-
-
-@pytest.mark.slow
-def test_drift_of_figures_12_to_14() -> None:
-    """Along OX at 3.65907 (cycle), 3.665 (torus) and 3.276 (chaos); none along OY.
-
-    The cycle's is taken over its period: 3.6590731, and 0 to 1e-16. The torus's over 1e4 s:
-    3.66517, ± the size of its loops / 1e4 s. Of the chaos, with 64 starts, 5 standard errors, each
-    2e-3.
-    """
-    settled = section(REGULAR, *section_starts(3.6, 0.6, F), count=200)
-    cycle = fixed_point(REGULAR, settled.L[0, -1], settled.l[0, -1], F)
-    path = orbit(REGULAR, cycle.attitude, cycle.momentum, np.array([0.0, cycle.period]))[1]
-    turn = Starts(REGULAR, cycle.attitude[None], cycle.momentum[None]).turned_back(path[None])
-    assert turn[0, -1] / cycle.period == pytest.approx([3.65907, 0.0], abs=1e-5)
-    torus = drift(REGULAR, *section_starts([0.0, 0.1], [1.96, 1.96], F), duration=1e4)
-    assert torus.mean == pytest.approx([3.665, 0.0], abs=1e-3)
-    attitudes, momenta = some_starts(64, 0.0)
-    chaos = drift(CHAOTIC, attitudes, momenta, duration=1e4)
-    assert (np.abs(chaos.mean - [3.276, 0.0]) < 5 * chaos.error).all()
-    assert (chaos.error < 0.01).all()
-    assert (np.linalg.eigvalsh(np.cov(chaos.velocities.T) * chaos.duration / 2) > 0.5).all()

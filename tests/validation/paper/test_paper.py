@@ -27,6 +27,7 @@ from validation.paper.claim import (
     show_findings,
     verdict_on,
 )
+from validation.paper.section_5_3 import ensemble, six
 
 finding = cache(examine)
 
@@ -66,6 +67,13 @@ def test_a_misprint_is_refuted_by_a_number(claim: Claim) -> None:
     assert isinstance(found.evidence, Residual | Value)
     assert found.evidence.printed_error is not None
     assert found.evidence.printed_error > found.evidence.bound >= found.evidence.error
+
+
+@pytest.mark.slow
+def test_six_exponents_add_up_to_the_divergence() -> None:
+    """Those of Fig. 14 over 6000 s: the sum is that of λ₁ and λ₆ of 16 long runs, ± 0.01 1/s."""
+    assert six().sum() == pytest.approx(sum(ensemble().mean), abs=0.01)
+    assert list(six()) == sorted(six(), reverse=True)
 
 
 def test_every_erratum_is_there() -> None:

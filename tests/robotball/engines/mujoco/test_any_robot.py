@@ -248,6 +248,8 @@ def test_a_motor_at_its_limit_is_a_note_of_the_motion() -> None:
     (note,) = agreement.report.notes
     assert note.text == "frame's motor at its torque limit"
     assert note.time == pytest.approx(0.3078706, abs=1e-6)
+    torques = np.abs(agreement.motion.loads.motor_torques[:, 0])
+    assert torques.max() == pytest.approx(0.6, rel=1e-6)
     assert agreement.agrees
 
 

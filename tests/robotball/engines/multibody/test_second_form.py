@@ -33,6 +33,11 @@ def test_loads_are_those_of_newton_and_euler() -> None:
         assert abs(loads.spin_torque[0] - second.spin) < 1e-14 * lever
         given = [i for i, hinge in enumerate(scene.hinges) if hinge.motor is None]
         assert np.abs(loads.motor_torques[0, given] - second.torques).max(initial=0) < 1e-14 * lever
+        for i, hinge in enumerate(scene.hinges):
+            if hinge.motor is not None:  # its torque turns the armature too
+                law, command = hinge.motor.law, float(hinge.command.rate(0.0))
+                torque = law.torque(command, hinge.angle, hinge.rate)
+                assert loads.motor_torques[0, i] == pytest.approx(torque, abs=1e-14 * lever)
         if scene.ball.pendulums:
             wrong = SecondForm(scene, pivot_sign=-1.0)
             off = wrong.loads(0.0, *wrong.start()).force - second.force

@@ -1,1 +1,1 @@
-"""The engines, a file or a room each; none knows another. `robotball.dispatch` lists them."""
+"""The engines, a file or a room each; none knows another. `robotball.engine` lists them."""

@@ -19,7 +19,7 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
 from robotball.errors import InputError, warn
-from robotball.files.replacing import replacing
+from robotball.files import replacing
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -17,9 +17,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from robotball.errors import InputError, unknown
-from robotball.files import mjcf_body
+from robotball.files import contents, mjcf_body
 from robotball.files.parts import Solid, composed
-from robotball.files.reading import contents
 from robotball.rotations import Array
 
 WAIT = 20.0  # s, of a process that may be starved of its few seconds

@@ -15,9 +15,9 @@ import numpy as np
 
 from robotball.drives import Motor
 from robotball.errors import InputError, check_size, unknown, warn
+from robotball.files import contents
 from robotball.files.bodies import read_frame, read_pendulum, read_rotor, read_shell
 from robotball.files.parts import Triple, direction
-from robotball.files.reading import contents
 from robotball.files.scene_tables import (
     NumbersTable,
     ReadHinge,

@@ -27,7 +27,7 @@ from robotball import (
     integrate,
     load_scene,
 )
-from robotball.dispatch import simulate
+from robotball.engine import simulate
 from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate
 from robotball.engines.mujoco.engine import own_settings
 from robotball.engines.mujoco.model import build

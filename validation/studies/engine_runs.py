@@ -29,8 +29,7 @@ from typing import Any
 import robotball
 from robotball import InputError, engine_named, engine_names, integrate, load_scene, sample_times
 from robotball.cores import end_when_closed
-from robotball.dispatch import DEFAULT, run_request
-from robotball.engine import Request
+from robotball.engine import DEFAULT, Request, run_request
 from robotball.engines.adapter import Adapter
 from robotball.motion import EngineSettings, momentum_error, path_error
 from validation.sensitivity import total_defect

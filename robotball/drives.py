@@ -8,11 +8,12 @@ scalars or increasing columns, in s from the start of the motion; SI units.
 A hinge without a motor keeps the drive as its rate [rad/s] exactly. To a motor it is a command: a
 rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a torque [N m] for a Torque. A hinge's
 torque is that of the parent on the child [N m].
+
+In order: a drive and its kinds, the drive of what a user gives as a rate, motors.
 """
 
 import itertools
 import math
-from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,10 +30,56 @@ from robotball.errors import (
     check_size,
     warn,
 )
-from robotball.rotations import Array
 
 if TYPE_CHECKING:
     from robotball.polynomials import Polynomials
+
+Time = Any  # a float, or a column (n,)
+Scalar = Any  # a float, or a column (n,)
+
+
+@runtime_checkable
+class Drive(Protocol):
+    """The rate of a hinge over time; any object with these members can be a rate of a scene."""
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which the rate is not smooth [s]."""
+        ...
+
+    def rate(self, t: Time) -> Any:
+        """Return the rate [rad/s]."""
+        ...
+
+    def acceleration(self, t: Time) -> Any:
+        """Return the derivative of the rate [rad/s²]; at a breakpoint, the one from there on."""
+        ...
+
+    def angle(self, t: Time) -> Any:
+        """Return the integral of the rate from time 0 [rad]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A rate that does not change [rad/s]."""
+
+    value: float
+    breakpoints: tuple[float, ...] = ()
+
+    # 0·t gives the results the shape of the times.
+
+    def rate(self, t: Time) -> Any:
+        return self.value + 0.0 * t
+
+    def acceleration(self, t: Time) -> Any:
+        return 0.0 * t
+
+    def angle(self, t: Time) -> Any:
+        return self.value * t
+
+
+COMMAND = "of the command"
 
 
 def key(meaning: str, unit: str = "") -> msgspec.Meta:
@@ -43,12 +90,175 @@ def key(meaning: str, unit: str = "") -> msgspec.Meta:
     return msgspec.Meta(description=meaning, extra={"unit": unit})
 
 
-Time = Any  # a float, or a column (n,)
+class _Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
+    """A drive that a scene file can describe, by a table with the key `kind`."""
 
-LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
-END_ROUNDING = 1e-9  # relative: a time so little beyond the end is taken as the end
-FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
-GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
+
+# By shape of a ramp, for the fraction u of its time: how far the rate has come, its slope over u,
+# and the area under it.
+_SHAPES: dict[str, tuple[Callable[[Any], Any], ...]] = {
+    "linear": (lambda u: u, lambda u: 1.0, lambda u: u * u / 2),
+    "smooth": (
+        lambda u: u * u * (3 - 2 * u),
+        lambda u: 6 * u * (1 - u),
+        lambda u: u**3 * (1 - u / 2),
+    ),
+    "quintic": (
+        lambda u: u**3 * (10 + u * (6 * u - 15)),
+        lambda u: 30 * (u * (1 - u)) ** 2,
+        lambda u: u**4 * (2.5 + u * (u - 3)),
+    ),
+}
+
+
+class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
+    """A rate that goes from `initial` to `final` between two times.
+
+    At the fraction u of the time, the rate has covered u of the way (linear), 3u² - 2u³ (smooth:
+    the acceleration does not jump), or 10u³ - 15u⁴ + 6u⁵ (quintic: nor does the jerk).
+    """
+
+    final: Annotated[float, key("the value from `end` on", COMMAND)]
+    end: Annotated[float, key("when the ramp ends", "s")]
+    initial: Annotated[float, key("the value until `start`", COMMAND)] = 0.0
+    start: Annotated[float, key("when the ramp starts", "s")] = 0.0
+    shape: Annotated[
+        Literal["linear", "smooth", "quintic"],
+        key("`linear`; `smooth`: no jump of the slope; `quintic`: nor of the slope's slope"),
+    ] = "linear"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.start < self.end:
+            raise InputError(
+                f"a ramp must start at 0 or later and end after that, not from "
+                f"{self.start:g} to {self.end:g} s"
+            )
+        check_positive("the time that a ramp takes", self.end - self.start, "s")
+        check_size("a ramp's initial value", self.initial)
+        check_size("a ramp's final value", self.final)
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return (self.start, self.end)
+
+    def _fraction(self, t: Time) -> Any:
+        return np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)
+
+    def rate(self, t: Time) -> Any:
+        way, _, _ = _SHAPES[self.shape]
+        return self.initial + (self.final - self.initial) * way(self._fraction(t))
+
+    def acceleration(self, t: Time) -> Any:
+        _, slope, _ = _SHAPES[self.shape]
+        inside = (t >= self.start) & (t < self.end)
+        rise = self.final - self.initial
+        return inside * slope(self._fraction(t)) * rise / (self.end - self.start)
+
+    def angle(self, t: Time) -> Any:
+        _, _, area = _SHAPES[self.shape]
+        rise = (self.final - self.initial) * (self.end - self.start)
+        after = np.maximum(t - self.end, 0.0)
+        covered = self.initial * t + rise * area(self._fraction(t))
+        return covered + (self.final - self.initial) * after
+
+
+class Sine(_Curve, frozen=True, kw_only=True, tag="sine"):
+    """A rate of mean + amplitude·sin(2π frequency t + phase)."""
+
+    amplitude: Annotated[float, key("how far it swings from the mean", COMMAND)]
+    frequency: Annotated[float, key("swings in a second", "Hz")]
+    mean: Annotated[float, key("what it swings about", COMMAND)] = 0.0
+    phase: Annotated[float, key("where in its swing it starts", "rad")] = 0.0
+
+    def __post_init__(self) -> None:
+        check_positive("a sine's frequency", self.frequency, "Hz")
+        check_size("a sine's amplitude", self.amplitude)
+        check_size("a sine's mean", self.mean)
+        check_size("a sine's phase", self.phase, "rad")
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return ()
+
+    def _phase(self, t: Time) -> Any:
+        return 2 * np.pi * self.frequency * t + self.phase
+
+    def rate(self, t: Time) -> Any:
+        return self.mean + self.amplitude * np.sin(self._phase(t))
+
+    def acceleration(self, t: Time) -> Any:
+        return 2 * np.pi * self.frequency * self.amplitude * np.cos(self._phase(t))
+
+    def angle(self, t: Time) -> Any:
+        swing = (np.cos(self.phase) - np.cos(self._phase(t))) / (2 * np.pi * self.frequency)
+        return self.mean * t + self.amplitude * swing
+
+
+class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
+    """A rate through `values` at `times`, with a continuous slope.
+
+    Between two samples it is a cubic that never leaves their range (Fritsch and Carlson's), so it
+    overshoots nowhere. It is not defined before the first sample or after the last.
+    """
+
+    times: tuple[float, ...]  # s
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.times) != len(self.values) or len(self.times) < 2:
+            raise InputError(
+                f"samples need as many values as times, two or more: not {len(self.times)} times "
+                f"and {len(self.values)} values"
+            )
+        for name, numbers in (("time", self.times), ("value", self.values)):
+            for i, number in enumerate(numbers, start=1):
+                check_size(f"{name} {i} of the samples", number)
+        for i, (before, after) in enumerate(itertools.pairwise(self.times), start=2):
+            if not after > before:
+                raise InputError(
+                    f"the times of samples must increase: time {i} is {after:g} s, after "
+                    f"{before:g} s"
+                )
+        # Arrays are taken too, but only tuples of numbers make two rates comparable.
+        for name in ("times", "values"):
+            msgspec.structs.force_setattr(self, name, tuple(map(float, getattr(self, name))))
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return self.times[1:-1]
+
+    @cached_property
+    def _cubics(self) -> tuple[Any, Any, Any]:
+        """The rate, its derivative and its integral from the first sample, piece by piece."""
+        from scipy.interpolate import PchipInterpolator
+
+        rate = PchipInterpolator(self.times, self.values)
+        return rate, rate.derivative(), rate.antiderivative()
+
+    # scipy answers a scalar by an array of no dimension, from which [()] takes the number.
+
+    def rate(self, t: Time) -> Any:
+        return self._cubics[0](t)[()]
+
+    def acceleration(self, t: Time) -> Any:
+        return self._cubics[1](t)[()]
+
+    def angle(self, t: Time) -> Any:
+        area = self._cubics[2]
+        return (area(t) - area(0.0))[()]
+
+
+@dataclass(frozen=True)
+class Sum:
+    """A rate that is the sum of others: numbers, Ramps, Sines, Samples, functions of time."""
+
+    parts: tuple["Rate", ...]
+
+    def __post_init__(self) -> None:
+        parts = (part.parts if isinstance(part, Sum) else (part,) for part in self.parts)
+        object.__setattr__(self, "parts", tuple(itertools.chain.from_iterable(parts)))
+        if not self.parts:
+            raise InputError("a sum needs at least one rate")
 
 
 @dataclass(frozen=True)
@@ -63,6 +273,85 @@ class Custom:
     breakpoints: tuple[float, ...] = ()
     derivative: Callable[[float], float] | None = None
     integral: Callable[[float], float] | None = None
+
+
+Rate = float | Ramp | Sine | Samples | Sum | Custom | Drive | Callable[[float], float]
+END_ROUNDING = 1e-9  # relative: a time so little beyond the end is taken as the end
+
+
+def as_drive(rate: Rate, end: float) -> Drive:
+    """Return the drive of a rate in a run from 0 to `end` [s].
+
+    rate: a number [rad/s], a Ramp, a Sine, Samples, a Sum, a function of time, a Custom, or an
+    object of one's own with a Drive's members. Raises InputError where it is none of these, not
+    finite at the start, or samples that do not reach over the run.
+    """
+    drive: Drive
+    if isinstance(rate, Samples):
+        _check_covers(rate, end)
+        drive = rate
+    elif isinstance(rate, Sum):
+        drives = tuple(as_drive(part, end) for part in rate.parts)
+        steady = [each.value for each in drives if isinstance(each, Constant)]
+        drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)
+    elif isinstance(rate, Constant | Ramp | Sine | Total):
+        drive = rate
+    elif isinstance(rate, Custom):
+        drive = Followed(rate, end)
+    elif isinstance(rate, Drive):
+        # A user's own object may have a wrong derivative, so it is checked as a Custom's is.
+        own = Custom(rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
+        drive = Followed(own, end)
+    elif callable(rate):
+        drive = Followed(Custom(rate), end)
+    else:
+        drive = Constant(_number(rate))
+    check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
+    return drive
+
+
+def _check_covers(samples: Samples, end: float) -> None:
+    first, last = samples.times[0], samples.times[-1]
+    if not (first <= 0 and last >= end * (1 - END_ROUNDING)):
+        raise InputError(
+            f"samples from t = {first:g} to {last:g} s do not reach over the run, from 0 to "
+            f"{end:g} s; give more of them, or shorten the run"
+        )
+
+
+def _number(rate: Any) -> float:
+    try:
+        return float(rate)
+    except (TypeError, ValueError):
+        raise InputError(
+            f"a rate is a number, a function of time, or a drive with breakpoints, rate, "
+            f"acceleration and angle, not {rate!r}"
+        ) from None
+
+
+@dataclass(frozen=True)
+class Total:
+    """The drive of a Sum."""
+
+    drives: tuple[Drive, ...]
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return tuple(sorted({t for drive in self.drives for t in drive.breakpoints}))
+
+    def rate(self, t: Time) -> Any:
+        return sum(drive.rate(t) for drive in self.drives)
+
+    def acceleration(self, t: Time) -> Any:
+        return sum(drive.acceleration(t) for drive in self.drives)
+
+    def angle(self, t: Time) -> Any:
+        return sum(drive.angle(t) for drive in self.drives)
+
+
+LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
+FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
+GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
 
 
 @dataclass(frozen=True)
@@ -102,6 +391,8 @@ class Followed:
         inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
         found = polynomials_of(self._rate, [0.0, *inside, self.end])
         follows = found.off <= FOLLOWED * (1 + found.size)
+        # What is given is compared in the middle of each panel that the polynomial follows: near a
+        # kink that no breakpoint names, the polynomial itself is off.
         middles = (found.edges[:-1] + found.edges[1:])[follows] / 2
         if self.custom.derivative is not None:
             _check_own("derivative", self._acceleration, found.slope, middles, "rad/s²")
@@ -145,6 +436,13 @@ class Followed:
         return min(t, self.end)
 
 
+def _each(function: Callable[[float], float], t: Time) -> Any:
+    # A user's function is asked for one time after another: it need not take arrays.
+    if np.ndim(t) == 0:
+        return function(float(t))
+    return np.array([function(float(s)) for s in t])
+
+
 def _check_own(
     name: str, given: Callable[[float], float], own: Callable[[float], float], at: Any, unit: str
 ) -> None:
@@ -156,328 +454,6 @@ def _check_own(
                 f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, where that "
                 f"of its function is {ours:.6g} {unit}"
             )
-
-
-def _each(function: Callable[[float], float], t: Time) -> Any:
-    if np.ndim(t) == 0:
-        return function(float(t))
-    return np.array([function(float(s)) for s in t])
-
-
-COMMAND = "of the command"
-
-
-class Ramp(
-    msgspec.Struct,
-    frozen=True,
-    forbid_unknown_fields=True,
-    kw_only=True,
-    tag_field="kind",
-    tag="ramp",
-):
-    """A rate that goes from `initial` to `final` between two times.
-
-    At the fraction u of the time, the rate has covered u of the way (linear), 3u² - 2u³ (smooth:
-    the acceleration does not jump), or 10u³ - 15u⁴ + 6u⁵ (quintic: nor does the jerk).
-    """
-
-    final: Annotated[float, key("the value from `end` on", COMMAND)]
-    end: Annotated[float, key("when the ramp ends", "s")]
-    initial: Annotated[float, key("the value until `start`", COMMAND)] = 0.0
-    start: Annotated[float, key("when the ramp starts", "s")] = 0.0
-    shape: Annotated[
-        Literal["linear", "smooth", "quintic"],
-        key("`linear`; `smooth`: no jump of the slope; `quintic`: nor of the slope's slope"),
-    ] = "linear"
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.start < self.end:
-            raise InputError(
-                f"a ramp must start at 0 or later and end after that, not from "
-                f"{self.start:g} to {self.end:g} s"
-            )
-        check_positive("the time that a ramp takes", self.end - self.start, "s")
-        check_size("a ramp's initial value", self.initial)
-        check_size("a ramp's final value", self.final)
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return (self.start, self.end)
-
-    def _fraction(self, t: Time) -> Any:
-        return np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)
-
-    def rate(self, t: Time) -> Any:
-        u = self._fraction(t)
-        done = {
-            "linear": u,
-            "smooth": u * u * (3 - 2 * u),
-            "quintic": u**3 * (10 + u * (6 * u - 15)),
-        }[self.shape]
-        return self.initial + (self.final - self.initial) * done
-
-    def acceleration(self, t: Time) -> Any:
-        u = self._fraction(t)
-        inside = (t >= self.start) & (t < self.end)
-        slope = {
-            "linear": 1.0,
-            "smooth": 6 * u * (1 - u),
-            "quintic": 30 * (u * (1 - u)) ** 2,
-        }[self.shape]
-        return inside * slope * (self.final - self.initial) / (self.end - self.start)
-
-    def angle(self, t: Time) -> Any:
-        u = self._fraction(t)
-        area = {
-            "linear": u * u / 2,
-            "smooth": u**3 * (1 - u / 2),
-            "quintic": u**4 * (2.5 + u * (u - 3)),
-        }[self.shape]
-        rise = (self.final - self.initial) * (self.end - self.start)
-        after = np.maximum(t - self.end, 0.0)
-        return self.initial * t + rise * area + (self.final - self.initial) * after
-
-
-class Sine(
-    msgspec.Struct,
-    frozen=True,
-    forbid_unknown_fields=True,
-    kw_only=True,
-    tag_field="kind",
-    tag="sine",
-):
-    """A rate of mean + amplitude·sin(2π frequency t + phase)."""
-
-    amplitude: Annotated[float, key("how far it swings from the mean", COMMAND)]
-    frequency: Annotated[float, key("swings in a second", "Hz")]
-    mean: Annotated[float, key("what it swings about", COMMAND)] = 0.0
-    phase: Annotated[float, key("where in its swing it starts", "rad")] = 0.0
-
-    def __post_init__(self) -> None:
-        check_positive("a sine's frequency", self.frequency, "Hz")
-        check_size("a sine's amplitude", self.amplitude)
-        check_size("a sine's mean", self.mean)
-        check_size("a sine's phase", self.phase, "rad")
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return ()
-
-    def _phase(self, t: Time) -> Any:
-        return 2 * np.pi * self.frequency * t + self.phase
-
-    def rate(self, t: Time) -> Any:
-        return self.mean + self.amplitude * np.sin(self._phase(t))
-
-    def acceleration(self, t: Time) -> Any:
-        return 2 * np.pi * self.frequency * self.amplitude * np.cos(self._phase(t))
-
-    def angle(self, t: Time) -> Any:
-        swing = (np.cos(self.phase) - np.cos(self._phase(t))) / (2 * np.pi * self.frequency)
-        return self.mean * t + self.amplitude * swing
-
-
-class Samples(
-    msgspec.Struct,
-    frozen=True,
-    dict=True,
-    forbid_unknown_fields=True,
-    kw_only=True,
-    tag_field="kind",
-    tag="samples",
-):
-    """A rate through `values` at `times`, with a continuous slope.
-
-    Between two samples it is a cubic that never leaves their range (Fritsch and Carlson's), so it
-    overshoots nowhere. It is not defined before the first sample or after the last.
-    """
-
-    times: tuple[float, ...]  # s
-    values: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        if len(self.times) != len(self.values) or len(self.times) < 2:
-            raise InputError(
-                f"samples need as many values as times, two or more: not {len(self.times)} times "
-                f"and {len(self.values)} values"
-            )
-        for name, numbers in (("time", self.times), ("value", self.values)):
-            for i, number in enumerate(numbers):
-                check_size(f"{name} {i + 1} of the samples", number)
-        for i, (before, after) in enumerate(zip(self.times, self.times[1:], strict=False)):
-            if not after > before:
-                raise InputError(
-                    f"the times of samples must increase: time {i + 2} is {after:g} s, after "
-                    f"{before:g} s"
-                )
-        # Arrays are taken too, but only tuples of numbers make two rates comparable.
-        for name in ("times", "values"):
-            msgspec.structs.force_setattr(self, name, tuple(map(float, getattr(self, name))))
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return self.times[1:-1]
-
-    @cached_property
-    def _cubics(self) -> tuple[Array, Array]:
-        """Coefficients (4, n - 1) from t³ to 1 of each piece, and the area (n - 1,) before it."""
-        from scipy.interpolate import PchipInterpolator
-
-        a, b, c, d = pieces = PchipInterpolator(self.times, self.values).c
-        h = np.diff(self.times)
-        areas = h * (d + h * (c / 2 + h * (b / 3 + h * a / 4)))
-        return pieces, np.concatenate([[0.0], np.cumsum(areas)[:-1]])
-
-    def _piece(self, t: Time) -> Any:
-        """Return the piece of a time, and the time from its begin [s]."""
-        inner = self.times[1:-1]
-        i: Any = (
-            bisect_right(inner, t) if np.ndim(t) == 0 else np.searchsorted(inner, t, side="right")
-        )
-        return i, t - np.asarray(self.times)[i]
-
-    def rate(self, t: Time) -> Any:
-        i, s = self._piece(t)
-        a, b, c, d = self._cubics[0][:, i]
-        return d + s * (c + s * (b + s * a))
-
-    def acceleration(self, t: Time) -> Any:
-        i, s = self._piece(t)
-        a, b, c, _ = self._cubics[0][:, i]
-        return c + s * (2 * b + s * 3 * a)
-
-    def angle(self, t: Time) -> Any:
-        return self._area(t) - self._area(0.0 * t)
-
-    def _area(self, t: Time) -> Any:
-        """Return the integral from the first sample."""
-        i, s = self._piece(t)
-        a, b, c, d = self._cubics[0][:, i]
-        return self._cubics[1][i] + s * (d + s * (c / 2 + s * (b / 3 + s * a / 4)))
-
-
-@runtime_checkable
-class Drive(Protocol):
-    """The rate of a hinge over time; any object with these members can be a rate of a scene."""
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Times at which the rate is not smooth [s]."""
-        ...
-
-    def rate(self, t: Time) -> Any:
-        """The rate [rad/s]."""
-        ...
-
-    def acceleration(self, t: Time) -> Any:
-        """The derivative of the rate [rad/s²]; at a breakpoint, the one from there on."""
-        ...
-
-    def angle(self, t: Time) -> Any:
-        """The integral of the rate from time 0 [rad]."""
-        ...
-
-
-@dataclass(frozen=True)
-class Constant:
-    """A rate that does not change [rad/s]."""
-
-    value: float
-    breakpoints: tuple[float, ...] = ()
-
-    def rate(self, t: Time) -> Any:
-        return self.value + 0.0 * t
-
-    def acceleration(self, t: Time) -> Any:
-        return 0.0 * t
-
-    def angle(self, t: Time) -> Any:
-        return self.value * t
-
-
-@dataclass(frozen=True)
-class Sum:
-    """A rate that is the sum of others: numbers, Ramps, Sines, Samples, functions of time."""
-
-    parts: tuple["Rate", ...]
-
-    def __post_init__(self) -> None:
-        parts = (part.parts if isinstance(part, Sum) else (part,) for part in self.parts)
-        object.__setattr__(self, "parts", tuple(itertools.chain.from_iterable(parts)))
-        if not self.parts:
-            raise InputError("a sum needs at least one rate")
-
-
-@dataclass(frozen=True)
-class Total:
-    """The drive of a Sum."""
-
-    drives: tuple[Drive, ...]
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return tuple(sorted({t for drive in self.drives for t in drive.breakpoints}))
-
-    def rate(self, t: Time) -> Any:
-        return sum(drive.rate(t) for drive in self.drives)
-
-    def acceleration(self, t: Time) -> Any:
-        return sum(drive.acceleration(t) for drive in self.drives)
-
-    def angle(self, t: Time) -> Any:
-        return sum(drive.angle(t) for drive in self.drives)
-
-
-Rate = float | Ramp | Sine | Samples | Sum | Custom | Drive | Callable[[float], float]
-
-
-def as_drive(rate: Rate, end: float) -> Drive:
-    """Return the drive of a rate in a run from 0 to `end` [s].
-
-    rate: a number [rad/s], a Ramp, a Sine, Samples, a Sum, a function of time, a Custom, or an
-    object of one's own with a Drive's members. Raises InputError where it is none of these, not
-    finite at the start, or samples that do not reach over the run.
-    """
-    drive: Drive
-    if isinstance(rate, Samples):
-        _check_covers(rate, end)
-        drive = rate
-    elif isinstance(rate, Sum):
-        drives = tuple(as_drive(part, end) for part in rate.parts)
-        steady = [each.value for each in drives if isinstance(each, Constant)]
-        drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)
-    elif isinstance(rate, Constant | Ramp | Sine | Total):
-        drive = rate
-    elif isinstance(rate, Custom):
-        drive = Followed(rate, end)
-    elif isinstance(rate, Drive):
-        own = Custom(rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
-        drive = Followed(own, end)
-    elif callable(rate):
-        drive = Followed(Custom(rate), end)
-    else:
-        drive = Constant(_number(rate))
-    check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
-    return drive
-
-
-def _check_covers(samples: Samples, end: float) -> None:
-    first, last = samples.times[0], samples.times[-1]
-    if not (first <= 0 and last >= end * (1 - END_ROUNDING)):
-        raise InputError(
-            f"samples from t = {first:g} to {last:g} s do not reach over the run, from 0 to "
-            f"{end:g} s; give more of them, or shorten the run"
-        )
-
-
-def _number(rate: Any) -> float:
-    try:
-        return float(rate)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"a rate is a number, a function of time, or a drive with breakpoints, rate, "
-            f"acceleration and angle, not {rate!r}"
-        ) from None
 
 
 def turns(drive: Drive) -> bool:
@@ -494,13 +470,11 @@ def functions_of(drive: Drive) -> Iterator[Followed]:
             yield from functions_of(each)
 
 
-Scalar = Any  # a float, or a column (n,)
-
-
 class Law(NamedTuple):
     """The law of every motor's torque, between -limit and limit [N m].
 
-    per_command · command - per_angle · angle - per_rate · rate + at_rest.
+    per_command · command - per_angle · angle - per_rate · rate + at_rest. All motors have one law,
+    so that compiled equations take any motor as five numbers.
     """
 
     per_command: float
@@ -511,13 +485,8 @@ class Law(NamedTuple):
 
     def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
         """Return the torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
-        free = (
-            self.per_command * command
-            - self.per_angle * angle
-            - self.per_rate * rate
-            + self.at_rest
-        )
-        return np.clip(free, -self.limit, self.limit)
+        free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
+        return np.clip(free + self.at_rest, -self.limit, self.limit)
 
 
 class Motor(Protocol):
@@ -548,7 +517,7 @@ class Servo(Motor):
 
     @property
     def law(self) -> Law:
-        return Law(self.gain, 0.0, self.gain, limit=_limit(self))
+        return Law(self.gain, 0.0, self.gain, limit=self.torque_limit or math.inf)
 
 
 @dataclass(frozen=True)
@@ -567,7 +536,13 @@ class PositionServo(Motor):
 
     @property
     def law(self) -> Law:
-        return Law(self.gain, self.gain, self.damping, limit=_limit(self))
+        return Law(self.gain, self.gain, self.damping, limit=self.torque_limit or math.inf)
+
+
+def _check_common(servo: Servo | PositionServo) -> None:
+    if servo.torque_limit is not None:
+        check_positive("a servo's torque limit", servo.torque_limit, "N m")
+    check_not_negative("a servo's armature", servo.armature, "kg m²")
 
 
 @dataclass(frozen=True)
@@ -605,13 +580,3 @@ class Free(Motor):
     @property
     def law(self) -> Law:
         return Law(0.0, self.stiffness, self.damping, at_rest=self.stiffness * self.rest)
-
-
-def _limit(servo: Servo | PositionServo) -> float:
-    return math.inf if servo.torque_limit is None else servo.torque_limit
-
-
-def _check_common(servo: Servo | PositionServo) -> None:
-    if servo.torque_limit is not None:
-        check_positive("a servo's torque limit", servo.torque_limit, "N m")
-    check_not_negative("a servo's armature", servo.armature, "kg m²")

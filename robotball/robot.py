@@ -1,9 +1,11 @@
 """The ball's bodies, and the few numbers of them that the equations need (Appendix A).
 
-`Value` comes first: records with arrays, which are equal where their numbers are.
+In order: records with arrays, which are equal where their numbers are; inertias of simple bodies
+and of bodies put together; the bodies of a ball; the ball; checks of what a rigid body can be.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +26,8 @@ class Value:
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        # Set on the class itself: a dataclass writes its own __eq__ over one that is inherited.
+        # Set on the class itself: a dataclass writes its own __eq__ over one that is inherited, and
+        # that one asks arrays for a single truth value, which they do not have.
         cls.__eq__ = _equal  # type: ignore[method-assign]
 
 
@@ -32,13 +35,13 @@ def _equal(one: Any, other: Any) -> Any:
     if type(one) is not type(other):
         return NotImplemented
     return all(
-        same(getattr(one, each.name), getattr(other, each.name))
+        _same(getattr(one, each.name), getattr(other, each.name))
         for each in fields(one)
         if each.compare
     )
 
 
-def same(one: Any, other: Any) -> bool:
+def _same(one: Any, other: Any) -> bool:
     """Return whether two values are equal; arrays, also in tuples, are compared by number."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         if np.shape(one) != np.shape(other):
@@ -46,18 +49,18 @@ def same(one: Any, other: Any) -> bool:
         one, other = np.asarray(one), np.asarray(other)
         return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
     if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(same, one, other))
+        return len(one) == len(other) and all(map(_same, one, other))
     try:
         return bool(one == other)
     except ValueError:  # a user's own record with an array has no single truth value
         return one is other
 
 
+PARTS = Path(__file__).parents[1] / "mjcf"  # hand-written MJCF of the floor and of the bodies
 # The largest error by which an inertia may miss a condition, relative to its largest part: a tensor
 # that was computed has some roundings of 1e-16, a wrong one misses by far more.
-PARTS = Path(__file__).parents[1] / "mjcf"  # hand-written MJCF of the floor and of the bodies
 ROUNDING = 1e-12
-LARGEST_MOMENT = LARGEST**3  # kg m²; the least is as far below 1
+LARGEST_MOMENT = LARGEST**3  # kg m², of a mass times a length squared; the least is as far below 1
 
 
 def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
@@ -84,6 +87,34 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
     # (1 - b⁵)/(1 - b³) divided by 1 - b, which cancels to nothing for a thin shell.
     ratio = (1 + b + b**2 + b**3 + b**4) / (1 + b + b**2)
     return 2 / 5 * mass * radius * radius * ratio
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A mass [kg], its centre (3,) [m] and the inertia (3, 3) about that centre [kg m²].
+
+    reach [m]: how far from the sphere's centre its matter lies, where that is known, else 0.
+    """
+
+    mass: float
+    centre: Array
+    inertia: Array
+    reach: float = 0.0
+
+
+def composed(solids: Iterable[Solid]) -> Solid:
+    """Return several solids as one body."""
+    solids = list(solids)
+    mass = sum(each.mass for each in solids)
+    centre = np.array([each.mass / mass * each.centre for each in solids]).sum(axis=0)
+    inertia = np.array([_about(centre, each) for each in solids]).sum(axis=0)
+    return Solid(mass, centre, inertia, max(each.reach for each in solids))
+
+
+def _about(point: Array, body: "Solid | Body") -> Array:
+    """Return a body's inertia (3, 3) about a point (3,), by Steiner's theorem [kg m²]."""
+    r = body.centre - point
+    return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
 @dataclass(frozen=True)
@@ -221,7 +252,7 @@ class Ball(Value):
     @cached_property
     def inertia(self) -> Array:
         """The whole ball's inertia (3, 3) about the sphere's centre, frame axes [kg m²]."""
-        return np.array([_about_the_shells(body) for _, body in self.named_bodies]).sum(axis=0)
+        return np.array([_about(np.zeros(3), body) for _, body in self.named_bodies]).sum(axis=0)
 
     @cached_property
     def centre_of_mass(self) -> Array:
@@ -242,6 +273,7 @@ class Ball(Value):
         if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
             return moments.copy(), np.eye(3)
         moments, axes = np.linalg.eigh(self.inertia)
+        # eigh may return a reflection, which no quaternion can express.
         return moments, axes if np.linalg.det(axes) > 0 else -axes
 
     @cached_property
@@ -289,16 +321,12 @@ def _furthest(body: Body) -> float:
     """Return how far the centre of mass may get from the sphere's centre, at any angle [m]."""
     if not isinstance(body, Pendulum):
         return float(np.linalg.norm(body.centre))
+    # The centre goes round a circle in a plane across the axis. Both the circle's radius and the
+    # axis's distance count, as at the worst angle they point the same way.
     n, arm = body.axis, body.centre - body.pivot
     height = float(n @ body.centre)
     circle = float(np.linalg.norm(np.cross(n, arm)))
     return math.hypot(height, circle + float(np.linalg.norm(np.cross(n, body.pivot))))
-
-
-def _about_the_shells(body: Body) -> Array:
-    """Return the body's inertia (3, 3) about the centre of the sphere, by Steiner's theorem."""
-    r = body.centre
-    return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
 def check_inertia(name: str, inertia: Array) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from robotball.errors import InputError, check_positive
-from robotball.files.parts import Part, Solid, Z, composed, direction, mass_of, volume_of_wall
+from robotball.files.parts import Part, Z, direction, mass_of, volume_of_wall
 from robotball.files.scene_tables import (
     Axial,
     FrameTable,
@@ -23,7 +23,9 @@ from robotball.robot import (
     Pendulum,
     Rotor,
     Shell,
+    Solid,
     axial_tensor,
+    composed,
     thick_shell_inertia,
     thin_shell_inertia,
 )

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from robotball.errors import InputError, unknown
 from robotball.files import contents, mjcf_body
-from robotball.files.parts import Solid, composed
+from robotball.robot import Solid, composed
 from robotball.rotations import Array
 
 WAIT = 20.0  # s, of a process that may be starved of its few seconds

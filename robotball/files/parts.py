@@ -5,8 +5,6 @@ A part lies where the frame's axes have it, from the sphere's centre; SI units.
 
 import itertools
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Annotated
 
 import msgspec
@@ -14,7 +12,7 @@ import numpy as np
 
 from robotball.drives import key
 from robotball.errors import InputError, check_not_negative, check_positive, check_size
-from robotball.robot import axial_tensor, thick_shell_inertia
+from robotball.robot import Solid, axial_tensor, thick_shell_inertia
 from robotball.rotations import Array, normalised, rotation_matrix
 from robotball.scene import unit
 
@@ -22,34 +20,6 @@ Triple = tuple[float, float, float]
 Quadruple = tuple[float, float, float, float]
 Z = np.array([0.0, 0.0, 1.0])
 SIGNS = [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=3)]
-
-
-@dataclass(frozen=True)
-class Solid:
-    """Mass [kg], centre of mass (3,) [m] and the inertia (3, 3) about it [kg m²].
-
-    reach [m]: how far from the sphere's centre its matter lies, where that is known, else 0.
-    """
-
-    mass: float
-    centre: Array
-    inertia: Array
-    reach: float = 0.0
-
-
-def composed(solids: Iterable[Solid]) -> Solid:
-    """All of them as one body."""
-    solids = list(solids)
-    mass = sum(each.mass for each in solids)
-    centre = np.array([each.mass / mass * each.centre for each in solids]).sum(axis=0)
-    inertia = np.array([_about(each, centre) for each in solids]).sum(axis=0)
-    return Solid(mass, centre, inertia, max(each.reach for each in solids))
-
-
-def _about(solid: Solid, point: Array) -> Array:
-    """The inertia (3, 3) about a point (3,), by Steiner's theorem [kg m²]."""
-    r = solid.centre - point
-    return solid.inertia + solid.mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
 Mass = Annotated[float, key("its mass", "kg")]

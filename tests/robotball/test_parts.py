@@ -16,10 +16,9 @@ from robotball.files.parts import (
     Point,
     Ring,
     Rod,
-    Solid,
     Sphere,
-    composed,
 )
+from robotball.robot import Solid, composed
 from robotball.rotations import z_along
 
 CENTRE = (0.03, -0.02, 0.05)

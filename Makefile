@@ -47,7 +47,7 @@ check: setup
 # docs/scene.md, from the tables that the reader uses; a test holds it.
 # Then the site, in out/site; it ends at a dead link and at a name that is not there.
 docs: setup
-	$(BIN)/python -m robotball.files.scene_page > docs/scene.md
+	$(BIN)/python -m robotball.files.scene_keys > docs/scene.md
 	$(BIN)/python -m mkdocs build --strict
 
 # Every picture and table of README and docs, made again by the program; hours on two cores.

@@ -1,38 +1,68 @@
 """Read scenes from TOML: the catalog in scenes/, and files of the user's own.
 
-msgspec decodes a file into the tables of `scene_tables`, which refuse unknown keys. `explained`
-puts its errors into the author's words, and is loaded when there is one.
+msgspec decodes a file into the records of `scene_tables`. Here they become a Scene: bodies with
+their masses and inertias, hinges with commands and motors, a start. `scene_keys` puts errors into
+the author's words, and is loaded when there is one. In order: the catalog, the whole scene, hinges,
+starts, bodies.
 """
 
 import tomllib
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 import numpy as np
 
-from robotball.drives import Motor
-from robotball.errors import InputError, check_size, unknown, warn
+from robotball import scene as starts
+from robotball.drives import Motor, Rate, Samples, Sum
+from robotball.errors import InputError, check_positive, check_size, unknown, warn
 from robotball.files import contents
-from robotball.files.bodies import read_frame, read_pendulum, read_rotor, read_shell
-from robotball.files.parts import Triple, direction
 from robotball.files.scene_tables import (
+    DRIVES,
+    Axial,
+    Command,
+    FrameTable,
+    HingeTable,
+    MjcfTable,
     NumbersTable,
-    ReadHinge,
+    Part,
+    PendulumTable,
+    RotorTable,
+    Rows,
+    SamplesTable,
     SceneTable,
-    read_hinge,
-    read_start,
-    turning,
+    ShellInertia,
+    ShellTable,
+    StartTable,
+    Triple,
+    UrdfTable,
 )
-from robotball.robot import Ball, beyond_the_shell
-from robotball.scene import Friction, Scene
+from robotball.robot import (
+    Ball,
+    Frame,
+    Pendulum,
+    Rotor,
+    Shell,
+    Solid,
+    axial_tensor,
+    beyond_the_shell,
+    composed,
+    mass_of,
+    thick_shell_inertia,
+    thin_shell_inertia,
+    volume_of_wall,
+)
+from robotball.rotations import Array, Z, direction, rotation_matrix
+from robotball.scene import Friction, Scene, Start
 
 if TYPE_CHECKING:
     from robotball.designing import Design
 
 CATALOG = Path(__file__).parent.parent / "scenes"
+# Relative: as far as a composed body may miss its symmetry by the rounding of its parts' sums.
+_SYMMETRIC = 1e-9
 
 
 @dataclass(frozen=True)
@@ -89,7 +119,7 @@ def read_scene(path: Path, text: bytes | str) -> Scene:
         _check_numbers("", msgspec.to_builtins(table))
         return _scene(path, table)
     except (msgspec.ValidationError, InputError) as error:
-        from robotball.files.explained import counted, explained
+        from robotball.files.scene_keys import counted, explained
 
         ours = isinstance(error, InputError)
         raise InputError(
@@ -114,47 +144,52 @@ def _check_numbers(key: str, value: object) -> None:
 
 
 def _scene(path: Path, table: SceneTable) -> Scene:
-    ball, hinges = _parts(table, path.parent)
-    rotors, told = len(ball.rotors), table.start.angular_velocity
-    start = read_start(table.start, ball)
+    ball, hinges = _robot(table, path.parent)
+    rotors = 1 + len(ball.rotors)
+    commands = [hinge.command for hinge in hinges]
     scene = Scene(
         name=path.stem.encode(errors="replace").decode(),  # bytes that are no text are shown as ?
         title=table.title,
         source=table.source,
         ball=ball,
         rolling=table.rolling,
-        frame_rate=hinges[0].command,
-        rotor_rates=tuple(hinge.command for hinge in hinges[1 : 1 + rotors]),
-        pendulum_rates=tuple(hinge.command for hinge in hinges[1 + rotors :]),
-        start=replace(start, hinge_angles=np.array([hinge.angle for hinge in hinges])),
+        frame_rate=commands[0],
+        rotor_rates=tuple(commands[1:rotors]),
+        pendulum_rates=tuple(commands[rotors:]),
+        start=replace(_start(table.start, ball), hinge_angles=np.array([h.angle for h in hinges])),
         duration=table.duration,
         gravity=table.gravity,
         gravity_direction=_down(table.gravity_direction),
         friction=Friction(*msgspec.structs.astuple(table.friction)),
-        motors=_motors(hinges),
+        motors=tuple(h.motor for h in hinges) if any(h.motor for h in hinges) else (),
     )
-    scene = _with_rates(scene, [hinge.rate for hinge in hinges])
-    return scene if told is None else turning(scene, told)
+    if any(hinge.rate is not None for hinge in hinges):
+        # The scene knows the rates that the other hinges start with: those of their commands.
+        rates = [
+            known.rate if given.rate is None else given.rate
+            for known, given in zip(scene.hinges, hinges, strict=True)
+        ]
+        scene = replace(scene, start=replace(scene.start, hinge_rates=np.array(rates)))
+    turning = table.start.angular_velocity
+    return scene if turning is None else _turning(scene, turning)
 
 
-def _with_rates(scene: Scene, told: list[float | None]) -> Scene:
-    """The scene whose hinges start at the rates told, the others as the scene has them."""
-    if all(rate is None for rate in told):
-        return scene
-    rates = [
-        hinge.rate if rate is None else rate for hinge, rate in zip(scene.hinges, told, strict=True)
-    ]
-    return replace(scene, start=replace(scene.start, hinge_rates=np.array(rates)))
+class _ReadHinge(NamedTuple):
+    """A hinge's command, motor, and angle and rate at the start; None is as the command is."""
+
+    command: Rate
+    motor: Motor | None = None
+    angle: float = 0.0
+    rate: float | None = None
 
 
-def _parts(table: SceneTable, folder: Path) -> tuple[Ball, list[ReadHinge]]:
-    """The ball and its hinges: as given, or designed for given numbers."""
+def _robot(table: SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
+    """Return the ball and its hinges, as given or designed for given numbers."""
     if table.numbers is not None:
         if table.shell or table.frame or table.rotor or table.pendulum:
             raise InputError("a scene takes bodies or numbers, not both")
-        found = design_of(table.numbers)
-        rates = (found.frame_rate, *found.rotor_rates)
-        return found.ball, [ReadHinge(rate, None, 0.0, None) for rate in rates]
+        found = _design_of(table.numbers)
+        return found.ball, [_ReadHinge(rate) for rate in (found.frame_rate, *found.rotor_rates)]
     if table.shell is None or table.frame is None:
         missing = "frame" if table.shell else "shell"
         raise InputError(f"key {missing!r} is missing; a scene takes shell and frame, or numbers")
@@ -162,18 +197,13 @@ def _parts(table: SceneTable, folder: Path) -> tuple[Ball, list[ReadHinge]]:
     rotors = [(f"rotor{i}", each) for i, each in enumerate(table.rotor, start=1)]
     pendulums = [(f"pendulum{i}", each) for i, each in enumerate(table.pendulum, start=1)]
     ball = Ball(
-        shell=read_shell(table.shell, folder),
-        frame=read_frame(table.frame, radius, folder),
-        rotors=tuple(read_rotor(*each, radius, folder) for each in rotors),
-        pendulums=tuple(read_pendulum(*each, radius, folder) for each in pendulums),
+        shell=_shell(table.shell, folder),
+        frame=_frame(table.frame, radius, folder),
+        rotors=tuple(_rotor(*each, radius, folder) for each in rotors),
+        pendulums=tuple(_pendulum(*each, radius, folder) for each in pendulums),
     )
     hinged = (("frame", table.frame), *rotors, *pendulums)
-    return ball, [read_hinge(name, each, folder) for name, each in hinged]
-
-
-def _motors(hinges: list[ReadHinge]) -> tuple[Motor | None, ...]:
-    motors = tuple(hinge.motor for hinge in hinges)
-    return motors if any(motors) else ()
+    return ball, [_hinge(name, each, folder) for name, each in hinged]
 
 
 def _down(v: Triple) -> Triple:
@@ -181,11 +211,318 @@ def _down(v: Triple) -> Triple:
     return (x, y, z)
 
 
-def design_of(numbers: NumbersTable) -> "Design":
-    """The bodies for a [numbers] table; raises InputError where there are none."""
+def _design_of(numbers: NumbersTable) -> "Design":
+    """Return the bodies for a [numbers] table. Raises InputError where there are none."""
     from robotball.designing import design
 
-    size = {isinstance(row, tuple) for row in numbers.A}
-    if len(numbers.A) != 3 or len(size) != 1:
-        raise InputError("numbers.A takes a diagonal of three, or three rows of three")
-    return design(np.array(numbers.A), numbers.Omega, numbers.K, numbers.radius, numbers.mass)
+    A = _tensor("numbers.A takes a diagonal of three, or three rows of three", numbers.A)
+    return design(A, numbers.Omega, numbers.K, numbers.radius, numbers.mass)
+
+
+def _tensor(what: str, rows: Rows) -> Array:
+    """Return a tensor (3, 3) of its diagonal or its rows. Raises InputError, with `what`."""
+    kinds = {isinstance(row, tuple) for row in rows}
+    if len(rows) != 3 or len(kinds) != 1:
+        raise InputError(what)
+    return np.array(rows) if kinds == {True} else np.diag(np.array(rows, dtype=float))
+
+
+def _hinge(name: str, table: HingeTable, folder: Path) -> _ReadHinge:
+    """Read the hinge keys of a body's table. Raises InputError for keys that do not combine."""
+    _check_keys(name, table)
+    kind = DRIVES[table.drive]
+    command = None if kind.command is None else getattr(table, kind.command)
+    try:
+        rate = _command(0.0 if command is None else command, folder)
+        motor = None if kind.motor is None else _motor(kind.motor, kind.keys, table)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+    return _ReadHinge(rate, motor, table.initial_angle, table.initial_rate)
+
+
+def _check_keys(name: str, table: HingeTable) -> None:
+    drive = table.drive
+    for each in DRIVES[drive].needed:
+        if getattr(table, each) is None:
+            from robotball.files.scene_keys import unit_of
+
+            unit = unit_of(HingeTable, each)
+            raise InputError(f'{name}: drive = "{drive}" needs the key {each!r} [{unit}]')
+    owners: dict[str, list[str]] = {}
+    for owner, kind in DRIVES.items():
+        for each in kind.allowed:
+            owners.setdefault(each, []).append(f'"{owner}"')
+    for each in table.given(*owners):
+        if each not in DRIVES[drive].allowed:
+            listed = " or ".join(owners[each])
+            raise InputError(f'{name}: {each} belongs to drive = {listed}, not to "{drive}"')
+
+
+def _motor(motor: type[Any], keys: tuple[str, ...], table: HingeTable) -> Any:
+    """Return the motor with the keys that are given, and its own defaults for the others."""
+    names = (field.name for field in fields(motor))
+    values = {name: getattr(table, key) for name, key in zip(names, keys, strict=True)}
+    return motor(**{name: value for name, value in values.items() if value is not None})
+
+
+def _command(told: Command, folder: Path) -> Rate:
+    """Return a command as a drive takes it; samples may be in a file beside the scene's."""
+    if isinstance(told, list):
+        return Sum(tuple(_command(each, folder) for each in told))
+    if not isinstance(told, SamplesTable):
+        return told
+    if told.file is not None:
+        if told.times is not None or told.values is not None:
+            raise InputError("samples take a file, or times and values, not both")
+        from robotball.files.columns import read_samples
+
+        return read_samples(folder / told.file)
+    if told.times is None or told.values is None:
+        missing = "times" if told.times is None else "values"
+        raise InputError(f"samples: key {missing!r} is missing, or 'file' instead")
+    return Samples(times=tuple(told.times), values=tuple(told.values))
+
+
+_START_FORMS = (
+    "section, or gamma and momentum, or an attitude (attitude, or gamma and alpha) with one of "
+    "momentum, momentum_world, angular_velocity and rest (M = 0; a ball that stands still has "
+    "angular_velocity = [0, 0, 0])"
+)
+_MOMENTUM_KEYS = {"momentum", "momentum_world", "angular_velocity", "rest"}
+
+
+def _start(table: StartTable, ball: Ball) -> Start:
+    """Return the one start that the table gives; a section's is in principal axes.
+
+    An angular velocity leaves M at 0, which `_turning` sets when the hinges are known.
+    """
+    given = {key for key in table.__struct_fields__ if getattr(table, key)}
+    axes = ball.principal[1]
+    if given == {"section"} and table.section:
+        gamma, M = starts.section_state(*msgspec.structs.astuple(table.section))
+        return starts.along_momentum(axes @ gamma, axes @ M)
+    if given == {"gamma", "momentum"}:
+        gamma = starts.unit("gamma", np.array(table.gamma))
+        return starts.along_momentum(gamma, np.array(table.momentum))
+    if (
+        given - _MOMENTUM_KEYS in ({"attitude"}, {"gamma", "alpha"})
+        and len(given & _MOMENTUM_KEYS) == 1
+    ):
+        attitude = _attitude(table)
+        return Start(attitude, _momentum(table, rotation_matrix(attitude)))
+    keys = ", ".join(sorted(given)) or "nothing"
+    raise InputError(f"start gives {keys}; it takes one form: {_START_FORMS}")
+
+
+def _turning(scene: Scene, omega: Triple) -> Scene:
+    """Return the scene with the frame's angular velocity (3,) at its start, frame axes [rad/s].
+
+    Raises InputError where the shell would spin on the spot and the rolling model is rubber.
+    """
+    from robotball.mechanics import momentum_at
+
+    start, turned = scene.start, np.array(omega)
+    angles = np.array([hinge.angle for hinge in scene.hinges])
+    rates = np.array([hinge.rate for hinge in scene.hinges])
+    if scene.rolling == "rubber":
+        gamma = rotation_matrix(start.attitude)[2]
+        starts.check_no_spin(turned - rates[0] * scene.ball.shell.axis, gamma)
+    M = momentum_at(scene.ball, scene.rolling, start.attitude, turned, angles, rates)
+    return replace(scene, start=replace(start, momentum=M))
+
+
+def _attitude(table: StartTable) -> Array:
+    if table.attitude:
+        return starts.unit("attitude", np.array(table.attitude))
+    gamma, alpha = np.array(table.gamma), np.array(table.alpha)
+    return starts.attitude_of_axes(starts.unit("gamma", gamma), starts.unit("alpha", alpha))
+
+
+def _momentum(table: StartTable, to_world: Array) -> Array:
+    """Return M (3,) in world axes of a table with one of _MOMENTUM_KEYS."""
+    if table.momentum:
+        return to_world @ np.array(table.momentum)
+    if table.momentum_world:
+        return np.array(table.momentum_world)
+    return np.zeros(3)
+
+
+def _one_of(name: str, ways: dict[str, list[str]]) -> str:
+    """Return the alternative whose keys the user gave. Raises InputError for none or several."""
+    used = [way for way, keys in ways.items() if keys]
+    if len(used) != 1:
+        given = " and ".join(", ".join(ways[way]) for way in used) or "nothing"
+        raise InputError(f"{name} gives {given}; it takes {', or '.join(ways)}")
+    return used[0]
+
+
+def _shell(table: ShellTable, folder: Path) -> Shell:
+    """The shell; raises InputError where it has no mass, or is not symmetric about its axis."""
+    check_positive("the shell's radius", table.radius, "m")
+    radius, axis = table.radius, direction("shell.axis", np.array(table.axis))
+    wall = table.given("mass", "density", "thickness", "inertia")
+    if file := table.mjcf or table.urdf:
+        ways = {each: table.given(each) for each in ("part", "mjcf", "urdf")}
+        _one_of("shell", {"mass and thickness": wall, **ways})
+        solids = [_of_file(file, folder)]
+    else:
+        solids = _solids("shell", table.part or [], axis)
+        if wall or not solids:
+            mass, axial, transverse = _wall(table)
+            if not solids:
+                return Shell(radius, mass, axial, transverse, axis, table.offset)
+            tensor = axial_tensor(axial, transverse, axis)
+            solids.append(Solid(mass, table.offset * axis, tensor))
+    solid = composed(solids)
+    _check_inside("shell", solid, radius)
+    offset = float(solid.centre @ axis)
+    off = float(np.linalg.norm(solid.centre - offset * axis))
+    if off > _SYMMETRIC * radius:
+        raise InputError(
+            f"shell's centre of mass is {off:.6g} m off its axis; what is not symmetric about "
+            "the axis belongs to the frame"
+        )
+    return Shell(radius, solid.mass, *_symmetric("shell", solid.inertia, axis), axis, offset)
+
+
+def _wall(table: ShellTable) -> tuple[float, float, float]:
+    """Mass [kg] and moments of the shell's wall, about the axis and across it [kg m²]."""
+    given, thickness = table.inertia, table.thickness
+    if isinstance(given, ShellInertia) and given.thickness is not None:
+        if thickness is not None or given.given("axial", "transverse"):
+            raise InputError("shell.inertia takes a thickness alone")
+        thickness, given = given.thickness, None
+    if given is not None and thickness is not None:
+        raise InputError("shell takes thickness or inertia, not both")
+    if thickness is not None:
+        mass = mass_of("shell", table.mass, table.density, volume_of_wall(table.radius, thickness))
+        moment = thick_shell_inertia(table.radius, mass, thickness)
+        return mass, moment, moment
+    if table.density is not None:
+        raise InputError("shell: a density needs the wall's thickness [m] as well")
+    if table.mass is None:
+        raise InputError("shell: key 'mass' is missing")
+    if given is None:
+        raise InputError("shell: key 'thickness' is missing, or 'inertia' instead of it")
+    if given == "thin":
+        moment = thin_shell_inertia(table.radius, table.mass)
+        return table.mass, moment, moment
+    if given.axial is None or given.transverse is None:
+        raise InputError('shell.inertia takes "thin", or thickness, or axial and transverse')
+    return table.mass, given.axial, given.transverse
+
+
+def _frame(table: FrameTable, radius: float, folder: Path) -> Frame:
+    """The frame in a shell of this radius [m]."""
+    solid = _solid("frame", table, radius, folder)
+    return Frame(solid.mass, solid.inertia, solid.centre)
+
+
+def _rotor(name: str, table: RotorTable, radius: float, folder: Path) -> Rotor:
+    """A rotor in a shell of this radius [m]; InputError unless it is symmetric about its axis."""
+    axis = direction(f"{name}'s axis", np.array(table.axis))
+    solid = _solid(name, table, radius, folder, axis)
+    if isinstance(table.inertia, Axial):
+        axial, transverse = table.inertia.axial, table.inertia.transverse
+    else:
+        axial, transverse = _symmetric(name, solid.inertia, axis)
+    return Rotor(solid.mass, axial, transverse, axis, solid.centre)
+
+
+def _pendulum(name: str, table: PendulumTable, radius: float, folder: Path) -> Pendulum:
+    """A pendulum in a shell of this radius [m]."""
+    solid = _solid(name, table, radius, folder)
+    axis = direction(f"{name}'s axis", np.array(table.axis))
+    return Pendulum(solid.mass, solid.inertia, solid.centre, axis, np.array(table.pivot))
+
+
+def _solid(
+    name: str,
+    table: FrameTable | RotorTable | PendulumTable,
+    radius: float,
+    folder: Path,
+    axis: Array = Z,
+) -> Solid:
+    """Mass, centre and inertia of a body's table; `axis` (3,) is that of its parts."""
+    numbers = table.given("mass", "inertia", "centre")
+    ways = {each: table.given(each) for each in ("part", "mjcf", "urdf")}
+    _one_of(name, {"mass and inertia": numbers, **ways})
+    if file := table.mjcf or table.urdf:
+        solid = _of_file(file, folder)
+    elif table.part is not None:
+        if not table.part:
+            raise InputError(f"{name}.part is empty")
+        solid = composed(_solids(name, table.part, axis))
+        if not np.linalg.eigvalsh(solid.inertia)[0] > _SYMMETRIC * np.abs(solid.inertia).max():
+            raise InputError(
+                f"{name}'s parts lie on one line, about which nothing resists turning; give a rod "
+                "its radius, or a point a sphere's size"
+            )
+    elif table.mass is None or table.inertia is None:
+        missing = "mass" if table.mass is None else "inertia"
+        raise InputError(f"{name}: key {missing!r} is missing")
+    else:
+        tensor = (
+            axial_tensor(table.inertia.axial, table.inertia.transverse, axis)
+            if isinstance(table.inertia, Axial)
+            else _tensor(
+                f"{name}.inertia takes three moments, or three rows of three", table.inertia
+            )
+        )
+        solid = Solid(table.mass, np.array(table.centre or (0.0, 0.0, 0.0)), tensor)
+    _check_inside(name, solid, radius)
+    return solid
+
+
+def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
+    """Return a body's parts. Raises InputError, with the part's number, for one that cannot be."""
+    if not parts:
+        return []
+    # Most bodies are given by numbers and need no shapes.
+    from robotball.files.parts import solid_of
+
+    solids = []
+    for number, part in enumerate(parts, start=1):
+        try:
+            solids.append(solid_of(part, axis))
+        except InputError as error:
+            raise InputError(f"{name}.part{number}: {error}") from None
+    return solids
+
+
+def _of_file(table: MjcfTable | UrdfTable, folder: Path) -> Solid:
+    """The body of a file, laid where its table says."""
+    from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
+
+    if isinstance(table, MjcfTable):
+        solid = solid_of_mjcf(folder / table.file, table.body)
+    else:
+        solid = solid_of_urdf(folder / table.file, table.link)
+    R = rotation_matrix(starts.unit("attitude", np.array(table.attitude)))
+    return Solid(solid.mass, np.array(table.origin) + R @ solid.centre, R @ solid.inertia @ R.T)
+
+
+def _symmetric(name: str, inertia: Array, axis: Array) -> tuple[float, float]:
+    """The moments about an axis (3,) and across it [kg m²]; InputError where it is no symmetry."""
+    axial = float(axis @ inertia @ axis)
+    transverse = float(np.trace(inertia) - axial) / 2
+    off = float(np.abs(inertia - axial_tensor(axial, transverse, axis)).max())
+    if off > _SYMMETRIC * float(np.abs(inertia).max()):
+        other = "part of the frame" if name == "shell" else "pendulum"
+        raise InputError(
+            f"{name} is not symmetric about its axis: its inertia is off by {off:.6g} of "
+            f"{np.abs(inertia).max():.6g} kg m²; such a body is a {other}"
+        )
+    # A disc's are as 2 to 1, but for the rounding of its turned axes.
+    return min(axial, 2 * transverse) if axial < 2 * transverse * (
+        1 + _SYMMETRIC
+    ) else axial, transverse
+
+
+def _check_inside(name: str, solid: Solid, radius: float) -> None:
+    """Raises InputError where parts of known size reach beyond the shell."""
+    if solid.reach > radius * (1 + _SYMMETRIC):
+        raise InputError(
+            f"{name} reaches {solid.reach:.6g} m from the sphere's centre, beyond the shell's "
+            f"radius {radius:g} m; make it smaller, move it, or make the shell larger"
+        )

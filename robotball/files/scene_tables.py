@@ -1,38 +1,33 @@
-"""The tables of a scene's TOML, as msgspec decodes them, and the readers of hinges and starts.
+"""The tables of a scene file, a record each, in the order in which a file is written.
 
-Each key has its meaning and unit beside it, from which docs/scene.md is written. In order: hinges,
-starts, bodies (by numbers, by parts, or from another file), the whole scene. The file
-`bodies` makes bodies of these tables.
+From these records a file is decoded (by msgspec, which refuses unknown keys and wrong types), read
+(`scene_file`), explained and documented (`scene_keys`) and written (`scene_writer`). Each key has
+its meaning and unit beside it. In order: hinges, bodies, friction, numbers, starts, the whole
+scene.
 """
 
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 import msgspec
-import numpy as np
 
-from robotball import scene as starts
 from robotball.drives import (
     COMMAND,
     Free,
-    Motor,
     PositionServo,
     Ramp,
-    Rate,
-    Samples,
     Servo,
     Sine,
-    Sum,
     Torque,
     key,
 )
 from robotball.equations import Rolling
-from robotball.errors import InputError
-from robotball.files.parts import ORIGIN, UPRIGHT, Part, Quadruple, Triple
-from robotball.robot import Ball
-from robotball.rotations import Array, rotation_matrix
-from robotball.scene import DOWN, GRAVITY, Scene, Start
+from robotball.scene import DOWN, GRAVITY
+
+Triple = tuple[float, float, float]
+Quadruple = tuple[float, float, float, float]
+ORIGIN: Triple = (0.0, 0.0, 0.0)
+UPRIGHT: Quadruple = (1.0, 0.0, 0.0, 0.0)
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -41,18 +36,6 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     def given(self, *keys: str) -> list[str]:
         """Return those of the keys that the table has."""
         return [each for each in keys if getattr(self, each) is not None]
-
-
-def one_of(name: str, ways: dict[str, list[str]]) -> str:
-    """Return the alternative whose keys the user gave. Raises InputError for none or several."""
-    told = [way for way, keys in ways.items() if keys]
-    if len(told) != 1:
-        given = " and ".join(", ".join(ways[way]) for way in told) or "nothing"
-        raise InputError(f"{name} gives {given}; it takes {', or '.join(ways)}")
-    return told[0]
-
-
-DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
 
 
 class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
@@ -68,20 +51,67 @@ class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
 
 Told = float | Ramp | Sine | SamplesTable
 Command = Told | list[Told]
+DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
+
+
+@dataclass(frozen=True)
+class DriveKind:
+    """A way to move a hinge: the key of its command, its motor, and the keys of the motor's fields.
+
+    does: a sentence of docs/scene.md; motor: None keeps the command exactly; keys: in the order of
+    the motor's fields; needed: the keys without which the drive is refused.
+    """
+
+    does: str
+    command: str | None
+    motor: type[Any] | None = None
+    keys: tuple[str, ...] = ()
+    needed: tuple[str, ...] = ()
+
+    @property
+    def allowed(self) -> tuple[str, ...]:
+        """All keys that belong to the drive, those that it needs included."""
+        own = (*self.needed, self.command, *self.keys, "initial_rate" if self.motor else None)
+        return tuple(dict.fromkeys(each for each in own if each is not None))
+
+
+DRIVES: dict[DriveName, DriveKind] = {
+    "prescribed": DriveKind(
+        "The hinge keeps the rate exactly, whatever torque that takes.",
+        "rate",
+    ),
+    "servo": DriveKind(
+        "Torque = kv (rate - the hinge's rate), at most the limit either way.",
+        "rate", Servo, keys=("kv", "torque_limit", "armature"), needed=("kv",),
+    ),
+    "position": DriveKind(
+        "Torque = kp (angle - the hinge's angle) - kd · the hinge's rate, likewise.",
+        "angle", PositionServo, keys=("kp", "kd", "torque_limit", "armature"),
+        needed=("kp", "angle"),
+    ),
+    "torque": DriveKind(
+        "The motor gives the torque, whatever the hinge does.",
+        "torque", Torque, keys=("armature",), needed=("torque",),
+    ),
+    "free": DriveKind(
+        "No motor: torque = -damping · rate - stiffness (angle - rest).",
+        None, Free, keys=("damping", "stiffness", "rest", "armature"),
+    ),
+}  # fmt: skip
 
 
 class HingeTable(Table, frozen=True):
     """How a hinge is moved, and where it starts."""
 
-    drive: Annotated[
-        DriveName,
-        key("what moves the hinge, see Drives; `prescribed`: it keeps its rate exactly"),
-    ] = "prescribed"
     rate: Annotated[
         Command | None, key("commanded rate, a command as below; 0 if not given", "rad/s")
     ] = None
     angle: Annotated[Command | None, key("commanded angle, a command as below", "rad")] = None
     torque: Annotated[Command | None, key("commanded torque, a command as below", "N m")] = None
+    drive: Annotated[
+        DriveName,
+        key("what moves the hinge, see Drives; `prescribed`: it keeps its rate exactly"),
+    ] = "prescribed"
     kv: Annotated[float | None, key("gain: torque per rate missed", "N m s/rad")] = None
     kp: Annotated[float | None, key("gain: torque per angle missed", "N m/rad")] = None
     kd: Annotated[float | None, key("damping: torque against the rate", "N m s/rad")] = None
@@ -99,97 +129,223 @@ class HingeTable(Table, frozen=True):
     ] = None
 
 
-# The keys of each drive, those that it needs first, of which the others have none.
-NEEDED: dict[str, tuple[str, ...]] = {
-    "prescribed": (),
-    "servo": ("kv",),
-    "position": ("kp", "angle"),
-    "torque": ("torque",),
-    "free": (),
-}
-ALLOWED: dict[str, tuple[str, ...]] = {
-    "prescribed": ("rate",),
-    "servo": ("rate", "torque_limit", "armature", "initial_rate"),
-    "position": ("kd", "torque_limit", "armature", "initial_rate"),
-    "torque": ("armature", "initial_rate"),
-    "free": ("damping", "stiffness", "rest", "armature", "initial_rate"),
-}
+Mass = Annotated[float, key("its mass", "kg")]
+OrMass = Annotated[float | None, key("its mass, or else its density", "kg")]
+Density = Annotated[float | None, key("instead of the mass", "kg/m³")]
+Radius = Annotated[float, key("its outer radius", "m")]
+Place = Annotated[Triple, key("where its middle is, from the sphere's centre", "m")]
+Axis = Annotated[
+    Triple | None,
+    key("what it is symmetric about; without it the axis of the shell or rotor, or else z"),
+]
 
 
-@dataclass(frozen=True)
-class ReadHinge:
-    """A hinge's command, motor, and angle and rate at the start; None is as the command is."""
-
-    command: Rate
-    motor: Motor | None
-    angle: float
-    rate: float | None
+class _Part(Table, frozen=True, tag_field="kind"):
+    """A solid of a simple shape, of which bodies are put together."""
 
 
-def read_hinge(name: str, table: HingeTable, folder: Path) -> ReadHinge:
-    """Read the hinge keys of a body's table. Raises InputError for keys that do not combine."""
-    _check_keys(name, table)
-    told = {"position": table.angle, "torque": table.torque}.get(table.drive, table.rate)
-    try:
-        command = _command(0.0 if told is None else told, folder)
-        motor = _motor(table)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
-    return ReadHinge(command, motor, table.initial_angle, table.initial_rate)
+class Point(_Part, frozen=True, kw_only=True, tag="point"):
+    """A mass without a size; it needs another part beside it."""
+
+    mass: Mass
+    centre: Place = ORIGIN
 
 
-def _check_keys(name: str, table: HingeTable) -> None:
-    drive = table.drive
-    for each in NEEDED[drive]:
-        if getattr(table, each) is None:
-            unit = unit_of(each)
-            raise InputError(f'{name}: drive = "{drive}" needs the key {each!r} [{unit}]')
-    known = {*NEEDED[drive], *ALLOWED[drive]}
-    every = [each for drives in (NEEDED, ALLOWED) for keys in drives.values() for each in keys]
-    for each in table.given(*dict.fromkeys(every)):
-        if each not in known:
-            owners = [d for d in NEEDED if each in (*NEEDED[d], *ALLOWED[d])]
-            listed = " or ".join(f'"{owner}"' for owner in owners)
-            raise InputError(f'{name}: {each} belongs to drive = {listed}, not to "{drive}"')
+class Sphere(_Part, frozen=True, kw_only=True, tag="sphere"):
+    """A ball, solid or hollow."""
+
+    mass: OrMass = None
+    density: Density = None
+    radius: Radius
+    thickness: Annotated[float | None, key("of its wall; without it the ball is solid", "m")] = None
+    centre: Place = ORIGIN
 
 
-def unit_of(name: str) -> str:
-    """Return the unit of one of a hinge's keys."""
-    table = msgspec.inspect.type_info(HingeTable)
-    assert isinstance(table, msgspec.inspect.StructType)
-    (told,) = (field.type for field in table.fields if field.name == name)
-    assert isinstance(told, msgspec.inspect.Metadata)
-    return str((told.extra or {})["unit"])
+class Box(_Part, frozen=True, kw_only=True, tag="box"):
+    """A cuboid."""
+
+    mass: OrMass = None
+    density: Density = None
+    size: Annotated[Triple, key("its three edges, whole lengths", "m")]
+    centre: Place = ORIGIN
+    attitude: Annotated[
+        Quadruple, key("quaternion (w, x, y, z) that turns its edges from x, y, z")
+    ] = UPRIGHT
 
 
-def _command(told: Command, folder: Path) -> Rate:
-    if isinstance(told, list):
-        return Sum(tuple(_command(each, folder) for each in told))
-    if not isinstance(told, SamplesTable):
-        return told
-    if told.file is not None:
-        if told.times is not None or told.values is not None:
-            raise InputError("samples take a file, or times and values, not both")
-        from robotball.files.columns import read_samples
+class Cylinder(_Part, frozen=True, kw_only=True, tag="cylinder"):
+    """A cylinder or a tube."""
 
-        return read_samples(folder / told.file)
-    if told.times is None or told.values is None:
-        missing = "times" if told.times is None else "values"
-        raise InputError(f"samples: key {missing!r} is missing, or 'file' instead")
-    return Samples(times=tuple(told.times), values=tuple(told.values))
+    mass: OrMass = None
+    density: Density = None
+    radius: Radius
+    length: Annotated[float, key("along the axis", "m")]
+    inner_radius: Annotated[float, key("of a tube", "m")] = 0.0
+    centre: Place = ORIGIN
+    axis: Axis = None
 
 
-def _motor(table: HingeTable) -> Motor | None:
-    armature = table.armature or 0.0
-    if table.drive == "servo":
-        return Servo(table.kv or 0.0, table.torque_limit, armature)
-    if table.drive == "position":
-        return PositionServo(table.kp or 0.0, table.kd or 0.0, table.torque_limit, armature)
-    if table.drive == "torque":
-        return Torque(armature)
-    if table.drive == "free":
-        return Free(table.damping or 0.0, table.stiffness or 0.0, table.rest or 0.0, armature)
-    return None
+class Disc(_Part, frozen=True, kw_only=True, tag="disc"):
+    """A disc of no thickness, with or without a round hole."""
+
+    mass: Mass
+    radius: Radius
+    inner_radius: Annotated[float, key("of its hole", "m")] = 0.0
+    centre: Place = ORIGIN
+    axis: Axis = None
+
+
+class Ring(_Part, frozen=True, kw_only=True, tag="ring"):
+    """A hoop, all of whose mass is at its radius."""
+
+    mass: Mass
+    radius: Radius
+    centre: Place = ORIGIN
+    axis: Axis = None
+
+
+class Rod(_Part, frozen=True, kw_only=True, tag="rod"):
+    """A round rod between two points."""
+
+    mass: Mass
+    begin: Annotated[Triple, key("the middle of its one end, from the sphere's centre", "m")]
+    end: Annotated[Triple, key("the middle of its other end", "m")]
+    radius: Annotated[float, key("of its round section", "m")] = 0.0
+
+
+Part = Point | Sphere | Box | Cylinder | Disc | Ring | Rod
+
+
+File = Annotated[str, key("the file; a relative path is from the scene's own folder")]
+Origin = Annotated[Triple, key("where the body's origin is, from the sphere's centre", "m")]
+Attitude = Annotated[Quadruple, key("quaternion (w, x, y, z) that turns the body's axes")]
+Parts = Annotated[list[Part] | None, key("parts that it is made of, see Parts")]
+
+
+class MjcfTable(Table, frozen=True):
+    """A body of an MJCF file, with all that is fixed to it."""
+
+    file: File
+    body: Annotated[str, key("the name of the body")]
+    origin: Origin = ORIGIN
+    attitude: Attitude = UPRIGHT
+
+
+class UrdfTable(Table, frozen=True):
+    """A link of a URDF file, with all that is fixed to it."""
+
+    file: File
+    link: Annotated[str, key("the name of the link")]
+    origin: Origin = ORIGIN
+    attitude: Attitude = UPRIGHT
+
+
+Mjcf = Annotated[MjcfTable | None, key("a body of an MJCF file")]
+Urdf = Annotated[UrdfTable | None, key("a link of a URDF file")]
+Rows = list[float | Triple]
+Centre = Annotated[
+    Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
+]
+Tensor = Annotated[
+    Rows | None,
+    key("about its own centre of mass: three moments, or three rows of three", "kg m²"),
+]
+
+
+class Axial(Table, frozen=True):
+    """Moments of a symmetric body about its axis and across it."""
+
+    axial: Annotated[float, key("about the axis", "kg m²")]
+    transverse: Annotated[float, key("across it", "kg m²")]
+
+
+class ShellInertia(Table, frozen=True):
+    """Two moments about the shell's own centre of mass, or a thickness."""
+
+    axial: Annotated[float | None, key("about the axis", "kg m²")] = None
+    transverse: Annotated[float | None, key("across it", "kg m²")] = None
+    thickness: Annotated[float | None, key("as `thickness` of the shell", "m")] = None
+
+
+class ShellTable(Table, frozen=True):
+    """The sphere that rolls: a wall, and parts fixed to it; symmetric about `axis`."""
+
+    radius: Annotated[float, key("its outer radius", "m")]
+    mass: Annotated[float | None, key("of the wall", "kg")] = None
+    density: Annotated[float | None, key("of the wall, instead of its mass", "kg/m³")] = None
+    thickness: Annotated[float | None, key("of the wall, the same all round", "m")] = None
+    inertia: Annotated[
+        Literal["thin"] | ShellInertia | None,
+        key('of the wall, instead of its thickness: `"thin"` for none, or two moments'),
+    ] = None
+    axis: Annotated[
+        Triple, key("what the frame turns about in the shell; a direction of any length")
+    ] = (0.0, 0.0, 1.0)
+    offset: Annotated[
+        float, key("how far along `axis` the wall's centre of mass is from the sphere's", "m")
+    ] = 0.0
+    part: Annotated[list[Part] | None, key("parts fixed to the wall, see Parts")] = None
+    mjcf: Annotated[MjcfTable | None, key("the whole shell from an MJCF file")] = None
+    urdf: Annotated[UrdfTable | None, key("the whole shell from a URDF file")] = None
+
+
+class FrameTable(HingeTable, frozen=True):
+    """The body that turns in the shell, about the shell's axis, and carries the others."""
+
+    mass: Annotated[float | None, key("its mass", "kg")] = None
+    inertia: Tensor = None
+    centre: Centre = None
+    part: Parts = None
+    mjcf: Mjcf = None
+    urdf: Urdf = None
+
+
+class RotorTable(HingeTable, frozen=True, kw_only=True):
+    """A symmetric body on the frame that turns about its own axis."""
+
+    mass: Annotated[float | None, key("its mass", "kg")] = None
+    inertia: Annotated[Axial | None, key("its moments")] = None
+    axis: Annotated[Triple, key("its axis; a direction of any length")]
+    centre: Centre = None
+    part: Parts = None
+    mjcf: Mjcf = None
+    urdf: Urdf = None
+
+
+class PendulumTable(HingeTable, frozen=True, kw_only=True):
+    """Any body on a hinge of the frame, as it is at the hinge's angle 0."""
+
+    mass: Annotated[float | None, key("its mass", "kg")] = None
+    inertia: Tensor = None
+    centre: Centre = None
+    axis: Annotated[Triple, key("the hinge's axis; a direction of any length")]
+    pivot: Annotated[Triple, key("a point of the axis, from the sphere's centre", "m")] = ORIGIN
+    part: Parts = None
+    mjcf: Mjcf = None
+    urdf: Urdf = None
+
+
+class FrictionTable(Table, frozen=True):
+    """Friction of the plane against the shell."""
+
+    sliding: Annotated[
+        float | None, key("largest friction over the normal force; as much as needed if not given")
+    ] = None
+    torsional: Annotated[
+        float | None,
+        key("largest torque about the vertical over the normal force; likewise", "m"),
+    ] = None
+    rolling: Annotated[float, key("torque against rolling over the normal force", "m")] = 0.0
+
+
+class NumbersTable(Table, frozen=True):
+    """The numbers of the equations, for which bodies are designed."""
+
+    radius: Annotated[float, key("a", "m")]
+    A: Annotated[list[float | Triple], key("A: its diagonal, or three rows", "1/(kg m²)")]
+    K: Annotated[Triple, key("K, in the same axes", "kg m²/s")]
+    Omega: Annotated[Triple, key("Ω, in the same axes", "rad/s")]
+    mass: Annotated[float | None, key("of the whole ball; found if not given", "kg")] = None
 
 
 class SectionTable(Table, frozen=True):
@@ -221,217 +377,16 @@ class StartTable(Table, frozen=True):
     section: Annotated[SectionTable | None, key("the paper's section coordinates")] = None
 
 
-START_FORMS = (
-    "section, or gamma and momentum, or an attitude (attitude, or gamma and alpha) with one of "
-    "momentum, momentum_world, angular_velocity and rest (M = 0; a ball that stands still has "
-    "angular_velocity = [0, 0, 0])"
-)
-MOMENTUM_KEYS = {"momentum", "momentum_world", "angular_velocity", "rest"}
-
-
-def read_start(table: StartTable, ball: Ball) -> Start:
-    """Return the one start that the table gives; a section's is in principal axes.
-
-    An angular velocity leaves M at 0, which `turning` sets when the hinges are known.
-    """
-    given = {key for key in table.__struct_fields__ if getattr(table, key)}
-    axes = ball.principal[1]
-    if given == {"section"} and table.section:
-        gamma, M = starts.section_state(*msgspec.structs.astuple(table.section))
-        return starts.along_momentum(axes @ gamma, axes @ M)
-    if given == {"gamma", "momentum"}:
-        gamma = starts.unit("gamma", np.array(table.gamma))
-        return starts.along_momentum(gamma, np.array(table.momentum))
-    if (
-        given - MOMENTUM_KEYS in ({"attitude"}, {"gamma", "alpha"})
-        and len(given & MOMENTUM_KEYS) == 1
-    ):
-        attitude = _attitude(table)
-        return Start(attitude, _momentum(table, rotation_matrix(attitude)))
-    keys = ", ".join(sorted(given)) or "nothing"
-    raise InputError(f"start gives {keys}; it takes one form: {START_FORMS}")
-
-
-def turning(scene: Scene, omega: Triple) -> Scene:
-    """Return the scene with the frame's angular velocity (3,) at its start, frame axes [rad/s].
-
-    Raises InputError where the shell would spin on the spot and the rolling model is rubber.
-    """
-    from robotball.mechanics import momentum_at
-
-    start, turned = scene.start, np.array(omega)
-    angles = np.array([hinge.angle for hinge in scene.hinges])
-    rates = np.array([hinge.rate for hinge in scene.hinges])
-    if scene.rolling == "rubber":
-        gamma = rotation_matrix(start.attitude)[2]
-        starts.check_no_spin(turned - rates[0] * scene.ball.shell.axis, gamma)
-    M = momentum_at(scene.ball, scene.rolling, start.attitude, turned, angles, rates)
-    return replace(scene, start=replace(start, momentum=M))
-
-
-def _attitude(table: StartTable) -> Array:
-    if table.attitude:
-        return starts.unit("attitude", np.array(table.attitude))
-    gamma, alpha = np.array(table.gamma), np.array(table.alpha)
-    return starts.attitude_of_axes(starts.unit("gamma", gamma), starts.unit("alpha", alpha))
-
-
-def _momentum(table: StartTable, to_world: Array) -> Array:
-    """Return M (3,) in world axes of a table with one of MOMENTUM_KEYS."""
-    if table.momentum:
-        return to_world @ np.array(table.momentum)
-    if table.momentum_world:
-        return np.array(table.momentum_world)
-    return np.zeros(3)
-
-
-File = Annotated[str, key("the file; a relative path is from the scene's own folder")]
-Origin = Annotated[Triple, key("where the body's origin is, from the sphere's centre", "m")]
-Attitude = Annotated[Quadruple, key("quaternion (w, x, y, z) that turns the body's axes")]
-Parts = Annotated[list[Part] | None, key("parts that it is made of, see Parts")]
-
-
-class MjcfTable(Table, frozen=True):
-    """A body of an MJCF file, with all that is fixed to it."""
-
-    file: File
-    body: Annotated[str, key("the name of the body")]
-    origin: Origin = ORIGIN
-    attitude: Attitude = UPRIGHT
-
-
-class UrdfTable(Table, frozen=True):
-    """A link of a URDF file, with all that is fixed to it."""
-
-    file: File
-    link: Annotated[str, key("the name of the link")]
-    origin: Origin = ORIGIN
-    attitude: Attitude = UPRIGHT
-
-
-Mjcf = Annotated[MjcfTable | None, key("a body of an MJCF file")]
-Urdf = Annotated[UrdfTable | None, key("a link of a URDF file")]
-Rows = list[float | Triple]
-
-
-class Axial(Table, frozen=True):
-    """Moments of a symmetric body about its axis and across it."""
-
-    axial: Annotated[float, key("about the axis", "kg m²")]
-    transverse: Annotated[float, key("across it", "kg m²")]
-
-
-class ShellInertia(Table, frozen=True):
-    """Two moments about the shell's own centre of mass, or a thickness."""
-
-    axial: Annotated[float | None, key("about the axis", "kg m²")] = None
-    transverse: Annotated[float | None, key("across it", "kg m²")] = None
-    thickness: Annotated[float | None, key("as `thickness` of the shell", "m")] = None
-
-
-class ShellTable(Table, frozen=True):
-    """The sphere that rolls: a wall, and parts fixed to it; symmetric about `axis`."""
-
-    radius: Annotated[float, key("its outer radius", "m")]
-    mass: Annotated[float | None, key("of the wall", "kg")] = None
-    density: Annotated[float | None, key("of the wall, instead of its mass", "kg/m³")] = None
-    thickness: Annotated[float | None, key("of the wall, the same all round", "m")] = None
-    inertia: Annotated[
-        Literal["thin"] | ShellInertia | None,
-        key('of the wall, instead of its thickness: `"thin"` for none, or two moments'),
-    ] = None
-    offset: Annotated[
-        float, key("how far along `axis` the wall's centre of mass is from the sphere's", "m")
-    ] = 0.0
-    axis: Annotated[
-        Triple, key("what the frame turns about in the shell; a direction of any length")
-    ] = (0.0, 0.0, 1.0)
-    part: Annotated[list[Part] | None, key("parts fixed to the wall, see Parts")] = None
-    mjcf: Annotated[MjcfTable | None, key("the whole shell from an MJCF file")] = None
-    urdf: Annotated[UrdfTable | None, key("the whole shell from a URDF file")] = None
-
-
-Centre = Annotated[
-    Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
-]
-
-
-class FrameTable(HingeTable, frozen=True):
-    """The body that turns in the shell, about the shell's axis, and carries the others."""
-
-    mass: Annotated[float | None, key("its mass", "kg")] = None
-    inertia: Annotated[
-        Rows | None,
-        key("about its own centre of mass: three moments, or three rows of three", "kg m²"),
-    ] = None
-    centre: Centre = None
-    part: Parts = None
-    mjcf: Mjcf = None
-    urdf: Urdf = None
-
-
-class RotorTable(HingeTable, frozen=True, kw_only=True):
-    """A symmetric body on the frame that turns about its own axis."""
-
-    axis: Annotated[Triple, key("its axis; a direction of any length")]
-    mass: Annotated[float | None, key("its mass", "kg")] = None
-    inertia: Annotated[Axial | None, key("its moments")] = None
-    centre: Centre = None
-    part: Parts = None
-    mjcf: Mjcf = None
-    urdf: Urdf = None
-
-
-class PendulumTable(HingeTable, frozen=True, kw_only=True):
-    """Any body on a hinge of the frame, as it is at the hinge's angle 0."""
-
-    axis: Annotated[Triple, key("the hinge's axis; a direction of any length")]
-    pivot: Annotated[Triple, key("a point of the axis, from the sphere's centre", "m")] = ORIGIN
-    mass: Annotated[float | None, key("its mass", "kg")] = None
-    inertia: Annotated[
-        Rows | None,
-        key("about its own centre of mass: three moments, or three rows of three", "kg m²"),
-    ] = None
-    centre: Centre = None
-    part: Parts = None
-    mjcf: Mjcf = None
-    urdf: Urdf = None
-
-
-class FrictionTable(Table, frozen=True):
-    """Friction of the plane against the shell."""
-
-    sliding: Annotated[
-        float | None, key("largest friction over the normal force; as much as needed if not given")
-    ] = None
-    torsional: Annotated[
-        float | None,
-        key("largest torque about the vertical over the normal force; likewise", "m"),
-    ] = None
-    rolling: Annotated[float, key("torque against rolling over the normal force", "m")] = 0.0
-
-
-class NumbersTable(Table, frozen=True):
-    """The numbers of the equations, for which bodies are designed."""
-
-    radius: Annotated[float, key("a", "m")]
-    A: Annotated[list[float | Triple], key("A: its diagonal, or three rows", "1/(kg m²)")]
-    K: Annotated[Triple, key("K, in the same axes", "kg m²/s")]
-    Omega: Annotated[Triple, key("Ω, in the same axes", "rad/s")]
-    mass: Annotated[float | None, key("of the whole ball; found if not given", "kg")] = None
-
-
-class SceneTable(Table, frozen=True):
+class SceneTable(Table, frozen=True, kw_only=True):
     """The table of a whole scene file."""
 
     title: Annotated[str, key("one line, for tables and plots")]
+    source: Annotated[str, key("where the numbers come from, any lines of text")] = ""
     rolling: Annotated[
         Rolling,
         key("`rubber`: the shell neither slips nor spins on the spot; `classical`: no slip"),
     ]
     duration: Annotated[float, key("of the motion", "s")]
-    start: Annotated[StartTable, key("where the motion starts, see Start")]
-    source: Annotated[str, key("where the numbers come from, any lines of text")] = ""
     gravity: Annotated[float, key("how fast things fall", "m/s²")] = GRAVITY
     gravity_direction: Annotated[
         Triple,
@@ -450,3 +405,4 @@ class SceneTable(Table, frozen=True):
     numbers: Annotated[
         NumbersTable | None, key("instead of bodies: numbers of the paper's equations, see Numbers")
     ] = None
+    start: Annotated[StartTable, key("where the motion starts, see Start")]

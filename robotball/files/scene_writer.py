@@ -1,185 +1,200 @@
-"""Scene → TOML in full precision: `load_scene` reads the same scene back, to the last bit."""
+"""Write a scene as TOML, in full precision: `load_scene` reads the same scene back to the last bit.
+
+The scene becomes the records of `scene_tables`, and these become text: scalars first, then a table
+for each body. Bodies are written by mass, centre and inertia, however they were given.
+"""
 
 from collections.abc import Iterator
+from dataclasses import asdict, astuple
+from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
 
-from robotball.drives import (
-    Free,
-    Motor,
-    PositionServo,
-    Ramp,
-    Rate,
-    Samples,
-    Servo,
-    Sine,
-    Sum,
-    Torque,
-)
+from robotball.drives import Ramp, Rate, Samples, Sine, Sum
 from robotball.errors import InputError
-from robotball.robot import Frame, Pendulum, Rotor, Shell, thin_shell_inertia
+from robotball.files.scene_tables import (
+    DRIVES,
+    Axial,
+    FrameTable,
+    FrictionTable,
+    HingeTable,
+    PendulumTable,
+    RotorTable,
+    SceneTable,
+    ShellInertia,
+    ShellTable,
+    StartTable,
+    Table,
+)
+from robotball.robot import Shell, thin_shell_inertia
 from robotball.rotations import Array
-from robotball.scene import DOWN, GRAVITY, Friction, Scene
+from robotball.scene import Scene
 
 AT_REST = "M = 0; ω is not, where frame or rotors turn"
+# Written even where they have their default: a reader would look for a direction and its place.
+ALWAYS = ("axis", "pivot")
 
 
 def scene_toml(scene: Scene) -> str:
-    """The text of a scene file with the bodies, rates and start of `scene`; its name is the file's.
+    """Return the text of a scene file with the bodies, rates and start of `scene`.
 
-    Raises InputError for a rate given by a function of time, which no file can hold.
+    Its name is the file's. Raises InputError for a rate given by a function of time, which no file
+    can hold.
     """
-    return "\n".join(_lines(scene)) + "\n"
+    text = "\n".join(_lines(_scene_table(scene)))
+    return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {AT_REST}\n"
 
 
-def _lines(scene: Scene) -> Iterator[str]:
-    ball = scene.ball
-    hinges = list(_hinges(scene))
-    yield f"title = {_string(scene.title)}"
-    if scene.source:
-        source = _escaped(scene.source, keep="\n")
-        yield f'source = """\n{source}"""'
-    yield f'rolling = "{scene.rolling}"'
-    yield f"duration = {_number(scene.duration)}"
-    if scene.gravity != GRAVITY:
-        yield f"gravity = {_number(scene.gravity)}"
-    if scene.gravity_direction != DOWN:
-        yield f"gravity_direction = {_array(scene.gravity_direction)}"
-    yield from _friction(scene.friction)
-    yield from _shell(ball.shell)
-    yield from (*_frame(ball.frame), *hinges.pop(0))
-    for rotor in ball.rotors:
-        yield from (*_rotor(rotor), *hinges.pop(0))
-    for pendulum in ball.pendulums:
-        yield from (*_pendulum(pendulum), *hinges.pop(0))
-    yield from ("", "[start]", f"attitude = {_array(scene.start.attitude)}")
-    momentum = f"momentum_world = {_array(scene.start.momentum)}"
-    yield momentum if np.any(scene.start.momentum) else f"{momentum}  # {AT_REST}"
+def _scene_table(scene: Scene) -> SceneTable:
+    ball, hinges = scene.ball, _hinges(scene)
+    return SceneTable(
+        title=scene.title,
+        source=scene.source,
+        rolling=scene.rolling,
+        duration=scene.duration,
+        gravity=scene.gravity,
+        gravity_direction=scene.gravity_direction,
+        friction=FrictionTable(**asdict(scene.friction)),
+        shell=_shell(ball.shell),
+        frame=FrameTable(
+            mass=ball.frame.mass,
+            inertia=_rows(ball.frame.inertia),
+            centre=_centre(ball.frame.centre),
+            **next(hinges),
+        ),
+        rotor=tuple(
+            RotorTable(
+                mass=rotor.mass,
+                inertia=Axial(axial=rotor.axial_inertia, transverse=rotor.transverse_inertia),
+                axis=_numbers(rotor.axis),
+                centre=_centre(rotor.centre),
+                **next(hinges),
+            )
+            for rotor in ball.rotors
+        ),
+        pendulum=tuple(
+            PendulumTable(
+                mass=body.mass,
+                inertia=_rows(body.inertia),
+                centre=_centre(body.centre),
+                axis=_numbers(body.axis),
+                pivot=_numbers(body.pivot),
+                **next(hinges),
+            )
+            for body in ball.pendulums
+        ),
+        start=StartTable(
+            attitude=_numbers(scene.start.attitude), momentum_world=_numbers(scene.start.momentum)
+        ),
+    )
 
 
-def _friction(friction: Friction) -> Iterator[str]:
-    if friction != Friction():
-        yield from ("", "[friction]")
-        for name in ("sliding", "torsional", "rolling"):
-            if value := getattr(friction, name):
-                yield f"{name} = {_number(value)}"
-
-
-def _shell(shell: Shell) -> Iterator[str]:
+def _shell(shell: Shell) -> ShellTable:
     thin = thin_shell_inertia(shell.radius, shell.mass)
-    moments = (shell.axial_inertia, shell.transverse_inertia)
-    yield from ("", "[shell]", f"radius = {_number(shell.radius)}", f"mass = {_number(shell.mass)}")
-    inertia = _string("thin") if moments == (thin, thin) else _moments(shell)
-    yield f"inertia = {inertia}"
-    yield f"axis = {_array(shell.axis)}"
-    if shell.offset:
-        yield f"offset = {_number(shell.offset)}"
+    axial, transverse = shell.axial_inertia, shell.transverse_inertia
+    is_thin = (axial, transverse) == (thin, thin)
+    return ShellTable(
+        radius=shell.radius,
+        mass=shell.mass,
+        inertia="thin" if is_thin else ShellInertia(axial=axial, transverse=transverse),
+        axis=_numbers(shell.axis),
+        offset=shell.offset,
+    )
 
 
-def _frame(frame: Frame) -> Iterator[str]:
-    yield from ("", "[frame]", f"mass = {_number(frame.mass)}", *_tensor(frame.inertia))
-    yield from _centre(frame)
+def _numbers(values: Array) -> Any:
+    """Return a tuple of numbers, whose length the records know."""
+    return tuple(values.tolist())
 
 
-def _pendulum(body: Pendulum) -> Iterator[str]:
-    yield from ("", "[[pendulum]]", f"mass = {_number(body.mass)}", *_tensor(body.inertia))
-    yield from _centre(body)
-    yield from (f"axis = {_array(body.axis)}", f"pivot = {_array(body.pivot)}")
+def _rows(inertia: Array) -> list[Any]:
+    return [_numbers(row) for row in inertia]
 
 
-def _tensor(inertia: Array) -> list[str]:
-    return ["inertia = [", *(f"    {_array(row)}," for row in inertia), "]"]
+def _centre(centre: Array) -> Any:
+    return _numbers(centre) if np.any(centre) else None
 
 
-def _rotor(rotor: Rotor) -> Iterator[str]:
-    yield from ("", "[[rotor]]", f"mass = {_number(rotor.mass)}", f"inertia = {_moments(rotor)}")
-    yield f"axis = {_array(rotor.axis)}"
-    yield from _centre(rotor)
-
-
-def _moments(body: Shell | Rotor) -> str:
-    axial, transverse = _number(body.axial_inertia), _number(body.transverse_inertia)
-    return f"{{ axial = {axial}, transverse = {transverse} }}"
-
-
-def _centre(body: Frame | Rotor | Pendulum) -> Iterator[str]:
-    if np.any(body.centre):
-        yield f"centre = {_array(body.centre)}"
-
-
-def _hinges(scene: Scene) -> Iterator[list[str]]:
-    """The lines of each hinge."""
+def _hinges(scene: Scene) -> Iterator[dict[str, Any]]:
+    """Yield the keys of each hinge."""
     commands = (scene.frame_rate, *scene.rotor_rates, *scene.pendulum_rates)
     motors, angles = scene.motors or (None,) * len(commands), scene.start.hinge_angles
     rates = scene.start.hinge_rates
     for i, (command, motor) in enumerate(zip(commands, motors, strict=True)):
-        lines = list(_moved(command, motor))
-        if angles is not None and angles[i]:
-            lines.append(f"initial_angle = {_number(angles[i])}")
+        keys = _moved(command, motor)
+        if angles is not None:
+            keys["initial_angle"] = angles[i]
+        # Without a motor the rate at the start is the commanded one, and a key would contradict it.
         if rates is not None and motor is not None:
-            lines.append(f"initial_rate = {_number(rates[i])}")
-        yield lines
+            keys["initial_rate"] = rates[i]
+        yield keys
 
 
-def _moved(command: Rate, motor: Motor | None) -> Iterator[str]:
-    match motor:
-        case None:
-            yield f"rate = {_rate(command)}"
-        case Servo(gain, limit, armature):
-            yield from (f"rate = {_rate(command)}", 'drive = "servo"', f"kv = {_number(gain)}")
-            yield from _nonzero(torque_limit=limit, armature=armature)
-        case PositionServo(gain, damping, limit, armature):
-            yield from (f"angle = {_rate(command)}", 'drive = "position"', f"kp = {_number(gain)}")
-            yield from _nonzero(kd=damping, torque_limit=limit, armature=armature)
-        case Torque(armature):
-            yield from (f"torque = {_rate(command)}", 'drive = "torque"')
-            yield from _nonzero(armature=armature)
-        case Free(damping, stiffness, rest, armature):
-            yield 'drive = "free"'
-            yield from _nonzero(damping=damping, stiffness=stiffness, rest=rest, armature=armature)
-        case _:
-            raise InputError(f"a scene file cannot hold the motor {motor}")
+def _moved(command: Rate, motor: Any) -> dict[str, Any]:
+    """Return the keys of a hinge's drive, motor and command."""
+    name, kind = next(
+        (each for each in DRIVES.items() if each[1].motor is (motor and type(motor))), (None, None)
+    )
+    if kind is None:
+        raise InputError(f"a scene file cannot hold the motor {motor}")
+    keys: dict[str, Any] = {"drive": name}
+    if kind.command is not None:
+        keys[kind.command] = _command(command)
+    if motor is not None:
+        # A motor's field that is 0 or None has no effect, and is what the reader takes for no key.
+        keys.update({k: v for k, v in zip(kind.keys, astuple(motor), strict=True) if v})
+    return keys
 
 
-def _nonzero(**numbers: float | None) -> Iterator[str]:
-    for key, value in numbers.items():
-        if value:
-            yield f"{key} = {_number(value)}"
-
-
-def _rate(rate: Rate) -> str:
+def _command(rate: Rate) -> Any:
     if isinstance(rate, Sum):
-        return f"[{', '.join(map(_rate, rate.parts))}]"
-    if isinstance(rate, Ramp | Sine | Samples):
-        fields = msgspec.to_builtins(rate)
-        return f"{{ {', '.join(f'{key} = {_value(value)}' for key, value in fields.items())} }}"
-    if isinstance(rate, float | int):
-        return _number(rate)
+        return [_command(part) for part in rate.parts]
+    if isinstance(rate, Ramp | Sine | Samples | float | int):
+        return rate
     raise InputError("a rate given by a function of time cannot be written to a scene file")
 
 
-def _value(value: str | float | tuple[float, ...]) -> str:
+def _lines(table: Table) -> Iterator[str]:
+    """Yield the lines of a table: its keys, then the tables in it, each below its name."""
+    # A body's own keys before those of its hinge, which the records inherit.
+    info = sorted(
+        msgspec.structs.fields(table), key=lambda each: each.name in HingeTable.__struct_fields__
+    )
+    for field in info:
+        name, value = field.name, getattr(table, field.name)
+        if value is None or (value == field.default and name not in ALWAYS):
+            continue
+        if name == "source":
+            lines = _escaped(value, keep="\n")
+            yield f'source = """\n{lines}"""'
+        elif isinstance(table, SceneTable) and isinstance(value, Table):
+            yield from ("", f"[{name}]", *_lines(value))
+        elif isinstance(table, SceneTable) and name in ("rotor", "pendulum"):
+            for each in value:
+                yield from ("", f"[[{name}]]", *_lines(each))
+        else:
+            yield f"{name} = {_value(value)}"
+
+
+def _value(value: Any) -> str:
+    """Return the text of a value, on one line but for a tensor's rows."""
     if isinstance(value, str):
-        return _string(value)
-    return _array(value) if isinstance(value, tuple | list) else _number(value)
-
-
-def _array(values: ArrayLike) -> str:
-    return f"[{', '.join(map(_number, np.asarray(values).tolist()))}]"
-
-
-def _number(value: float) -> str:
+        return f'"{_escaped(value)}"'
+    if isinstance(value, msgspec.Struct):
+        builtins = msgspec.to_builtins(value, enc_hook=float)  # msgspec knows no NumPy numbers
+        keys = {k: v for k, v in builtins.items() if v is not None}
+        return f"{{ {', '.join(f'{k} = {_value(v)}' for k, v in keys.items())} }}"
+    if isinstance(value, tuple | list):
+        texts = [_value(each) for each in value]
+        if isinstance(value[0], tuple):
+            return "\n".join(["[", *(f"    {row}," for row in texts), "]"])
+        return f"[{', '.join(texts)}]"
     return repr(float(value))
 
 
-def _string(text: str) -> str:
-    return f'"{_escaped(text)}"'
-
-
 def _escaped(text: str, keep: str = "") -> str:
-    """TOML's escapes for quotes, backslashes and control characters other than `keep`."""
+    """Return a text with TOML's escapes for quotes, backslashes and controls not in `keep`."""
 
     def escaped(character: str) -> str:
         if character in '"\\':

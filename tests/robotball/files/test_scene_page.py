@@ -11,8 +11,7 @@ import pytest
 from msgspec import inspect
 
 import robotball as rb
-from robotball.files.explained import tables_at, tables_in
-from robotball.files.scene_page import page
+from robotball.files.scene_keys import page, tables_at, tables_in
 from robotball.files.scene_tables import SceneTable
 from tests.imports import PROJECT
 from tests.robotball.files.robot_tables import URDF
@@ -39,7 +38,7 @@ def whole(example: str) -> str:
 
 
 def test_the_page_is_what_is_generated() -> None:
-    """`python -m robotball.files.scene_page > docs/scene.md` changes nothing."""
+    """`python -m robotball.files.scene_keys > docs/scene.md` changes nothing."""
     assert PAGE.read_text() == page()
 
 

@@ -1,12 +1,19 @@
-"""Explain what is wrong in a scene file: the key's path first, then what it takes."""
+"""The keys of scene files in words: what is wrong with one, and docs/scene.md.
+
+Both are made by walking the records of `scene_tables` with msgspec's inspection, so that a key is
+described where it is declared and nowhere else. `python -m robotball.files.scene_keys >
+docs/scene.md` writes the page: its prose is scene_page.md, its tables are the records.
+"""
 
 import difflib
 import re
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 from msgspec import inspect
 
-from robotball.files.scene_tables import SceneTable
+from robotball.files.scene_tables import DRIVES, HingeTable, SceneTable, Table
 
 WORDS = {
     "float": "a number",
@@ -16,7 +23,7 @@ WORDS = {
     "array": "a list",
     "object": "a table",
 }
-# Other formats' words for a key, of which another key has more letters.
+# Other formats' words for a key. By their letters alone another key would be the nearest.
 MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
 MANY = ("rotor", "pendulum", "part")
 
@@ -25,8 +32,8 @@ def explained(message: str) -> str:
     """Return msgspec's message with the key's path first, and near matches or the known values."""
     where = re.search(r" - at `\$\.?(.*)`$", message)
     key, what = (where[1], message[: where.start()]) if where else ("", message)
-    told = _told(key, what)
-    return f"{key}: {told}" if key else told
+    line = _worded(key, what)
+    return f"{key}: {line}" if key else line
 
 
 def counted(message: str) -> str:
@@ -35,7 +42,7 @@ def counted(message: str) -> str:
     return re.sub(many, lambda found: f"{found[1]}{int(found[2]) + 1}", message)
 
 
-def _told(key: str, what: str) -> str:
+def _worded(key: str, what: str) -> str:
     if unknown := re.search(r"unknown field `(.*)`", what):
         word, known = unknown[1], known_keys(key)
         meant = MEANT.get(word)
@@ -69,7 +76,7 @@ def known_keys(path: str) -> list[str]:
 def tables_at(path: str) -> Iterator[inspect.StructType]:
     """Yield the tables that may stand at a path."""
     words = [word for word in re.sub(r"\[.*?\]", "", path).split(".") if word]
-    found = [*tables_in(inspect.type_info(SceneTable))]
+    found = [_struct(SceneTable)]
     for word in words:
         fields = [field for table in found for field in table.fields if field.name == word]
         found = [table for field in fields for table in tables_in(field.type)]
@@ -107,3 +114,76 @@ def _parts_of(kind: inspect.Type) -> Iterator[inspect.Type]:
         yield from _parts_of(kind.item_type)
     else:
         yield kind
+
+
+def unit_of(table: type[Table], name: str) -> str:
+    """Return the unit of a key of a table."""
+    (field,) = (each for each in _struct(table).fields if each.name == name)
+    return _meaning(field)[1]
+
+
+def _struct(table: type[Table]) -> inspect.StructType:
+    (struct,) = tables_in(inspect.type_info(table))
+    return struct
+
+
+def _meaning(field: inspect.Field) -> tuple[str, str]:
+    """Return what `drives.key` says of a field: its meaning and its unit."""
+    meant = field.type
+    assert isinstance(meant, inspect.Metadata)
+    return (meant.extra_json_schema or {})["description"], (meant.extra or {})["unit"]
+
+
+def page() -> str:
+    """Return docs/scene.md: the prose, with a table of keys for each line `{name}` of it."""
+    prose = Path(__file__).with_name("scene_page.md").read_text()
+    return re.sub(r"(?m)^\{([\w.]+)\}$", lambda found: "\n".join(_rows(found[1])), prose)
+
+
+def _rows(name: str) -> Iterator[str]:
+    """Yield the lines of the table for a path in a scene file, or a kind of part or command."""
+    if name == "drives":
+        yield from ("| `drive` | what it does | it needs | it may have |", "|---|---|---|---|")
+        for drive, kind in DRIVES.items():
+            optional = tuple(each for each in kind.allowed if each not in kind.needed)
+            yield f"| `{drive}` | {kind.does} | {_codes(kind.needed)} | {_codes(optional)} |"
+        return
+    yield from ("| key | what it says | unit | if not given |", "|---|---|---|---|")
+    # A hinge's keys are in a table of their own, not in that of every body that has a hinge.
+    left_out = set() if name == "hinge" else set(HingeTable.__struct_fields__)
+    for field in _documented(name).fields:
+        if field.name not in left_out:
+            meaning, unit = _meaning(field)
+            yield f"| `{field.name}` | {meaning} | {unit} | {_default(field)} |"
+
+
+def _documented(name: str) -> inspect.StructType:
+    if name == "hinge":
+        return _struct(HingeTable)
+    kinds = [table for path in ("frame.part", "frame.rate") for table in tables_at(path)]
+    at_path = tables_at("" if name == "scene" else name)
+    return next((table for table in kinds if table.tag == name), None) or next(at_path)
+
+
+def _default(field: inspect.Field) -> str:
+    match field.default:
+        case _ if field.required:
+            return "needed"
+        case bool(value):
+            return f"`{str(value).lower()}`"
+        case float(value):
+            return f"`{value:g}`"
+        case str(value) if value:
+            return f"`{value}`"
+        case (_, *_) as values:
+            return f"`[{', '.join(f'{each:g}' for each in values)}]`"
+        case _:
+            return ""
+
+
+def _codes(keys: tuple[str, ...]) -> str:
+    return ", ".join(f"`{each}`" for each in keys)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

@@ -9,7 +9,8 @@ A hinge without a motor keeps the drive as its rate [rad/s] exactly. To a motor 
 rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a torque [N m] for a Torque. A hinge's
 torque is that of the parent on the child [N m].
 
-In order: a drive and its kinds, the drive of what a user gives as a rate, motors.
+In order: a drive and its kinds, the drive of what a user gives as a rate, motors. Users' functions
+are followed in `function_drives`, which is loaded for scenes that have one.
 """
 
 import itertools
@@ -23,16 +24,15 @@ import msgspec
 import numpy as np
 
 from robotball.errors import (
-    LARGEST,
+    END_ROUNDING,
     InputError,
     check_not_negative,
     check_positive,
     check_size,
-    warn,
 )
 
 if TYPE_CHECKING:
-    from robotball.polynomials import Polynomials
+    from robotball.function_drives import Followed
 
 Time = Any  # a float, or a column (n,)
 Scalar = Any  # a float, or a column (n,)
@@ -276,7 +276,6 @@ class Custom:
 
 
 Rate = float | Ramp | Sine | Samples | Sum | Custom | Drive | Callable[[float], float]
-END_ROUNDING = 1e-9  # relative: a time so little beyond the end is taken as the end
 
 
 def as_drive(rate: Rate, end: float) -> Drive:
@@ -296,14 +295,8 @@ def as_drive(rate: Rate, end: float) -> Drive:
         drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)
     elif isinstance(rate, Constant | Ramp | Sine | Total):
         drive = rate
-    elif isinstance(rate, Custom):
-        drive = Followed(rate, end)
-    elif isinstance(rate, Drive):
-        # A user's own object may have a wrong derivative, so it is checked as a Custom's is.
-        own = Custom(rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
-        drive = Followed(own, end)
-    elif callable(rate):
-        drive = Followed(Custom(rate), end)
+    elif isinstance(rate, Custom | Drive) or callable(rate):
+        drive = _of_functions(rate, end)
     else:
         drive = Constant(_number(rate))
     check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
@@ -317,6 +310,17 @@ def _check_covers(samples: Samples, end: float) -> None:
             f"samples from t = {first:g} to {last:g} s do not reach over the run, from 0 to "
             f"{end:g} s; give more of them, or shorten the run"
         )
+
+
+def _of_functions(rate: Custom | Drive | Callable[[float], float], end: float) -> "Followed":
+    from robotball.function_drives import Followed
+
+    if isinstance(rate, Custom):
+        return Followed(end, rate.function, rate.breakpoints, rate.derivative, rate.integral)
+    if isinstance(rate, Drive):
+        # A user's own object may have a wrong derivative, so it is checked as a Custom's is.
+        return Followed(end, rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
+    return Followed(end, rate)
 
 
 def _number(rate: Any) -> float:
@@ -349,120 +353,15 @@ class Total:
         return sum(drive.angle(t) for drive in self.drives)
 
 
-LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
-FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
-GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
-
-
-@dataclass(frozen=True)
-class Followed:
-    """The drive of a Custom rate over a run from 0 to `end` [s], and nowhere else."""
-
-    custom: Custom
-    end: float
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return self.custom.breakpoints
-
-    def rate(self, t: Time) -> Any:
-        return _each(self._rate, t)
-
-    def acceleration(self, t: Time) -> Any:
-        return _each(self._acceleration, t)
-
-    def angle(self, t: Time) -> Any:
-        return _each(self._angle, t)
-
-    @cached_property
-    def polynomials(self) -> "Polynomials":
-        """Polynomials that follow the function over the whole run.
-
-        Raises InputError where the function jumps, or where a derivative or integral given for it
-        is not its own; warns where it is not smooth and no derivative is given.
-        """
-        if not self.end <= LONGEST:
-            raise InputError(
-                f"a drive's function can be followed to t = {LONGEST:g} s at most, not to "
-                f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
-            )
-        from robotball.polynomials import polynomials_of
-
-        inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
-        found = polynomials_of(self._rate, [0.0, *inside, self.end])
-        follows = found.off <= FOLLOWED * (1 + found.size)
-        # What is given is compared in the middle of each panel that the polynomial follows: near a
-        # kink that no breakpoint names, the polynomial itself is off.
-        middles = (found.edges[:-1] + found.edges[1:])[follows] / 2
-        if self.custom.derivative is not None:
-            _check_own("derivative", self._acceleration, found.slope, middles, "rad/s²")
-        elif not follows.all():
-            warn(
-                f"a drive's function is not smooth at t = {found.edges[found.off.argmax()]:.6g} s: "
-                f"its derivative there follows it to {found.off.max():.1g} rad/s only; give "
-                "Custom its breakpoints, or its derivative"
-            )
-        if self.custom.integral is not None:
-            _check_own("integral", self._angle, found.area, middles, "rad")
-        return found
-
-    def _rate(self, t: float) -> float:
-        t = self._inside(t)
-        try:
-            value = float(self.custom.function(t))
-        except Exception as error:  # whatever a user's function may raise
-            raise InputError(
-                f"a drive's function fails at t = {t:g} s: {type(error).__name__}: {error}"
-            ) from error
-        if not abs(value) <= LARGEST:
-            raise InputError(
-                f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
-                f"{LARGEST:g} rad/s"
-            )
-        return value
-
-    def _acceleration(self, t: float) -> float:
-        t, given = self._inside(t), self.custom.derivative
-        return self.polynomials.slope(t) if given is None else float(given(t))
-
-    def _angle(self, t: float) -> float:
-        t, given = self._inside(t), self.custom.integral
-        return self.polynomials.area(t) if given is None else float(given(t)) - float(given(0.0))
-
-    def _inside(self, t: float) -> float:
-        """Return the time without the rounding that may carry it beyond the end."""
-        if not t <= self.end * (1 + END_ROUNDING):
-            raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
-        return min(t, self.end)
-
-
-def _each(function: Callable[[float], float], t: Time) -> Any:
-    # A user's function is asked for one time after another: it need not take arrays.
-    if np.ndim(t) == 0:
-        return function(float(t))
-    return np.array([function(float(s)) for s in t])
-
-
-def _check_own(
-    name: str, given: Callable[[float], float], own: Callable[[float], float], at: Any, unit: str
-) -> None:
-    """Raise InputError where a given derivative or integral is not the function's own."""
-    for t in at.tolist():
-        theirs, ours = given(t), own(t)
-        if not abs(theirs - ours) <= GIVEN * (1 + abs(ours)):
-            raise InputError(
-                f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, where that "
-                f"of its function is {ours:.6g} {unit}"
-            )
-
-
 def turns(drive: Drive) -> bool:
     """Return whether the hinge ever turns. One whose rate is always 0 is fixed, motorless."""
     return drive != Constant(0.0)
 
 
-def functions_of(drive: Drive) -> Iterator[Followed]:
+def functions_of(drive: Drive) -> Iterator["Followed"]:
     """Yield the parts of a drive that follow a user's function."""
+    from robotball.function_drives import Followed
+
     if isinstance(drive, Followed):
         yield drive
     if isinstance(drive, Total):

@@ -10,6 +10,7 @@ from numbers import Real
 # In SI units, far beyond any ball, and small enough that products of a few do not overflow.
 LARGEST = 1e50
 MOST = 10_000_000  # of anything that is counted: more fill the memory
+END_ROUNDING = 1e-9  # relative: a time so little beyond the end of a run is taken as the end
 LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
 FEW = 12  # names that a message holds
 PACKAGES = ("robotball", "validation")

@@ -44,7 +44,7 @@ from robotball.robot import (
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-MOST_ROTORS = 2
+MOST_ROTORS = 2  # a third one is of no use, as the head of this file shows
 # A share that keeps its bounds by less, of the trace of A⁻¹, is refused: rounding would decide.
 LEAST_MARGIN = 1e-9
 ROTOR_SHARE = 0.5  # of the margin, spent on a slower rotor
@@ -83,7 +83,7 @@ class DesignRequest:
         return J_s + (self.shell if self.d is None else self.d)
 
     def momentum(self, s: Array) -> Array:
-        """h = K + sΩ (..., 3) of the rotors, for s (...)."""
+        """Return h = K + sΩ (..., 3) of the rotors, for s (...)."""
         return self.K + s[..., None] * self.Omega
 
     @property
@@ -113,7 +113,7 @@ class Share:
 
 
 def share(request: DesignRequest, frame_radius: float) -> Share | None:
-    """The share with the fewest rotors whose frame lies within `frame_radius`, if there is one.
+    """Return the share with the fewest rotors whose frame lies within `frame_radius`, or None.
 
     Among those of as many rotors it is the one that keeps all bounds by the largest margin.
     """
@@ -125,16 +125,17 @@ def share(request: DesignRequest, frame_radius: float) -> Share | None:
 
 
 def largest_margin(request: DesignRequest, frame_radius: float) -> float:
-    """How far a share can keep all bounds, of the trace of A⁻¹; negative where it misses some."""
+    """Return how far a share can keep all bounds, of the trace of A⁻¹; negative if none can."""
     return max(_best(request, n, frame_radius)[2] for n in _rotor_counts(request))
 
 
 def least_speed(request: DesignRequest, frame_radius: float) -> float:
-    """The least bound on the rotors' rates with which there is a share; one must exist at some.
+    """Return the least bound on the rotors' rates with which there is a share, to four digits.
 
-    To four digits; `request` has a smaller bound, with which there is none.
+    `request` has a smaller bound, with which there is none; there must be one at some speed.
     """
 
+    # In 1/speed, of which no bound is 0, so that the search has two finite ends.
     def margin(per_speed: float) -> float:
         speed = 1 / per_speed if per_speed else np.inf
         return largest_margin(replace(request, speed=speed), frame_radius) - LEAST_MARGIN
@@ -143,9 +144,9 @@ def least_speed(request: DesignRequest, frame_radius: float) -> float:
 
 
 def least_frame_radius(request: DesignRequest) -> float:
-    """The least radius within which the frame of some share can lie; there must be a share.
+    """Return the least radius within which the frame of some share can lie, to four digits.
 
-    To four digits; there is none within `request.frame_radius`.
+    There must be a share, and none within `request.frame_radius`.
     """
 
     def margin(per_radius: float) -> float:
@@ -156,12 +157,13 @@ def least_frame_radius(request: DesignRequest) -> float:
 
 
 def _rotor_counts(request: DesignRequest) -> range:
-    # Rates without a bound make any rotor light enough: a second one could not help.
+    # None first, as fewer are preferred. Rates without a bound make any rotor light enough: a
+    # second one could not help.
     return range(2 if np.isinf(request.speed) else 1 + MOST_ROTORS)
 
 
 def _best(request: DesignRequest, n: int, frame_radius: float) -> tuple[float, float, float]:
-    """s, T and the margin of the best share with n rotors."""
+    """Return s, T and the margin of the best share with n rotors."""
     ends = (request.smallest_s, request.largest_s) if n else request.s_without_rotors
     if ends is None or ends[0] > ends[1]:
         return 0.0, 0.0, -np.inf
@@ -181,7 +183,9 @@ def _best(request: DesignRequest, n: int, frame_radius: float) -> tuple[float, f
 
 
 def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rounds: int) -> Array:
-    """Where the concave f is largest between low and high (...); f maps (..., points) to itself."""
+    """Return where the concave f, (..., points) to the same, is largest from low to high (...)."""
+    # Each round narrows the range to 2/(points - 1) of it: 25 points and 6 rounds to 3e-7, 9 and 7
+    # to 6e-5. Plain grids, not a scalar search, because all s of a round are searched in T at once.
     u = np.linspace(0.0, 1.0, points)
     for _ in range(rounds):
         at = low[..., None] + (high - low)[..., None] * u
@@ -194,7 +198,7 @@ def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rou
 
 
 def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Array) -> Array:
-    """By how much all bounds are kept (...) at s and T (...), positive iff they are.
+    """Return by how much all bounds are kept (...) at s and T (...), positive iff they are.
 
     The largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² - tr Σ_frame >= t,
     m_shell >= least + t, and a single rotor's inertia larger by t ROTOR_SHARE than it must be.
@@ -203,6 +207,7 @@ def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Ar
     c, slower = request.shell_factor, ROTOR_SHARE if n == 1 else 0.0
     Z, tau = _Z(request, *np.broadcast_arrays(s, T))
     z = np.linalg.eigvalsh(Z)
+    # Two rings pour τ on the direction in which Z is least; then the next one may be the least.
     flattest = z[..., 0] if n < 2 else np.minimum(z[..., 0] + tau, z[..., 1])
     bounds = [flattest / (1 + slower)]
     if request.d is None:
@@ -212,7 +217,9 @@ def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Ar
         shell = (s - request.d) / c
         others, others_per_t = request.d - shell, 0.0
         bounds.append(shell - request.shell)
-    trace = (1 - 3 * s) / 2 - T
+    trace = (1 - 3 * s) / 2 - T  # of Σ_frame: tr P is 1 - 3s, and a ring takes 2j of tr 2Σ
+    # A bound is kept by t where its left side less its growth with t is at least t: hence the
+    # divisors 1 + growth.
     for rotors, per_t in _rotor_masses(request, n, T, slower):
         frame, frame_per_t = others - rotors, others_per_t + per_t
         bounds.append((frame - request.frame) / (1 + frame_per_t))
@@ -225,7 +232,7 @@ def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Ar
 def _rotor_masses(
     request: DesignRequest, n: int, T: Array, slower: float
 ) -> list[tuple[Array, float]]:
-    """What the rotors' mass must reach, and each line's growth with t: inertia, least masses.
+    """Return bounds of the rotors' mass, by inertia and least masses, with their growth with t.
 
     For two the first is an upper bound, too large by no more than one's least mass.
     """
@@ -237,9 +244,9 @@ def _rotor_masses(
 
 
 def _Z(request: DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
-    """Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
+    """Return Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
     g = request.momentum(s) / request.speed
-    per_T = 1 / np.maximum(T, 1e-300)
+    per_T = 1 / np.maximum(T, 1e-300)  # T >= |g|, so that T = 0 has g = 0, and 0/0 is to be 0
     given_back = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
     P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * request.B
     return P_less_T + given_back, T - per_T * (g * g).sum(axis=-1)
@@ -260,7 +267,7 @@ def _bodies(request: DesignRequest, n: int, s: float, T: float, margin: float) -
 def _rings(
     request: DesignRequest, n: int, s: float, T: float, margin: float
 ) -> tuple[Array, Array]:
-    """Axial inertias (n,) and axes (n, 3) of the rotors."""
+    """Return axial inertias (n,) and axes (n, 3) of the rotors."""
     if n == 0:
         return np.empty(0), np.empty((0, 3))
     h = request.momentum(np.array(s))
@@ -273,15 +280,16 @@ def _rings(
 
 
 def two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
-    """j n (2, 3) of two rotors with Σ j = T, Σ j n = g, Σ j n nᵀ = g gᵀ/T + τ e eᵀ.
+    """Return j n (2, 3) of two rotors: Σ j = T, Σ j n = g, Σ j n nᵀ = g gᵀ/T + τ e eᵀ.
 
     g (3,) and a unit vector e (3,), with τ = T - |g|²/T > 0. The rows (√T, g/√T) and (0, √τ e)
     have the right moments of (1, n), and any rotation of the two rows into each other keeps them;
     this one makes them (√j, √j n) with unit vectors n.
     """
+    # e and -e give the same moments; with g·e >= 0 the sum below does not cancel.
     e = np.copysign(1.0, g @ e) * e
     tangent = g @ e / np.sqrt(T * tau)
-    x = 1 / (tangent + np.hypot(tangent, 1.0))
+    x = 1 / (tangent + np.hypot(tangent, 1.0))  # tan of the angle; hypot - tangent would cancel
     across = x * np.sqrt(T * tau) * e
     return np.array([g + across, x * x * g - across]) / (1 + x * x)
 
@@ -309,14 +317,14 @@ class Limits:
     buildable: bool = False
 
     def radii(self, radius: float) -> tuple[float, float]:
-        """The largest of the frame and of the rotors in a shell of `radius` [m]."""
+        """Return the largest of the frame and of the rotors in a shell of `radius` [m]."""
         inner = radius - self.shell_thickness
         frame = inner if self.frame_radius is None else self.frame_radius
         return frame, ROTOR_RADIUS * frame if self.rotor_radius is None else self.rotor_radius
 
 
 def masses_allowed(B: Array, radius: float) -> tuple[float, float]:
-    """Σb/5a² and (Σb - 2 max b)/a² [kg], for B = A⁻¹ (3, 3) [kg m²] and the radius a [m].
+    """Return Σb/5a² and (Σb - 2 max b)/a² [kg], for B = A⁻¹ (3, 3) [kg m²], radius a [m].
 
     From the first on all mass can lie inside the shell; beyond the second no body has the inertia.
     Where the first exceeds the second no workshop can build the ball.
@@ -326,7 +334,7 @@ def masses_allowed(B: Array, radius: float) -> tuple[float, float]:
 
 
 def check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
-    """Raises InputError unless radius, mass and limits are numbers that go together."""
+    """Raise InputError unless radius, mass and limits are numbers that go together."""
     check_positive("radius", radius, "m")
     if mass is not None:
         check_positive("mass", mass, "kg")
@@ -351,7 +359,7 @@ def check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
 
 
 def check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits) -> None:
-    """Raises InputError where no body has B = A⁻¹ (3, 3) [kg m²], whatever the bodies' shares."""
+    """Raise InputError where no body has B = A⁻¹ (3, 3) [kg m²], whatever the shares."""
     b = np.linalg.eigvalsh(B)
     least, most = masses_allowed(B, radius)
     if not most * radius**2 > LEAST_MARGIN * b.sum():
@@ -381,7 +389,7 @@ def check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits
 
 
 def check_least_masses(request: DesignRequest, unit: float) -> None:
-    """Raises InputError where the least masses are too large; unit: kg in one of `request`'s."""
+    """Raise InputError where the least masses are too large. unit: kg in one of `request`'s."""
     rotors = 0.0 if request.s_without_rotors else request.rotor
     together = request.shell + request.frame + rotors
     if request.d is not None and not together < request.d:
@@ -402,7 +410,8 @@ def check_least_masses(request: DesignRequest, unit: float) -> None:
 
 
 def refusal(request: DesignRequest, limits: Limits, radius: float, unit: float) -> InputError:
-    """Why there is no share, though neither the inertia nor the least masses forbid one."""
+    """Return why there is no share, though neither inertia nor least masses forbid one."""
+    # Each condition is lifted in turn; the one without which there is a share is the reason.
     within = request.frame_radius if limits.buildable else math.inf
     any_speed = replace(request, speed=math.inf)
     if largest_margin(any_speed, within) > LEAST_MARGIN:
@@ -426,7 +435,7 @@ def refusal(request: DesignRequest, limits: Limits, radius: float, unit: float) 
 
 
 # A frame that cannot lie within its radius may reach this much farther than it must.
-WIDER = 1.1
+WIDER = 1.1  # the least radius itself leaves the other bounds no margin
 
 
 @dataclass(frozen=True)
@@ -487,7 +496,7 @@ def design(
     mass: float | None = None,
     limits: Limits | None = None,
 ) -> Design:
-    """A ball with the requested numbers of the equations, by the fewest rotors.
+    """Design a ball with the requested numbers of the equations, by the fewest rotors.
 
     A: (3,) its diagonal or (3, 3), in the frame's axes, 1/(kg m²); Omega (3,) rad/s and K (3,)
     kg m²/s in the same axes; radius m; mass kg. The shell's axis is along Omega, or z where that is
@@ -500,6 +509,7 @@ def design(
     """
     limits = Limits() if limits is None else limits
     check_sizes(radius, mass, limits)
+    # An inverse is symmetric to rounding only, and eigvalsh reads one half of a matrix.
     B = np.linalg.inv(_symmetric_positive(A))
     B = (B + B.T) / 2
     Omega, K = _vector("Omega", Omega), _vector("K", K)
@@ -508,6 +518,8 @@ def design(
     request = _request(B, Omega, K, radius, mass, limits)
     check_least_masses(request, unit)
     needed = request.frame_radius
+    # A ball that cannot be built can be simulated, unless the limits forbid it. Its frame reaches
+    # hardly farther than it must, or else as far as the fewest rotors make it.
     found = share(request, needed)
     if found is None and not limits.buildable and largest_margin(request, math.inf) > LEAST_MARGIN:
         needed = least_frame_radius(request)
@@ -526,7 +538,7 @@ def design(
 
 
 def describe(design: Design) -> str:
-    """Bodies with their masses, sizes and rates, and the verdict: a few lines of text."""
+    """Return a few lines of text: bodies with masses, sizes and rates, and the verdict."""
     ball, (least, most) = design.ball, design.masses
     shell, frame = ball.shell, ball.frame
     thickness = design.limits.shell_thickness
@@ -563,6 +575,7 @@ def _symmetric_positive(A: ArrayLike) -> Array:
     least = float(np.linalg.eigvalsh(matrix)[0])
     if not least > 0:
         raise InputError(f"A is not positive: its least eigenvalue is {least:.6g} 1/(kg m²)")
+    # Positive is not enough: products of a few of these must not overflow.
     for value in (least, float(np.abs(matrix).max())):
         check_positive("A", value, "1/(kg m²)")
     return matrix
@@ -580,7 +593,7 @@ def _vector(name: str, v: ArrayLike) -> Array:
 def _request(
     B: Array, Omega: Array, K: Array, radius: float, mass: float | None, limits: Limits
 ) -> DesignRequest:
-    """The request in the units of decompose.py."""
+    """Return the request in this file's units."""
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     frame_radius, rotor_radius = limits.radii(radius)
@@ -600,7 +613,7 @@ def _request(
 
 
 def _shell_inertia(radius: float, mass: float, thickness: float) -> float:
-    if thickness == 0:
+    if thickness == 0:  # the limit of a thick shell, whose formula takes none
         return thin_shell_inertia(radius, mass)
     return thick_shell_inertia(radius, mass, thickness)
 
@@ -608,7 +621,7 @@ def _shell_inertia(radius: float, mass: float, thickness: float) -> float:
 def _ball(
     found: Share, B: Array, Omega: Array, K: Array, radius: float, limits: Limits
 ) -> tuple[Ball, tuple[float, ...]]:
-    """The bodies of a share in SI units, the frame with what the others leave; rotor rates."""
+    """Return the bodies of a share in SI units, the frame with what is left, and rotor rates."""
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     shell_mass, frame_mass = unit * found.shell_mass, unit * found.frame_mass
@@ -620,6 +633,7 @@ def _ball(
         Rotor(float(unit * m), float(trace * j), float(trace * j) / 2, n)
         for m, j, n in zip(found.rotor_masses, found.axial_inertias, found.axes, strict=True)
     )
+    # The frame takes what rounding leaves, so that the whole ball has the requested numbers.
     d = (shell_mass + frame_mass + sum(rotor.mass for rotor in rotors)) * radius**2
     others = shell.inertia + sum((rotor.inertia for rotor in rotors), np.zeros((3, 3)))
     ball = Ball(shell, Frame(frame_mass, B - d * np.eye(3) - others), rotors)
@@ -630,13 +644,13 @@ def _ball(
 
 
 def redesign(scene: Scene, mass: float | None, limits: Limits) -> tuple[Design, Scene]:
-    """The design for the scene's own A, Ω, K and radius, and the scene with its bodies.
+    """Design bodies for the scene's own A, Ω, K and radius. Returns also the scene with them.
 
     mass: the ball's [kg]; if None, the best one in the rubber model, and the scene's own in the
     classical one, whose (3.3) knows d = m a² beside A, Ω and K. The new scene has no motors. Raises
     InputError where the rates are not constant or there is no such ball.
     """
-    if mass is None and scene.rolling == "classical":
+    if mass is None and scene.rolling == "classical":  # another mass would be another motion
         mass = scene.ball.mass
     numbers, axes = scene.parameters, scene.principal_axes
     found = design(

@@ -98,7 +98,9 @@ def cell(line: str, motions: Sequence[Any], above: str = "") -> str:
     _draw_paths(axes, motions)
     # A ball that stands still has no width.
     form = axes.dataLim.height / (axes.dataLim.width or 1.0)
+    # A cell is as high as its path needs, but no strip and no tower.
     figure.set_figheight(WIDTH * float(np.clip(form, FLATTEST, TALLEST)) / 100)
+    # In the page itself: a notebook is passed on without the files beside it.
     png = b64encode(_png(figure, SHARP)).decode("ascii")
     names = escape(", ".join(each.engine.name for each in motions), quote=True)
     return (

@@ -27,7 +27,7 @@ from robotball.motion import Motion
 from robotball.rotations import Array, Mask, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene, Start
 
-FINE = 2001  # points, of which a path's length is the sum
+FINE = 2001  # points, of whose chords a path's length is the sum: a circle's is short by 4e-7
 
 
 @dataclass(frozen=True)
@@ -40,20 +40,20 @@ class WantedPath:
 
     @property
     def length(self) -> float:
-        """[m]."""
+        """The length of the curve, by chords [m]."""
         points = np.array([self.point(u) for u in np.linspace(0, 1, FINE).tolist()])
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
 def straight(length: float) -> WantedPath:
-    """A straight line of a length [m]."""
+    """Return a straight line of a length [m]."""
     check_positive("the line's length", length, "m")
     along = np.array([length, 0.0])
     return WantedPath("line", lambda u: u * along, lambda u: along)
 
 
 def circle(radius: float, turns: float = 1.0) -> WantedPath:
-    """A circle of a radius [m], to the left, to the right for turns below 0."""
+    """Return a circle of a radius [m], to the left; to the right for turns below 0."""
     check_positive("the circle's radius", radius, "m")
     check_size("the circle's turns", turns)
     if turns == 0:
@@ -70,7 +70,7 @@ def circle(radius: float, turns: float = 1.0) -> WantedPath:
 
 
 def eight(size: float) -> WantedPath:
-    """A figure eight with its crossing at the origin, from there `size` [m] to both ends."""
+    """Return a figure eight that crosses itself at the origin, `size` [m] from both ends."""
     check_positive("the figure's size", size, "m")
     turn = 2 * np.pi
 
@@ -84,7 +84,7 @@ def eight(size: float) -> WantedPath:
 
 
 def through(points: Sequence[Sequence[float]]) -> WantedPath:
-    """A smooth curve from the origin through points (n, 2) [m] to the last of them."""
+    """Return a smooth curve from the origin through points (n, 2) [m] to the last of them."""
     corners = np.array([(0.0, 0.0), *points], dtype=float)
     if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 2:
         raise InputError("waypoints are pairs X,Y, at least one")
@@ -97,7 +97,9 @@ def through(points: Sequence[Sequence[float]]) -> WantedPath:
     return WantedPath("waypoints", spline, spline.derivative())
 
 
-WAITING = 0.05  # of the duration, before and after the way
+# Of the duration, before and after the way. Weights that hang must lean before the ball starts and
+# swing out after it stops.
+WAITING = 0.05
 ASTRAY = 1e100  # a state that a solver tries so far off leads nowhere, and its square to infinity
 
 
@@ -107,23 +109,25 @@ class Way:
     def __init__(self, scene: Scene, path: WantedPath, duration: float, driven: Mask) -> None:
         self.scene, self.path, self.driven, self.robot = scene, path, driven, scene.robot
         wait = WAITING * duration
+        # Quintic, so that speed and acceleration are continuous at both ends, and so are torques.
         self.part = Ramp(initial=0.0, final=1.0, start=wait, end=duration - wait, shape="quintic")
 
     def start(self) -> Array:
-        """(7 + h,): the scene's robot at rest."""
+        """Return (7 + h,), the scene's robot at rest."""
         angles = [hinge.angle for hinge in self.scene.hinges]
         return np.array([*self.scene.start.attitude, 0.0, 0.0, 0.0, *angles])
 
     def point(self, times: Array) -> Array:
-        """(n, 2) m, the contact point that is wanted."""
+        """Return (n, 2) m, the contact point that is wanted."""
         return np.array([self.path.point(u) for u in self._parts(times)])
 
     def _parts(self, times: Array) -> list[float]:
+        # A solver may try times a rounding beyond the ends, where a spline would go on.
         parts: list[float] = np.clip(self.part.rate(times), 0.0, 1.0).tolist()
         return parts
 
     def shell(self, times: Array, gamma: Array, axes: Array) -> Array:
-        """(n, 3) rad/s, frame axes: the horizontal part of the shell's angular velocity."""
+        """Return (n, 3) rad/s, frame axes: the horizontal part of the shell's angular velocity."""
         slopes = np.array([self.path.slope(u) for u in self._parts(times)])
         velocity = np.zeros((len(times), 3))
         velocity[:, :2] = slopes * self.part.acceleration(times)[:, None]
@@ -131,7 +135,7 @@ class Way:
         return np.asarray(np.cross(gamma, in_frame) / self.scene.ball.radius)
 
     def moves(self, times: Array, y: Array) -> "Moves":
-        """How the robot moves in states y (7 + h, n)."""
+        """Return how the robot moves in states y (7 + h, n)."""
         robot, scene, n = self.robot, self.scene, len(times)
         axes = rotation_matrix((y[:4] / np.linalg.norm(y[:4], axis=0)).T)
         gamma, rubber = axes[:, 2], scene.rolling == "rubber"
@@ -141,9 +145,11 @@ class Way:
         matrix = np.empty((size, size, n))
         formulas.mass_matrix(robot.bodies, placed, robot.radius, tuple(gamma.T), matrix)
         rows = np.einsum("nij,jkn->nik", axes, matrix[:3])  # L in space
+        # In the rubber model M = γ×L, so that L = M×γ but for its vertical part, which is free.
         M = y[4:7].T
         L = np.column_stack([M[:, 1], -M[:, 0], 0 * M[:, 0]]) if rubber else M
         right = L - np.einsum("nij,nj->ni", rows[:, :, :3], shell)
+        # Scaled by each hinge's inertia, the least solution takes the least energy.
         weights = 1 / np.sqrt(np.einsum("jjn->nj", matrix[3:, 3:])[:, self.driven])
         left = rows[:, :, 3:][:, :, self.driven] * weights[:, None]
         if rubber:
@@ -152,6 +158,7 @@ class Way:
             spin = np.einsum("nij,nj->ni", rows[:, :, :3], gamma)
             spinning = 1 / np.sqrt(matrix[0, 0])
             left = np.concatenate([left, (spin * spinning[:, None])[:, :, None]], axis=2)
+        # The pseudo-inverse takes the least solution where there are more hinges than equations.
         singular = np.linalg.svd(left, compute_uv=False)
         found = np.einsum("nij,nj->ni", np.linalg.pinv(left), right)
         rates = np.zeros((n, robot.hinges))
@@ -162,7 +169,8 @@ class Way:
         return Moves(axes, gamma, placed, np.concatenate([shell.T, rates.T]), reach)
 
     def rate(self, times: Array, y: Array) -> Array:
-        """dy/dt (7 + h, n); NaN where a state is astray, so that a solver rejects what tried it."""
+        """Return dy/dt (7 + h, n); NaN where a state is astray, so that solvers reject it."""
+        # Written with ~, so that NaN counts as astray as well.
         astray = ~(np.abs(y).max(axis=0) < ASTRAY)
         if astray.any():
             y = np.where(astray, self.start()[:, None], y)
@@ -195,11 +203,11 @@ class Moves:
     reach: Array
 
 
-INTERVAL = 0.04  # s, between the samples of the drives
+INTERVAL = 0.04  # s, between the samples of the drives, which cubics join
 TOLERANCE = 1e-9
 BVP_TOLERANCE, MOST_NODES = 1e-5, 20_000
 SINGULAR = 1e-4  # of the largest part: hinges that move the ball less in some direction cannot
-FASTEST = 1e4  # rad/s
+FASTEST = 1e4  # rad/s: no motor turns so fast, and only a singular way asks for it
 
 
 @dataclass(frozen=True)
@@ -219,7 +227,7 @@ class Steered:
 
 
 def steer(scene: Scene, path: WantedPath, duration: float) -> Steered:
-    """The robot of a scene on its way along a path, from rest to rest in a duration [s].
+    """Find the drives that take a robot along a path, from rest to rest in a duration [s].
 
     The hinges that turn or have motors are driven. The shell starts as in the scene, the weights
     where they keep it at rest. Raises InputError where too few hinges are driven, where the plane
@@ -228,6 +236,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> Steered:
     check_positive("the duration", duration, "s")
     if scene.friction.rolling:
         raise InputError(f"{scene.name}: the plane resists rolling, which steering does not know")
+    # A hinge that neither turns nor has a motor is fixed; a free one cannot be driven.
     driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
     if driven.sum() < 2:
         raise InputError(
@@ -254,6 +263,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> Steered:
         pendulum_rates=tuple(samples[1 + rotors :]),
         motors=(),
         duration=duration,
+        # The solution's own first state, which the boundary conditions hold to their tolerance.
         start=Start(y[:4, 0] / np.linalg.norm(y[:4, 0]), np.zeros(3), y[7:, 0]),
     )
     return Steered(steered, times, rates, way.point(times))
@@ -279,7 +289,8 @@ def _check_reach(scene: Scene, times: Array, moves: Moves) -> None:
 
 
 def _forward(way: Way, times: Array) -> Array:
-    """y (7 + h, n) from the start on: what turns a balanced ball is no matter of gravity."""
+    """Return y (7 + h, n), integrated from the start on."""
+    # Gravity turns no balanced ball, so M follows from the way alone and nothing can fall over.
     solved = solve_ivp(
         lambda t, y: way.rate(np.array([t]), y[:, None])[:, 0],
         (0.0, float(times[-1])),
@@ -302,11 +313,12 @@ def _no_drives(way: Way) -> InputError:
 
 
 def _bounded(way: Way, times: Array) -> Array:
-    """y (7 + h, n) of weights that hang: of all ways to roll along, the one that stays bounded.
+    """Return y (7 + h, n) of weights that hang: of all solutions, the one that stays bounded.
 
     Forward in time a weight that is moved as the path wants it falls over. So M = 0 is asked for at
     the end, where all rests, and not at the start. The first guess is a weight that hangs still.
     """
+    # In the rubber model M is horizontal: its third component stays 0, and is no unknown.
     count, start = 3 if way.scene.rolling == "classical" else 2, way.start()
     kept = [0, 1, 2, 3, *range(4, 4 + count), *range(7, len(start))]
 
@@ -336,12 +348,12 @@ def _bounded(way: Way, times: Array) -> Array:
 
 
 def _hanging(way: Way, times: Array) -> Array:
-    """y (7 + h, n) where the shell rolls along the path and the weights hang below its centre."""
+    """Return y (7 + h, n) of a shell that rolls along and weights that hang below its centre."""
     robot, start = way.robot, way.start()
     e = way.scene.ball.shell.axis
     y = np.tile(start[:, None], len(times))
     shell = _turned_back(start[:4], e, start[7])
-    fine = 8
+    fine = 8  # turns between two times: a guess need not be better
     y[7:, 0] = start[7:]
     for i in range(len(times)):
         if i:
@@ -353,6 +365,7 @@ def _hanging(way: Way, times: Array) -> Array:
                 shell = multiply(shell, Rotation.from_rotvec(turn).as_quat(scalar_first=True))
         y[7:, i] = _balanced(way, shell, y[7:, max(i - 1, 0)])
         y[:4, i] = _turned_back(shell, e, -y[7, i])
+        # q and -q are one attitude; the solver needs one that does not jump.
         if i and y[:4, i] @ y[:4, i - 1] < 0:
             y[:4, i] *= -1
     rates = np.gradient(y[7:], times, axis=1)
@@ -370,12 +383,12 @@ def _turned_back(attitude: Array, axis: Array, angle: float) -> Array:
 
 
 def _balanced(way: Way, shell: Array, angles: Array) -> Array:
-    """The hinges' angles (h,) near others at which the centre of mass is below the ball's."""
+    """Return hinge angles (h,) near others at which the centre of mass is below the ball's."""
     scene, e = way.scene, way.scene.ball.shell.axis
     to_world, masses = rotation_matrix(shell), scene.robot.bodies[:, 0]
 
     def off(driven: Array) -> Array:
-        """The centre of mass (3,) in space, over the radius."""
+        """Return the centre of mass (3,) in space, over the radius."""
         trial = angles.copy()
         trial[way.driven] = driven
         frame = rotation_matrix(_turned_back(np.array([1.0, 0.0, 0.0, 0.0]), e, -trial[0]))
@@ -388,6 +401,8 @@ def _balanced(way: Way, shell: Array, angles: Array) -> Array:
     def beside(driven: Array) -> Array:
         return off(driven)[:2]
 
+    # The lowest place first, as the weights may balance above the centre as well. The height is
+    # flat there and gives half the digits; what is off to the side gives all of them.
     lowest = minimize(height, angles[way.driven], method="BFGS").x
     found = angles.copy()
     found[way.driven] = least_squares(beside, lowest, xtol=1e-14).x
@@ -395,7 +410,7 @@ def _balanced(way: Way, shell: Array, angles: Array) -> Array:
 
 
 def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> list[str]:
-    """A line for each thing that the motion needs and the robot or the plane has not.
+    """Return a line for each thing that the motion needs and the robot or plane has not.
 
     robot: the scene with its motors and its friction; motion: of the steered scene; rate_limit: the
     fastest that a hinge may turn [rad/s].

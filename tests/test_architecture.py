@@ -204,10 +204,10 @@ def code_lines(file: Path) -> int:
 @pytest.mark.parametrize(
     ("code", "most_files", "most_lines"),
     [
-        # Measured 30 files and 4985 lines.
-        ("from validation import compare; compare('fig12')", 30, 5000),
-        # Measured 17 files and 2773 lines.
-        ("import robotball as rb; rb.integrate(rb.load_scene('fig12'))", 17, 2775),
+        # Measured 28 files and 4766 lines.
+        ("from validation import compare; compare('fig12')", 28, 4770),
+        # Measured 15 files and 2554 lines.
+        ("import robotball as rb; rb.integrate(rb.load_scene('fig12'))", 15, 2555),
     ],
 )
 def test_a_run_loads_what_it_needs(code: str, most_files: int, most_lines: int) -> None:

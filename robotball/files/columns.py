@@ -24,7 +24,7 @@ from robotball.errors import InputError
 from robotball.files import MB, opened, replacing
 from robotball.rotations import Array
 
-COMMENT = ("#", "%", "//")
+COMMENT = ("#", "%", "//")  # Python's and gnuplot's, MATLAB's, C++'s
 MARKS = {
     codecs.BOM_UTF8: "utf-8-sig",
     codecs.BOM_UTF16_LE: "utf-16",
@@ -38,7 +38,7 @@ Line = tuple[int, str]  # its number in the file, from 1, and its text
 def write_csv(
     columns: Mapping[str, Array], units: Mapping[str, str], header: Mapping[str, str]
 ) -> str:
-    """The text of a CSV file, its header in comment lines `# name: text`, a line of text each."""
+    """Return the text of a CSV file, with its header in comment lines `# name: text`."""
     texts = {**header, UNITS_LINE: json.dumps(dict(units), ensure_ascii=False)}
     lines = [f"# {name}: {line}" for name, text in texts.items() for line in text.split("\n")]
     lines.append(",".join(columns))
@@ -50,11 +50,12 @@ def write_csv(
 def read_csv(
     file: BinaryIO,
 ) -> tuple[dict[str, Array], dict[str, str], dict[str, str], tuple[str, ...]]:
-    """Columns, units, header and notes of a file; raises InputError for what is no table.
+    """Return columns, units, header and notes of a file. Raises InputError for no table.
 
     The line of names may be a comment, and a line of units may follow it. Numbers may have decimal
     commas where another character is between them.
     """
+    # Excel writes such marks. Without one a name would begin with a character that nobody sees.
     start = file.read(len(codecs.BOM_UTF8))
     encoding = next((MARKS[mark] for mark in MARKS if start.startswith(mark)), None)
     file.seek(0)
@@ -67,7 +68,8 @@ def read_csv(
 
 
 def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dict[str, str]]:
-    """Columns, units and header."""
+    """Return columns, units and header."""
+    # One pass, in pieces: comments are collected on the way, as units and names may be in them.
     comments: list[str] = []
     rows = _rows(lines, comments)
     begun = [*islice(rows, 1)]
@@ -82,6 +84,7 @@ def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dic
             raise InputError("there is no line with the columns' names, as t,x,y,qw,qx,qy,qz")
     else:
         names, begun = first, [*islice(rows, 1)]
+        # A line below the names without a single number has the units.
         if begun and not any(map(_is_number, _cells(begun[0][1], delimiter))):
             below = dict(zip(names, _cells(begun.pop()[1], delimiter), strict=False))
     if len(set(names)) < len(names):
@@ -98,7 +101,7 @@ def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dic
 
 
 def _rows(lines: Iterable[Line], comments: list[str]) -> Iterator[Line]:
-    """The lines that are neither empty nor a comment; comments are added to the others."""
+    """Yield the lines that are neither empty nor a comment. Comments are added to the others."""
     for number, line in lines:
         stripped = line.strip()
         if stripped.startswith(COMMENT):
@@ -108,7 +111,7 @@ def _rows(lines: Iterable[Line], comments: list[str]) -> Iterator[Line]:
 
 
 def _header(comments: list[str]) -> dict[str, str]:
-    """The comments of the form `name: text`; those of one name are the lines of one text."""
+    """Return the comments of the form `name: text`. Those of one name are lines of one text."""
     found: dict[str, list[str]] = {}
     for line in comments:
         match = re.match(r"(\w+):(?: (.*))?$", line)
@@ -118,7 +121,7 @@ def _header(comments: list[str]) -> dict[str, str]:
 
 
 def _units_of(text: str) -> dict[str, str]:
-    """Units by JSON, or as `t s, x mm`."""
+    """Return units that are given as JSON, or as `t s, x mm`."""
     try:
         given: Any = json.loads(text)
     except ValueError:
@@ -128,7 +131,8 @@ def _units_of(text: str) -> dict[str, str]:
 
 
 def _delimiter(line: str) -> str | None:
-    """What is between the cells of a line; None is white space."""
+    """Return the character between the cells of a line; None is white space."""
+    # A comma last: where it is decimal, semicolons or tabs are between the numbers.
     return next((each for each in (";", "\t", ",") if each in line), None)
 
 
@@ -147,7 +151,8 @@ def _is_number(cell: str) -> bool:
 def _numbers(
     names: list[str], lines: list[Line], delimiter: str | None, comments: list[str]
 ) -> Array:
-    """The numbers (n, columns) of some lines; their comments are added to the others."""
+    """Return the numbers (n, columns) of some lines. Comments are added to the others."""
+    # NumPy reads a piece at once; what follows goes line by line, and names the one at fault.
     texts = [line if delimiter == "," else line.replace(",", ".") for _, line in lines]
     with contextlib.suppress(ValueError):  # by a comment, a cell in quotes, or what is no number
         if any(map(str.strip, texts)):
@@ -203,7 +208,7 @@ class Table:
 
 
 def write_table(path: Path, table: Table) -> None:
-    """The table as a file of the kind that its suffix says; raises InputError for another one."""
+    """Write a table as a file of the kind that its suffix says. Raises InputError for others."""
     writers: dict[str, Callable[[Path, Table], None]] = {
         ".csv": _write_csv,
         ".npz": _write_npz,
@@ -215,7 +220,7 @@ def write_table(path: Path, table: Table) -> None:
 
 
 def read_table(path: Path) -> Table:
-    """The table of a file; raises InputError, with the file, where it holds none."""
+    """Return the table of a file. Raises InputError, with the file, where it holds none."""
     readers: dict[str, Callable[[BinaryIO], Table]] = {
         ".csv": _read_csv,
         ".tsv": _read_csv,
@@ -224,6 +229,7 @@ def read_table(path: Path) -> Table:
         ".parquet": _read_parquet,
     }
     read = _of_suffix(path, readers)
+    # A reader says what is wrong with the bytes; the file's name is put before it here.
     with opened(path, LONGEST) as file:
         try:
             table = read(file)
@@ -262,7 +268,9 @@ def _write_npz(path: Path, table: Table) -> None:
 
 def _read_npz(file: BinaryIO) -> Table:
     try:
+        # A pickle may run any code of a stranger's.
         with np.load(file, allow_pickle=False) as members:
+            # Before anything is unpacked: a few kB of zeros may be gigabytes.
             _check_unpacked(sum(each.file_size for each in members.zip.filelist))
             arrays = {name: members[name] for name in members.files}
     except UNREADABLE as error:
@@ -273,24 +281,25 @@ def _read_npz(file: BinaryIO) -> Table:
 
 
 def _check_unpacked(size: int) -> None:
-    """Raises InputError where so many bytes come of a compressed file."""
+    """Raise InputError where a compressed file would take so many bytes."""
     if size > LONGEST:
         raise InputError(f"it unpacks to {size / MB:.4g} MB, and may to {LONGEST / MB:g}")
 
 
 def _texts(member: Any) -> dict[str, str]:
-    """The names and texts of a member that holds JSON; none where it holds anything else."""
+    """Return the names and texts of a member that holds JSON; none where it holds no such."""
     try:
         found = json.loads(str(member))
     except ValueError:
         return {}
+    # Another program's member of that name may hold any JSON.
     if not isinstance(found, dict):
         return {}
     return {str(name): str(text) for name, text in found.items()}
 
 
 def _columns(arrays: Mapping[str, Any]) -> list[tuple[str, Array]]:
-    """Columns (n,) as they are; those of an array (n, k) are `name.0`, `name.1` and so on."""
+    """Return columns (n,) as they are, and those of an array (n, k) as `name.0`, `name.1`, …."""
     columns = []
     for name, array in arrays.items():
         if array.dtype.kind not in "fiub" or array.ndim not in (1, 2):
@@ -341,11 +350,12 @@ def _read_parquet(file: BinaryIO) -> Table:
     return Table(columns, _texts(metadata.get(UNITS)), _texts(metadata.get(HEADER)))
 
 
+# Units that need no conversion: whether the value is a rate, an angle or a torque, the drive says.
 TIME, VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
 
 
 def read_samples(path: Path) -> Samples:
-    """The samples of a file of two columns, a time [s] and a value.
+    """Return the samples of a file of two columns, a time [s] and a value.
 
     Raises InputError, with the file, where it holds none, or a unit that is not SI's.
     """

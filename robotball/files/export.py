@@ -6,7 +6,7 @@ start, without any engine's recipe; URDF and SDF have bodies and hinges.
 
 import contextlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -24,17 +24,17 @@ from robotball.files import replacing
 from robotball.files.columns import Table, write_table
 from robotball.files.scene_writer import scene_toml
 from robotball.motion import Motion
-from robotball.poses import poses
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene
 
 FORMAT = "robotball scene 1"
 SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
+# Of a hinge's command; of a motor that is not here a torque.
 COMMANDED = {Servo: "rad/s", PositionServo: "rad", Free: "none"}
 
 
 def plain(motion: Motion) -> dict[str, Any]:
-    """The scene of a reference motion, as JSON takes it; SI units, quaternions (w, x, y, z).
+    """Return the scene of a reference motion as JSON takes it; SI, quaternions (w, x, y, z).
 
     The bodies' states are those of the start, in world axes; friction is what the whole motion
     needs.
@@ -70,11 +70,12 @@ def plain(motion: Motion) -> dict[str, Any]:
 
 
 def friction_needed(motion: Motion) -> dict[str, Any]:
-    """The least coefficients without which the ball slips or, a rubber one, spins."""
+    """Return the least coefficients without which the ball slips or, a rubber one, spins."""
     sliding = float(motion.loads.sliding_friction.max())
     torsional = float(motion.loads.torsional_friction.max())
     return {
         "sliding": sliding,
+        # A classical ball spins freely: what torque its path would take says nothing.
         "torsional": torsional if motion.scene.rolling == "rubber" else 0.0,
         "torsional_unit": "m",
         "least_normal_force": float(motion.loads.normal_force.min()),
@@ -104,8 +105,55 @@ def _bodies(motion: Motion) -> list[dict[str, Any]]:
     ]
 
 
+@dataclass(frozen=True)
+class Poses:
+    """A body's places and velocities at the n times of a motion, in world axes, SI units.
+
+    position, velocity  (n, 3)  of the centre of mass
+    attitude            (n, 4)  quaternion (w, x, y, z): how it is turned from where it is along
+                                with the frame's axes, at its hinge's angle 0
+    angular_velocity    (n, 3)
+    """
+
+    position: Array
+    attitude: Array
+    velocity: Array
+    angular_velocity: Array
+
+
+def poses(motion: Motion) -> dict[str, Poses]:
+    """Return the poses of every body of the motion's ball, by its name."""
+    scene, angles = motion.scene, motion.hinge_angles
+    states = scene.robot.states(motion.gamma, angles, motion.angular_velocity, motion.hinge_rates)
+    to_world, radius = rotation_matrix(motion.attitude), scene.ball.radius
+    centre = np.column_stack([motion.contact_point, np.full(len(angles), radius)])
+
+    def in_world(vectors: Array) -> Array:
+        return np.asarray(np.einsum("nij,nj->ni", to_world, vectors))
+
+    hinges = {hinge.name: (hinge.axis, angles[:, i]) for i, hinge in enumerate(scene.hinges)}
+    # The attitude is the frame's own. Its hinge's angle is relative to the shell, which therefore
+    # turns the other way in the frame.
+    axis, angle = hinges.pop("frame")
+    hinges["shell"] = (axis, -angle)
+    found = {}
+    for i, (name, _) in enumerate(scene.ball.named_bodies):
+        attitude = motion.attitude
+        if name in hinges:
+            axis, angle = hinges[name]
+            turn = Rotation.from_rotvec(np.outer(angle, axis)).as_quat(scalar_first=True)
+            attitude = multiply(attitude, turn)
+        found[name] = Poses(
+            position=centre + in_world(states.placed[i, :3].T),
+            attitude=attitude,
+            velocity=in_world(states.velocities[i]),
+            angular_velocity=in_world(states.turning[i]),
+        )
+    return found
+
+
 def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:
-    """By Steiner's theorem."""
+    """Return the inertia (3, 3) about the sphere's centre, by Steiner's theorem."""
     return inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
 
@@ -124,7 +172,7 @@ def _hinge(hinge: Hinge) -> dict[str, Any]:
 
 
 def _motor(motor: Any) -> dict[str, Any]:
-    """Its kind and numbers; what it does with its command is in docs/scene.md."""
+    """Return a motor's kind and numbers. docs/scene.md says what it does with its command."""
     return {"kind": type(motor).__name__, **asdict(motor)}
 
 
@@ -133,7 +181,7 @@ def _times(command: Drive) -> list[float]:
 
 
 def formula(command: Drive) -> dict[str, Any]:
-    """A command by its formula, in plain data; one that has none is told by drives.csv alone."""
+    """Return a command by its formula, in plain data. Without one, drives.csv has it."""
     if isinstance(command, Constant):
         value = float(command.value)
         return {"kind": "constant", "value": value, "formula": repr(value)}
@@ -158,22 +206,23 @@ def formula(command: Drive) -> dict[str, Any]:
     return {"kind": "function", "formula": "see drives.csv"}
 
 
-MARGIN = 1.5  # times the friction that the motion needs
+# Times the friction that the motion needs: another engine's contact must not slip at the peak.
+MARGIN = 1.5
 
 
 def numbers(values: Array | list[float]) -> str:
-    """Numbers with all their digits."""
+    """Return numbers with all their digits, separated by blanks."""
     return " ".join(repr(float(value)) for value in values)
 
 
 def xml_text(root: Element) -> str:
-    """An indented document."""
+    """Return an indented document."""
     indent(root)
     return tostring(root, encoding="unicode")
 
 
 def mjcf(motion: Motion) -> str:
-    """The MJCF of a reference motion's scene, its start as the keyframe `start`.
+    """Return the MJCF of a reference motion's scene, its start as the keyframe `start`.
 
     It cannot say how the hinges are driven: their motors are left to who simulates it.
     """
@@ -184,6 +233,7 @@ def mjcf(motion: Motion) -> str:
     world = SubElement(root, "worldbody")
     needed = friction_needed(motion)
     friction = [MARGIN * needed["sliding"], MARGIN * needed["torsional"], 0.0]
+    # A contact of dimension 4 resists spinning about its normal, which a rubber ball does not do.
     condim = "4" if scene.rolling == "rubber" else "3"
     contact = {"friction": numbers(friction), "condim": condim}
     SubElement(world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", **contact})
@@ -191,6 +241,7 @@ def mjcf(motion: Motion) -> str:
     for link in links_of(scene):
         parent = world if link.parent == SHELL else bodies[link.parent]
         origin = [0.0, 0.0, scene.ball.radius] if link.parent == SHELL else link.origin
+        # All hinges are at angle 0 here; the keyframe turns them.
         body = SubElement(parent, "body", name=link.name, pos=numbers(origin))
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
         SubElement(
@@ -202,6 +253,7 @@ def mjcf(motion: Motion) -> str:
         )
         if link.parent == SHELL:
             SubElement(body, "freejoint", name=link.name)
+            # Without a mass of its own: the inertial above has all of the shell's.
             sphere = {"name": "sphere", "type": "sphere", "size": repr(float(scene.ball.radius))}
             SubElement(body, "geom", {**sphere, "mass": "0", **contact})
         else:
@@ -210,6 +262,7 @@ def mjcf(motion: Motion) -> str:
     shell = poses(motion)["shell"]
     hinges = scene.hinges
     centre = [0.0, 0.0, scene.ball.radius]
+    # A free joint's velocity is in the world, its angular velocity in the body's own axes.
     turning = rotation_matrix(shell.attitude[0]).T @ shell.angular_velocity[0]
     velocity = np.cross(shell.angular_velocity[0], centre)
     keyframe = SubElement(root, "keyframe")
@@ -219,11 +272,12 @@ def mjcf(motion: Motion) -> str:
     return xml_text(root)
 
 
-FASTEST, STRONGEST = "1e6", "1e9"  # limits that limit nothing
+# URDF's readers ask for limits of every joint; these limit nothing.
+FASTEST, STRONGEST = "1e6", "1e9"
 
 
 def urdf(scene: Scene) -> str:
-    """The URDF of a scene's ball; it has no place for the plane, the start, rates and friction."""
+    """Return the URDF of a scene's ball, without plane, start, rates and friction."""
     root = Element("robot", name=scene.name)
     links = links_of(scene)
     for link in links:
@@ -248,7 +302,7 @@ def urdf(scene: Scene) -> str:
 
 
 def sdf(motion: Motion) -> str:
-    """The SDF world of a motion's scene, its pose at the start; it has no place for velocities.
+    """Return the SDF world of a motion's scene, its pose at the start; SDF has no velocities.
 
     Hinges are at angle 0, and their rates are left to who simulates it.
     """
@@ -269,6 +323,7 @@ def sdf(motion: Motion) -> str:
     angles = Rotation.from_quat(shell.attitude[0], scalar_first=True).as_euler("xyz")
     _text(ball, "pose", numbers([0.0, 0.0, scene.ball.radius, *angles]))
     links = links_of(scene)
+    # SDF gives a link's place in its model, not in its parent.
     places: list[Array] = []
     for link in links:
         above = np.zeros(3) if link.parent == SHELL else places[link.parent]
@@ -346,6 +401,7 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
     }
     with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
         texts["scene.toml"] = scene_toml(scene)
+    # One by one, each whole or not there: a folder that was half written has no half file.
     for name, text in texts.items():
         with replacing(folder / name) as temporary:
             temporary.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
@@ -355,7 +411,7 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
 
 
 def _drives(motion: Motion) -> Table:
-    """What each hinge is told: its command, and the command's slope and integral from 0."""
+    """Return each hinge's command, with its slope and its integral from 0."""
     times = motion.times
     columns: dict[str, Array] = {"t": times}
     for hinge in motion.scene.hinges:

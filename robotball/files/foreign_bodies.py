@@ -1,47 +1,70 @@
 """Read a body of a user's MJCF file or a link of a URDF file: mass, centre of mass and inertia.
 
-MuJoCo compiles the MJCF file in a process of its own (mjcf_body.py), because a file of a few lines
-may take any amount of time and memory. URDF is read here, as only the links' inertials count.
+MuJoCo reads the file in a process of its own, which runs this module as a script: KIND, PATH and
+NAME in, JSON out. A file of a few lines may ask MuJoCo for any amount of time and memory, or end
+its process, so that process is limited. An MJCF file is compiled, because its masses may follow
+from geoms. A URDF file is parsed only: its links have their inertials, compiling it would need the
+meshes that it names, and would refuse it for a link that nobody asked for.
 """
 
+import contextlib
 import json
+import math
+import re
+import resource
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robotball.errors import InputError, unknown
-from robotball.files import contents, mjcf_body
+from robotball.files import contents
 from robotball.robot import Solid, composed
-from robotball.rotations import Array
+from robotball.rotations import Array, rotation_matrix
 
 WAIT = 20.0  # s, of a process that may be starved of its few seconds
+MEMORY = 500_000_000  # bytes, beyond what MuJoCo itself takes
+SECONDS = 5  # of processor time: a large robot takes a tenth of one
+NO_MEMORY = ("Could not allocate memory", "unknown exception")  # MuJoCo's words for that
+COMMENT = re.compile("<!--.*?-->", re.DOTALL)
+ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
+INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
 
 
 def solid_of_mjcf(path: Path, name: str) -> Solid:
-    """The mass, centre and inertia of the body `name` of an MJCF file, in the body's own axes.
+    """Return the body `name` of an MJCF file with all that is fixed to it, in the body's own axes.
 
     Raises InputError where the file does not compile within a few seconds and a few hundred MB,
     has no such body, or the body carries others that move on it.
     """
+    return _solid("body", path, name)
+
+
+def solid_of_urdf(path: Path, name: str) -> Solid:
+    """Return the link `name` with all that fixed joints hold on it, in the link's own axes.
+
+    Raises InputError where there is no such link, or others move on it, or it has no inertia.
+    """
+    return _solid("link", path, name)
+
+
+def _solid(kind: str, path: Path, name: str) -> Solid:
     contents(path)  # to be refused, and read once more by MuJoCo, with the files beside it
-    answer = _body_of(path, name)
+    answer = _asked(kind, path, name)
     if "error" in answer:
         raise InputError(f"{path}: {answer['error']}")
     return Solid(answer["mass"], np.array(answer["centre"]), np.array(answer["inertia"]))
 
 
-def _body_of(path: Path, name: str) -> dict[str, Any]:
-    """What `mjcf_body` says of it, in a process of its own, or why that process has ended."""
+def _asked(kind: str, path: Path, name: str) -> dict[str, Any]:
+    """Return the answer of a process of its own, or why that process has ended."""
     try:
         done = subprocess.run(
-            [sys.executable, "-P", mjcf_body.__file__, str(path), name],
+            [sys.executable, "-P", "-m", __name__, kind, str(path), name],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             timeout=WAIT,
@@ -52,108 +75,134 @@ def _body_of(path: Path, name: str) -> dict[str, Any]:
         answer: dict[str, Any] = json.loads(done.stdout)
         return answer
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
-        return {"error": f"it takes more than {mjcf_body.SECONDS} s to load"}
+        return {"error": f"it takes more than {SECONDS} s to load"}
     why = (done.stderr.decode(errors="replace").splitlines() or ["no word"])[-1]
-    return {"error": f"it cannot be loaded with {mjcf_body.MEMORY / 1e6:.0f} MB of memory: {why}"}
+    return {"error": f"it cannot be loaded with {MEMORY / 1e6:.0f} MB of memory: {why}"}
 
 
-def solid_of_urdf(path: Path, name: str) -> Solid:
-    """The link `name` with all that fixed joints hold on it, in the link's own axes.
+def _main() -> None:
+    """Print the mass, centre and inertia of a body, or {"error": …}."""
+    import mujoco  # before the limit, which is on what a file takes beyond it
 
-    Raises InputError where there is no such link, or others move on it, or it has no inertia.
+    _, kind, path, name = sys.argv
+    _limit()
+    try:
+        _check_numbers(Path(path), Path(path).parent)
+        solid = _of_mjcf(path, name) if kind == "body" else _of_urdf(path, name)
+        answer = {
+            "mass": solid.mass,
+            "centre": solid.centre.tolist(),
+            "inertia": solid.inertia.tolist(),
+        }
+    except (ValueError, mujoco.FatalError, RuntimeError, MemoryError) as error:
+        of_memory = isinstance(error, MemoryError) or any(w in str(error) for w in NO_MEMORY)
+        large = f"it takes more than {MEMORY / 1e6:.0f} MB to load"
+        answer = {"error": large if of_memory else str(error)}
+    print(json.dumps(answer))
+
+
+def _limit() -> None:
+    """Hold this process to MEMORY and SECONDS, where the system can."""
+    with contextlib.suppress(OSError, ValueError):
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        taken = pages * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (taken + MEMORY, taken + MEMORY))
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+        # A process that ends at a limit would else leave its memory in the user's folder.
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _check_numbers(path: Path, folder: Path) -> None:
+    """Raise InputError for NaN or infinity in a file or one that it includes, also from a folder.
+
+    MuJoCo takes NaN for an attribute that is not given, and an infinite angle for none. A range may
+    have no end. The text is searched, as MuJoCo reads more than well-formed XML.
     """
-    data = contents(path)
+    text = COMMENT.sub("", path.read_text(errors="replace"))
+    attributes = [(key, value) for key, _, value in ATTRIBUTE.findall(text)]
+    names = {value for key, value in attributes if key in ("name", "class")}
+    for key, value in attributes:
+        if value not in names and not key.endswith("range") and not _finite(value):
+            raise InputError(f"{path.name}: {key} takes finite numbers, not {value!r}")
+    for file in INCLUDED.findall(text):
+        # MuJoCo looks beside the file that includes another, and beside the first of them.
+        for each in {path.parent / file, folder / file}:
+            if each.is_file():
+                _check_numbers(each, folder)
+
+
+def _finite(text: str) -> bool:
+    """Return whether no number of a text is NaN or infinite; words are no numbers."""
     try:
-        return _link(_robot(data), name)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        return all(map(math.isfinite, map(float, text.split())))
+    except ValueError:
+        return True
 
 
-def _robot(data: bytes) -> Element:
-    try:
-        robot = ElementTree.fromstring(data)
-    except (ElementTree.ParseError, ValueError, LookupError) as error:  # LookupError: an encoding
-        raise InputError(f"no XML: {error}") from None
-    if robot.tag != "robot":
-        raise InputError(f"no URDF: its root is <{robot.tag}>, not <robot>")
-    return robot
+def _of_mjcf(path: str, name: str) -> Solid:
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(path)
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    if number < 0:
+        raise unknown("body", name, [model.body(i).name for i in range(1, model.nbody)])
+    below = [number]
+    for i in range(number + 1, model.nbody):  # a body has a higher number than its parent
+        if model.body_parentid[i] in below:
+            if model.body_weldid[i] != model.body_weldid[number]:
+                raise _moves("body", name, model.body(i).name)
+            below.append(i)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    to_body, origin = data.xmat[number].reshape(3, 3).T, data.xpos[number]
+    solids = []
+    for i in below:
+        axes = to_body @ data.ximat[i].reshape(3, 3)
+        inertia = axes @ np.diag(model.body_inertia[i]) @ axes.T
+        solids.append(Solid(float(model.body_mass[i]), to_body @ (data.xipos[i] - origin), inertia))
+    if not sum(solid.mass for solid in solids) > 0:
+        raise InputError(f"body {name!r} has no mass")
+    return composed(solids)
 
 
-def _link(robot: Element, name: str) -> Solid:
-    links = {str(link.get("name")): link for link in robot.findall("link")}
-    if name not in links:
-        raise unknown("link", name, links)
-    children: dict[str, list[Element]] = {}
-    for joint in robot.findall("joint"):
-        children.setdefault(_named(joint, "parent"), []).append(joint)
-    solids: list[Solid] = []
-    left: list[tuple[str, Array, Array]] = [(name, np.zeros(3), np.eye(3))]
-    seen: set[str] = set()
-    while left:
-        each, origin, axes = left.pop()
-        if each in seen:
-            raise InputError(f"link {each!r} hangs on itself")
-        if each not in links:
-            raise unknown("link", each, links)
-        seen.add(each)
-        solids += [
-            Solid(one.mass, origin + axes @ one.centre, axes @ one.inertia @ axes.T)
-            for one in _own(links[each])
-        ]
-        for joint in children.get(each, []):
-            if joint.get("type") != "fixed":
-                raise InputError(
-                    f"link {name!r} carries {_named(joint, 'child')!r}, which moves on it; take "
-                    "each as a body of its own"
-                )
-            at, turn = _origin(joint)
-            left.append((_named(joint, "child"), origin + axes @ at, axes @ turn))
+def _moves(kind: str, name: str, other: str) -> InputError:
+    return InputError(
+        f"{kind} {name!r} carries {other!r}, which moves on it; take each as a body of its own"
+    )
+
+
+def _of_urdf(path: str, name: str) -> Solid:
+    import mujoco
+
+    root = re.search(r"<(\w+)", COMMENT.sub("", Path(path).read_text(errors="replace")))
+    if root and root[1] != "robot":  # MuJoCo would read its own format as well
+        raise InputError(f"no URDF: its root is <{root[1]}>, not <robot>")
+    spec = mujoco.MjSpec.from_file(path)
+    link = spec.body(name)
+    if link is None:
+        raise unknown("link", name, [each.name for each in spec.bodies[1:]])
+    solids = list(_inertials(link, name, np.zeros(3), np.eye(3)))
     if not solids:
         raise InputError(f"link {name!r} has no inertial")
     return composed(solids)
 
 
-def _own(link: Element) -> list[Solid]:
-    """The link's own body, or none."""
-    inertial = link.find("inertial")
-    if inertial is None:
-        return []
-    what = f"link {link.get('name')!r}'s inertial"
-    (mass,) = _numbers(inertial.find("mass"), "value", 1, what)
-    tensor = inertial.find("inertia")
-    xx, xy, xz, yy, yz, zz = (
-        _numbers(tensor, key, 1, what)[0] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    )
-    centre, axes = _origin(inertial)
-    inertia = axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ axes.T
-    if not mass > 0:
-        raise InputError(f"{what} has no mass: {mass:g} kg")
-    return [Solid(mass, centre, inertia)]
+def _inertials(link: Any, name: str, origin: Array, axes: Array) -> Iterator[Solid]:
+    """Yield the inertials of a link at a place, in axes (3, 3), and of what is fixed to it."""
+    if link.explicitinertial:
+        if not link.mass > 0:
+            raise InputError(f"link {link.name!r}'s inertial has no mass: {link.mass:g} kg")
+        turned = axes @ rotation_matrix(link.iquat)
+        xx, yy, zz, xy, xz, yz = link.fullinertia
+        inertia = turned @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turned.T
+        yield Solid(link.mass, origin + axes @ link.ipos, inertia)
+    for child in link.bodies:
+        if child.joints:
+            raise _moves("link", name, child.name)
+        turned = axes @ rotation_matrix(child.quat)
+        yield from _inertials(child, name, origin + axes @ child.pos, turned)
 
 
-def _named(joint: Element, end: str) -> str:
-    element = joint.find(end)
-    return "" if element is None else str(element.get("link"))
-
-
-def _origin(element: Element) -> tuple[Array, Array]:
-    """The place (3,) and the axes (3, 3) of an element's origin."""
-    origin = element.find("origin")
-    if origin is None:
-        return np.zeros(3), np.eye(3)
-    what = f"the origin of <{element.tag}>"
-    at = _numbers(origin, "xyz", 3, what) if origin.get("xyz") else [0.0] * 3
-    turn = _numbers(origin, "rpy", 3, what) if origin.get("rpy") else [0.0] * 3
-    return np.array(at), Rotation.from_euler("xyz", turn).as_matrix()
-
-
-def _numbers(element: Element | None, key: str, count: int, what: str) -> list[float]:
-    """The numbers of an attribute; InputError unless there are so many, all finite."""
-    text = "" if element is None else element.get(key, "")
-    try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not np.all(np.isfinite(numbers)):
-        raise InputError(f"{what}: {key} takes {count} finite numbers, not {text!r}")
-    return numbers
+if __name__ == "__main__":
+    _main()

@@ -76,12 +76,12 @@ class Entry:
 
 
 def catalog() -> list[str]:
-    """The names of the scenes that come with robotball."""
+    """Return the names of the scenes that come with robotball."""
     return sorted(path.stem for path in CATALOG.glob("*.toml"))
 
 
 def entries() -> list[Entry]:
-    """The heads of all these scenes, whose balls are not made."""
+    """Return the heads of all these scenes. Their balls are not made."""
     tables = {name: tomllib.loads((CATALOG / f"{name}.toml").read_text()) for name in catalog()}
     return [
         Entry(name, table["title"], table["rolling"], table["duration"])
@@ -90,11 +90,12 @@ def entries() -> list[Entry]:
 
 
 def load_scene(name: str | Path) -> Scene:
-    """The scene of a catalog name, or of a path to a TOML file.
+    """Return the scene of a catalog name, or of a path to a TOML file.
 
     Raises InputError, with the file and the key, where there is none or it cannot be used, and
     warns of bodies that no workshop could build.
     """
+    # A catalog name first: a file of that name has a suffix, or a folder before it.
     path = CATALOG / f"{name}.toml"
     if str(name) not in catalog():
         path = Path(name)
@@ -113,7 +114,7 @@ def load_scene(name: str | Path) -> Scene:
 
 
 def read_scene(path: Path, text: bytes | str) -> Scene:
-    """The scene of the text of a TOML file, whose path gives it its name; raises InputError."""
+    """Return the scene of a TOML file's text; the path names it. Raises InputError."""
     try:
         table = msgspec.toml.decode(text, type=SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
@@ -132,7 +133,8 @@ def read_scene(path: Path, text: bytes | str) -> Scene:
 
 
 def _check_numbers(key: str, value: object) -> None:
-    """Raises InputError, with the key, for a number of a TOML value that is NaN or too large."""
+    """Raise InputError, with the key, for a number of a TOML value that is NaN or too large."""
+    # TOML has `nan` and `inf`, and no check of a range refuses NaN.
     if isinstance(value, float):
         check_size(key, value)
     if isinstance(value, dict):
@@ -145,7 +147,7 @@ def _check_numbers(key: str, value: object) -> None:
 
 def _scene(path: Path, table: SceneTable) -> Scene:
     ball, hinges = _robot(table, path.parent)
-    rotors = 1 + len(ball.rotors)
+    rotors = 1 + len(ball.rotors)  # hinges: the frame's, then the rotors', then the pendulums'
     commands = [hinge.command for hinge in hinges]
     scene = Scene(
         name=path.stem.encode(errors="replace").decode(),  # bytes that are no text are shown as ?
@@ -232,6 +234,7 @@ def _hinge(name: str, table: HingeTable, folder: Path) -> _ReadHinge:
     _check_keys(name, table)
     kind = DRIVES[table.drive]
     command = None if kind.command is None else getattr(table, kind.command)
+    # A command that is not given is 0: a hinge without any keys stands still.
     try:
         rate = _command(0.0 if command is None else command, folder)
         motor = None if kind.motor is None else _motor(kind.motor, kind.keys, table)
@@ -248,6 +251,7 @@ def _check_keys(name: str, table: HingeTable) -> None:
 
             unit = unit_of(HingeTable, each)
             raise InputError(f'{name}: drive = "{drive}" needs the key {each!r} [{unit}]')
+    # A key of another drive would do nothing, and its author thinks that it does.
     owners: dict[str, list[str]] = {}
     for owner, kind in DRIVES.items():
         for each in kind.allowed:
@@ -274,7 +278,7 @@ def _command(told: Command, folder: Path) -> Rate:
     if told.file is not None:
         if told.times is not None or told.values is not None:
             raise InputError("samples take a file, or times and values, not both")
-        from robotball.files.columns import read_samples
+        from robotball.files.columns import read_samples  # few scenes have such a file
 
         return read_samples(folder / told.file)
     if told.times is None or told.values is None:
@@ -296,8 +300,9 @@ def _start(table: StartTable, ball: Ball) -> Start:
 
     An angular velocity leaves M at 0, which `_turning` sets when the hinges are known.
     """
+    # All that are neither None nor False; `rest = false` is as without it.
     given = {key for key in table.__struct_fields__ if getattr(table, key)}
-    axes = ball.principal[1]
+    axes = ball.principal[1]  # (5.5) is in these, and a Start in the frame's
     if given == {"section"} and table.section:
         gamma, M = starts.section_state(*msgspec.structs.astuple(table.section))
         return starts.along_momentum(axes @ gamma, axes @ M)
@@ -327,6 +332,7 @@ def _turning(scene: Scene, omega: Triple) -> Scene:
     if scene.rolling == "rubber":
         gamma = rotation_matrix(start.attitude)[2]
         starts.check_no_spin(turned - rates[0] * scene.ball.shell.axis, gamma)
+    # Hinges turn at the start, so that M follows from ω only when their rates are known.
     M = momentum_at(scene.ball, scene.rolling, start.attitude, turned, angles, rates)
     return replace(scene, start=replace(start, momentum=M))
 
@@ -357,7 +363,7 @@ def _one_of(name: str, ways: dict[str, list[str]]) -> str:
 
 
 def _shell(table: ShellTable, folder: Path) -> Shell:
-    """The shell; raises InputError where it has no mass, or is not symmetric about its axis."""
+    """Return the shell. Raises InputError for no mass, or no symmetry about its axis."""
     check_positive("the shell's radius", table.radius, "m")
     radius, axis = table.radius, direction("shell.axis", np.array(table.axis))
     wall = table.given("mass", "density", "thickness", "inertia")
@@ -367,8 +373,10 @@ def _shell(table: ShellTable, folder: Path) -> Shell:
         solids = [_of_file(file, folder)]
     else:
         solids = _solids("shell", table.part or [], axis)
+        # Parts alone may make a shell; without parts a wall is missing, and `_wall` says of what.
         if wall or not solids:
             mass, axial, transverse = _wall(table)
+            # As given, to the last bit: a tensor and its moments again would round.
             if not solids:
                 return Shell(radius, mass, axial, transverse, axis, table.offset)
             tensor = axial_tensor(axial, transverse, axis)
@@ -386,7 +394,7 @@ def _shell(table: ShellTable, folder: Path) -> Shell:
 
 
 def _wall(table: ShellTable) -> tuple[float, float, float]:
-    """Mass [kg] and moments of the shell's wall, about the axis and across it [kg m²]."""
+    """Return mass [kg] and moments [kg m²] of the shell's wall, about the axis and across it."""
     given, thickness = table.inertia, table.thickness
     if isinstance(given, ShellInertia) and given.thickness is not None:
         if thickness is not None or given.given("axial", "transverse"):
@@ -413,15 +421,16 @@ def _wall(table: ShellTable) -> tuple[float, float, float]:
 
 
 def _frame(table: FrameTable, radius: float, folder: Path) -> Frame:
-    """The frame in a shell of this radius [m]."""
+    """Return the frame in a shell of this radius [m]."""
     solid = _solid("frame", table, radius, folder)
     return Frame(solid.mass, solid.inertia, solid.centre)
 
 
 def _rotor(name: str, table: RotorTable, radius: float, folder: Path) -> Rotor:
-    """A rotor in a shell of this radius [m]; InputError unless it is symmetric about its axis."""
+    """Return a rotor in a shell of this radius [m]. Raises InputError for no symmetry."""
     axis = direction(f"{name}'s axis", np.array(table.axis))
     solid = _solid(name, table, radius, folder, axis)
+    # As given, where they are: those of the tensor would be rounded.
     if isinstance(table.inertia, Axial):
         axial, transverse = table.inertia.axial, table.inertia.transverse
     else:
@@ -430,7 +439,7 @@ def _rotor(name: str, table: RotorTable, radius: float, folder: Path) -> Rotor:
 
 
 def _pendulum(name: str, table: PendulumTable, radius: float, folder: Path) -> Pendulum:
-    """A pendulum in a shell of this radius [m]."""
+    """Return a pendulum in a shell of this radius [m]."""
     solid = _solid(name, table, radius, folder)
     axis = direction(f"{name}'s axis", np.array(table.axis))
     return Pendulum(solid.mass, solid.inertia, solid.centre, axis, np.array(table.pivot))
@@ -443,7 +452,7 @@ def _solid(
     folder: Path,
     axis: Array = Z,
 ) -> Solid:
-    """Mass, centre and inertia of a body's table; `axis` (3,) is that of its parts."""
+    """Return a body's mass, centre and inertia; `axis` (3,) is that of its parts."""
     numbers = table.given("mass", "inertia", "centre")
     ways = {each: table.given(each) for each in ("part", "mjcf", "urdf")}
     _one_of(name, {"mass and inertia": numbers, **ways})
@@ -491,7 +500,8 @@ def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
 
 
 def _of_file(table: MjcfTable | UrdfTable, folder: Path) -> Solid:
-    """The body of a file, laid where its table says."""
+    """Return the body of a file, laid where its table says."""
+    # Loaded late: few scenes have such a body, and its reader starts a process.
     from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
 
     if isinstance(table, MjcfTable):
@@ -503,7 +513,7 @@ def _of_file(table: MjcfTable | UrdfTable, folder: Path) -> Solid:
 
 
 def _symmetric(name: str, inertia: Array, axis: Array) -> tuple[float, float]:
-    """The moments about an axis (3,) and across it [kg m²]; InputError where it is no symmetry."""
+    """Return the moments about an axis (3,) and across it [kg m²]. Raises InputError."""
     axial = float(axis @ inertia @ axis)
     transverse = float(np.trace(inertia) - axial) / 2
     off = float(np.abs(inertia - axial_tensor(axial, transverse, axis)).max())
@@ -513,14 +523,14 @@ def _symmetric(name: str, inertia: Array, axis: Array) -> tuple[float, float]:
             f"{name} is not symmetric about its axis: its inertia is off by {off:.6g} of "
             f"{np.abs(inertia).max():.6g} kg m²; such a body is a {other}"
         )
-    # A disc's are as 2 to 1, but for the rounding of its turned axes.
-    return min(axial, 2 * transverse) if axial < 2 * transverse * (
-        1 + _SYMMETRIC
-    ) else axial, transverse
+    # A disc's are as 2 to 1, but for the rounding of its turned axes, and a Rotor takes no more.
+    if axial < 2 * transverse * (1 + _SYMMETRIC):
+        axial = min(axial, 2 * transverse)
+    return axial, transverse
 
 
 def _check_inside(name: str, solid: Solid, radius: float) -> None:
-    """Raises InputError where parts of known size reach beyond the shell."""
+    """Raise InputError where parts of known size reach beyond the shell."""
     if solid.reach > radius * (1 + _SYMMETRIC):
         raise InputError(
             f"{name} reaches {solid.reach:.6g} m from the sphere's centre, beyond the shell's "

@@ -15,7 +15,7 @@ from msgspec import inspect
 
 from robotball.files.scene_tables import DRIVES, HingeTable, SceneTable, Table
 
-WORDS = {
+WORDS = {  # msgspec's names of types, in the words of TOML's users
     "float": "a number",
     "int": "a whole number",
     "str": "text",
@@ -54,8 +54,10 @@ def _worded(key: str, what: str) -> str:
     if invalid := re.match(r"Invalid (?:enum )?value (.*)$", what):
         return f"unknown value {invalid[1]}{_listed(key)}"
     if expected := re.match(r"Expected (.*), got `?(\w+)`?$", what):
+        # [rotor] instead of [[rotor]] is TOML's most usual mistake.
         if key.split(".")[-1] in MANY and expected[2] == "object":
             return f"a scene may have many; write [[{key}]] for each"
+        # A key that may be left out is a union with null, which TOML has not.
         types, given = expected[1].replace(" | null", ""), expected[2]
         types = re.sub(r"`array` of length (\d+)", r"a list of \1", types).replace(" | ", " or ")
         types = re.sub(r"\w+", lambda word: WORDS.get(word[0], word[0]), types).replace("`", "")
@@ -160,6 +162,7 @@ def _rows(name: str) -> Iterator[str]:
 def _documented(name: str) -> inspect.StructType:
     if name == "hinge":
         return _struct(HingeTable)
+    # Parts and commands are alike in every body; those of the frame stand for all.
     kinds = [table for path in ("frame.part", "frame.rate") for table in tables_at(path)]
     at_path = tables_at("" if name == "scene" else name)
     return next((table for table in kinds if table.tag == name), None) or next(at_path)

@@ -51,6 +51,7 @@ class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
 
 Told = float | Ramp | Sine | SamplesTable
 Command = Told | list[Told]
+# As a type of its own, so that msgspec refuses any other word.
 DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
 
 
@@ -103,6 +104,7 @@ DRIVES: dict[DriveName, DriveKind] = {
 class HingeTable(Table, frozen=True):
     """How a hinge is moved, and where it starts."""
 
+    # None where a key is not given: 0 would be a value, and a key of another drive is refused.
     rate: Annotated[
         Command | None, key("commanded rate, a command as below; 0 if not given", "rad/s")
     ] = None
@@ -242,7 +244,7 @@ class UrdfTable(Table, frozen=True):
 
 Mjcf = Annotated[MjcfTable | None, key("a body of an MJCF file")]
 Urdf = Annotated[UrdfTable | None, key("a link of a URDF file")]
-Rows = list[float | Triple]
+Rows = list[float | Triple]  # three moments, or three rows: msgspec knows no list of either
 Centre = Annotated[
     Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
 ]
@@ -272,6 +274,7 @@ class ShellTable(Table, frozen=True):
 
     radius: Annotated[float, key("its outer radius", "m")]
     mass: Annotated[float | None, key("of the wall", "kg")] = None
+    # Which of these combine the reader knows; the records have only what a value may be.
     density: Annotated[float | None, key("of the wall, instead of its mass", "kg/m³")] = None
     thickness: Annotated[float | None, key("of the wall, the same all round", "m")] = None
     inertia: Annotated[
@@ -342,7 +345,7 @@ class NumbersTable(Table, frozen=True):
     """The numbers of the equations, for which bodies are designed."""
 
     radius: Annotated[float, key("a", "m")]
-    A: Annotated[list[float | Triple], key("A: its diagonal, or three rows", "1/(kg m²)")]
+    A: Annotated[Rows, key("A: its diagonal, or three rows", "1/(kg m²)")]
     K: Annotated[Triple, key("K, in the same axes", "kg m²/s")]
     Omega: Annotated[Triple, key("Ω, in the same axes", "rad/s")]
     mass: Annotated[float | None, key("of the whole ball; found if not given", "kg")] = None

@@ -1,6 +1,8 @@
-"""A motion's arrays as named columns, and the header that says whose they are.
+"""Write motions as tables, and read trajectories that any simulator wrote.
 
-A trajectory from a file, its columns known by many names and in many units.
+A motion of ours has all its arrays as named columns, and a header that says whose they are. Of
+another's trajectory time, position and attitude are needed: its columns are known by many names and
+in many units, which are made SI's.
 """
 
 import json
@@ -17,12 +19,12 @@ from robotball.files.scene_writer import scene_toml
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-FORMAT = "robotball motion 1"
+FORMAT = "robotball motion 1"  # by which `recorded` knows a file that has all arrays
 Place = tuple[str, ...]
 
 
 def layout(scene: Scene) -> Iterator[tuple[Place, tuple[str, ...], str]]:
-    """Where each array of a motion stands, the names of its columns, and their unit."""
+    """Yield where each array of a motion stands, the names of its columns, and their unit."""
     hinges = [hinge.name for hinge in scene.hinges]
     yield ("times",), ("t",), "s"
     yield ("contact_point",), ("x", "y"), "m"
@@ -43,7 +45,7 @@ def write_motion(
     arrays: Mapping[Place, Array],
     timestep: float | None = None,
 ) -> None:
-    """A motion of a scene, by the places of its arrays, with the label of its engine.
+    """Write a motion of a scene, by the places of its arrays, with its engine's label.
 
     timestep: of a contact engine [s]. Raises InputError where the file cannot be written.
     """
@@ -56,6 +58,7 @@ def write_motion(
     header = {"format": FORMAT, "engine": json.dumps(dict(engine), ensure_ascii=False)}
     if timestep is not None:
         header["timestep"] = repr(float(timestep))
+    # The whole scene, so that the file can be compared without another file beside it.
     header["scene"] = scene.name
     try:
         header["scene_toml"] = scene_toml(scene)
@@ -65,7 +68,7 @@ def write_motion(
 
 
 def arrays_of(table: Table, scene: Scene) -> dict[Place, Array]:
-    """A motion's arrays by their places; raises InputError where columns of the scene are missing.
+    """Return a motion's arrays by their places. Raises InputError for missing columns.
 
     The shapes are those that a motion of the scene has.
     """
@@ -75,6 +78,7 @@ def arrays_of(table: Table, scene: Scene) -> dict[Place, Array]:
         if missing:
             raise InputError(f"{', '.join(missing)} are missing: it is no motion of {scene.name}")
         columns = [table.columns[name] for name in names]
+        # By the place: a single hinge has one column as well, and an array (n, 1).
         single = place in (("times",), ("loads", "spin_torque"))
         arrays[place] = columns[0] if single else np.stack(columns, axis=1)
     return arrays
@@ -122,7 +126,7 @@ RATES = {"rad/s": 1.0, "1/s": 1.0, "deg/s": TURN / 360, "rpm": TURN / 60, "rev/s
 UNITS = {"t": TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("wx", "wy", "wz"), RATES)}
 AS_WRITTEN = {"°/s": "deg/s", "µm": "um", "μm": "um", "rad/sec": "rad/s", "rad s^-1": "rad/s"}
 NO_QUATERNION = 0.02  # off length one: more is no rounding
-ROUNDED = 1e-6
+ROUNDED = 1e-6  # off length one: single precision, which is not worth a note
 NO_UNIT = ("", "-", "1")
 
 
@@ -152,7 +156,7 @@ class Trajectory:
 
 
 def read_trajectory(path: Path) -> Trajectory:
-    """The trajectory of a CSV, NPZ or Parquet file.
+    """Return the trajectory of a CSV, NPZ or Parquet file.
 
     Raises InputError, with the file, for missing columns, unknown units, numbers that are not
     finite, times that do not increase, and quaternions that are none.
@@ -165,7 +169,7 @@ def read_trajectory(path: Path) -> Trajectory:
 
 
 def trajectory_of(table: Table, name: str) -> Trajectory:
-    """The trajectory of a table; raises InputError as `read_trajectory` does."""
+    """Return the trajectory of a table. Raises InputError as `read_trajectory` does."""
     columns, units, others = _named(table)
     missing = [each for each in NEEDED if each not in columns]
     if missing:
@@ -174,6 +178,7 @@ def trajectory_of(table: Table, name: str) -> Trajectory:
             f"the columns {','.join(missing)} are missing; there are {there}, and needed {WRITTEN}"
         )
     notes = list(table.notes)
+    # A quaternion has no unit, and momentum is taken in kg m²/s alone.
     for group in ("t", "xyz", ("wx", "wy", "wz")):
         notes += _made_si(columns, units, group)
     for each, column in columns.items():
@@ -197,7 +202,7 @@ def trajectory_of(table: Table, name: str) -> Trajectory:
 
 
 def _named(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Array]]:
-    """The columns that are known and their units, by our names; and the others, by their own."""
+    """Return the known columns and their units, by our names; the others by their own."""
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
     others: dict[str, Array] = {}
@@ -217,13 +222,14 @@ def _named(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Ar
 
 
 def _parsed(title: str) -> tuple[str | None, str | None]:
-    """Our name of a column and the unit in its title: `x`, `x [mm]`, `x_mm`, `pos.x (mm)`."""
+    """Return a column's name and its title's unit: `x`, `x [mm]`, `x_mm`, `pos.x (mm)`."""
     found = re.match(r"(.*?)\s*[\[(](.*?)[\])]\s*$", title)
     bare, unit = (found[1], found[2]) if found else (title, None)
     name = KNOWN.get(_plain(bare))
     if name is None and "_" in bare:
         first, _, last = bare.rpartition("_")
         name = KNOWN.get(_plain(first))
+        # `x_mm` is x in mm, but `x_error` is another column.
         if name is None or _unit_name(last) not in UNITS.get(name, {}):
             return None, None
         unit = last
@@ -239,10 +245,11 @@ def _unit_name(unit: str) -> str:
 
 
 def _made_si(columns: dict[str, Array], units: Mapping[str, str], group: object) -> list[str]:
-    """Turns columns of a group into SI units, in place; says of what other units they were."""
+    """Turn columns of a group into SI units, in place. Returns a note for each other unit."""
     changed: dict[str, list[str]] = {}
     for name in group if isinstance(group, tuple) else str(group):
         unit, known = _unit_name(units.get(name, "")), UNITS[name]
+        # Without a unit it is SI's.
         if name not in columns or unit in NO_UNIT:
             continue
         if unit not in known:
@@ -268,6 +275,7 @@ def _check_finite(name: str, column: Array, times: Array) -> None:
 def _check_increasing(times: Array) -> None:
     if len(times) < 2:
         raise InputError(f"it has {len(times)} row of numbers, and at least two are needed")
+    # The first fault alone, by its row: the others mostly follow from it.
     late = np.flatnonzero(np.diff(times) <= 0)
     if len(late):
         i = int(late[0])

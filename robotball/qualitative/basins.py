@@ -1,17 +1,18 @@
-"""Which attractor each of many starts reaches: a straight line, a cycle, a torus or chaos.
+"""Basins of attraction: which attractor each of many starts reaches.
 
-Where the ball goes in the long run: the mean velocity of the contact point.
+After a transient a motion is on a straight line if it hardly turns. Else its crossings of a section
+repeat, on a cycle, or do not: then its largest Lyapunov exponent parts tori from chaos.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers, Starts, orbits
+from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers, orbits
 from robotball.equations import Parameters, speed_bound
 from robotball.errors import InputError
-from robotball.qualitative.cycles import Cycle, close
-from robotball.qualitative.exponents import exponents
+from robotball.qualitative.cycles import Cycle, close, nearest
+from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section
 from robotball.rotations import Array, Mask, rotation_matrix
 
@@ -35,19 +36,20 @@ class Basins:
     cycles: tuple[Cycle, ...]
 
     def share(self, label: int) -> float:
-        """The part of the starts with a label."""
+        """Return the part of the starts with a label."""
         return float(np.mean(self.labels == label))
 
 
 def basins(
     parameters: Parameters, attitudes: Array, momenta: Array, transient: float = 3000.0
 ) -> Basins:
-    """Where the motions from n starts end up, after a transient [s].
+    """Find the attractor that the motion from each of n starts reaches, after a transient [s].
 
     attitudes (n, 4), momenta (n, 3): as for kernels.orbits. A start that approaches a cycle more
     slowly than the transient allows counts as on a torus. Raises InputError on unusable starts.
     """
     momenta = np.asarray(momenta, dtype=float)
+    # The dear steps come last, for the starts that the cheap ones left undecided.
     settled = orbits(parameters, attitudes, momenta, np.array([0.0, transient]), LONG_RUN_TOLERANCE)
     labels = np.where(settled.status > 0, LOST, TORUS)
     at_end = settled.attitudes[:, 1]
@@ -73,12 +75,14 @@ def basins(
         cycle = attracting(parameters, crossings.attitudes[i, -1], momenta[start], period)
         if cycle is None:
             continue
+        # All starts that have reached this cycle are labelled at once, so that it is closed once.
         own = section(parameters, cycle.attitude[None], cycle.momentum[None], CROSSINGS)
         through = level_points(own.attitudes, cycle.momentum[None])[0]
-        reached: Mask = distance(points[:, -1], through) < NEAR
+        reached: Mask = nearest(points[:, -1], through) < NEAR
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
             cycles.append(cycle)
+    # An orbit that repeats too slowly to be seen is regular, and counts as a torus.
     undecided = np.flatnonzero(labels == TORUS)
     if len(undecided):
         begin = settled.attitudes[undecided, 1]
@@ -88,7 +92,8 @@ def basins(
 
 
 def resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
-    """Where (n,) the frame hardly turns, ω = 0, at attitudes (n, 4) with world momenta (n, 3)."""
+    """Return where (n,) the frame hardly turns, at attitudes (n, 4), world momenta (n, 3)."""
+    # Motions that could not be followed are NaN: any attitude stands in for theirs.
     followed: Mask = np.asarray(np.isfinite(attitudes).all(axis=1))
     axes = rotation_matrix(np.where(followed[:, None], attitudes, [1.0, 0.0, 0.0, 0.0]))
     M = np.einsum("nij,ni->nj", axes, momenta)
@@ -99,7 +104,8 @@ def resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
 
 
 def repeats(points: Array, times: Array) -> float | None:
-    """How long since crossings (m, 6) at times (m,) last were where the last one is [s]."""
+    """Return the time since crossings (m, 6) at times (m,) last were where the last is [s]."""
+    # The latest repetition, and so the shortest period: a cycle may cross the section often.
     gaps = np.linalg.norm(points[:-1] - points[-1], axis=1)
     again = np.flatnonzero(gaps < NEAR)
     return float(times[-1] - times[again[-1]]) if len(again) else None
@@ -108,68 +114,18 @@ def repeats(points: Array, times: Array) -> float | None:
 def attracting(
     parameters: Parameters, attitude: Array, momentum: Array, period: float
 ) -> Cycle | None:
-    """The attracting cycle of about that period [s] near an attitude (4,), if there is one."""
+    """Return the attracting cycle of about that period [s] near an attitude (4,), or None."""
     try:
         cycle = close(parameters, attitude, momentum, period)
     except InputError:
         return None
+    # Newton's method closes repelling cycles as well, and no motion ends on one.
     return cycle if abs(cycle.multipliers[0]) < 1 else None
 
 
 def level_points(attitudes: Array, momenta: Array) -> Array:
-    """γ and M/|M| side by side (n, m, 6) at attitudes (n, m, 4), with world momenta (n, 3)."""
+    """Return γ and M/|M| (n, m, 6) at attitudes (n, m, 4), with world momenta (n, 3)."""
     axes = rotation_matrix(attitudes.reshape(-1, 4)).reshape(*attitudes.shape[:2], 3, 3)
     M = np.einsum("nmij,ni->nmj", axes, momenta)
     size = np.linalg.norm(momenta, axis=1)[:, None, None]
     return np.concatenate([axes[:, :, 2], M / size], axis=2)
-
-
-def distance(points: Array, others: Array) -> Array:
-    """How far points (n, k) are from the nearest of others (m, k): (n,)."""
-    return np.array([np.linalg.norm(others - point, axis=1).min() for point in points])
-
-
-@dataclass(frozen=True)
-class Drift:
-    """Mean motions of the contact points of n starts, along and across their momenta.
-
-    velocities (n, 2) m/s: along OX = -M/√f of section 3.3, which each start has for itself, and
-    OY, to its left. duration s, of the means.
-    """
-
-    velocities: Array
-    duration: float
-
-    @property
-    def mean(self) -> Array:
-        """The mean velocity (2,) over the starts, m/s."""
-        return self.velocities.mean(axis=0)
-
-    @property
-    def error(self) -> Array:
-        """The standard error (2,) of `mean`, from the scatter of the starts, m/s."""
-        return self.velocities.std(axis=0, ddof=1) / np.sqrt(len(self.velocities))
-
-
-def drift(
-    parameters: Parameters,
-    attitudes: Array,
-    momenta: Array,
-    duration: float,
-    transient: float = 1000.0,
-    tolerance: float = LONG_RUN_TOLERANCE,
-) -> Drift:
-    """The mean motion of the contact point over `duration` after a `transient` [s].
-
-    attitudes (n, 4), momenta (n, 3): as for kernels.orbits. Raises InputError on unusable starts
-    or durations, and where a motion could not be followed.
-    """
-    times = np.array([0.0, transient, transient + duration])
-    runs = orbits(parameters, attitudes, momenta, times, tolerance)
-    if runs.status.any():
-        raise InputError(f"{np.count_nonzero(runs.status)} motions could not be followed")
-    velocities = (runs.contact_points[:, 2] - runs.contact_points[:, 1]) / duration
-    turns = Starts(parameters, attitudes, momenta).turns
-    cos, sin = np.cos(turns), np.sin(turns)
-    VX, VY = velocities.T
-    return Drift(np.stack([cos * VX + sin * VY, cos * VY - sin * VX], axis=1), duration)

@@ -1,18 +1,19 @@
-"""Motion from rest, section 4: dγ/dt = γ×ω(0, γ) (4.1), its fixed points and limit cycles.
+"""Fixed points of the motion from rest, section 4: dγ/dt = γ×ω(0, γ) (4.1).
 
-With M = 0 the rubber model is a flow on the sphere of γ, which γ → -γ leaves unchanged but for
-the direction of the contact point's path.
+With M = 0 the rubber model is a flow on the sphere of γ, which γ → -γ leaves unchanged but for the
+direction of the contact point's path. In order: all isolated fixed points, by a resultant; their
+types; the circle of fixed points; the isolated ones in closed form.
 
-The circle Σ¹ of fixed points of (4.1) where K = 0, section 4.1.
+*By a resultant.* (Aγ,γ) dγ/dt is a cubic form in γ. Two of its components are solved as polynomials
+in two unknowns, by the eigenvalues of their Sylvester matrix (Cox, Little, O'Shea, Using Algebraic
+Geometry, chapter 3), and each zero is made exact by Newton's method.
 
-With K = 0 dγ/dt = (Ω,γ) γ×Aγ/(Aγ,γ), which is zero on the whole circle (Ω,γ) = 0. Along it
-one eigenvalue is 0; the other is -(Aγ, γ×Ω)/(Aγ,γ), so that a quarter of the circle attracts, Σ_s,
-and the next one repels, Σ_u.
+*The circle* Σ¹ where K = 0, section 4.1. There dγ/dt = (Ω,γ) γ×Aγ/(Aγ,γ), which is zero on the
+whole circle (Ω,γ) = 0. Along it one eigenvalue is 0; the other is -(Aγ, γ×Ω)/(Aγ,γ), so that a
+quarter of the circle attracts, Σ_s, and the next one repels, Σ_u.
 
-The isolated fixed points of (4.1) in closed form, sections 4.1 and 4.2, for K = (0, 0, K₃).
-
-Beside Γ₅,₆ = (0, 0, ±1) a fixed point then has γ₁ = 0, one of Δ, or γ₂ = 0, one of Θ. There, with
-γⱼ = sin φ and γ₃ = cos φ, (4.1) reads
+*In closed form*, sections 4.1 and 4.2, for K = (0, 0, K₃). Beside Γ₅,₆ = (0, 0, ±1) a fixed point
+then has γ₁ = 0, one of Δ, or γ₂ = 0, one of Θ. There, with γⱼ = sin φ and γ₃ = cos φ, (4.1) reads
 
     sin(2φ + ν) = κ,  ν = atan2(Ω₃, Ωⱼ),  κ = (2aⱼa₃K₃/(a₃ - aⱼ) - Ω₃)/√(Ωⱼ² + Ω₃²),
 
@@ -70,12 +71,12 @@ class ContactPath:
 
 
 def flow(parameters: Parameters, gamma: Vector) -> Vector:
-    """dγ/dt of (4.1) [1/s]; γ of any arithmetic."""
+    """Return dγ/dt of (4.1) [1/s]. γ may be of any arithmetic."""
     return eq.cross(gamma, parameters.angular_velocity(REST, gamma))
 
 
 def fixed_points(parameters: Parameters) -> list[FixedPoint]:
-    """All isolated fixed points of (4.1): fixed_circle.py has those that K = 0 adds.
+    """Return all isolated fixed points of (4.1); `fixed_circle` has those that K = 0 adds.
 
     (Aγ,γ) dγ/dt is a cubic form in γ whose zeros are, complex ones included, seven lines through
     the centre: found as the eigenvalues of a resultant, made exact by Newton's method, and checked
@@ -97,6 +98,7 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
         )
     points: list[FixedPoint] = []
     # Where complex fixed points fill a curve, the resultant is singular; ±AK are the real ones.
+    # A candidate too many costs nothing: Newton's method refuses or repeats it.
     for candidate in (np.array(eq.diagonal(parameters.A, parameters.K)), *candidates(parameters)):
         gamma = polished(parameters, candidate)
         if gamma is not None:
@@ -105,6 +107,7 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
                     points.append(fixed_point_at(parameters, each))
     total = index_sum(points)
     if total != 2:
+        # By Poincaré and Hopf: a fixed point that was missed, or is not simple, shows here.
         raise InputError(
             f"{len(points)} fixed points found, whose indices add up to {total}, not to 2: some "
             "are degenerate"
@@ -113,7 +116,7 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
 
 
 def fills_curve(parameters: Parameters) -> bool:
-    """Whether fixed points of (4.1) with K ≠ 0 fill a curve on the sphere; in doubt they do.
+    """Return whether fixed points of (4.1) with K ≠ 0 fill a curve; in doubt they do.
 
     It takes two equal moments, a₁ = a₂, and AK = (0, 0, k): outside that axis dγ/dt is zero on the
     cone (a₃ - a₁)γ₃(Ω + AK, γ) = k(Aγ,γ), whose points are complex where the form is definite.
@@ -131,13 +134,13 @@ def fills_curve(parameters: Parameters) -> bool:
 
 
 def index_sum(points: Sequence[FixedPoint]) -> int:
-    """The sum of the indices: -1 for a saddle, 1 for others that are not degenerate."""
+    """Return the sum of the indices: -1 for a saddle, 1 for others that are not degenerate."""
     indices = {"saddle": -1, "degenerate": 0}
     return sum(indices.get(point.kind, 1) for point in points)
 
 
 def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:
-    """What the contact point does at the fixed point γ (3,) of (4.1).
+    """Return the contact point's path at the fixed point γ (3,) of (4.1).
 
     There ω = sγ, and s = (Ω, γ) by (2.2): by (2.1) the velocity aγ×Ω is constant in frame axes,
     which turn about the vertical at s. Raises InputError for a classical ball and where γ is no
@@ -156,7 +159,7 @@ def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:
 
 
 def candidates(parameters: Parameters) -> list[Array]:
-    """Near every fixed point up to sign a γ (3,), and more."""
+    """Return a γ (3,) near every fixed point up to sign, and more."""
 
     def cubic_forms(gamma: Array) -> Array:
         # γ in the generic axes; (Aγ,γ) clears the denominator of (3.2).
@@ -164,6 +167,7 @@ def candidates(parameters: Parameters) -> list[Array]:
         weight = eq.dot(eq.diagonal(parameters.A, own), own)
         return weight * (np.array(flow(parameters, own)) @ GENERIC)
 
+    # Coefficients by least squares from values, so that (3.2) is written in `equations` alone.
     monomials = list(combinations_with_replacement(range(3), 3))
     samples = np.random.default_rng(0).normal(size=(30, 3))
     table = np.array([[s[i] * s[j] * s[k] for i, j, k in monomials] for s in samples])
@@ -185,6 +189,7 @@ def candidates(parameters: Parameters) -> list[Array]:
     roots, vectors = eig(left, right)
     found = []
     for x, v in zip(roots, vectors[:6].T, strict=True):
+        # v is (y⁵, …, y, 1) times a factor: y is the ratio of neighbours, the largest for digits.
         last = int(np.argmax(np.abs(v[1:])))
         # A double root may come out as a complex pair, a little off the real axis.
         if np.isfinite(x) and abs(x.imag) < 0.01 * (1 + abs(x)) and abs(v[last + 1]) > 0:
@@ -193,12 +198,13 @@ def candidates(parameters: Parameters) -> list[Array]:
 
 
 def polished(parameters: Parameters, gamma: Array) -> Array | None:
-    """The fixed point (3,) that Newton's method reaches from γ, if it does."""
+    """Return the fixed point (3,) that Newton's method reaches from γ, if it does."""
     gamma = gamma / np.linalg.norm(gamma)
     scale = rate_scale(parameters)
     for _ in range(40):
         basis = tangents(gamma)
         rate = basis @ np.array(flow(parameters, as_vector(gamma)))
+        # The least solution where the Jacobian is singular, as between two points that coincide.
         step = np.linalg.lstsq(jacobian(parameters, gamma), rate, rcond=1e-13)[0]
         length = float(np.linalg.norm(step))
         gamma = gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300))
@@ -210,7 +216,7 @@ def polished(parameters: Parameters, gamma: Array) -> Array | None:
 
 
 def fixed_point_at(parameters: Parameters, gamma: Array) -> FixedPoint:
-    """The fixed point γ (3,) with its eigenvalues and type."""
+    """Return the fixed point γ (3,) with its eigenvalues and type."""
     linear = jacobian(parameters, gamma)
     values = np.linalg.eigvals(linear).astype(complex)
     values = values[np.lexsort((values.imag, values.real))]
@@ -218,7 +224,8 @@ def fixed_point_at(parameters: Parameters, gamma: Array) -> FixedPoint:
 
 
 def kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
-    """The type of the fixed point γ (3,) with these eigenvalues (2,)."""
+    """Return the type of the fixed point γ (3,) with these eigenvalues (2,)."""
+    # Rounding decides the sign of less; its type is then another one at every machine.
     zero = EIGENVALUE_ROUNDING * rate_scale(parameters)
     if np.abs(eigenvalues).min() < zero:
         return "degenerate"
@@ -230,6 +237,7 @@ def kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
         return "stable node" if first < 0 else "unstable node"
     if abs(first) >= zero:
         return "stable focus" if first < 0 else "unstable focus"
+    # The linear part turns without growth, so that the cubic terms decide.
     value = first_lyapunov_value(parameters, gamma)
     if abs(value) < zero:
         return "centre"
@@ -237,7 +245,7 @@ def kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
 
 
 def first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
-    """What decides where the eigenvalues at γ (3,) are ±iν: dr/dt = value r³ near by [1/s].
+    """Return the value where the eigenvalues at γ (3,) are ±iν: dr/dt = value r³ [1/s].
 
     r is a distance from γ, in the plane that touches the sphere there, in axes in which the
     linear part is a rotation; only the sign does not depend on them.
@@ -246,7 +254,8 @@ def first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
     nu, v = abs(values[0].imag), vectors[:, np.argmax(values.imag)]
     axes = np.stack([v.imag, v.real], axis=1)  # in these d(x, y)/dt = (-νy, νx) + …
     f, g = taylor(parameters, gamma, axes)
-    # The classical formula, by Taylor coefficients: [i, j] belongs to x^i y^j.
+    # Guckenheimer and Holmes, Nonlinear Oscillations, (3.4.11), by Taylor coefficients: [i, j]
+    # belongs to x^i y^j.
     cubic = 6 * f[3, 0] + 2 * f[1, 2] + 2 * g[2, 1] + 6 * g[0, 3]
     square = (
         f[1, 1] * (f[2, 0] + f[0, 2])
@@ -258,11 +267,13 @@ def first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
 
 
 def taylor(parameters: Parameters, gamma: Array, axes: Array) -> Array:
-    """Taylor coefficients (2, 4, 4) of (4.1) at γ (3,), in the plane touching the sphere there.
+    """Return Taylor coefficients (2, 4, 4) of (4.1) at γ (3,), in the tangent plane there.
 
     axes: (2, 2), the columns along `tangents`. By Cauchy's integrals over complex circles, which
     the plain arithmetic of the equations allows.
     """
+    # Aliasing falls as radius^32, and rounding of a third derivative grows as radius^-3: here it is
+    # some 1e-12 of the rates.
     count, radius = 32, 0.05
     circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
     x, y = np.meshgrid(circle, circle, indexing="ij")
@@ -278,32 +289,32 @@ def taylor(parameters: Parameters, gamma: Array, axes: Array) -> Array:
 
 
 def jacobian(parameters: Parameters, gamma: Array) -> Array:
-    """The linear part (2, 2) of (4.1) on the sphere at γ (3,), along `tangents` [1/s]."""
+    """Return the linear part (2, 2) of (4.1) on the sphere at γ (3,), along `tangents` [1/s]."""
     basis = tangents(gamma)
     columns = [slopes(flow(parameters, along(as_vector(gamma), as_vector(e)))) for e in basis]
     return basis @ np.array(columns).T
 
 
 def tangents(gamma: Array) -> Array:
-    """Two unit vectors (2, 3) across γ (3,) and each other."""
+    """Return two unit vectors (2, 3) across γ (3,) and each other."""
     first = perpendicular(gamma)
     return np.stack([first, np.cross(gamma, first)])
 
 
 def rate_scale(parameters: Parameters) -> float:
-    """The size of the rates of (4.1) [1/s]."""
+    """Return the size of the rates of (4.1) [1/s]."""
     return float(
         np.linalg.norm(parameters.Omega) + np.linalg.norm(eq.diagonal(parameters.A, parameters.K))
     )
 
 
 def attitude_at(gamma: Array) -> Array:
-    """Some attitudes (..., 4) with the verticals γ (..., 3)."""
+    """Return some attitudes (..., 4) with the verticals γ (..., 3)."""
     first = perpendicular(gamma)
     return from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=-2))
 
 
-MOST_SAMPLES = 100_000
+MOST_SAMPLES = 100_000  # of a line beside the circle
 
 
 @dataclass(frozen=True)
@@ -319,17 +330,17 @@ class FixedCircle:
     index: int
 
     def at(self, angles: Array) -> Array:
-        """γ (n, 3) at angles ψ (n,) [rad]."""
+        """Return γ (n, 3) at angles ψ (n,) [rad]."""
         return np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ self.axes
 
     def rate(self, gamma: Array) -> Array:
-        """The eigenvalue (n,) across the circle at γ (n, 3) on it [1/s]."""
+        """Return the eigenvalue (n,) across the circle at γ (n, 3) on it [1/s]."""
         p = self.parameters
         return np.asarray(eq.rubber_divergence(tuple(gamma.T), p.Omega, p.A))
 
 
 def fixed_circle(parameters: Parameters) -> FixedCircle | None:
-    """The circle of fixed points of a rubber ball with K = 0 and Ω ≠ 0; None for any other ball."""
+    """Return the circle of fixed points of a rubber ball with K = 0, Ω ≠ 0; None for others."""
     parameters = without_rounding(parameters)
     if parameters.rolling != "rubber" or np.any(parameters.K) or not np.any(parameters.Omega):
         return None
@@ -344,11 +355,13 @@ def fixed_circle(parameters: Parameters) -> FixedCircle | None:
 
 
 def index_of(parameters: Parameters, axes: Array) -> int:
-    """How often (4.1) turns round along a line just below the circle, less that just above it.
+    """Return the turns of (4.1) along a line just below the circle, less those just above.
 
     Between the lines and the circle there is no other fixed point.
     """
     along = np.cross(*axes)
+    # Principal axes are the other fixed points. The line must pass below the nearest of them, and
+    # have samples as dense as it is near, for the flow turns round over that distance.
     heights = np.abs(along)[np.abs(along) > 1e-9]  # of the principal axes over the circle
     height = min(0.02, float(heights.min()) / 2)
     samples = min(MOST_SAMPLES, int(40 / height))
@@ -370,7 +383,7 @@ SAME = 1e-6  # of a unit vector: what is that near a point of a formula is that 
 
 
 def without_rounding(parameters: Parameters) -> Parameters:
-    """The ball with what is rounding of Ω and of K = k - dΩ at zero."""
+    """Return the ball with zero for what is rounding of Ω and of K = k - dΩ."""
 
     def exact(v: Vector, size: float) -> Vector:
         return as_vector(np.where(np.abs(v) <= ROUNDING * size, 0.0, v))
@@ -381,19 +394,19 @@ def without_rounding(parameters: Parameters) -> Parameters:
 
 
 def nu(parameters: Parameters, j: int) -> float:
-    """ν [rad] of the circle on which γⱼ and γ₃ are not zero; j is 0 or 1."""
+    """Return ν [rad] of the circle on which γⱼ and γ₃ are not zero; j is 0 or 1."""
     return float(np.arctan2(parameters.Omega[2], parameters.Omega[j]))
 
 
 def kappa(parameters: Parameters, j: int) -> float:
-    """κ of that circle."""
+    """Return κ of the circle on which γⱼ and γ₃ are not zero; j is 0 or 1."""
     a, a3 = parameters.A[j], parameters.A[2]
     level = 2 * a * a3 * parameters.K[2] / (a3 - a) - parameters.Omega[2]
     return float(level / np.hypot(parameters.Omega[j], parameters.Omega[2]))
 
 
 def proposition_2(parameters: Parameters) -> tuple[float, float, float]:
-    """A₁, A₂ [1/s] and B of Proposition 2, by which Γ₅ and Γ₆ are saddles or weak foci.
+    """Return A₁, A₂ [1/s], B of Proposition 2, by which Γ₅, Γ₆ are saddles or weak foci.
 
     A₁A₂ < 0: saddles; else weak foci, stable iff B/A₁ < 0, with B without the paper's factor K₃.
     """
@@ -404,7 +417,7 @@ def proposition_2(parameters: Parameters) -> tuple[float, float, float]:
 
 
 def closed_form_points(parameters: Parameters) -> dict[str, Array]:
-    """All isolated fixed points γ (3,) of (4.1) by the paper's names; two that coincide twice.
+    """Return isolated fixed points γ (3,) of (4.1) by the paper's names; doubles twice.
 
     Γ₁ … Γ₆ of (4.4) where K = 0, without those that lie on the circle (Ω, γ) = 0 of fixed points;
     else Γ₅, Γ₆, δ₁ … δ₄, θ₁ … θ₄, as far as they exist.
@@ -427,6 +440,7 @@ def closed_form_points(parameters: Parameters) -> dict[str, Array]:
         if abs(kappa(parameters, j)) > 1:
             continue
         arc, shift = np.arcsin(kappa(parameters, j)), nu(parameters, j)
+        # sin(2φ + ν) = κ: 2φ + ν is arc or π - arc, and φ is known up to π.
         first, second = (arc - shift) / 2, -(arc + shift) / 2
         angles = (first, first + np.pi, second + np.pi / 2, second + 3 * np.pi / 2)
         for number, angle in zip("₁₂₃₄", angles, strict=True):
@@ -437,7 +451,7 @@ def closed_form_points(parameters: Parameters) -> dict[str, Array]:
 
 
 def principal_points(Omega: Vector) -> dict[str, Array]:
-    """Γ₁ … Γ₆ of (4.4), the principal axes, but for those across Ω."""
+    """Return Γ₁ … Γ₆ of (4.4), the principal axes, but for those across Ω."""
     signed = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
     return {
         f"Γ{number}": gamma
@@ -447,10 +461,11 @@ def principal_points(Omega: Vector) -> dict[str, Array]:
 
 
 def name_of(parameters: Parameters, gamma: Array) -> str:
-    """The paper's name of the fixed point γ (3,), or nothing where it has none for it."""
+    """Return the paper's name of the fixed point γ (3,), or nothing where it has none."""
     try:
         points = closed_form_points(parameters)
     except InputError:
         return ""
+    # SAME is far more than Newton's method leaves and far less than two points of a ball are apart.
     near = (name for name, point in points.items() if np.abs(point - gamma).max() < SAME)
     return next(near, "")

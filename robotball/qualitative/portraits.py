@@ -1,17 +1,17 @@
-"""Limit cycles of the motion from rest, section 4: found by returns to an arc, then closed.
+"""The phase portrait of motion from rest (4.1): limit cycles, separatrices, basins.
 
-A closed orbit C of (4.1) parts the sphere in two. The flow is the same at γ and -γ, so -C is one,
-too, and by Brouwer's theorem a side of C that held its own opposite would hold a γ = -γ. So either
-C = -C, and any point is parted by it from its opposite, or C and -C bound two sides without common
-points, each with a fixed point of index 1 whose opposite is in the other. Either way C crosses the
-half of a great circle from some fixed point of index 1 to its opposite: the cycles are where an
-orbit that starts on such an arc comes back to where it started.
+With M = 0 chaos is impossible: on the sphere every motion ends at a fixed point or on a cycle. The
+fixed points are those of `equilibria`.
 
-The stable and unstable manifolds of the saddles of (4.1): they part the basins on the sphere.
+*Limit cycles* are found by returns to an arc, then closed by Newton's method. A closed orbit C of
+(4.1) parts the sphere in two. The flow is the same at γ and -γ, so -C is one, too, and by Brouwer's
+theorem a side of C that held its own opposite would hold a γ = -γ. So either C = -C, and any point
+is parted by it from its opposite, or C and -C bound two sides without common points, each with a
+fixed point of index 1 whose opposite is in the other. Either way C crosses the half of a great
+circle from some fixed point of index 1 to its opposite: the cycles are where an orbit that starts
+on such an arc comes back to where it started.
 
-The phase portrait of motion from rest (4.1): fixed points, limit cycles, basins.
-
-With M = 0 chaos is impossible: on the sphere every motion ends at a fixed point or on a cycle.
+*Separatrices*, the stable and unstable manifolds of the saddles, part the *basins* on the sphere.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,7 +24,7 @@ from robotball.engines.ensembles.orbits import Starts, components, orbit, orbits
 from robotball.engines.ensembles.systems import ARC
 from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
-from robotball.qualitative.cycles import Cycle, close
+from robotball.qualitative.cycles import Cycle, close, nearest
 from robotball.qualitative.equilibria import (
     FixedPoint,
     attitude_at,
@@ -40,10 +40,10 @@ from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import sample_times
 
 NO_MOMENTUM = np.zeros(3)
-SAMPLES = 4000  # of a closed curve
+SAMPLES = 4000  # of a closed curve: neighbours are some 2e-3 apart
 RETURN_TOLERANCE = 1e-9  # of a step of an orbit that is to come back
 NOISE = 1e-6  # rad: what the returns may be off by, after many such steps
-CLOSER = 16  # starts between two neighbours
+CLOSER = 16  # starts between two neighbours, where the return jumps
 AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
 SAME = 1e-6  # of unit vectors: two cycles so near are one
 # Of a multiplier from 1: an orbit round a centre closes, too.
@@ -51,7 +51,7 @@ HYPERBOLIC = 1e-5
 
 
 def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 64) -> list[Cycle]:
-    """The limit cycles of (4.1), stable and unstable, with periods up to `longest` [s].
+    """Find the limit cycles of (4.1), stable and unstable, with periods to `longest` [s].
 
     One of each pair C, -C. From `starts` points of each arc orbits are followed until they come
     back: of two cycles that cross it between neighbouring points neither is found. Raises
@@ -73,15 +73,17 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
                 cycle = closed(ball, gamma, period)
                 if cycle is None or cycle.period > longest:
                     continue
+                # Asked again: before, only a point near the cycle was known.
                 if any(lies_on(sign * cycle.gamma, curve) for curve in curves for sign in (1, -1)):
                     continue
+                # Backwards in time a multiplier is its inverse.
                 cycles.append(replace(cycle, multipliers=cycle.multipliers**sense))
                 curves.append(curve_of(ball, cycle.gamma, cycle.period))
     return cycles
 
 
 def of_index_one(points: list[FixedPoint]) -> list[Array]:
-    """γ (3,) of the fixed points of index 1, one of each pair ±γ."""
+    """Return γ (3,) of the fixed points of index 1, one of each pair ±γ."""
     found: list[Array] = []
     for point in points:
         if point.kind not in ("saddle", "degenerate") and not any(
@@ -99,12 +101,13 @@ class Arc:
     across: Array
 
     def at(self, angles: Array) -> Array:
-        """Its points (n, 3) at angles s (n,)."""
+        """Return its points (n, 3) at angles s (n,)."""
         return np.outer(np.cos(angles), self.centre) + np.outer(np.sin(angles), self.across)
 
     def attitudes(self, angles: Array) -> Array:
-        """Some attitudes (n, 4) with these verticals."""
+        """Return some attitudes (n, 4) with these verticals."""
         gamma = self.at(angles)
+        # Any turn about the vertical would do: with M = 0 it changes nothing.
         normal = np.broadcast_to(np.cross(self.centre, self.across), gamma.shape)
         return from_matrix(np.stack([normal, np.cross(gamma, normal), gamma], axis=1))
 
@@ -116,13 +119,14 @@ def returning(
     starts: int,
     part: tuple[float, float] = (0.0, np.pi),
 ) -> Iterator[tuple[Array, float]]:
-    """Where attracting cycles cross a part of an arc: γ (3,) near each, and about its period [s].
+    """Yield γ (3,) near where attracting cycles cross a part of an arc, and periods [s].
 
     There the return falls behind the start. As orbits do not cross each other, returns keep their
     order as long as they go on continuously: a fall by more than the starts are apart is a jump.
     At a jump, or where the last of the starts comes back, it is looked closer, once.
     """
     apart = (part[1] - part[0]) / starts
+    # The middles of equal pieces: the ends of an arc are fixed points, from which nothing returns.
     angles = np.linspace(*part, 2 * starts + 1)[1::2]
     ahead, times = first_returns(parameters, arc, angles, longest)
     gap = ahead - angles
@@ -141,8 +145,9 @@ def returning(
 def first_returns(
     parameters: Parameters, arc: Arc, angles: Array, longest: float
 ) -> tuple[Array, Array]:
-    """At which angles (n,) orbits from angles (n,) on an arc come back to it, crossing it the same
-    way, and when [s]; NaN where they do not within `longest`.
+    """Return the angles (n,) at which orbits from angles (n,) of an arc come back, and when [s].
+
+    They cross the arc the same way as they started; NaN where they do not within `longest`.
     """
     normal = np.cross(arc.centre, arc.across)
     way = np.sign(normal @ np.stack(flow(parameters, tuple(arc.at(angles).T))))
@@ -154,13 +159,14 @@ def first_returns(
 
 
 def closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
-    """The cycle that passes near γ (3,) with about this period [s] or half of it, if there is one.
+    """Return the cycle near γ (3,) with about this period [s] or half of it, or None.
 
     Half: an orbit may pass the end of an arc once, and come back to the arc the second time.
     """
     cycle = _closed(parameters, gamma, period)
     if cycle is None:
         return None
+    # Newton's method from half the period finds the same cycle only where that is the period.
     half = _closed(parameters, cycle.gamma, cycle.period / 2)
     same = half is not None and np.linalg.norm(half.gamma - cycle.gamma) < SAME
     return half if same else cycle
@@ -178,33 +184,35 @@ def _closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None
 
 
 def reversed_in_time(parameters: Parameters) -> Parameters:
-    """The ball that goes through the motions backwards: ω is linear in M, K and Ω together."""
+    """Return the ball that moves backwards in time: ω is linear in M, K and Ω together."""
     return replace(
         parameters, Omega=eq.scale(-1.0, parameters.Omega), K=eq.scale(-1.0, parameters.K)
     )
 
 
 def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:
-    """γ (SAMPLES, 3) over a period from γ (3,)."""
+    """Return γ (SAMPLES, 3) over a period from γ (3,)."""
     times = np.linspace(0.0, period, SAMPLES)
     return rotation_matrix(orbit(parameters, attitude_at(gamma), NO_MOMENTUM, times)[0])[:, 2]
 
 
 def lies_on(gamma: Array, curve: Array) -> bool:
-    """Whether γ (3,) is as near to a closed curve (n, 3) as its samples are to each other."""
+    """Return whether γ (3,) is as near to a closed curve (n, 3) as its samples are apart."""
     spacing = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()
     return bool(np.linalg.norm(curve - gamma, axis=1).min() < spacing)
 
 
 def spread_points(count: int) -> Array:
-    """Points (count, 3) spread evenly over the unit sphere, along Fibonacci's spiral."""
+    """Return points (count, 3) spread evenly over the unit sphere, along Fibonacci's spiral."""
+    # Equal steps of z have equal areas; the golden angle keeps neighbours apart.
     i = np.arange(count) + 0.5
     z, turn = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
     across = np.sqrt(1 - z * z)
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
 
 
-OFFSET = 1e-4  # of the first point from the saddle
+# Of the first point from the saddle: the manifold leaves its tangent by the square of it.
+OFFSET = 1e-4
 REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there
 INTERVAL = 0.05  # s, at most, between two samples
 
@@ -225,9 +233,10 @@ class Separatrix:
 def separatrices(
     parameters: Parameters, points: Sequence[FixedPoint], duration: float
 ) -> list[Separatrix]:
-    """All four of every saddle among the fixed points, each followed for a duration [s]."""
+    """Follow both halves of both manifolds of every saddle for a duration [s]."""
     times = sample_times(duration, INTERVAL)
     found = []
+    # A stable manifold is the unstable one of the ball that moves backwards in time.
     for stable, ball in ((False, parameters), (True, reversed_in_time(parameters))):
         saddles = [point for point in points if point.kind == "saddle" for _ in range(2)]
         if not saddles:
@@ -245,7 +254,7 @@ def separatrices(
 
 
 def near(parameters: Parameters, gamma: Array, sign: int) -> Array:
-    """A point (3,) beside the saddle γ (3,), in the direction in which the flow leaves it."""
+    """Return a point (3,) beside the saddle γ (3,), where the flow leaves it."""
     values, vectors = np.linalg.eig(jacobian(parameters, gamma))
     out = vectors[:, np.argmax(values.real)].real @ tangents(gamma)
     beside = gamma + sign * OFFSET * out
@@ -253,7 +262,7 @@ def near(parameters: Parameters, gamma: Array, sign: int) -> Array:
 
 
 def reached(gamma: Array, points: Sequence[FixedPoint]) -> FixedPoint | None:
-    """The fixed point that γ (3,) is at, if any."""
+    """Return the fixed point that γ (3,) is at, if any."""
     nearest = min(points, key=lambda point: float(np.linalg.norm(point.gamma - gamma)))
     return nearest if np.linalg.norm(nearest.gamma - gamma) < REACHED else None
 
@@ -279,12 +288,13 @@ class PhasePortrait:
 
 
 def phase_portrait(parameters: Parameters, starts: int = STARTS) -> PhasePortrait:
-    """The phase portrait of a rubber ball; raises InputError where it is degenerate.
+    """Return the phase portrait of a rubber ball. Raises InputError where it is degenerate.
 
     Something must attract and something repel. Where no fixed point does, slower cycles are looked
     for; else those slower than LONGEST are not.
     """
     points = fixed_points(parameters)
+    # The search costs as its longest period; most balls have fast cycles or none.
     for attempt in range(TRIES):
         cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
         if complete(points, cycles):
@@ -295,7 +305,7 @@ def phase_portrait(parameters: Parameters, starts: int = STARTS) -> PhasePortrai
 
 
 def complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
-    """Whether there is something that attracts and something that repels; a centre is both."""
+    """Return whether something attracts and something repels; a centre is both."""
     kinds = " ".join(f" {point.kind}" for point in points)
     attracts = any(abs(cycle.multipliers[0]) < 1 for cycle in cycles)
     repels = any(abs(cycle.multipliers[0]) > 1 for cycle in cycles)
@@ -306,7 +316,7 @@ def complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
 def basin_shares(
     parameters: Parameters, points: Sequence[FixedPoint], cycles: Sequence[Cycle], starts: int
 ) -> dict[str, float]:
-    """The share of starts, spread over the sphere, that end nearest to each attractor.
+    """Return the share of starts over the sphere that end nearest to each attractor.
 
     All of them end at some attractor; near a slow focus that takes longer than anyone waits, so
     they are not asked to have arrived.
@@ -319,26 +329,21 @@ def basin_shares(
         if abs(cycle.multipliers[0]) < 1:
             curve = curve_of(parameters, cycle.gamma, cycle.period)[::8]
             attractors[f"cycle {number}"] = [curve, -curve]
+    # A centre attracts nothing, and every motion goes on round it.
     if not attractors:
         return {}
     attitudes = attitude_at(spread_points(starts))
     times = np.array([0.0, SETTLING / rate_scale(parameters)])
     ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, TOLERANCE).attitudes[:, 1]
     gamma = rotation_matrix(ends)[:, 2]
-    distances = np.array([distance(gamma, np.concatenate(each)) for each in attractors.values()])
+    distances = np.array([nearest(gamma, np.concatenate(each)) for each in attractors.values()])
     reached = distances.argmin(axis=0)
     return {name: float(np.mean(reached == i)) for i, name in enumerate(attractors)}
 
 
 def pair_name(parameters: Parameters, point: FixedPoint) -> str:
-    """The name of a fixed point and its opposite together, such as "θ₃,₄"."""
+    """Return the name of a fixed point and its opposite together, such as "θ₃,₄"."""
     names = sorted(filter(None, (name_of(parameters, s * point.gamma) for s in (1.0, -1.0))))
     if len(names) < 2:
         return "unnamed"
     return f"{names[0]},{names[1][-1]}"
-
-
-def distance(gamma: Array, curve: Array) -> Array:
-    """How far each γ (n, 3) is from the nearest point of a curve (m, 3): (n,)."""
-    nearest: Array = (gamma @ curve.T).max(axis=1)
-    return np.sqrt(np.maximum(2 - 2 * nearest, 0.0))

@@ -3,9 +3,10 @@
 The section is an annulus: the points at L = ±√f differ with l. Orbits cross it in both
 directions, towards larger g (+1) and smaller (-1).
 
-Crossings of the equations are found by the compiled steps. A contact engine's motion is known at
-its samples only, but with the exact rates there, for everything that stands still in space turns in
-the frame at v×ω.
+Crossings of the equations are found by the compiled steps, each by steps that end on the section
+(`ensembles.crossings`). A contact engine's motion is known at its samples only, but with the exact
+rates there, for everything that stands still in space turns in the frame at v×ω: between samples it
+follows cubic Hermite polynomials.
 """
 
 import math
@@ -62,7 +63,7 @@ def section(
     direction: int = 0,
     tolerance: float = STEP_TOLERANCE,
 ) -> Section:
-    """The first `count` crossings of g = `g` [rad] by the motions from many starts.
+    """Find the first `count` crossings of g = `g` [rad] by the motions from many starts.
 
     attitudes (n, 4), momenta (n, 3), tolerance: as for kernels.orbits; direction: 1 or -1 for one
     direction only, 0 for both. On the section to 1e-12 of sin(g - g₀)√(1 - L²/f). Raises
@@ -91,12 +92,13 @@ def crossings(
     tolerance: float,
     longest: float = np.inf,
 ) -> tuple[Array, Array, Integers, Integers, Integers]:
-    """The first `count` crossings of what a system sees, within `longest` [s].
+    """Find the first `count` zeros of a system's section function, within `longest` [s].
 
     numbers (n, k): of the section, for each start. Returns times, states (n, m, size) in turned
     axes, directions, found and status, as a Section has them.
     """
     n = len(starts.rows)
+    # The numbers stand in the rows that the compiled steps read, as the ball's do.
     starts.rows[:, SECTION - BALL :][:, : numbers.shape[1]] = numbers
     times, states = np.full((n, count), np.nan), np.full((n, count, system.size), np.nan)
     directions = np.zeros((n, count), np.int64)
@@ -127,7 +129,7 @@ def crossings(
 
 
 def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:
-    """l and L (n, m) of (5.5) at attitudes (n, m, 4) with world momenta (n, 3)."""
+    """Return l and L (n, m) of (5.5) at attitudes (n, m, 4) with world momenta (n, 3)."""
     MX, MY, MZ = momenta.T[:, :, None]
     M = eq.seen_from_frame((MX, MY, MZ), eq.unit_space_axes(components(attitudes)))
     return np.arctan2(M[0], M[1]), M[2]
@@ -136,7 +138,7 @@ def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]
 def section_starts(
     L: ArrayLike, l: ArrayLike, f: float, g: float = 0.0, c: float = 0.0
 ) -> tuple[Array, Array]:
-    """Attitudes (n, 4) and world momenta (n, 3) of the points L, l (n,) of g = `g`, by (5.5).
+    """Return attitudes (n, 4), world momenta (n, 3) of points L, l (n,) of g = `g` by (5.5).
 
     Raises InputError unless f > 0, L² < f and c² < f.
     """
@@ -156,7 +158,7 @@ def fixed_point(
     c: float = 0.0,
     returns: int = 1,
 ) -> Cycle:
-    """The periodic orbit near (L, l) that comes back after a number of returns, by Newton.
+    """Return the periodic orbit near (L, l) that comes back after a number of returns.
 
     A fixed point of the map is one crossing of it; its multipliers are the orbit's. Raises
     InputError where Newton's method does not converge.
@@ -165,6 +167,7 @@ def fixed_point(
     first = section(parameters, attitudes, momenta, 1, g)
     if first.status[0] != marching.DONE:
         raise InputError("the orbit never comes back to the section")
+    # From the first crossing on in its own direction alone: a return is one that crosses alike.
     same_way = section(parameters, attitudes, momenta, 1 + returns, g, int(first.directions[0, 0]))
     period = float(same_way.times[0, returns] - same_way.times[0, 0])
     return close(parameters, same_way.attitudes[0, 0], momenta[0], period)
@@ -197,22 +200,22 @@ class Crossings:
         return self.momenta[:, 2]
 
     def __getitem__(self, which: slice | Mask) -> "Crossings":
-        """Some of them."""
+        """Return some of the crossings."""
         return Crossings(
             self.times[which], self.gamma[which], self.momenta[which], self.directions[which]
         )
 
     def only(self, direction: int) -> "Crossings":
-        """Those of one direction; all of them for 0."""
+        """Return the crossings of one direction; all of them for 0."""
         return self[(self.directions == direction) | (direction == 0)]
 
     def later(self, time: float) -> "Crossings":
-        """The same, `time` [s] later."""
+        """Return the crossings `time` [s] later."""
         return replace(self, times=self.times + time)
 
 
 def joined(parts: Sequence[Crossings]) -> Crossings:
-    """Crossings one after the other."""
+    """Return crossings one after the other."""
     return Crossings(
         *(
             np.concatenate([getattr(part, field.name) for part in parts])
@@ -222,7 +225,7 @@ def joined(parts: Sequence[Crossings]) -> Crossings:
 
 
 def crossings_of_motion(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:
-    """Where a motion of `scene` crosses g = `g` [rad], as `sampled_crossings` finds it."""
+    """Find where a motion of `scene` crosses g = `g` [rad], as `sampled_crossings` does."""
     axes = rotation_matrix(motion.attitude) @ scene.principal_axes
     M = np.einsum("nji,nj->ni", axes, motion.momentum)
     omega = motion.angular_velocity @ scene.principal_axes
@@ -232,7 +235,7 @@ def crossings_of_motion(motion: Motion, scene: Scene, g: float = 0.0) -> Crossin
 def sampled_crossings(
     times: Array, gamma: Array, M: Array, omega: Array, g: float = 0.0
 ) -> Crossings:
-    """Where vectors γ and M (n, 3), constant in space, cross g = `g` [rad] at times (n,).
+    """Find where γ and M (n, 3), constant in space, cross g = `g` [rad] at times (n,).
 
     omega (n, 3): of the axes in which they are given. Between samples by cubics through values and
     rates, whose error is h⁴/384 of the fourth derivative for samples h apart: 3e-9 s for the
@@ -244,11 +247,13 @@ def sampled_crossings(
     across = np.sqrt(1 - c * c / f)
     node = (gamma - c / f * M) / across
     beta = np.cross(M, node) / np.sqrt(f)
-    # √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃), as in steppers.section_function.
+    # √(1 - L²/f) (sin g, cos g) = (-β₃, -γ₀₃), as in systems.section_function. No angle is needed,
+    # so that nothing jumps by a turn.
     ahead, facing = np.sin(g) * node - np.cos(g) * beta, np.cos(g) * node + np.sin(g) * beta
     value, rate = ahead[:, 2], np.cross(ahead, omega)[:, 2]
     at = CubicHermiteSpline(times, value, rate)
     found = at.roots(extrapolate=False)
+    # A start on the section is no crossing; its own root may come out a little later.
     if abs(value[0]) < ON_SECTION:
         found = found[found > times[1]]
     crossed = Crossings(
@@ -257,5 +262,6 @@ def sampled_crossings(
         momenta=CubicHermiteSpline(times, M, np.cross(M, omega))(found),
         directions=np.sign(at(found, 1)).astype(int),
     )
+    # sin(g - g₀) is zero at g₀ + π as well; the cosine's sign tells which it is.
     faces = CubicHermiteSpline(times, facing[:, 2], np.cross(facing, omega)[:, 2])(found)
     return crossed[faces < 0]

@@ -14,7 +14,7 @@ from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
 from robotball.rotations import Array, perpendicular
 
-ROUNDING = 1e-9
+ROUNDING = 1e-9  # relative: a component below it was meant to be zero
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class StraightMotion:
 
 
 def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
-    """The straight-line motion with the vertical γ (3,), of length one.
+    """Return the straight-line motion with the vertical γ (3,), of length one.
 
     Raises InputError in the rubber model unless γ is across Ω.
     """
@@ -49,6 +49,7 @@ def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
         raise InputError("a rubber ball rolls straight on only where (Omega, gamma) = 0, by (2.2)")
     M = p.momentum((0.0, 0.0, 0.0), vertical)
     # Near it a small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ.
+    # γ and M stand still in space, so that the turn changes them by v×ξ in the frame.
     columns = []
     for axis in np.eye(3):
         moved = [along(v, eq.cross(v, as_vector(axis))) for v in (M, vertical)]
@@ -65,7 +66,7 @@ def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
 
 
 def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:
-    """All straight-line motions of a rubber ball with M² = f [(kg m²/s)²]: four or none.
+    """Return all straight motions of a rubber ball with M² = f [(kg m²/s)²]: four or none.
 
     At the ends of the range of f they coincide in pairs.
 
@@ -82,13 +83,14 @@ def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:
     along_K, size = float(K @ K) - f, float(np.hypot(*level))
     if along_K < 0 or along_K > size**2 or size == 0:
         return []
+    # (K, γ) = |K across Ω| cos(angle from centre): spread is where that is ±√(K² - f).
     centre, spread = np.arctan2(level[1], level[0]), np.arccos(np.sqrt(along_K) / size)
     angles = [centre + turn + sign * spread for turn in (0.0, np.pi) for sign in (1, -1)]
     return [straight_motion(parameters, np.array([np.cos(x), np.sin(x)]) @ across) for x in angles]
 
 
 def stability_limit(parameters: Parameters) -> float | None:
-    """The f [(kg m²/s)²] below which two of the four rubber motions are stable; 0 if none ever is.
+    """Return the f [(kg m²/s)²] below which two of four rubber motions are stable, or 0.
 
     For Ω along a principal axis l and K across it, Fig. 9: with j, k, l in cyclic order,
     p = (K, γ), m = M_l and N = (Aγ,γ) their polynomial λ³ + c₂λ² + c₁λ + c₀ has
@@ -109,7 +111,7 @@ def stability_limit(parameters: Parameters) -> float | None:
         return None
     if across[axes[0]] > ROUNDING * across.max():
         return None
-    l = int(axes[0])
+    l = int(axes[0])  # j, k, l in cyclic order, as the formulas have them
     j, k = (l + 1) % 3, (l + 2) % 3
     A, K = parameters.A, parameters.K
     product = (A[j] - A[k]) * K[j] * K[k]

@@ -155,7 +155,7 @@ def test_a_frame_may_be_a_body_of_the_users_own_mjcf(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diag(frame.inertia), box + spheres, rtol=1e-7)
     assert frame.inertia[0, 2] == pytest.approx(-2 * 0.2 * 0.1 * 0.2, rel=1e-7)
     (tmp_path / "mine.xml").write_text(USERS_MJCF)
-    with pytest.raises(rb.InputError, match="body 'chassis' carries bodies that move on it"):
+    with pytest.raises(rb.InputError, match=r"body 'chassis' carries '.*', which moves on it"):
         rb.load_scene(tmp_path / "scene.toml")
 
 

@@ -13,7 +13,7 @@ from robotball import InputError, load_scene
 from robotball.cores import Queue, allowed, at_most, in_threads
 from robotball.engines.ensembles.orbits import orbits, take
 from robotball.qualitative.basins import basins
-from robotball.qualitative.exponents import exponents
+from robotball.qualitative.long_run import exponents
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.sections import section, section_starts
 

@@ -23,7 +23,7 @@ from robotball.cores import allowed, at_most, cores
 from robotball.engines.ensembles.orbits import orbits
 from robotball.equations import Parameters
 from robotball.qualitative.basins import basins
-from robotball.qualitative.exponents import exponents
+from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section, section_starts
 from validation.studies.portrait_maps import PLANES, cells_of, measure
 from validation.sweeps import sweep

@@ -40,7 +40,7 @@ class Lyapunov:
         from robotball.cores import allowed
         from robotball.engines.mujoco import LABEL
         from robotball.engines.mujoco.model import build
-        from robotball.qualitative.exponents import Exponents, exponents
+        from robotball.qualitative.long_run import Exponents, exponents
         from validation.commands.suited import moving_scene
         from validation.output import print_whole, progress_bar, write_record
         from validation.studies.attractors import contact_exponent

@@ -15,8 +15,8 @@ from matplotlib.lines import Line2D
 from robotball import Scene, load_scene, preset, sample_times
 from robotball.engines.mujoco.model import build
 from robotball.film.looks import INK
-from robotball.qualitative.cycles import InvariantCurve, invariant_curve, shared_integral
 from robotball.qualitative.sections import Crossings, fixed_point, sampled_crossings, section
+from robotball.qualitative.tori import InvariantCurve, invariant_curve, shared_integral
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
 from validation.figures.sheets import (

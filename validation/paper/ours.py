@@ -16,14 +16,11 @@ from robotball.qualitative.basins import (
     CHAOS,
     TORUS,
     Basins,
-    Drift,
     basins,
-    distance,
-    drift,
     level_points,
 )
-from robotball.qualitative.cycles import Cycle, monodromy_of
-from robotball.qualitative.exponents import exponents
+from robotball.qualitative.cycles import Cycle, monodromy_of, nearest
+from robotball.qualitative.long_run import Drift, drift, exponents
 from robotball.qualitative.sections import section
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.robot import beyond_the_shell, check_inertia
@@ -103,7 +100,7 @@ def mirror(twist: float) -> Residual:
 def own_mirror_image(twist: float) -> Residual:
     """How far -γ, -M of Fig. 11a's cycle are from it: they cross g = π where γ, M cross g = 0."""
     cycle = settled()[0]
-    away = distance(-twist * points(cycle), points(cycle, g=np.pi if twist == 1 else 0.3))
+    away = nearest(-twist * points(cycle), points(cycle, g=np.pi if twist == 1 else 0.3))
     return Residual(float(away.max()), bound=3e-13)
 
 

@@ -1,6 +1,6 @@
 """All six Lyapunov exponents of (3.2) in (M, γ), by six neighbours side by side, compiled.
 
-robotball.qualitative.exponents knows one neighbour's small turn and the divergence; here nothing is
+robotball.qualitative.long_run knows one neighbour's small turn and the divergence; here nothing is
 left out, and the four that the constants of the motion make zero have to come out so.
 
 Section 5.3: the attractors of Fig. 11 and their exponents.
@@ -25,7 +25,7 @@ from robotball import simulate
 from robotball.engines.ensembles.orbits import kernel_start, orbit
 from robotball.equations import Parameters
 from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.exponents import Exponents, exponents
+from robotball.qualitative.long_run import Exponents, exponents
 from robotball.qualitative.sections import fixed_point, section, section_starts
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Start

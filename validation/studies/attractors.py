@@ -28,7 +28,7 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.qualitative.cycles import Cycle
-from robotball.qualitative.exponents import standard_error
+from robotball.qualitative.long_run import standard_error
 from robotball.qualitative.sections import fixed_point, section
 from robotball.rotations import Array, conjugate, multiply
 from validation.output import Show, print_whole

@@ -36,7 +36,7 @@ HOSTILE = {
         mjcf("".join(f'<body name="n{i}"><geom size="1"/></body>' for i in range(3000))).replace(
             '"b"', '"c"'
         ),
-        r"no body is called 'b'; there are 3001, as \['c', 'n0'",
+        "no body is called 'b'; there are 3001, as c, n0",
     ),
     "no MJCF": ("<mujoco>", "XML parse error"),
 }  # fmt: skip

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.files.export import poses
 from robotball.film.looks import looks_of
 from robotball.film.tracks import track_of
 from robotball.film.viewer import (
@@ -19,7 +20,6 @@ from robotball.film.viewer import (
     check_display,
     pose,
 )
-from robotball.poses import poses
 from robotball.rotations import rotation_matrix
 from tests.robots import worked
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins, drift
+from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins
+from robotball.qualitative.long_run import drift
 from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array
 from tests.figures import CHAOTIC, REGULAR, F, ball

@@ -6,8 +6,8 @@ import pytest
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.qualitative.basins import level_points
-from robotball.qualitative.cycles import invariant_curve
 from robotball.qualitative.sections import section, section_starts
+from robotball.qualitative.tori import invariant_curve
 from robotball.rotations import Array
 from tests.figures import CHAOTIC, F, ball
 

@@ -7,7 +7,7 @@ from robotball.engines.ensembles.orbits import Starts
 from robotball.engines.ensembles.systems import DEVIATION
 from robotball.equations import Parameters
 from robotball.errors import InputError
-from robotball.qualitative.exponents import exponents, kaplan_yorke
+from robotball.qualitative.long_run import exponents, kaplan_yorke
 from robotball.qualitative.sections import section_starts
 from robotball.rotations import Array, rotation_matrix
 from tests.figures import CHAOTIC, CLASSICAL, REGULAR, F

@@ -9,7 +9,7 @@ from robotball import equations as eq
 from robotball import load_scene
 from robotball.engines.ensembles.orbits import orbits
 from robotball.equations import Parameters, as_vector
-from robotball.qualitative.cycles import shared_integral
+from robotball.qualitative.tori import shared_integral
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
 from tests.figures import ball

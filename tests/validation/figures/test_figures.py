@@ -10,9 +10,9 @@ from matplotlib.image import imread
 
 import robotball as rb
 from robotball.engines.mujoco.model import build
-from robotball.qualitative.cycles import invariant_curve
 from robotball.qualitative.equilibria import fixed_points
 from robotball.qualitative.portraits import separatrices
+from robotball.qualitative.tori import invariant_curve
 from robotball.rotations import rotation_matrix
 from validation.figures import attractor_sections as figures_sections
 from validation.figures import attractor_sections as figures_tori

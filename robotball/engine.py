@@ -17,7 +17,7 @@ from typing import Any, Literal, Protocol, TypeVar
 import numpy as np
 
 from robotball.drives import Servo
-from robotball.engines.dop853 import LEAST_RTOL
+from robotball.engines import LEAST_RTOL
 from robotball.errors import InputError, unknown, warn
 from robotball.motion import (
     ContactMotion,

@@ -309,6 +309,14 @@ class ContactMotion(Motion):
     report: ContactReport
 
 
+Extended = TypeVar("Extended", bound=Motion)
+
+
+def extended(motion: Motion, kind: type[Extended], **more: Any) -> Extended:
+    """Return a motion as one of a kind with more fields; fields that are given replace its own."""
+    return kind(**{each.name: getattr(motion, each.name) for each in fields(Motion)} | more)
+
+
 Place = tuple[str, ...]
 
 

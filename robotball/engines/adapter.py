@@ -22,7 +22,7 @@ from typing import Literal
 import numpy as np
 
 from robotball.engine import Engine, Request, as_own
-from robotball.engines.dop853 import Compensated
+from robotball.engines import Compensated
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.errors import InputError, warn
 from robotball.motion import (

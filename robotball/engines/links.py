@@ -4,6 +4,7 @@ All links have the ball's axes at the start, where hinges are at zero. The shell
 because it is the body that touches the plane.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,6 +99,18 @@ def state_of_rows(rows: Array) -> State:
     """Return the state at n times of rows (n, 13 + 2h)."""
     angles, rates = np.split(rows[:, 13:], 2, axis=1)
     return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
+
+
+def state_of_coordinates(q: Array, v: Array, count: int, places: Sequence[int]) -> State:
+    """Return the state of MuJoCo's coordinates, as several engines have them.
+
+    q: (centre, attitude, angles); v: (velocity, shell's angular velocity in its own axes, rates);
+    places: where each of these hinges stands among all `count`. The others do not turn.
+    """
+    angles, rates = np.zeros((2, count))
+    angles[places], rates[places] = q[7:], v[6:]
+    attitude = q[3:7] / np.linalg.norm(q[3:7])
+    return State(q[:3], v[:3], attitude, rotation_matrix(attitude) @ v[3:6], angles, rates)
 
 
 def start_state(scene: Scene, start: Start | None = None) -> State:

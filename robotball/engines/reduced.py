@@ -5,21 +5,27 @@ Short motions take scipy's DOP853, long ones at steady rates the compiled steps 
 """
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from importlib.metadata import version
 
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines.dop853 import LEAST_RTOL, Compensated, Rate
+from robotball.engines import LEAST_RTOL, Compensated, Rate, take_step
 from robotball.equations import as_vector, check_speed
-from robotball.errors import InputError, too_many_steps
-from robotball.motion import Label, Motion, ReferenceMotion, joined, loads_of, pieces
+from robotball.motion import (
+    Label,
+    Motion,
+    ReferenceMotion,
+    extended,
+    joined,
+    loads_of,
+    pieces,
+)
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 
 LABEL = Label("equations", version("robotball"), "#D55E00")  # vermillion of Okabe and Ito's set
-
 
 # In rad, by the bound on |ω|. A motion of this length takes seconds here; the compiled step takes a
 # hundredth of that, but its code has to be loaded first.
@@ -42,10 +48,11 @@ def integrate(
     """
     scene.check_reduced()
     ours = scene.until(float(times[-1]))
-    motion = replace(motion_of(ours, times, _states(ours, times, rtol, max_steps)), scene=scene)
-    values = {each.name: getattr(motion, each.name) for each in fields(motion)}
-    return ReferenceMotion(
-        **values, again=lambda: _states(ours, times, rtol, max_steps, COARSER)[:, 4:]
+    return extended(
+        motion_of(ours, times, _states(ours, times, rtol, max_steps)),
+        ReferenceMotion,
+        scene=scene,
+        again=lambda: _states(ours, times, rtol, max_steps, COARSER)[:, 4:],
     )
 
 
@@ -140,50 +147,21 @@ def compiled_states(
     return orbit_states(parameters, attitudes[0], momenta[0], times, allowed, max_steps)
 
 
-@dataclass
-class _Stepper:
-    """DOP853 along a motion of several smooth spans, with one limit of steps for all."""
-
-    rate: Rate
-    rtol: float
-    scale: Array
-    end: float
-    max_steps: int
-    steps: int = 0
-
-    def piece(self, span: tuple[float, float], state: Array, times: Array) -> tuple[Array, Array]:
-        """Return the state (6,) at the end of a smooth span, and those (n, 6) at times in it."""
-        states = np.empty((len(times), 6))
-        solver = Compensated(self.rate, span, state, self.rtol, self.scale)
-        done = 0
-        while solver.running:
-            if self.steps >= self.max_steps:
-                speed = 2 * math.hypot(*solver.derivative[:4].tolist())  # dq/dt = q∘ω/2
-                raise too_many_steps(self.max_steps, solver.t, self.end, speed)
-            message = solver.step()
-            self.steps += 1
-            if message is not None:
-                raise InputError(
-                    f"the equations could not be integrated past t = {solver.t:g} s: {message}"
-                )
-            reached = int(np.searchsorted(times, solver.t, side="right"))
-            if reached > done:
-                states[done:reached] = solver.within(times[done:reached])
-                done = reached
-        return solver.state, states
-
-
 def _solve(scene: Scene, times: Array, rtol: float, max_steps: int) -> Array:
     """Return states (n, 6) at the times, integrated anew from every breakpoint of the drives."""
     # X and Y are only quadratures of q: with the radius as their scale they do not set the step
     # where they pass zero.
     scale = np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
-    stepper = _Stepper(right_hand_side(scene), rtol, scale, float(times[-1]), max_steps)
-    states = np.empty((len(times), 6))
+    rate, states = right_hand_side(scene), np.empty((len(times), 6))
     states[0] = (*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0)
-    state, begin = states[0], 0.0
-    for end in (*(t for t in scene.breakpoints if t < times[-1]), times[-1]):
-        inside = (times > begin) & (times <= end)
-        state, states[inside] = stepper.piece((begin, end), state, times[inside])
-        begin = end
+    state, begin, last, steps, done = states[0], 0.0, float(times[-1]), 0, 1
+    for end in (*(t for t in scene.breakpoints if t < last), last):
+        solver = Compensated(rate, (begin, end), state, rtol, scale)
+        while solver.running:
+            steps = take_step(solver, steps, max_steps, last)
+            reached = int(np.searchsorted(times, solver.t, side="right"))
+            if reached > done:
+                states[done:reached] = solver.within(times[done:reached])
+                done = reached
+        state, begin = solver.state, end
     return states

@@ -29,7 +29,7 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 
 from robotball import ContactMotion, InputError, Motion, Scene, Settings, integrate
-from robotball.engines.dop853 import LEAST_RTOL
+from robotball.engines import LEAST_RTOL
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from robotball.engines.compiled import inlined
 from robotball.engines.ensembles.flatten import LANES
 from robotball.engines.ensembles.orbits import (
     COLLAPSED,
@@ -20,7 +21,7 @@ from robotball.engines.ensembles.orbits import (
     collapsed,
     compiled,
     load,
-    take,
+    load_next,
 )
 from robotball.engines.ensembles.steppers import ALLOWED, REJECTED, TARGET, TIME, places
 
@@ -39,14 +40,14 @@ STARTING, MARCHING, TO_ROOT, AT_ROOT, TO_TURN = 0, 1, 2, 3, 4  # what a lane is 
 HERE, LOW, HIGH, TURN, SEEN, TRACK = 0, 3, 6, 9, 12, 15
 
 
-@compiled("void(f8[:, ::1], i8, i8, i8)")
+@inlined
 def put(tracks: Any, lane: int, target: int, source: int) -> None:
     """Copy time, value and rate from one place of a lane's track to another."""
     for j in range(3):
         tracks[lane, target + j] = tracks[lane, source + j]
 
 
-@compiled("f8(f8[:, ::1], i8)")
+@inlined
 def root_estimate(tracks: Any, lane: int) -> float:
     """The time between LOW and HIGH, of opposite values, where the value may be zero.
 
@@ -62,13 +63,13 @@ def root_estimate(tracks: Any, lane: int) -> float:
     return low + span * (part if monotonic and 0 < part < 1 else 0.5)
 
 
-@compiled("f8(f8[:, ::1], i8)")
+@inlined
 def turning_part(tracks: Any, lane: int) -> float:
     """The part of the way from LOW to HIGH at which the rate may pass zero."""
     return tracks[lane, LOW + 2] / (tracks[lane, LOW + 2] - tracks[lane, HIGH + 2])
 
 
-@compiled("b1(f8[:, ::1], i8)")
+@inlined
 def may_hide_two(tracks: Any, lane: int) -> bool:
     """Whether the value, of one sign at LOW and HIGH, goes near zero or past it between them."""
     low, low_rate = tracks[lane, LOW + 1], tracks[lane, LOW + 2]
@@ -84,7 +85,7 @@ def may_hide_two(tracks: Any, lane: int) -> bool:
     return abs(value) < NEAR or value * low < 0
 
 
-@compiled("i8(f8[:, ::1], i8, f8)")
+@inlined
 def marched(tracks: Any, lane: int, length: float) -> int:
     """What to do after a step of a length."""
     put(tracks, lane, LOW, HERE)
@@ -99,7 +100,7 @@ def marched(tracks: Any, lane: int, length: float) -> int:
     return TO_TURN if may_hide_two(tracks, lane) else MARCHING
 
 
-@compiled("i8(f8[:, ::1], i8, i8)")
+@inlined
 def turning_tried(tracks: Any, lane: int, tries: int) -> int:
     """What to do after looking for the turning point; sets TURN if the function crossed there."""
     value, rate = tracks[lane, SEEN + 1], tracks[lane, SEEN + 2]
@@ -111,7 +112,7 @@ def turning_tried(tracks: Any, lane: int, tries: int) -> int:
     return TO_TURN if tries < TURN_TRIES and may_hide_two(tracks, lane) else MARCHING
 
 
-@compiled("i8(f8[:, ::1], i8, i8)")
+@inlined
 def root_tried(tracks: Any, lane: int, tries: int) -> int:
     """What to do after looking for the zero."""
     value = tracks[lane, SEEN + 1]
@@ -121,7 +122,7 @@ def root_tried(tracks: Any, lane: int, tries: int) -> int:
     return TO_ROOT
 
 
-@compiled("void(f8[::1], i8, i8, f8[:, ::1], f8)")
+@inlined
 def aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
     """Set a lane's target; where it only looks, within a step taken before, errors are known."""
     if mode == MARCHING:
@@ -170,11 +171,7 @@ def cross(
     running = 0
     for lane in range(LANES):
         load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
-        waiting = take(queue)
-        if waiting < len(rows):
-            load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
-            orbit[lane] = waiting
-            running += 1
+        running += load_next(w, orbit, lane, queue, rows, lengths, tolerance)
         aim(w, lane, STARTING, tracks, tolerance)
     while running > 0:
         step(w)
@@ -234,12 +231,9 @@ def cross(
                 status[i] = COLLAPSED
             else:
                 continue
-            waiting = take(queue)
-            if waiting < len(rows):
-                load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
-                orbit[lane], mode[lane], steps[lane] = waiting, STARTING, 0
+            if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
+                mode[lane], steps[lane] = STARTING, 0
                 clock[lane], hidden[lane] = 0.0, False
                 aim(w, lane, STARTING, tracks, tolerance)
             else:
-                orbit[lane] = -1
                 running -= 1

@@ -1,11 +1,9 @@
-"""The compiled loops that drive a step: many orbits in lanes, or one orbit closely sampled.
+"""Many motions at once, or one closely sampled, by compiled loops that drive the compiled step.
 
 Each lane has an orbit of its own, with its own step length and acceptance, and takes the next
 orbit of the queue when it is done; threads share a queue. A step has no memory: a state asked for
 within a step is found by a shorter step from the same start, so no interpolant is needed and every
 output has the full order.
-
-Many motions at once, or one closely sampled, by the compiled stepper.
 
 All axes named "frame" here are the principal axes of the ball's inertia, as in Parameters.
 """
@@ -24,6 +22,7 @@ from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball.cores import Queue, in_threads
+from robotball.engines.compiled import Function, compiled_from, inlined
 from robotball.engines.ensembles.flatten import FEW, LANES
 from robotball.engines.ensembles.steppers import (
     ALLOWED,
@@ -43,7 +42,6 @@ from robotball.engines.ensembles.steppers import (
     stepper,
 )
 from robotball.engines.ensembles.systems import PATH, System
-from robotball.engines.kept import Function, compiled_from
 from robotball.equations import Parameters, as_vector, check_speed
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import pieces
@@ -52,23 +50,23 @@ from robotball.scene import Scene, check_times
 
 DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2
 STEP = "FunctionType(void(f8[::1]))"
-COMPILED_FROM = ("flatten", "steppers", "orbits", "crossings")
+_COMPILED_FROM = ("flatten", "steppers", "orbits", "crossings")
 
 
 @cache
-def sources() -> str:
-    """All the source that the loops are compiled from."""
+def _sources() -> str:
+    """Return all the source that the loops are compiled from."""
     folder = Path(__file__).parent
-    return "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in COMPILED_FROM)
+    return "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in _COMPILED_FROM)
 
 
 def compiled(signature: str) -> Callable[[Function], Function]:
-    """Numba's njit with what every loop here wants."""
-    return compiled_from(sources(), signature, nogil=True, error_model="numpy")
+    """Return a decorator that compiles a loop, which then holds no lock of the interpreter."""
+    return compiled_from(_sources(), signature, nogil=True, error_model="numpy")
 
 
 def _take(_: Any, queue: Any) -> Any:
-    """The number that a queue (1,) holds, which then holds the next; no other thread gets it."""
+    """Return the number that a queue (1,) holds, which then holds the next, atomically."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
@@ -81,7 +79,7 @@ def _take(_: Any, queue: Any) -> Any:
 take: Any = intrinsic(_take)
 
 
-@compiled("void(f8[::1], i8, i8, f8[::1], f8, f8)")
+@inlined
 def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: float) -> None:
     """Put an orbit into one of so many lanes; row: the rows from BALL on, up to its slope's end."""
     w[LENGTH * lanes + lane] = length
@@ -92,9 +90,23 @@ def load(w: Any, lanes: int, lane: int, row: Any, length: float, tolerance: floa
         w[(BALL + j) * lanes + lane] = row[j]
 
 
-@compiled("b1(f8[::1], i8, i8)")
+@inlined
+def load_next(
+    w: Any, orbit: Any, lane: int, queue: Any, rows: Any, lengths: Any, tolerance: float
+) -> bool:
+    """Put the queue's next orbit into a lane. Returns False, with orbit -1, where none is left."""
+    waiting = take(queue)
+    if waiting >= len(rows):
+        orbit[lane] = -1
+        return False
+    load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
+    orbit[lane] = waiting
+    return True
+
+
+@inlined
 def collapsed(w: Any, lanes: int, lane: int) -> bool:
-    """Whether a lane's step is too short to move its time."""
+    """Return whether a lane's step is too short to move its time."""
     time = w[TIME * lanes + lane]
     return time + w[LENGTH * lanes + lane] == time
 
@@ -111,7 +123,7 @@ def march_lanes(
     states: Any,
     status: Any,
 ) -> None:
-    """States (n, m, size) of n orbits at m times, all after 0 and increasing.
+    """Write the states (n, m, size) of n orbits at m times, all after 0 and increasing.
 
     queue: for `take`, of the orbits that are still to be done; rows: (n, k) as `load` takes them;
     lengths: (n,) s, of each orbit's first step. Writes states and status (n,) of those that it
@@ -125,11 +137,8 @@ def march_lanes(
     running = 0
     for lane in range(LANES):
         load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
-        waiting = take(queue)
-        if waiting < len(rows):
-            load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
+        if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
             w[TARGET * LANES + lane] = times[0]
-            orbit[lane] = waiting
             running += 1
     while running > 0:
         step(w)
@@ -152,13 +161,10 @@ def march_lanes(
                 status[i] = COLLAPSED
             else:
                 continue
-            waiting = take(queue)
-            if waiting < len(rows):
-                load(w, LANES, lane, rows[waiting], lengths[waiting], tolerance)
+            sample[lane], steps[lane] = 0, 0
+            if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
                 w[TARGET * LANES + lane] = times[0]
-                orbit[lane], sample[lane], steps[lane] = waiting, 0, 0
             else:
-                orbit[lane] = -1
                 running -= 1
 
 
@@ -166,10 +172,10 @@ def march_lanes(
 def follow(
     step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, states: Any
 ) -> tuple[int, float]:
-    """States (m, size) of one orbit at m times, all after 0 and increasing.
+    """Write the states (m, size) of one orbit at m times, all after 0 and increasing.
 
-    step: of FEW lanes. Returns the status and the time that it reached.
-    Lane 0 marches; the others look for the outputs within the step that it took before.
+    step: of FEW lanes. Lane 0 marches; the others look for the outputs within the step that it took
+    before. Returns the status and the time that was reached.
     """
     size = states.shape[1]
     _, new, flag, total = places(size)

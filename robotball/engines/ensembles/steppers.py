@@ -1,10 +1,9 @@
-"""A pair of explicit Runge-Kutta methods of orders 9 and 8, with 16 stages.
+"""The compiled steps: a Runge-Kutta step of the equations, of LANES orbits at a time.
 
+The pair of explicit methods of orders 9 and 8, with 16 stages, is the most efficient 9(8) of
 J. H. Verner, "Numerically optimal Runge-Kutta pairs with interpolants", Numerical Algorithms 53
-(2010) 383-396: his most efficient pair 9(8), with the numbers that he gave it in 2024. On these
-equations it asks for 10 to 27 % less time than scipy's DOP853 at the same error.
-
-The steps that are compiled: a Runge-Kutta step of the equations, of LANES orbits at a time.
+(2010) 383-396, with the numbers that he gave it in 2024. On these equations it asks for 10 to 27 %
+less time than scipy's DOP853 at the same error.
 
 A step is a plain function of the state and its length, here run on symbols (flatten.py) and
 compiled once a rolling model; a ball is data. Only unit vectors are judged for their error, so
@@ -12,23 +11,42 @@ no tolerance has a unit.
 """
 
 import math
-import sys
 from collections.abc import Callable, Sequence
 from functools import cache
-from types import ModuleType
 from typing import Any
 
 import numba
 from numba.core.codegen import get_host_cpu_features
-from numba.extending import register_jitable
 
+from robotball.engines.compiled import compiled_from, inlined
 from robotball.engines.ensembles.flatten import LANES, Tape, lane_function, least
 from robotball.engines.ensembles.systems import Level, State, System
-from robotball.engines.kept import compiled_from
 from robotball.equations import Parameters, Rolling, Scalar
 
+# LLVM holds some processors to half of their vectors' width, a third slower here. The setting works
+# only before a process compiles anything, and gives way to a user's own.
+if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
+    numba.config.CPU_FEATURES = get_host_cpu_features() + ",-prefer-256-bit"
+
+# Rows of a workspace: how long a step to try, the error allowed, the time, where to stop; the
+# ball, the level set, the section; and from STATE on the state, its slope, the new state, FLAG and
+# what is seen of a section, of each as many as the system says.
+LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 23
+REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
+# Sums in any order cost up to a tenth less and round no worse; what is not a number stays so.
+FREEDOM = {"contract", "reassoc", "nsz"}
+SEEN = 3  # numbers
+
+
+@inlined
+def places(size: int) -> tuple[int, int, int, int]:
+    """Return where slope, new state and flag begin for a state of so many numbers; and the rows."""
+    slope, new, flag = STATE + size, STATE + 2 * size, STATE + 3 * size
+    return slope, new, flag, flag + 1 + SEEN
+
+
 # fmt: off
-# Of the slopes before it, every stage but the first; the first slope is that of the state itself.
+# The weights of the slopes before each stage but the first, whose slope is that of the state.
 STAGES: tuple[tuple[float, ...], ...] = (
     (0.03571,),
     (-0.03833735636677017, 0.13739763727944432),
@@ -71,7 +89,7 @@ STAGES: tuple[tuple[float, ...], ...] = (
         -66.57711839637832, 1.0989155531654418, 0, 0,
     ),
 )
-# Of the slopes in the step of order 9, and in that of order 8.
+# The weights of the slopes in the step of order 9, and in that of order 8.
 NINTH: tuple[float, ...] = (
     0.015006690149797247, 0, 0, 0, 0, 0, 0, -1.0551809927463813, 0.2384947263782183,
     0.12881517742829915, 0.22766231110462157, 1.2295325874375174, 0.04624976662810384,
@@ -86,30 +104,6 @@ EIGHTH: tuple[float, ...] = (
 ERROR = tuple(ninth - eighth for ninth, eighth in zip(NINTH, EIGHTH, strict=True))
 
 
-# LLVM holds some processors to half of their vectors' width, a third slower here. Only a process
-# that has compiled nothing yet can still be told, and one whose user has said so is not.
-if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
-    numba.config.CPU_FEATURES = get_host_cpu_features() + ",-prefer-256-bit"
-
-# Rows of a workspace: how long a step to try, the error allowed, the time, where to stop; the
-# ball, the level set, the section; and from STATE on the state, its slope, the new state, FLAG and
-# what is seen of a section, of each as many as the system says.
-LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 23
-REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
-# Sums in any order cost up to a tenth less and round no worse; what is not a number stays so.
-FREEDOM = {"contract", "reassoc", "nsz"}
-SEEN = 3  # numbers
-
-
-def places(size: int) -> tuple[int, int, int, int]:
-    """The rows where, for a state of so many numbers, slope, new state and flag begin; and all."""
-    slope, new, flag = STATE + size, STATE + 2 * size, STATE + 3 * size
-    return slope, new, flag, flag + 1 + SEEN
-
-
-register_jitable(places)  # the loops ask too
-
-
 # Control of the length: the usual limits of change, and a safety at which some 2 % of the steps are
 # rejected. At 0.9 it is 23 %, and the same error costs a third more time.
 SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.75, 0.2, 6.0
@@ -118,7 +112,7 @@ SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.75, 0.2, 6.0
 def runge_kutta(
     rate: Callable[[State], State], state: State, slope: State, h: Scalar, allowed: Sequence[float]
 ) -> tuple[list[Scalar], Scalar]:
-    """The state after one step of length h by Verner's pair, and 1/error² of the step.
+    """Return the state after one step of length h by Verner's pair, and 1/error² of the step.
 
     slope: of the state, which the step before ended with; allowed: the parts in which the errors
     of the first numbers of the state are measured, which alone are judged.
@@ -138,8 +132,8 @@ def runge_kutta(
     return moved(NINTH), 1 / (h * h * sum(e * e for e in errors) + 1e-200)
 
 
-def flat_step(system: System, rolling: Rolling, lanes: int = LANES) -> str:
-    """Source of the step of a system, over the rows of a workspace.
+def flat_step(name: str, system: System, rolling: Rolling, lanes: int) -> str:
+    """Return the source of a system's step, over the rows of a workspace.
 
     A lane whose target is nearer than its length only looks: it leaves the state there in the
     rows of the new state, and stands still. Otherwise it marches: time, state and slope move, if
@@ -183,35 +177,33 @@ def flat_step(system: System, rolling: Rolling, lanes: int = LANES) -> str:
     if system.section is not None:
         seen = system.section(new, parameters, level, row[SECTION:STATE])
         results |= {FLAG + 1 + i: x for i, x in enumerate(seen)}
-    return lane_function("step", tape, results)
+    return lane_function(name, tape, results)
 
 
 def ball_of(rolling: Rolling, row: Sequence[Any]) -> Parameters:
-    """The Parameters whose numbers are in the rows from BALL to LEVEL."""
+    """Return the Parameters whose numbers are in the rows from BALL to LEVEL."""
     I1, I2, I3, d, a, Omega1, Omega2, Omega3, K1, K2, K3 = row
     return Parameters(rolling, (I1, I2, I3), d, a, (Omega1, Omega2, Omega3), (K1, K2, K3))
 
 
 def level_of(rolling: Rolling, row: Sequence[Any]) -> Level:
-    """The Level of the rows from LEVEL to SECTION; only classical balls have a momentum along γ."""
+    """Return the Level of the rows from LEVEL to SECTION; only classical balls have M along γ."""
     return Level(row[0], row[1] if rolling == "classical" else 0.0)
 
 
 def row_of(parameters: Parameters) -> list[float]:
-    """What `ball_of` takes (11,)."""
+    """Return the numbers (11,) that `ball_of` takes."""
     p = parameters
     return [*p.I, p.d, p.a, *p.Omega, *p.K]
 
 
 @cache
 def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
-    """The compiled step (workspace) -> None of a system; kept from one process to the next."""
-    source = flat_step(system, rolling, lanes)
-    name = f"robotball_{system.name}_{rolling}_{lanes}"
-    module = ModuleType(name)
-    sys.modules[name] = module  # by its name numba finds it when it loads the compiled step
-    vars(module)["sqrt"] = math.sqrt
-    exec(compile(source, f"<{name}, from robotball's equations>", "exec"), vars(module))
+    """Return the compiled step (workspace) -> None of a system, kept from process to process."""
+    name = f"{system.name}_{rolling}_{lanes}"
+    source = flat_step(name, system, rolling, lanes)
+    # numba keeps only what has a file and is a module's: the text passes for a part of this one.
+    made: dict[str, Any] = {"__name__": __name__, "sqrt": math.sqrt}
+    exec(compile(source, __file__, "exec"), made)
     options = {"nogil": True, "error_model": "numpy", "fastmath": FREEDOM}
-    module.__dict__["step"] = step = compiled_from(source, "void(f8[::1])", **options)(module.step)
-    return step
+    return compiled_from(source, "void(f8[::1])", **options)(made[name])

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robotball.engines.dop853 import LEAST_RTOL
+from robotball.engines import LEAST_RTOL
 from robotball.engines.mujoco.planned_run import COST_MODEL, PlannedRun
 from robotball.engines.mujoco.settings import ADAPTIVE, BY_ERROR, PRESETS, Settings, recipe
 from robotball.errors import warn

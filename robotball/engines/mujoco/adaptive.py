@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines.dop853 import Compensated, Rate
+from robotball.engines import Compensated, Rate
 from robotball.engines.mujoco.settings import Chosen
 from robotball.engines.mujoco.stepping import Control, Portion, Steps, read_row, state_of
 from robotball.motion import Fault, FaultKind

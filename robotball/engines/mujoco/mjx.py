@@ -12,10 +12,9 @@ import numpy as np
 
 from robotball.engine import Ladder
 from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, version_of
-from robotball.engines.links import State
+from robotball.engines.links import State, state_of_coordinates
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
-from robotball.engines.mujoco.stepping import shell_state
 from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -71,7 +70,8 @@ class MjxWorld(World):
         qpos, qvel = np.asarray(self.data.qpos), np.asarray(self.data.qvel)
         if not (np.isfinite(qpos).all() and np.isfinite(qvel).all()):
             return replace(self.now, centre=np.full(3, np.nan))
-        return shell_state(self.built, qpos, qvel)
+        places = [hinge.index for hinge in self.built.hinges]
+        return state_of_coordinates(qpos, qvel, len(self.scene.drives), places)
 
     def python_seconds(self) -> float:
         """Of the calls that hold the steps."""

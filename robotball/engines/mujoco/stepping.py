@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from robotball.drives import Motor, PositionServo, Servo
-from robotball.engines.links import State
 from robotball.engines.mujoco.model import Model, ModelHinge
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.motion import Fault, pieces
@@ -41,15 +40,6 @@ def state_of(data: mujoco.MjData) -> Array:
     state = np.empty(mujoco.mj_stateSize(data.model, STATE))
     mujoco.mj_getState(data.model, data, state, STATE)
     return state
-
-
-def shell_state(model: Model, qpos: Array, qvel: Array) -> State:
-    """The state of MuJoCo's coordinates, with the shell as the root."""
-    count, places = len(model.scene.drives), [hinge.index for hinge in model.hinges]
-    angles, rates = np.zeros(count), np.zeros(count)
-    angles[places], rates[places] = qpos[7:], qvel[6:]
-    attitude = qpos[3:7] / np.linalg.norm(qpos[3:7])
-    return State(qpos[:3], qvel[:3], attitude, rotation_matrix(attitude) @ qvel[3:6], angles, rates)
 
 
 INSIDE = 1e-9  # s: how far before the end of a span its own side of a breakpoint is taken

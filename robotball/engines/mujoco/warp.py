@@ -9,10 +9,9 @@ import numpy as np
 from robotball.drives import Servo
 from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
-from robotball.engines.links import State
+from robotball.engines.links import State, state_of_coordinates
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
-from robotball.engines.mujoco.stepping import shell_state
 from robotball.motion import Label
 from robotball.scene import Scene
 
@@ -64,7 +63,8 @@ class WarpWorld(SteppedWorld):
 
     def state(self) -> State:
         qpos, qvel = (each.numpy()[0].astype(float) for each in (self.data.qpos, self.data.qvel))
-        return shell_state(self.built, qpos, qvel)
+        places = [hinge.index for hinge in self.built.hinges]
+        return state_of_coordinates(qpos, qvel, len(self.scene.drives), places)
 
 
 # Single precision has no room for the recipe's impedance and armature: they break it. What armature

@@ -1,1 +1,406 @@
-"""Ideal rolling of any robot in the shell: Scene → Motion, by the equations of any robot."""
+"""Our own ideal rolling of any robot: Scene → Motion, integrated to round-off.
+
+The derivative is that of system.py. A motion is smooth between its breakpoints and its events, and
+DOP853 steps along each piece. Events are the zeros of margins, each positive while the modes stay:
+a motor reaches its torque limit or leaves it, the plane's resistance to rolling holds the shell no
+more, the ball lifts off. A margin is scaled to be 1 where it is farthest from zero.
+
+A step over an event is taken back: one that ends there takes its place, and the motion begins anew
+in the next modes. `MULTIBODY` is the same integration as an engine, which can be compared with the
+reduced equations.
+"""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+
+import numpy as np
+from scipy.optimize import brentq
+
+from robotball.drives import turns
+from robotball.engine import Engine, Ladder, Request, as_own
+from robotball.engines import LEAST_RTOL, Compensated, take_step
+from robotball.engines.multibody.system import (
+    HINGES,
+    LOSS,
+    MOMENTUM,
+    POINT,
+    STANDING,
+    Modes,
+    Readings,
+    System,
+    readings_of,
+)
+from robotball.errors import InputError, warn
+from robotball.motion import (
+    ContactMotion,
+    ContactReport,
+    EngineSettings,
+    Label,
+    Loads,
+    Motion,
+    ReferenceMotion,
+    extended,
+)
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import Scene
+
+LABEL = Label("multibody equations", version("robotball"), "#D55E00")  # the equations' vermillion
+
+MAX_STEPS = 1_000_000  # some minutes' work
+MANY_STEPS = 20_000  # ten seconds' at least
+STABLE = 6.3  # over the rate at which anything settles: the longest step of DOP853
+DIFFERENCE = 1e-6  # of a state's scale, by which its Jacobian is taken
+COARSER = 4.0  # times the error of a step, of the motion by which its own error is estimated
+
+
+def integrate(
+    scene: Scene, times: Array, rtol: float = LEAST_RTOL, max_steps: int | None = None
+) -> ReferenceMotion:
+    """Integrate the motion of any robot that rolls, with an estimate of its error.
+
+    times: (n,) s, increasing from 0; rtol: the error allowed in one step; max_steps: a limit.
+    Raises InputError where the ball lifts off, where a step shrinks to nothing, where the limit is
+    met, and where it would be because the motors settle too fast.
+    """
+    limit = MAX_STEPS if max_steps is None else max_steps
+    ours = scene.until(float(times[-1]))
+    _check_rates(ours, float(times[-1]), limit)
+
+    def run(allowed: float) -> tuple[Array, Array]:
+        return March(System(ours), allowed, float(times[-1]), limit).run(times)
+
+    states, readings = run(rtol)
+    return extended(
+        _motion_of(ours, times, states, readings_of(readings)),
+        ReferenceMotion,
+        scene=scene,
+        again=lambda: run(COARSER * rtol)[0][:, POINT:MOMENTUM],
+        motor_work=states[:, HINGES + 2 * len(scene.hinges) :],
+        rolling_loss=states[:, LOSS],
+    )
+
+
+def _check_rates(scene: Scene, duration: float, limit: int) -> None:
+    """Raise InputError where the motors settle too fast for so many steps; warn of many."""
+    if not any(scene.motors):
+        return
+    rate = _fastest(System(scene))
+    steps = rate * duration / STABLE
+    if steps > MANY_STEPS:
+        line = (
+            f"{scene.name}: its motors settle at {rate:.3g} 1/s, so {duration:g} s take at least "
+            f"{steps:.2g} steps; lower the gains, raise the armatures, or prescribe the rates"
+        )
+        if steps > limit:
+            raise InputError(f"{line} (max_steps = {limit})")
+        warn(line)
+
+
+def _fastest(system: System) -> float:
+    """Return the largest |λ| [1/s] of the Jacobian at the start, motors below their limits."""
+    system.resistance = 0.0  # at rest it is not smooth, and has no Jacobian
+    state = system.start()
+    sides = [
+        (system.rate(0.0, state + step) - system.rate(0.0, state - step)) / (2 * step.max())
+        for step in np.diag(DIFFERENCE * system.scale)
+    ]
+    return float(np.abs(np.linalg.eigvals(np.array(sides))).max())
+
+
+def _motion_of(scene: Scene, times: Array, states: Array, readings: Readings) -> Motion:
+    moving = [hinge.motor is not None or turns(hinge.command) for hinge in scene.hinges]
+    return Motion(
+        scene=scene,
+        engine=LABEL,
+        times=times,
+        contact_point=states[:, POINT:MOMENTUM],
+        attitude=states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True),
+        momentum=states[:, MOMENTUM:LOSS],
+        angular_velocity=readings.omega,
+        hinge_angles=states[:, HINGES : HINGES + len(moving)],
+        hinge_rates=readings.rates,
+        loads=Loads(
+            contact_force=readings.force,
+            spin_torque=readings.plane_torque[:, 2],
+            motor_torques=readings.torques * np.array(moving),
+        ),
+    )
+
+
+# The place of this margin, after which there is no mode. Motors' follow, then a standing shell's.
+LIFT_OFF = 0
+# s, and how often: a shell that begins to roll is looked at so far ahead to find its direction.
+NUDGE, NUDGES = 1e-6, 30
+
+
+def margins_of(system: System, readings: Readings) -> Array:
+    """Return the margins: of lifting off, of each motor with a limit, of a shell that stands."""
+    scene, modes = system.scene, system.modes
+    weight = scene.ball.mass * scene.gravity
+    found = [readings.normal / weight]
+    for j in system.limited:
+        part = readings.unlimited[j] / system.limits[j]
+        found.append(1 - abs(part) if modes.motors[j] == 0 else modes.motors[j] * part - 1)
+    if modes.standing:
+        found.append(1 - _held(readings) / (system.resistance * readings.normal))
+    return np.array(found)
+
+
+def begin(system: System, t: float, state: Array) -> Array:
+    """Set the modes in which a piece begins at t [s]. Returns the state as it is in them."""
+    modes, unlimited = system.modes, system.readings(t, state).unlimited
+    sides = np.where(np.abs(unlimited) > system.limits, np.sign(unlimited), 0.0)
+    system.modes = replace(modes, motors=sides.astype(np.int64))
+    readings = system.readings(t, state)
+    if not readings.normal > 0:
+        raise _lift_off(t)
+    return stand(system, t, state, readings)
+
+
+def stand(system: System, t: float, state: Array, readings: Readings) -> Array:
+    """Set whether the plane's resistance holds a shell that does not roll. Returns the state."""
+    modes = system.modes
+    if not system.resistance or modes.standing:
+        return state
+    if np.linalg.norm(readings.rolling) > STANDING:
+        system.modes = Modes(modes.motors)
+        return state
+    system.modes = Modes(modes.motors, standing=True)
+    held = system.readings(t, state)
+    if _held(held) <= system.resistance * held.normal:
+        return state
+    if np.any(modes.toward):
+        system.modes = modes
+        return state
+    return let_go(system, t, state)
+
+
+def let_go(system: System, t: float, state: Array) -> Array:
+    """Set the mode of a shell that stands no more and begins to roll. Returns the state.
+
+    Resistance is against the direction in which it will go, which depends on the resistance: d is
+    found such that the acceleration with resistance against d is along d. The step towards it is
+    damped by the acceleration without any, or it would overshoot. A load that grows leaves d where
+    the shell was held.
+    """
+    readings = system.readings(t, state)
+    state = _with_momentum(system, state, readings)
+    system.modes = Modes(system.modes.motors)
+
+    def ahead() -> Array:
+        return system.readings(t, state + NUDGE * system.rate(t, state)).rolling
+
+    free = ahead()
+    system.modes.toward = -readings.plane_torque * [1.0, 1.0, 0.0] / _held(readings)
+    for _ in range(NUDGES):
+        to = float(np.linalg.norm(free)) * system.modes.toward + ahead()
+        if np.any(to):
+            system.modes.toward = to / np.linalg.norm(to)
+    return state
+
+
+def switch(system: System, t: float, state: Array, which: int) -> Array:
+    """Set the modes that follow where a margin reaches zero at t. Returns the state in them."""
+    readings, modes = system.readings(t, state), system.modes
+    if which == LIFT_OFF:
+        raise _lift_off(t)
+    if which > len(system.limited):
+        return let_go(system, t, state)
+    j = system.limited[which - 1]
+    motors = modes.motors.copy()
+    motors[j] = int(np.sign(readings.unlimited[j])) if modes.motors[j] == 0 else 0
+    system.modes = replace(modes, motors=motors)
+    return state
+
+
+def _lift_off(t: float) -> InputError:
+    return InputError(
+        f"the ball lifts off the plane at t = {t:.9g} s, where its rolling ends; shorten the "
+        "motion, or move the bodies more gently"
+    )
+
+
+def _held(readings: Readings) -> float:
+    """Return the plane's horizontal torque [N m], which keeps a standing shell from rolling."""
+    return float(np.linalg.norm(readings.plane_torque[:2]))
+
+
+def _with_momentum(system: System, state: Array, readings: Readings) -> Array:
+    """Return the state with M recomputed from the velocities. A standing shell's M is not used."""
+    scene, state = system.scene, state.copy()
+    to_world = rotation_matrix(state[:4])
+    angles = state[HINGES : HINGES + system.count]
+    one = scene.robot.states(
+        to_world[None, 2], angles[None], readings.omega[None], readings.rates[None]
+    )
+    state[MOMENTUM : MOMENTUM + 3] = to_world @ one.momentum(scene.rolling)[0]
+    return state
+
+
+LOOKS = 4  # within a step, for an event that comes and goes between its ends
+# Of the weight: a ball that is pressed so hard at both ends of a step is taken to stay down between
+# them, which saves most motions the looks.
+PRESSED = 0.5
+ROOT = 1e-15  # s, and relative: how near to its time an event is found
+
+
+@dataclass
+class March:
+    """The integration of a system up to `end` [s], in at most `max_steps` steps.
+
+    rtol: the error allowed in one; switches: the times [s] of the events so far.
+    """
+
+    system: System
+    rtol: float
+    end: float
+    max_steps: int
+    steps: int = 0
+    switches: list[float] = field(default_factory=list)
+
+    def run(self, times: Array) -> tuple[Array, Array]:
+        """Return states (n, size) at times (n,), increasing from 0, and their readings' numbers.
+
+        Raises InputError where the ball lifts off, the limit is met or a step shrinks to nothing.
+        """
+        system = self.system
+        samples = Samples(system, times)
+        state, t = begin(system, 0.0, system.start()), 0.0
+        samples.add(0.0, state[None])
+        for end in (*(t for t in system.scene.breakpoints if t < times[-1]), float(times[-1])):
+            system.end = float(np.nextafter(end, t))
+            state = begin(system, t, state)
+            while t < end:
+                t, state = self._piece(t, end, state, samples)
+        return samples.states, samples.readings
+
+    def _piece(self, t: float, end: float, state: Array, samples: "Samples") -> tuple[float, Array]:
+        """Go to the next event or the smooth span's end. Returns the time and the state there."""
+        system = self.system
+        solver = self._solver(t, end, state)
+        margins = margins_of(system, system.readings(t, state))
+        while solver.running:
+            before = (solver.t, solver.state)
+            self.steps = take_step(solver, self.steps, self.max_steps, self.end)
+            event, margins = self._event(solver, before[0], margins)
+            samples.add(solver.t if event is None else event[0], solver)
+            if event is not None:
+                t, which = event
+                self.switches.append(t)
+                return t, switch(system, t, self._at(before, t), which)
+            if system.resistance and not system.modes.standing:
+                readings = system.readings(solver.t, solver.state)
+                state = stand(system, solver.t, solver.state, readings)
+                if system.modes.standing:
+                    return solver.t, state
+        return solver.t, solver.state
+
+    def _event(
+        self, solver: Compensated, before: float, margins: Array
+    ) -> tuple[tuple[float, int] | None, Array]:
+        """Return the last step's first event, as its time and margin, and the margins after it."""
+        system = self.system
+        after = margins_of(system, system.readings(solver.t, solver.state))
+        if len(after) == 1 and min(margins[0], after[0]) > PRESSED:
+            return None, after
+        looks = np.linspace(before, solver.t, LOOKS + 2)
+
+        def margin(t: float, which: int) -> float:
+            state = solver.within(np.array([t]))[0]
+            return float(margins_of(system, system.readings(t, state))[which])
+
+        seen = [margins]
+        seen += [
+            margins_of(system, system.readings(t, state))
+            for t, state in zip(looks[1:-1], solver.within(looks[1:-1]), strict=True)
+        ]
+        seen.append(after)
+        found: list[tuple[float, int]] = []
+        for which in range(len(after)):
+            for i in range(1, len(looks)):
+                if seen[i][which] >= 0:
+                    continue
+                begin, end = float(looks[i - 1]), float(looks[i])
+                # A margin that has just begun is 0 but for rounding, of either sign.
+                if margin(begin, which) > 0:
+                    begin = brentq(margin, begin, end, args=(which,), xtol=ROOT, rtol=4 * ROOT)
+                found.append((begin, which))
+                break
+        return (min(found) if found else None), after
+
+    def _solver(self, begin: float, end: float, state: Array) -> Compensated:
+        return Compensated(self.system.rate, (begin, end), state, self.rtol, self.system.scale)
+
+    def _at(self, before: tuple[float, Array], t: float) -> Array:
+        """Return the state at t in the last step, by steps that end there."""
+        if t <= before[0]:
+            return before[1]
+        solver = self._solver(before[0], t, before[1])
+        while solver.running:
+            self.steps = take_step(solver, self.steps, self.max_steps, self.end)
+        return solver.state
+
+
+class Samples:
+    """The states at the times of a motion and their readings, filled as the integration goes on."""
+
+    def __init__(self, system: System, times: Array) -> None:
+        self.system, self.times, self.done = system, times, 0
+        self.states = np.empty((len(times), system.size))
+        self.readings = np.empty((len(times), system.readings_size))
+
+    def add(self, reached: float, solver: Compensated | Array) -> None:
+        """Add those up to `reached` [s], from the solver's last step or the one state there."""
+        new = slice(self.done, int(np.searchsorted(self.times, reached, side="right")))
+        if new.start < new.stop:
+            times = self.times[new]
+            self.states[new] = solver.within(times) if isinstance(solver, Compensated) else solver
+            for i, t in enumerate(times.tolist(), start=new.start):
+                self.readings[i] = self.system.readings(t, self.states[i]).numbers
+            self.done = new.stop
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultibodySettings(EngineSettings):
+    """Settings; rtol is the relative error allowed in one step."""
+
+    rtol: float = LEAST_RTOL
+
+
+class Multibody(Engine):
+    """The engine, as `robotball.engine` describes one."""
+
+    label: Label = LABEL
+    presets: Mapping[str, EngineSettings] = {
+        "best": MultibodySettings(name="best", error_tolerance=1e-11)
+    }
+    default = "best"
+    least_accuracy: float | None = None
+    ladders: Mapping[str, Ladder] = {"best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15))}
+
+    def cannot_express(self, scene: Scene) -> str | None:
+        """Return None: it describes every scene."""
+        return None
+
+    def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
+        """Return the motion, which neither slips nor spins."""
+        settings = as_own(request.settings, MultibodySettings, LABEL)
+        # What is compiled or loaded on the way is set-up, and not of the run's time.
+        integrate(scene, times[:2], settings.rtol)
+        began = time.process_time()
+        motion = integrate(scene, times, settings.rtol)
+        seconds, none = time.process_time() - began, np.zeros(len(times))
+        return extended(
+            motion,
+            ContactMotion,
+            report=ContactReport(
+                settings=settings, slip=none, spin=none, depth=none, friction_used=none * np.nan,
+                hinge_rate_error=none, faults=(), timestep=float(times[-1]), steps=0,
+                seconds=seconds, total_seconds=seconds,
+            ),
+        )  # fmt: skip
+
+
+MULTIBODY = Multibody()

@@ -1,10 +1,9 @@
 """The derivative of a robot's state, by the formulas of robotball.mechanics, compiled.
 
 A state is (q, X, Y, M, loss, angles, h, work): the frame's attitude, the contact point, the
-momentum M in space axes, what rolling resistance has taken, and of every hinge its angle, its
-momentum, where its rate is not given, and what its motor has put in.
-
-A scene as the compiled derivative takes it, and what is told of a state.
+momentum M in space axes, the work lost to rolling resistance, and of every hinge its angle, its
+momentum (used where its rate is not given) and the work of its motor. The derivative is computed
+with readings of the state, the forces and rates that it takes: see `Readings`.
 """
 
 from dataclasses import dataclass, field
@@ -13,13 +12,12 @@ from types import FunctionType
 from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball import mechanics
 from robotball.drives import Constant
-from robotball.engines.kept import compiled_from
+from robotball.engines.compiled import compiled_from, inlined
 from robotball.mechanics import (
     MOVING,
     PLACED,
@@ -36,12 +34,15 @@ from robotball.mechanics import (
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene
 
-POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10  # the angles, the momenta, the work: h numbers each
-# What is told of a state besides its derivative.
-FORCE, PLANE_TORQUE, OMEGA, ROLLING, TOLD = 0, 3, 6, 9, 12  # the rates, torques, unlimited torques
-# A motor's row: its law, and its limit.
+# Places in a state; from HINGES on the angles, the momenta and the work, h numbers each.
+POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10
+# Places in the readings; from PER_HINGE on the rates, torques and unlimited torques, h each.
+FORCE, PLANE_TORQUE, OMEGA, ROLLING, PER_HINGE = 0, 3, 6, 9, 12
+# Places in a motor's row: the numbers of its law, and its limit.
 PER_COMMAND, PER_ANGLE, PER_RATE, AT_REST, LIMIT, MOTOR = 0, 1, 2, 3, 4, 5
-STANDING = 1e-8  # rad/s: a shell that rolls no faster stands
+# rad/s: a shell that rolls no faster stands. The direction of the resistance, which would jump at
+# rest, is smoothed below it.
+STANDING = 1e-8
 
 
 def _sources() -> str:
@@ -49,11 +50,11 @@ def _sources() -> str:
     return "".join(Path(file).read_text(encoding="utf-8") for file in files)
 
 
-# The compiler finds what the formulas call by name.
+# The formulas call each other by name, and numba compiles only calls of functions that it knows.
 for _module in (eq, mechanics):
     for _function in vars(_module).values():
         if isinstance(_function, FunctionType):
-            register_jitable(_function)
+            inlined(_function)
 
 SIGNATURE = (
     "void(f8[::1], f8[:, ::1], f8, f8[::1], f8[:, ::1], b1[::1], i8[::1], f8[::1], f8[::1], "
@@ -77,14 +78,14 @@ def differentiate(
     standing: bool,
     toward: Any,
     rate: Any,
-    told: Any,
+    readings: Any,
 ) -> None:
-    """The rate of a state, and what is told of it.
+    """Write the derivative of a state into `rate`, and the readings into `readings`.
 
-    gravity (3,) m/s², world; motors (h, MOTOR); given (3 + h,): whose rate is, by commands (h,)
-    and their accelerations (h,); modes (h,): -1, 0 or 1, the side of its limit on which a motor is;
-    resistance m, of the plane to rolling; standing: whether that holds the shell; toward (3,)
-    world, which way a shell that stands will roll.
+    gravity (3,) m/s², world; motors (h, MOTOR); given (3 + h,): whether a rate is given, by
+    commands (h,) and their accelerations (h,); modes (h,): -1, 0 or 1, the side of its limit on
+    which a motor is; resistance m, of the plane to rolling; standing: whether that holds the shell;
+    toward (3,) world, the direction in which a standing shell will roll.
     """
     count = len(commands)
     w, x, y, z = state[0], state[1], state[2], state[3]
@@ -116,7 +117,7 @@ def differentiate(
     moving = np.empty((count + 1, MOVING))
     move(bodies, placed, radius, gamma, now, moving)
 
-    torques = told[TOLD + count : TOLD + 2 * count]
+    torques = readings[PER_HINGE + count : PER_HINGE + 2 * count]
     for j in range(count):
         motor = motors[j]
         free = (
@@ -125,11 +126,12 @@ def differentiate(
             - motor[PER_RATE] * now[3 + j]
             + motor[AT_REST]
         )
-        told[TOLD + j] = now[3 + j]
+        readings[PER_HINGE + j] = now[3 + j]
         torques[j] = free if modes[j] == 0 else modes[j] * motor[LIMIT]
-        told[TOLD + 2 * count + j] = free
+        readings[PER_HINGE + 2 * count + j] = free
 
-    # Accelerations: the bias first, for no rates of u at all.
+    # The torques that no acceleration at all would need are the bias; without them, solving for
+    # accelerations has the same matrix as solving for rates.
     u_rate, plane = np.zeros((3 + count, 1)), np.empty(3 + count)
     needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
     for i in range(3 + count):
@@ -144,8 +146,9 @@ def differentiate(
     rolling = eq.subtract(shell, eq.scale(eq.dot(shell, gamma), gamma))
     speed = np.sqrt(eq.dot(rolling, rolling))
     if resistance > 0 and not standing:
-        # The torque -μN along the rolling is linear in N, and N in the torque.
-        # Below STANDING its way turns over from the one where it will roll, without a jump.
+        # The torque is -μN along the rolling, and N is linear in the torque: one more solution, for
+        # a unit torque, gives both. Below STANDING the direction goes over, without a jump, into
+        # the one in which the shell will roll.
         ahead = eq.seen_from_frame(vector(toward, 0), axes)
         along = eq.add(rolling, eq.scale(max(STANDING - speed, 0.0), ahead))
         length = np.sqrt(eq.dot(along, along))
@@ -180,10 +183,10 @@ def differentiate(
     rate[POINT], rate[POINT + 1] = eq.contact_velocity(alpha, beta, shell, (0.0, 0.0, 0.0), radius)
     for i in range(3):
         rate[MOMENTUM + i] = eq.dot(axes[i], M_rate)
-        told[FORCE + i] = eq.dot(axes[i], force)
-        told[PLANE_TORQUE + i] = eq.dot(axes[i], by_plane)
-        told[OMEGA + i] = omega[i]
-        told[ROLLING + i] = eq.dot(axes[i], rolling)
+        readings[FORCE + i] = eq.dot(axes[i], force)
+        readings[PLANE_TORQUE + i] = eq.dot(axes[i], by_plane)
+        readings[OMEGA + i] = omega[i]
+        readings[ROLLING + i] = eq.dot(axes[i], rolling)
     if spin_free:
         rate[MOMENTUM + 2] = 0.0
     for j in range(count):
@@ -193,61 +196,49 @@ def differentiate(
 
 
 @dataclass(frozen=True)
-class Told:
-    """What the derivative tells of a state besides itself: world axes, but for omega."""
+class Readings:
+    """Readings of states (...); world axes, but for omega.
+
+    numbers       (..., PER_HINGE + 3h)  all of them, as the derivative writes them
+    force         (..., 3)  N, of the plane on the shell
+    plane_torque  (..., 3)  N m, of the plane on the shell about the contact point
+    omega         (..., 3)  rad/s of the frame, frame axes
+    rolling       (..., 3)  rad/s, the horizontal part of the shell's angular velocity
+    rates         (..., h)  rad/s, of the hinges
+    torques       (..., h)  N m, of the motors
+    unlimited     (..., h)  N m, the motors' torques as they would be without limits
+    """
 
     numbers: Array
-
-    def _hinges(self, part: int) -> Array:
-        count = (len(self.numbers) - TOLD) // 3
-        return self.numbers[TOLD + part * count : TOLD + (part + 1) * count]
-
-    @property
-    def force(self) -> Array:
-        """(3,) N, of the plane on the shell."""
-        return self.numbers[FORCE : FORCE + 3]
+    force: Array
+    plane_torque: Array
+    omega: Array
+    rolling: Array
+    rates: Array
+    torques: Array
+    unlimited: Array
 
     @property
     def normal(self) -> float:
-        return float(self.numbers[FORCE + 2])
+        """The normal force [N] of a single state."""
+        return float(self.force[2])
 
-    @property
-    def plane_torque(self) -> Array:
-        """(3,) N m, of the plane on the shell about the contact point."""
-        return self.numbers[PLANE_TORQUE : PLANE_TORQUE + 3]
 
-    @property
-    def omega(self) -> Array:
-        """(3,) rad/s of the frame, frame axes."""
-        return self.numbers[OMEGA : OMEGA + 3]
-
-    @property
-    def rolling(self) -> Array:
-        """(3,) rad/s, the horizontal part of the shell's angular velocity."""
-        return self.numbers[ROLLING : ROLLING + 3]
-
-    @property
-    def rates(self) -> Array:
-        """(h,) rad/s."""
-        return self._hinges(0)
-
-    @property
-    def torques(self) -> Array:
-        """(h,) N m, of the motors."""
-        return self._hinges(1)
-
-    @property
-    def unlimited(self) -> Array:
-        """(h,) N m: what the motors' torques would be without limits."""
-        return self._hinges(2)
+def readings_of(numbers: Array) -> Readings:
+    """Return the readings in an array (..., PER_HINGE + 3h), as views of it."""
+    count = (numbers.shape[-1] - PER_HINGE) // 3
+    threes = (numbers[..., i : i + 3] for i in (FORCE, PLANE_TORQUE, OMEGA, ROLLING))
+    ends = (PER_HINGE + part * count for part in range(3))
+    return Readings(numbers, *threes, *(numbers[..., i : i + count] for i in ends))
 
 
 @dataclass
 class Modes:
-    """What makes the derivative another function of the state: it is smooth while they stay.
+    """The modes of a robot; while they stay, the derivative is a smooth function of the state.
 
     motors (h,): -1, 0 or 1, the side of its limit on which a motor is; standing: whether the
-    plane's resistance to rolling holds the shell; toward (3,), world: which way it will roll.
+    plane's resistance to rolling holds the shell; toward (3,), world: the direction in which it
+    will roll.
     """
 
     motors: NDArray[np.int64]
@@ -284,12 +275,12 @@ class System:
         return HINGES + 3 * self.count
 
     @property
-    def told_size(self) -> int:
-        return TOLD + 3 * self.count
+    def readings_size(self) -> int:
+        return PER_HINGE + 3 * self.count
 
     @property
     def scale(self) -> Array:
-        """(size,): what the numbers of a state are measured by."""
+        """The units (size,) in which the errors of a state's numbers are measured."""
         scene, count = self.scene, self.count
         energy = scene.ball.mass * scene.gravity * scene.ball.radius
         unit, momentum = np.ones(count), scene.momentum_scale
@@ -297,7 +288,7 @@ class System:
         return np.concatenate([of_ball, unit, momentum * unit, energy * unit])
 
     def start(self) -> Array:
-        """The state (size,) at the scene's start."""
+        """Return the state (size,) at the scene's start."""
         scene, start = self.scene, self.scene.start
         state = np.zeros(self.size)
         state[:4], state[MOMENTUM : MOMENTUM + 3] = start.attitude, start.momentum
@@ -311,19 +302,20 @@ class System:
         return state
 
     def rate(self, t: float, state: Array) -> Array:
-        """The derivative (size,) of a state at time t [s]."""
+        """Return the derivative (size,) of a state at time t [s]."""
         return self._run(t, state)[0]
 
-    def told(self, t: float, state: Array) -> Told:
-        return Told(self._run(t, state)[1])
+    def readings(self, t: float, state: Array) -> Readings:
+        """Return the readings of a state at time t [s]."""
+        return readings_of(self._run(t, state)[1])
 
     def _run(self, t: float, state: Array) -> tuple[Array, Array]:
         for i, command, given in self._changing:
             self._commands[i] = command.rate(t)
             if given:
-                # At its end a piece's own, not that of the next.
+                # A piece's last state has the acceleration of this piece, not that of the next one.
                 self._accelerations[i] = command.acceleration(min(t, self.end))
-        rate, told = np.empty(self.size), np.empty(self.told_size)
+        rate, readings = np.empty(self.size), np.empty(self.readings_size)
         modes = self.modes
         differentiate(
             state,
@@ -340,6 +332,6 @@ class System:
             modes.standing,
             modes.toward,
             rate,
-            told,
+            readings,
         )
-        return rate, told
+        return rate, readings

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotball.engines.dop853 import Compensated
+from robotball.engines import Compensated
 from robotball.rotations import Array
 
 CIRCLE = np.array([1.0, 0.0])

@@ -9,7 +9,7 @@ from zipfile import ZipFile
 import pytest
 
 import robotball as rb
-from robotball.engines.dop853 import LEAST_RTOL
+from robotball.engines import LEAST_RTOL
 from validation.studies.engine_runs import (
     LOOSEST,
     OLDER,

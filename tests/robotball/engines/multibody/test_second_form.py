@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robotball import integrate
-from robotball.engines.multibody.integrate import March
+from robotball.engines.multibody import March
 from robotball.engines.multibody.system import HINGES, MOMENTUM, POINT, System
 from tests.random_robots import random_scene
 from tests.robotball.engines.multibody.second_form import SecondForm

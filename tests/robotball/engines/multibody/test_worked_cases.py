@@ -7,7 +7,7 @@ import pytest
 
 from robotball import Scene, integrate
 from robotball.drives import Servo
-from robotball.engines.multibody.integrate import March
+from robotball.engines.multibody import March
 from robotball.engines.multibody.system import System
 from tests.robots import ENDINGS, energy, worked
 

@@ -1,15 +1,20 @@
-"""Compiled code is kept whole, in a folder of its user's own, or compiled anew."""
+"""Compiled code is kept in a folder of its user's own, and compiled anew where it is unusable."""
 
 import os
+import resource
+import subprocess
+import sys
 import tempfile
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numba
 import pytest
+from numba.core import caching
 
-from robotball.engines import kept
+from robotball.engines import compiled as kept
 from robotball.errors import SceneWarning
 
 
@@ -29,49 +34,86 @@ def compiled(source: str = "2 x", **options: Any) -> tuple[float, int]:
     return double(3.0), double.stats.cache_misses.total()
 
 
+def files(home: Path, ending: str) -> list[Path]:
+    return sorted(home.rglob(f"*.{ending}"))
+
+
 def test_what_is_kept_is_loaded(home: Path) -> None:
     """The second time nothing is compiled, unless the source is another, or an option."""
     assert [compiled(), compiled(), compiled("x + x")] == [(6.0, 1), (6.0, 0), (6.0, 1)]
     loose: dict[str, Any] = {"fastmath": {"nsz", "contract"}}
     assert [compiled(**loose), compiled(**loose)] == [(6.0, 1), (6.0, 0)]
-    assert len(list(home.iterdir())) == 3
+    assert len(files(home, "nbc")) == 3
 
 
-def flipped(content: bytes) -> bytes:
-    """One bit in the middle is another: of machine code, most likely."""
-    middle = len(content) // 2
-    return content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+def test_code_of_another_processor_is_not_loaded(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each processor has a folder of its own, for homes that several machines share."""
+    assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0)]
+    monkeypatch.setattr(numba.config, "CPU_NAME", "another")
+    assert kept._folder_for("2 x", {}) not in set(home.iterdir())
 
 
 DAMAGE: dict[str, Callable[[bytes], bytes]] = {
     "empty": lambda content: b"",
     "a byte": lambda content: content[:1],
     "half": lambda content: content[: len(content) // 2],
-    "one bit": flipped,
     "something else": lambda content: b"no code " * 1000,
 }
 
 
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
 @pytest.mark.parametrize("damaged", DAMAGE.values(), ids=DAMAGE)
-def test_a_damaged_file_is_replaced(home: Path, damaged: Callable[[bytes], bytes]) -> None:
-    """Compiled anew, with the right result, and loaded the next time."""
+def test_a_damaged_file_is_replaced(
+    home: Path, damaged: Callable[[bytes], bytes], ending: str
+) -> None:
+    """An index or code: compiled anew, with the right result, and loaded the next time."""
     compiled()
-    (file,) = home.iterdir()
+    (file,) = files(home, ending)
     file.write_bytes(damaged(file.read_bytes()))
     assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0)]
 
 
-def test_a_full_disk_is_a_warning(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_a_warning(home: Path) -> None:
     """The code works; it is only not kept, and no half of it either."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
+    try:
+        with pytest.warns(SceneWarning, match="compiled code is not kept.*File too large"):
+            made = compiled()[0]
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert made == 6.0
+    assert [file for file in home.rglob("*") if file.is_file()] == []
 
-    def full(path: Path, data: bytes) -> int:
-        path.touch()
-        raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.warns(SceneWarning, match="compiled code is not kept.*No space left on device"):
-        assert compiled() == (6.0, 1)
-    assert list(home.iterdir()) == []
+def test_code_is_kept_in_no_folder_that_was_not_checked(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where its folder cannot be written, numba would go on to the one of the source file."""
+    monkeypatch.setattr(caching.UserProvidedCacheLocator, "from_function", lambda *_: None)
+    with pytest.warns(SceneWarning, match="compiled code is not kept.*nothing can be written"):
+        assert compiled()[0] == 6.0
+
+
+@pytest.mark.slow
+def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) -> None:
+    """Four begin together with an empty folder: all are right, and what is left can be loaded."""
+    script = home.parents[1] / "doubled.py"
+    script.write_text(
+        "from robotball.engines.compiled import compiled_from\n"
+        "double = compiled_from('2 x', 'f8(f8)')(lambda x: 2.0 * x)\n"
+        "print(double(3.0), double.stats.cache_misses.total())\n"
+    )
+    four = [
+        subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True)
+        for _ in range(4)
+    ]
+    assert [each.communicate()[0].split()[0] for each in four] == ["6.0"] * 4
+    assert subprocess.check_output([sys.executable, script], text=True).split() == ["6.0", "0"]
+    assert len(files(home, "nbc")) == 1
+    assert list(home.rglob("*.tmp.*")) == []
 
 
 def closed(home: Path) -> Path:

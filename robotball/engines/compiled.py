@@ -1,0 +1,122 @@
+"""Compile functions by numba, each for one signature, and keep the machine code on disk.
+
+numba's own cache reads and writes the files. It would run code that is stale, because it notices a
+change of a function's own file alone and of no other that is compiled into it, and code of anyone
+who may write its folder. Here the folder is the user's alone, and a function's part of it is named
+by a digest of all that the code is made from.
+"""
+
+import hashlib
+import os
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from llvmlite.binding import get_host_cpu_name
+from numba.extending import register_jitable
+
+from robotball.errors import warn
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_OTHERS_MAY_WRITE = 0o022  # in a folder's mode
+_one_at_a_time = threading.Lock()  # numba takes the folder from a setting of the whole process
+
+
+def inlined(function: Function) -> Function:
+    """Make a function one that compiled functions may call; it is compiled into each of them."""
+    return register_jitable(function)
+
+
+def compiled_from(source: str, signature: str, **options: Any) -> Callable[[Function], Any]:
+    """Return a decorator that compiles for one signature, or loads what is kept on disk.
+
+    source: the text of everything that the function is compiled from, its own and that of all it
+    calls; options: of numba.njit. With another source or other options it is compiled anew. Where
+    nothing can be kept, a warning says so, and the function is compiled in memory.
+    """
+
+    def decorate(function: Function) -> Any:
+        folder = _folder_for(source, options)
+        try:
+            return _compiled(function, signature, options, folder)
+        except OSError as error:
+            _warn_once(f"compiled code is not kept, and compiled anew every time: {error}")
+            folder = None
+        except Exception:
+            # numba lets through whatever pickle raises for a file that is cut short or damaged.
+            if folder is None:
+                raise
+            shutil.rmtree(folder, ignore_errors=True)
+        return _compiled(function, signature, options, folder)
+
+    return decorate
+
+
+def _compiled(function: Any, signature: str, options: dict[str, Any], folder: Path | None) -> Any:
+    with _one_at_a_time:
+        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
+        try:
+            dispatcher = numba.njit(cache=folder is not None, **options)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+    # Where numba cannot write it goes on to folders of its own, which are not checked.
+    if folder is not None and folder not in Path(dispatcher.stats.cache_path).parents:
+        raise OSError(f"nothing can be written to {folder}")
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    return dispatcher
+
+
+def _folder_for(source: str, options: dict[str, Any]) -> Path | None:
+    """Return the folder of one function: the same in every process that would compile the same."""
+    home = cache_folder()
+    # The text of a set has its items in another order in every process.
+    plain = {name: sorted(o) if isinstance(o, set) else o for name, o in options.items()}
+    # numba's index has the processor too. But processes on two of them that share a home would each
+    # write the first file of an index, and one of them would then be loaded for the other.
+    processor = numba.config.CPU_NAME or get_host_cpu_name(), numba.config.CPU_FEATURES
+    made_from = repr((numba.__version__, processor, plain, source))
+    digest = hashlib.sha256(made_from.encode()).hexdigest()[:32]
+    return None if home is None else home / digest
+
+
+@cache
+def _warn_once(line: str) -> None:
+    warn(line)
+
+
+def cache_folder() -> Path | None:
+    """Return where compiled code is kept: in the user's cache, or else a temporary folder.
+
+    None, with a warning, where neither belongs to this user alone: what is loaded from it is run.
+    """
+    home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    for folder in (home / "robotball", Path(tempfile.gettempdir(), f"robotball-{os.getuid()}")):
+        try:
+            there = folder.expanduser()
+            there.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _is_own(there):
+                return there
+        except (OSError, RuntimeError):  # RuntimeError: the user has no home
+            continue
+    _warn_once(
+        "compiled code is not kept, and compiled anew every time: no folder for it belongs to this "
+        f"user alone; set XDG_CACHE_HOME (tried {home})"
+    )
+    return None
+
+
+def _is_own(folder: Path) -> bool:
+    """Return whether this user owns a folder, and the link to it, and no other may write there."""
+    there = folder.stat()
+    return (
+        folder.lstat().st_uid == there.st_uid == os.getuid()
+        and not there.st_mode & _OTHERS_MAY_WRITE
+        and os.access(folder, os.W_OK | os.X_OK)
+    )

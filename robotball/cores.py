@@ -28,7 +28,7 @@ from multiprocessing import connection, forkserver, resource_tracker
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from robotball.errors import SceneWarning, check_count
-from robotball.files import remove_unfinished
+from robotball.files.replacing import remove_unfinished
 
 if TYPE_CHECKING:
     import numpy as np

@@ -23,7 +23,7 @@ from tyro.conf import subcommand
 
 from robotball.cores import at_most
 from robotball.errors import InputError, SceneWarning, unknown
-from robotball.files import STANDARD_OUTPUT
+from robotball.files.replacing import STANDARD_OUTPUT
 from validation.commands.ablation import Ablation
 from validation.commands.arguments import BAD_INPUT, Names
 from validation.commands.attractors import Attractors

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from robotball.files import remove_unfinished
+from robotball.files.replacing import remove_unfinished
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 GRACE = 2.0  # s that Python has to end the command; compiled code may not let it

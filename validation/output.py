@@ -20,8 +20,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from robotball.errors import InputError
-from robotball.files import STANDARD_OUTPUT, followed, no_regular_file, refused
-from robotball.files import replacing as replacing
+from robotball.files.replacing import STANDARD_OUTPUT, followed, no_regular_file, refused
+from robotball.files.replacing import replacing as replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

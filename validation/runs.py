@@ -18,7 +18,7 @@ from rich.table import Table
 from robotball import InputError, Request, Scene, integrate
 from robotball.cores import allowed, in_processes
 from robotball.engines.mujoco.fault_window import FaultWindow, Replayed
-from robotball.files import refused
+from robotball.files.replacing import refused
 from robotball.rotations import Array
 from validation.agreement import Agreement, compare_with
 from validation.output import Show, print_whole, progress_bar

@@ -28,7 +28,7 @@ from typing import Any, BinaryIO
 from robotball import InputError
 from robotball.cores import FORKSERVER, at_most, cores, end_with_parent, start_server
 from robotball.errors import check_count, check_positive
-from robotball.files import no_regular_file
+from robotball.files.replacing import no_regular_file
 from validation.output import Show, versions, writable_file, write_rows
 
 Cell = Mapping[str, Any]

@@ -21,7 +21,8 @@ import numpy as np
 
 from robotball.drives import Samples
 from robotball.errors import InputError
-from robotball.files import MB, opened, replacing
+from robotball.files import MB, opened
+from robotball.files.replacing import replacing
 from robotball.rotations import Array
 
 COMMENT = ("#", "%", "//")  # Python's and gnuplot's, MATLAB's, C++'s

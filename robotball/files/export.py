@@ -20,8 +20,8 @@ from robotball.drives import Constant, Drive, Free, PositionServo, Ramp, Samples
 from robotball.engine import integrate
 from robotball.engines.links import SHELL, Link, links_of
 from robotball.errors import InputError
-from robotball.files import replacing
 from robotball.files.columns import Table, write_table
+from robotball.files.replacing import replacing
 from robotball.files.scene_writer import scene_toml
 from robotball.motion import Motion
 from robotball.rotations import Array, multiply, rotation_matrix

@@ -8,7 +8,7 @@ import imageio_ffmpeg
 import mediapy
 
 from robotball.errors import InputError
-from robotball.files import replacing
+from robotball.files.replacing import replacing
 from robotball.film.render import Film, Progress, frames
 from robotball.motion import Motion
 

@@ -12,7 +12,7 @@ import pytest
 from robotball import InputError, SceneWarning
 from robotball.cores import allowed, at_most, in_processes
 from robotball.errors import warn
-from robotball.files import replacing
+from robotball.files.replacing import replacing
 
 
 def late(jobs: int, job: int) -> tuple[int, int, int]:

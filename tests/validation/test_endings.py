@@ -14,7 +14,7 @@ import pytest
 WORK = """
 import ctypes, sys, time
 from pathlib import Path
-from robotball.files import replacing
+from robotball.files.replacing import replacing
 from validation.endings import ended_by_signals
 
 def in_compiled_code():

@@ -31,7 +31,7 @@ class Model:
     def run(self) -> int:
         from robotball import load_scene, preset
         from robotball.engines.mujoco.export import left_out, write_model
-        from robotball.files import STANDARD_OUTPUT
+        from robotball.files.replacing import STANDARD_OUTPUT
         from validation.output import writable_file, write_text
 
         scene, settings = load_scene(self.scene), preset(self.preset)

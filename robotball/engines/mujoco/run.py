@@ -16,7 +16,7 @@ from robotball.engines.mujoco.model import Model
 from robotball.engines.mujoco.monitor import Found, Monitor
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.stepping import Control, Portion, by_steps, controlled
-from robotball.files import discard
+from robotball.files.replacing import discard
 from robotball.motion import PIECE, ContactMotion, ContactReport, Fault, FaultKind, joined
 from robotball.rotations import Array
 from robotball.scene import Start

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
-from robotball.files import replacing
+from robotball.files.replacing import replacing
 from validation.output import writable_file
 
 

@@ -150,6 +150,7 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
 
     def acceleration(self, t: Time) -> Any:
         _, slope, _ = _SHAPES[self.shape]
+        # At a breakpoint the slope is that from there on: none at the end.
         inside = (t >= self.start) & (t < self.end)
         rise = self.final - self.initial
         return inside * slope(self._fraction(t)) * rise / (self.end - self.start)
@@ -292,6 +293,7 @@ def as_drive(rate: Rate, end: float) -> Drive:
     elif isinstance(rate, Sum):
         drives = tuple(as_drive(part, end) for part in rate.parts)
         steady = [each.value for each in drives if isinstance(each, Constant)]
+        # Numbers add up to a number, so that the scene stays steady and may take compiled steps.
         drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)
     elif isinstance(rate, Constant | Ramp | Sine | Total):
         drive = rate
@@ -335,7 +337,7 @@ def _number(rate: Any) -> float:
 
 @dataclass(frozen=True)
 class Total:
-    """The drive of a Sum."""
+    """The drive of a Sum, whose parts are drives over the run."""
 
     drives: tuple[Drive, ...]
 

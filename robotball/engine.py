@@ -109,7 +109,7 @@ DEFAULT = "mujoco"
 # Named by strings, as entry points are: an import would load all engines at once.
 OURS = {
     "mujoco": "robotball.engines.mujoco.engine:MUJOCO",
-    "multibody": "robotball.engines.multibody.engine:MULTIBODY",
+    "multibody": "robotball.engines.multibody:MULTIBODY",
     "bullet": "robotball.engines.bullet:BULLET",
     "dart": "robotball.engines.dart:DART",
     "drake": "robotball.engines.drake:DRAKE",
@@ -218,6 +218,8 @@ def run_request(scene: Scene, times: Array | None, request: Request) -> ContactM
     """Simulate the scene as `simulate` does, by a request."""
     if why := request.engine.cannot_express(scene):
         raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
+    # The drives must reach to the last time that is asked for, which may be beyond the scene's own
+    # duration. The motion's scene is the user's again.
     times = scene.times if times is None else check_times(times)
     motion = request.engine.run(scene.until(float(times[-1])), times, request)
     for line in _doubts(motion):
@@ -260,7 +262,7 @@ def _doubts(motion: ContactMotion) -> Iterator[str]:
 Equations = Literal["reduced", "multibody"]
 EQUATIONS: dict[Equations, str] = {
     "reduced": "robotball.engines.reduced:integrate",
-    "multibody": "robotball.engines.multibody.integrate:integrate",
+    "multibody": "robotball.engines.multibody:integrate",
 }
 
 

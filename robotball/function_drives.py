@@ -214,10 +214,12 @@ def _halved(
     function: Function, begin: float, end: float, size: float
 ) -> Iterator[tuple[float, float, Array]]:
     """Yield (begin, end, values at the nodes) of the parts, halved as long as that helps."""
+    # A stack with the earlier half on top, so that panels come in the order of time.
     left, halves = [(begin, end)], 0
     while left:
         a, b = left.pop()
         middle, half = (a + b) / 2, (b - a) / 2
+        # Rounding may carry a node out of the panel, where the function need not be defined.
         nodes = np.clip(middle + half * NODES, a, b)
         nodes[0], nodes[-1] = a, b
         values = np.array([function(t) for t in nodes.tolist()])

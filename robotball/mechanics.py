@@ -70,14 +70,15 @@ def place(bodies: Numbers, cosines: Numbers, sines: Numbers, placed: Numbers) ->
         body, row = bodies[b], placed[b]
         axis, pivot = vector(body, AXIS), vector(body, PIVOT)
         arm = subtract(vector(body, CENTRE), pivot)
-        if b < 2:  # the frame's axes are its own, and the shell is symmetric about its hinge
+        if b < 2:  # the axes are the frame's own, and the shell is symmetric about its hinge
             put(row, ARM, arm)
             for k in range(0, 9, 3):
                 put(row, TENSOR + k, vector(body, INERTIA + k))
         else:
             c, s = cosines[b - 1], sines[b - 1]
             put(row, ARM, turned(arm, axis, c, s))
-            # QJ, column by column, and then (QJ)Qᵀ, row by row.
+            # QJ, column by column, and then (QJ)Qᵀ, row by row; J is symmetric, so its rows are its
+            # columns.
             x = turned(vector(body, INERTIA), axis, c, s)
             y = turned(vector(body, INERTIA + 3), axis, c, s)
             z = turned(vector(body, INERTIA + 6), axis, c, s)
@@ -137,7 +138,7 @@ def move(
     of_centre = scale(radius, cross(shell, gamma))
     for b in range(len(bodies)):
         row = placed[b]
-        if b == 0:
+        if b == 0:  # turns about its centre, whose velocity the contact gives
             put(moving[b], TURNING, shell)
             put(moving[b], VELOCITY, add(of_centre, cross(shell, vector(row, FROM_CENTRE))))
             continue
@@ -254,6 +255,8 @@ def solve(matrix: Numbers, given: Numbers, right: Numbers, u: Numbers) -> None:
                         u[i, c] -= matrix[i, j] * u[j, c]
     for i in range(k):
         for j in range(i + 1, k):
+            # Rows and columns of given rates are passed over; to cut them out would take new arrays
+            # at every evaluation of compiled code.
             if not (given[i] or given[j]):
                 factor = left[j, i] / left[i, i]
                 for l in range(i + 1, k):

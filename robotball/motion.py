@@ -421,6 +421,7 @@ def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
 
     One part is in memory at a time, beside the whole.
     """
+    # Written into arrays of the whole length: np.concatenate would hold every part at once.
     done, whole, last = 0, {}, None
     for last in parts:
         size = len(last.times)

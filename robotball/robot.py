@@ -161,6 +161,7 @@ class Shell(Value):
 
     @property
     def inertia(self) -> Array:
+        """The inertia (3, 3) about the shell's own centre of mass, frame axes [kg m²]."""
         return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
 
 
@@ -192,6 +193,7 @@ class Rotor(Value):
 
     @property
     def inertia(self) -> Array:
+        """The inertia (3, 3) about the rotor's own centre of mass, frame axes [kg m²]."""
         return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
 
 
@@ -292,6 +294,7 @@ class Ball(Value):
         inertia; eigh would sort them.
         """
         moments = np.diag(self.inertia)
+        # A sum of diagonal tensors, some turned about a coordinate axis, is diagonal to roundings.
         if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
             return moments.copy(), np.eye(3)
         moments, axes = np.linalg.eigh(self.inertia)
@@ -329,6 +332,8 @@ def beyond_the_shell(ball: Ball) -> list[str]:
     """
     lines = []
     for name, body in ball.named_bodies:
+        # Of all its mass the mean square distance from its own centre of mass, and that centre's
+        # distance.
         spread = float(np.trace(body.inertia)) / 2 / body.mass
         reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
@@ -366,6 +371,7 @@ def check_inertia(name: str, inertia: Array) -> None:
             f"{name}'s smallest principal moment must be at least {1 / LARGEST_MOMENT:g}, not "
             f"{small:.6g} kg m²"
         )
+    # Each moment is Σ m (x² + y²), so that no one exceeds the sum of the other two.
     if large - small - middle > ROUNDING * large:
         raise InputError(
             f"{name}'s inertia breaks the triangle inequality: {large:.6g} > {small:.6g} + "
@@ -386,6 +392,7 @@ def _check_unit(what: str, axis: Array) -> None:
 
 
 def _check_no_flatter_than_a_disk(name: str, rotor: Rotor) -> None:
+    # The triangle inequality for two equal moments, said in the author's numbers.
     axial, transverse = rotor.axial_inertia, rotor.transverse_inertia
     if not axial <= 2 * transverse * (1 + ROUNDING):
         raise InputError(

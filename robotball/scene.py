@@ -354,6 +354,7 @@ class Scene(Value):
         return tuple(map(self._drive, names, rates))
 
     def _drive(self, name: str, rate: Rate) -> Drive:
+        # The message of a drive does not know whose it is.
         try:
             return as_drive(rate, self.duration)
         except InputError as error:

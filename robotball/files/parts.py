@@ -37,6 +37,7 @@ def solid_of(part: Part, axis: Array = Z) -> Solid:
     name = f"a {type(part).__name__.lower()}"
     match part:
         case Point():
+            # It has no inertia of its own, but one by its place once it is put to other parts.
             mass, reach = _positive(f"{name}'s mass", part.mass, "kg"), math.hypot(*part.centre)
             return Solid(mass, np.array(part.centre), np.zeros((3, 3)), reach)
         case Sphere():
@@ -46,6 +47,7 @@ def solid_of(part: Part, axis: Array = Z) -> Solid:
         case Cylinder():
             a, b, h = part.radius, part.inner_radius, _positive(f"{name}'s length", part.length)
             _check_hole(name, a, b)
+            # (a - b)(a + b), as a² - b² would lose the digits of a thin wall.
             mass = mass_of(name, part.mass, part.density, math.pi * (a - b) * (a + b) * h)
         case Disc():
             mass, a = _positive(f"{name}'s mass", part.mass, "kg"), part.radius
@@ -59,6 +61,7 @@ def solid_of(part: Part, axis: Array = Z) -> Solid:
             return _rod(name, part)
     if part.axis is not None:
         axis = direction(f"{name}'s axis", np.array(part.axis))
+    # Cylinders, discs and rings are tubes, of their length and hole.
     return _tube(mass, a, b, h, part.centre, axis)
 
 
@@ -108,6 +111,7 @@ def _check_hole(name: str, outer: float, inner: float) -> None:
 
 def _tube(mass: float, a: float, b: float, h: float, centre: Triple, axis: Array) -> Solid:
     """Return a tube of outer radius a, inner radius b and length h about a unit vector (3,)."""
+    # Of a disc (h = 0) and a hoop (a = b) too: m(a² + b²)/4 + m h²/12 across the axis.
     across = mass * (a * a + b * b) / 4
     middle = np.array(centre)
     ends = [middle - h / 2 * axis, middle + h / 2 * axis]

@@ -49,252 +49,9 @@ MOST_ROTORS = 2  # a third one is of no use, as the head of this file shows
 LEAST_MARGIN = 1e-9
 ROTOR_SHARE = 0.5  # of the margin, spent on a slower rotor
 STILL = 1e-14  # of the size of K, below which K + sΩ is zero
-
-
-@dataclass(frozen=True)
-class DesignRequest:
-    """The numbers of the equations and the bounds on the bodies, in this file's units.
-
-    B (3, 3) is A⁻¹; d is None where the mass is free; shell_factor is J_s/(m_s a²); speed is the
-    rotors' largest rate; shell, frame and rotor are the least masses of each.
-    """
-
-    B: Array
-    K: Array
-    Omega: Array
-    d: float | None
-    shell_factor: float
-    speed: float
-    shell: float
-    frame: float
-    rotor: float
-    frame_radius: float
-    rotor_radius: float
-
-    @property
-    def largest_s(self) -> float:
-        """Where P ceases to be positive: tr(A⁻¹) - 2 max b."""
-        return float(1 - 2 * np.linalg.eigvalsh(self.B)[-1])
-
-    @property
-    def smallest_s(self) -> float:
-        """d + J_s of the lightest shell, alone where the mass is free."""
-        J_s = self.shell_factor * self.shell
-        return J_s + (self.shell if self.d is None else self.d)
-
-    def momentum(self, s: Array) -> Array:
-        """Return h = K + sΩ (..., 3) of the rotors, for s (...)."""
-        return self.K + s[..., None] * self.Omega
-
-    @property
-    def s_without_rotors(self) -> tuple[float, float] | None:
-        """Between which s the momentum h is zero, if it is anywhere."""
-        if not np.any(self.Omega):
-            return None if np.any(self.K) else (self.smallest_s, self.largest_s)
-        s = float(-self.K @ self.Omega / (self.Omega @ self.Omega))
-        size = float(np.linalg.norm(self.K)) + s * float(np.linalg.norm(self.Omega))
-        still = np.linalg.norm(self.momentum(np.array(s))) <= STILL * size
-        return (s, s) if still and self.smallest_s <= s <= self.largest_s else None
-
-
-@dataclass(frozen=True)
-class Share:
-    """Masses, and the rings' axial inertias (n,) and axes (n, 3).
-
-    margin is how far every bound is kept, of the trace of A⁻¹.
-    """
-
-    margin: float
-    shell_mass: float
-    frame_mass: float
-    rotor_masses: Array
-    axial_inertias: Array
-    axes: Array
-
-
-def share(request: DesignRequest, frame_radius: float) -> Share | None:
-    """Return the share with the fewest rotors whose frame lies within `frame_radius`, or None.
-
-    Among those of as many rotors it is the one that keeps all bounds by the largest margin.
-    """
-    for n in _rotor_counts(request):
-        s, T, margin = _best(request, n, frame_radius)
-        if margin > LEAST_MARGIN:
-            return _bodies(request, n, s, T, margin)
-    return None
-
-
-def largest_margin(request: DesignRequest, frame_radius: float) -> float:
-    """Return how far a share can keep all bounds, of the trace of A⁻¹; negative if none can."""
-    return max(_best(request, n, frame_radius)[2] for n in _rotor_counts(request))
-
-
-def least_speed(request: DesignRequest, frame_radius: float) -> float:
-    """Return the least bound on the rotors' rates with which there is a share, to four digits.
-
-    `request` has a smaller bound, with which there is none; there must be one at some speed.
-    """
-
-    # In 1/speed, of which no bound is 0, so that the search has two finite ends.
-    def margin(per_speed: float) -> float:
-        speed = 1 / per_speed if per_speed else np.inf
-        return largest_margin(replace(request, speed=speed), frame_radius) - LEAST_MARGIN
-
-    return float(1 / brentq(margin, 0.0, 1 / request.speed, rtol=1e-4, xtol=1e-4 / request.speed))
-
-
-def least_frame_radius(request: DesignRequest) -> float:
-    """Return the least radius within which the frame of some share can lie, to four digits.
-
-    There must be a share, and none within `request.frame_radius`.
-    """
-
-    def margin(per_radius: float) -> float:
-        return largest_margin(request, 1 / per_radius if per_radius else np.inf) - LEAST_MARGIN
-
-    largest = 1 / request.frame_radius
-    return float(1 / brentq(margin, 0.0, largest, rtol=1e-4, xtol=1e-4 * largest))
-
-
-def _rotor_counts(request: DesignRequest) -> range:
-    # None first, as fewer are preferred. Rates without a bound make any rotor light enough: a
-    # second one could not help.
-    return range(2 if np.isinf(request.speed) else 1 + MOST_ROTORS)
-
-
-def _best(request: DesignRequest, n: int, frame_radius: float) -> tuple[float, float, float]:
-    """Return s, T and the margin of the best share with n rotors."""
-    ends = (request.smallest_s, request.largest_s) if n else request.s_without_rotors
-    if ends is None or ends[0] > ends[1]:
-        return 0.0, 0.0, -np.inf
-
-    def best_T(s: Array) -> Array:
-        g = np.linalg.norm(request.momentum(s), axis=-1) / request.speed
-        if n < 2:
-            return n * g
-        most = np.maximum((1 - 3 * s) / 2, g)  # then the frame is nothing: tr(2 Σ) = tr P - 2T
-        return _peak(lambda T: _margin(request, n, frame_radius, s[..., None], T), g, most, 9, 7)
-
-    def margin(s: Array) -> Array:
-        return _margin(request, n, frame_radius, s, best_T(s))
-
-    s = _peak(margin, np.array(ends[0]), np.array(ends[1]), 25, 6)
-    return float(s), float(best_T(s)), float(margin(s))
-
-
-def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rounds: int) -> Array:
-    """Return where the concave f, (..., points) to the same, is largest from low to high (...)."""
-    # Each round narrows the range to 2/(points - 1) of it: 25 points and 6 rounds to 3e-7, 9 and 7
-    # to 6e-5. Plain grids, not a scalar search, because all s of a round are searched in T at once.
-    u = np.linspace(0.0, 1.0, points)
-    for _ in range(rounds):
-        at = low[..., None] + (high - low)[..., None] * u
-        best = f(at).argmax(axis=-1)[..., None]
-        low, peak, high = (
-            np.take_along_axis(at, np.clip(best + step, 0, points - 1), axis=-1)[..., 0]
-            for step in (-1, 0, 1)
-        )
-    return peak
-
-
-def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Array) -> Array:
-    """Return by how much all bounds are kept (...) at s and T (...), positive iff they are.
-
-    The largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² - tr Σ_frame >= t,
-    m_shell >= least + t, and a single rotor's inertia larger by t ROTOR_SHARE than it must be.
-    Each of `bounds` is one of these, linear in t, solved for t.
-    """
-    c, slower = request.shell_factor, ROTOR_SHARE if n == 1 else 0.0
-    Z, tau = _Z(request, *np.broadcast_arrays(s, T))
-    z = np.linalg.eigvalsh(Z)
-    # Two rings pour τ on the direction in which Z is least; then the next one may be the least.
-    flattest = z[..., 0] if n < 2 else np.minimum(z[..., 0] + tau, z[..., 1])
-    bounds = [flattest / (1 + slower)]
-    if request.d is None:
-        # The shell has its least mass and t.
-        others, others_per_t = s - (1 + c) * request.shell, 1 + c
-    else:
-        shell = (s - request.d) / c
-        others, others_per_t = request.d - shell, 0.0
-        bounds.append(shell - request.shell)
-    trace = (1 - 3 * s) / 2 - T  # of Σ_frame: tr P is 1 - 3s, and a ring takes 2j of tr 2Σ
-    # A bound is kept by t where its left side less its growth with t is at least t: hence the
-    # divisors 1 + growth.
-    for rotors, per_t in _rotor_masses(request, n, T, slower):
-        frame, frame_per_t = others - rotors, others_per_t + per_t
-        bounds.append((frame - request.frame) / (1 + frame_per_t))
-        if np.isfinite(frame_radius):
-            room = frame_radius**2 * frame - trace
-            bounds.append(room / (1 + frame_radius**2 * frame_per_t - slower))
-    return np.min(np.broadcast_arrays(*bounds), axis=0)
-
-
-def _rotor_masses(
-    request: DesignRequest, n: int, T: Array, slower: float
-) -> list[tuple[Array, float]]:
-    """Return bounds of the rotors' mass, by inertia and least masses, with their growth with t.
-
-    For two the first is an upper bound, too large by no more than one's least mass.
-    """
-    if n == 0:
-        return [(np.zeros_like(T), 0.0)]
-    inertia = T / request.rotor_radius**2 + (n - 1) * request.rotor
-    least = np.full_like(T, n * request.rotor)
-    return [(inertia, slower / request.rotor_radius**2), (least, 0.0)]
-
-
-def _Z(request: DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
-    """Return Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
-    g = request.momentum(s) / request.speed
-    per_T = 1 / np.maximum(T, 1e-300)  # T >= |g|, so that T = 0 has g = 0, and 0/0 is to be 0
-    given_back = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
-    P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * request.B
-    return P_less_T + given_back, T - per_T * (g * g).sum(axis=-1)
-
-
-def _bodies(request: DesignRequest, n: int, s: float, T: float, margin: float) -> Share:
-    if request.d is None:
-        shell = request.shell + margin
-        d = s - request.shell_factor * shell
-    else:
-        d = request.d
-        shell = (s - d) / request.shell_factor
-    inertias, axes = _rings(request, n, s, T, margin)
-    masses = np.maximum(inertias / request.rotor_radius**2, request.rotor)
-    return Share(margin, shell, float(d - shell - masses.sum()), masses, inertias, axes)
-
-
-def _rings(
-    request: DesignRequest, n: int, s: float, T: float, margin: float
-) -> tuple[Array, Array]:
-    """Return axial inertias (n,) and axes (n, 3) of the rotors."""
-    if n == 0:
-        return np.empty(0), np.empty((0, 3))
-    h = request.momentum(np.array(s))
-    if n == 1:
-        return np.array([T + ROTOR_SHARE * margin]), h[None] / np.linalg.norm(h)
-    Z, tau = _Z(request, np.array(s), np.array(T))
-    j_n = two_rings(T, h / request.speed, np.linalg.eigh(Z)[1][:, 0], float(tau))
-    inertias = np.linalg.norm(j_n, axis=1)
-    return inertias, j_n / inertias[:, None]
-
-
-def two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
-    """Return j n (2, 3) of two rotors: Σ j = T, Σ j n = g, Σ j n nᵀ = g gᵀ/T + τ e eᵀ.
-
-    g (3,) and a unit vector e (3,), with τ = T - |g|²/T > 0. The rows (√T, g/√T) and (0, √τ e)
-    have the right moments of (1, n), and any rotation of the two rows into each other keeps them;
-    this one makes them (√j, √j n) with unit vectors n.
-    """
-    # e and -e give the same moments; with g·e >= 0 the sum below does not cancel.
-    e = np.copysign(1.0, g @ e) * e
-    tangent = g @ e / np.sqrt(T * tau)
-    x = 1 / (tangent + np.hypot(tangent, 1.0))  # tan of the angle; hypot - tangent would cancel
-    across = x * np.sqrt(T * tau) * e
-    return np.array([g + across, x * x * g - across]) / (1 + x * x)
-
-
 ROTOR_RADIUS = 0.6  # of the frame's radius, where no other is given
+# A frame that cannot lie within its radius may reach this much farther than it must.
+WIDER = 1.1  # the least radius itself leaves the other bounds no margin
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -321,121 +78,6 @@ class Limits:
         inner = radius - self.shell_thickness
         frame = inner if self.frame_radius is None else self.frame_radius
         return frame, ROTOR_RADIUS * frame if self.rotor_radius is None else self.rotor_radius
-
-
-def masses_allowed(B: Array, radius: float) -> tuple[float, float]:
-    """Return Σb/5a² and (Σb - 2 max b)/a² [kg], for B = A⁻¹ (3, 3) [kg m²], radius a [m].
-
-    From the first on all mass can lie inside the shell; beyond the second no body has the inertia.
-    Where the first exceeds the second no workshop can build the ball.
-    """
-    b = np.linalg.eigvalsh(B)
-    return float(b.sum()) / 5 / radius**2, float(b.sum() - 2 * b[-1]) / radius**2
-
-
-def check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
-    """Raise InputError unless radius, mass and limits are numbers that go together."""
-    check_positive("radius", radius, "m")
-    if mass is not None:
-        check_positive("mass", mass, "kg")
-    if not limits.rotor_speed > 0:
-        raise InputError(f"rotor_speed must be positive, not {limits.rotor_speed:g} rad/s")
-    for name in ("shell_mass", "frame_mass", "rotor_mass"):
-        value = getattr(limits, name)
-        if not (math.isfinite(value) and value >= 0):
-            raise InputError(f"{name} must be finite and not negative, not {value:g} kg")
-    if not 0 <= limits.shell_thickness < radius:
-        raise InputError(
-            f"shell_thickness must be at least 0 and less than the radius {radius:g} m, not "
-            f"{limits.shell_thickness:g} m"
-        )
-    frame, rotor = limits.radii(radius)
-    for name, value, most in (
-        ("frame_radius", frame, radius - limits.shell_thickness),
-        ("rotor_radius", rotor, frame),
-    ):
-        if not 0 < value <= most:
-            raise InputError(f"{name} must be positive and at most {most:g} m, not {value:g} m")
-
-
-def check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits) -> None:
-    """Raise InputError where no body has B = A⁻¹ (3, 3) [kg m²], whatever the shares."""
-    b = np.linalg.eigvalsh(B)
-    least, most = masses_allowed(B, radius)
-    if not most * radius**2 > LEAST_MARGIN * b.sum():
-        raise InputError(
-            f"triangle inequality: the largest eigenvalue of 1/A, {b[2]:.6g} kg m², must be less "
-            f"than the sum of the others, {b[0] + b[1]:.6g} kg m²; it is "
-            f"{b[2] - b[0] - b[1]:.6g} kg m² too large, whatever the mass"
-        )
-    if mass is not None and not mass < most:
-        moment, excess = b[0] - mass * radius**2, mass - most
-        fault = (
-            f"triangle inequality: 1/A - m a² breaks it by {excess * radius**2:.6g} kg m²"
-            if moment > 0
-            else f"inertia not positive: 1/A - m a² has the principal moment {moment:.6g} kg m²"
-        )
-        raise InputError(
-            f"{fault} with m = {mass:.6g} kg; m must be less than {most:.6g} kg, "
-            f"{excess:.6g} kg less"
-        )
-    heaviest = most if mass is None else mass
-    if limits.buildable and not heaviest > least:
-        raise InputError(
-            f"mass inside the shell: m must be at least tr(1/A)/(5 a²) = {least:.6g} kg, and is "
-            f"{heaviest:.6g} kg{' at most' if mass is None else ''}: {least - heaviest:.6g} kg too "
-            "little"
-        )
-
-
-def check_least_masses(request: DesignRequest, unit: float) -> None:
-    """Raise InputError where the least masses are too large. unit: kg in one of `request`'s."""
-    rotors = 0.0 if request.s_without_rotors else request.rotor
-    together = request.shell + request.frame + rotors
-    if request.d is not None and not together < request.d:
-        raise InputError(
-            f"masses: the least of shell, frame and rotor are {together * unit:.6g} kg together, "
-            f"and the ball is to have {request.d * unit:.6g} kg: "
-            f"{(together - request.d) * unit:.6g} kg too much"
-        )
-    J_s = request.shell_factor * request.shell
-    s = J_s + (together if request.d is None else request.d)
-    if not s < request.largest_s:
-        raise InputError(
-            f"masses: with the least of shell, frame and rotor, {together * unit:.6g} kg, "
-            f"m + J_s/a² is {s * unit:.6g} kg at least; for the triangle inequality of what the "
-            f"shell leaves it must be less than {request.largest_s * unit:.6g} kg: "
-            f"{(s - request.largest_s) * unit:.6g} kg too much"
-        )
-
-
-def refusal(request: DesignRequest, limits: Limits, radius: float, unit: float) -> InputError:
-    """Return why there is no share, though neither inertia nor least masses forbid one."""
-    # Each condition is lifted in turn; the one without which there is a share is the reason.
-    within = request.frame_radius if limits.buildable else math.inf
-    any_speed = replace(request, speed=math.inf)
-    if largest_margin(any_speed, within) > LEAST_MARGIN:
-        needed = least_speed(request, within)
-        return InputError(
-            f"rotor speed: at most {request.speed:.6g} rad/s is allowed, and the momentum "
-            f"K + (J_s + d)Ω needs {needed:.4g} rad/s: {needed - request.speed:.4g} rad/s more"
-        )
-    if limits.buildable and largest_margin(any_speed, math.inf) > LEAST_MARGIN:
-        needed = radius * least_frame_radius(any_speed)
-        allowed = radius * request.frame_radius
-        return InputError(
-            f"mass inside the shell: the frame may reach {allowed:.6g} m, and within the limits it "
-            f"needs {needed:.4g} m: {needed - allowed:.4g} m more"
-        )
-    margin = largest_margin(any_speed, within)
-    return InputError(
-        f"masses: inertia and least masses leave a margin of {margin * unit:.3g} kg, less than the "
-        f"{LEAST_MARGIN * unit:.3g} kg that rounding needs"
-    )
-
-
-# A frame that cannot lie within its radius may reach this much farther than it must.
-WIDER = 1.1  # the least radius itself leaves the other bounds no margin
 
 
 @dataclass(frozen=True)
@@ -514,9 +156,8 @@ def design(
     B = (B + B.T) / 2
     Omega, K = _vector("Omega", Omega), _vector("K", K)
     check_inertia_at(B, radius, mass, limits)
-    unit = float(np.trace(B)) / radius**2  # kg
     request = _request(B, Omega, K, radius, mass, limits)
-    check_least_masses(request, unit)
+    check_least_masses(request)
     needed = request.frame_radius
     # A ball that cannot be built can be simulated, unless the limits forbid it. Its frame reaches
     # hardly farther than it must, or else as far as the fewest rotors make it.
@@ -525,7 +166,7 @@ def design(
         needed = least_frame_radius(request)
         found = share(request, WIDER * needed) or share(request, math.inf)
     if found is None:
-        raise refusal(request, limits, radius, unit)
+        raise refusal(request, limits, radius)
     ball, rates = _ball(found, B, Omega, K, radius, limits)
     return Design(
         ball=ball,
@@ -560,8 +201,54 @@ def describe(design: Design) -> str:
     return "\n".join([*rows, design.verdict])
 
 
-def _text(v: Array) -> str:
-    return f"({v[0]:.6g}, {v[1]:.6g}, {v[2]:.6g})"
+def redesign(scene: Scene, mass: float | None, limits: Limits) -> tuple[Design, Scene]:
+    """Design bodies for the scene's own A, Ω, K and radius. Returns also the scene with them.
+
+    mass: the ball's [kg]; if None, the best one in the rubber model, and the scene's own in the
+    classical one, whose (3.3) knows d = m a² beside A, Ω and K. The new scene has no motors. Raises
+    InputError where the rates are not constant or there is no such ball.
+    """
+    if mass is None and scene.rolling == "classical":  # another mass would be another motion
+        mass = scene.ball.mass
+    numbers, axes = scene.parameters, scene.principal_axes
+    found = design(
+        scene.ball.A, axes @ numbers.Omega, axes @ numbers.K, scene.ball.radius, mass, limits
+    )
+    return found, replace(
+        scene,
+        name=f"{scene.name}_designed",
+        title=f"{scene.title}, designed bodies",
+        source=f"Bodies designed for the numbers of {scene.name}. {found.verdict}\n{scene.source}",
+        ball=found.ball,
+        frame_rate=found.frame_rate,
+        rotor_rates=found.rotor_rates,
+        motors=(),
+    )
+
+
+def check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
+    """Raise InputError unless radius, mass and limits are numbers that go together."""
+    check_positive("radius", radius, "m")
+    if mass is not None:
+        check_positive("mass", mass, "kg")
+    if not limits.rotor_speed > 0:
+        raise InputError(f"rotor_speed must be positive, not {limits.rotor_speed:g} rad/s")
+    for name in ("shell_mass", "frame_mass", "rotor_mass"):
+        value = getattr(limits, name)
+        if not (math.isfinite(value) and value >= 0):
+            raise InputError(f"{name} must be finite and not negative, not {value:g} kg")
+    if not 0 <= limits.shell_thickness < radius:
+        raise InputError(
+            f"shell_thickness must be at least 0 and less than the radius {radius:g} m, not "
+            f"{limits.shell_thickness:g} m"
+        )
+    frame, rotor = limits.radii(radius)
+    for name, value, most in (
+        ("frame_radius", frame, radius - limits.shell_thickness),
+        ("rotor_radius", rotor, frame),
+    ):
+        if not 0 < value <= most:
+            raise InputError(f"{name} must be positive and at most {most:g} m, not {value:g} m")
 
 
 def _symmetric_positive(A: ArrayLike) -> Array:
@@ -590,6 +277,94 @@ def _vector(name: str, v: ArrayLike) -> Array:
     return vector
 
 
+def masses_allowed(B: Array, radius: float) -> tuple[float, float]:
+    """Return Σb/5a² and (Σb - 2 max b)/a² [kg], for B = A⁻¹ (3, 3) [kg m²], radius a [m].
+
+    From the first on all mass can lie inside the shell; beyond the second no body has the inertia.
+    Where the first exceeds the second no workshop can build the ball.
+    """
+    b = np.linalg.eigvalsh(B)
+    return float(b.sum()) / 5 / radius**2, float(b.sum() - 2 * b[-1]) / radius**2
+
+
+def check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits) -> None:
+    """Raise InputError where no body has B = A⁻¹ (3, 3) [kg m²], whatever the shares."""
+    b = np.linalg.eigvalsh(B)
+    least, most = masses_allowed(B, radius)
+    if not most * radius**2 > LEAST_MARGIN * b.sum():
+        raise InputError(
+            f"triangle inequality: the largest eigenvalue of 1/A, {b[2]:.6g} kg m², must be less "
+            f"than the sum of the others, {b[0] + b[1]:.6g} kg m²; it is "
+            f"{b[2] - b[0] - b[1]:.6g} kg m² too large, whatever the mass"
+        )
+    if mass is not None and not mass < most:
+        moment, excess = b[0] - mass * radius**2, mass - most
+        fault = (
+            f"triangle inequality: 1/A - m a² breaks it by {excess * radius**2:.6g} kg m²"
+            if moment > 0
+            else f"inertia not positive: 1/A - m a² has the principal moment {moment:.6g} kg m²"
+        )
+        raise InputError(
+            f"{fault} with m = {mass:.6g} kg; m must be less than {most:.6g} kg, "
+            f"{excess:.6g} kg less"
+        )
+    heaviest = most if mass is None else mass
+    if limits.buildable and not heaviest > least:
+        raise InputError(
+            f"mass inside the shell: m must be at least tr(1/A)/(5 a²) = {least:.6g} kg, and is "
+            f"{heaviest:.6g} kg{' at most' if mass is None else ''}: {least - heaviest:.6g} kg too "
+            "little"
+        )
+
+
+@dataclass(frozen=True)
+class DesignRequest:
+    """The numbers of the equations and the bounds on the bodies, in this file's units.
+
+    unit is the mass that is 1 here [kg]; B (3, 3) is A⁻¹; d is None where the mass is free;
+    shell_factor is J_s/(m_s a²); speed is the rotors' largest rate; shell, frame and rotor are the
+    least masses of each.
+    """
+
+    unit: float
+    B: Array
+    K: Array
+    Omega: Array
+    d: float | None
+    shell_factor: float
+    speed: float
+    shell: float
+    frame: float
+    rotor: float
+    frame_radius: float
+    rotor_radius: float
+
+    @property
+    def largest_s(self) -> float:
+        """Where P ceases to be positive: tr(A⁻¹) - 2 max b."""
+        return float(1 - 2 * np.linalg.eigvalsh(self.B)[-1])
+
+    @property
+    def smallest_s(self) -> float:
+        """d + J_s of the lightest shell, alone where the mass is free."""
+        J_s = self.shell_factor * self.shell
+        return J_s + (self.shell if self.d is None else self.d)
+
+    def momentum(self, s: Array) -> Array:
+        """Return h = K + sΩ (..., 3) of the rotors, for s (...)."""
+        return self.K + s[..., None] * self.Omega
+
+    @property
+    def s_without_rotors(self) -> tuple[float, float] | None:
+        """Between which s the momentum h is zero, if it is anywhere."""
+        if not np.any(self.Omega):
+            return None if np.any(self.K) else (self.smallest_s, self.largest_s)
+        s = float(-self.K @ self.Omega / (self.Omega @ self.Omega))
+        size = float(np.linalg.norm(self.K)) + s * float(np.linalg.norm(self.Omega))
+        still = np.linalg.norm(self.momentum(np.array(s))) <= STILL * size
+        return (s, s) if still and self.smallest_s <= s <= self.largest_s else None
+
+
 def _request(
     B: Array, Omega: Array, K: Array, radius: float, mass: float | None, limits: Limits
 ) -> DesignRequest:
@@ -598,6 +373,7 @@ def _request(
     unit = trace / radius**2  # kg
     frame_radius, rotor_radius = limits.radii(radius)
     return DesignRequest(
+        unit=unit,
         B=B / trace,
         K=K / trace,
         Omega=Omega,
@@ -612,10 +388,248 @@ def _request(
     )
 
 
-def _shell_inertia(radius: float, mass: float, thickness: float) -> float:
-    if thickness == 0:  # the limit of a thick shell, whose formula takes none
-        return thin_shell_inertia(radius, mass)
-    return thick_shell_inertia(radius, mass, thickness)
+def check_least_masses(request: DesignRequest) -> None:
+    """Raise InputError where the least masses are too large."""
+    unit = request.unit
+    rotors = 0.0 if request.s_without_rotors else request.rotor
+    together = request.shell + request.frame + rotors
+    if request.d is not None and not together < request.d:
+        raise InputError(
+            f"masses: the least of shell, frame and rotor are {together * unit:.6g} kg together, "
+            f"and the ball is to have {request.d * unit:.6g} kg: "
+            f"{(together - request.d) * unit:.6g} kg too much"
+        )
+    J_s = request.shell_factor * request.shell
+    s = J_s + (together if request.d is None else request.d)
+    if not s < request.largest_s:
+        raise InputError(
+            f"masses: with the least of shell, frame and rotor, {together * unit:.6g} kg, "
+            f"m + J_s/a² is {s * unit:.6g} kg at least; for the triangle inequality of what the "
+            f"shell leaves it must be less than {request.largest_s * unit:.6g} kg: "
+            f"{(s - request.largest_s) * unit:.6g} kg too much"
+        )
+
+
+@dataclass(frozen=True)
+class Share:
+    """Masses, and the rings' axial inertias (n,) and axes (n, 3).
+
+    margin is how far every bound is kept, of the trace of A⁻¹.
+    """
+
+    margin: float
+    shell_mass: float
+    frame_mass: float
+    rotor_masses: Array
+    axial_inertias: Array
+    axes: Array
+
+
+def share(request: DesignRequest, frame_radius: float) -> Share | None:
+    """Return the share with the fewest rotors whose frame lies within `frame_radius`, or None.
+
+    Among those of as many rotors it is the one that keeps all bounds by the largest margin.
+    """
+    for n in _rotor_counts(request):
+        s, T, margin = _best(request, n, frame_radius)
+        if margin > LEAST_MARGIN:
+            return _bodies(request, n, s, T, margin)
+    return None
+
+
+def _rotor_counts(request: DesignRequest) -> range:
+    # None first, as fewer are preferred. Rates without a bound make any rotor light enough: a
+    # second one could not help.
+    return range(2 if np.isinf(request.speed) else 1 + MOST_ROTORS)
+
+
+def _best(request: DesignRequest, n: int, frame_radius: float) -> tuple[float, float, float]:
+    """Return s, T and the margin of the best share with n rotors."""
+    ends = (request.smallest_s, request.largest_s) if n else request.s_without_rotors
+    if ends is None or ends[0] > ends[1]:
+        return 0.0, 0.0, -np.inf
+
+    def best_T(s: Array) -> Array:
+        g = np.linalg.norm(request.momentum(s), axis=-1) / request.speed
+        if n < 2:
+            return n * g
+        most = np.maximum((1 - 3 * s) / 2, g)  # then the frame is nothing: tr(2 Σ) = tr P - 2T
+        return _peak(lambda T: _margin(request, n, frame_radius, s[..., None], T), g, most, 9, 7)
+
+    def margin(s: Array) -> Array:
+        return _margin(request, n, frame_radius, s, best_T(s))
+
+    s = _peak(margin, np.array(ends[0]), np.array(ends[1]), 25, 6)
+    return float(s), float(best_T(s)), float(margin(s))
+
+
+def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rounds: int) -> Array:
+    """Return where the concave f, (..., points) to the same, is largest from low to high (...)."""
+    # Each round narrows the range to 2/(points - 1) of it: 25 points and 6 rounds to 3e-7, 9 and 7
+    # to 6e-5. Plain grids, not a scalar search, because all s of a round are searched in T at once.
+    u = np.linspace(0.0, 1.0, points)
+    for _ in range(rounds):
+        at = low[..., None] + (high - low)[..., None] * u
+        best = f(at).argmax(axis=-1)[..., None]
+        low, peak, high = (
+            np.take_along_axis(at, np.clip(best + step, 0, points - 1), axis=-1)[..., 0]
+            for step in (-1, 0, 1)
+        )
+    return peak
+
+
+def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Array) -> Array:
+    """Return by how much all bounds are kept (...) at s and T (...), positive iff they are.
+
+    The largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² - tr Σ_frame >= t,
+    m_shell >= least + t, and a single rotor's inertia larger by t ROTOR_SHARE than it must be.
+    Each of `bounds` is one of these, linear in t, solved for t.
+    """
+    c, slower = request.shell_factor, ROTOR_SHARE if n == 1 else 0.0
+    Z, tau = _Z(request, *np.broadcast_arrays(s, T))
+    z = np.linalg.eigvalsh(Z)
+    # Two rings pour τ on the direction in which Z is least; then the next one may be the least.
+    flattest = z[..., 0] if n < 2 else np.minimum(z[..., 0] + tau, z[..., 1])
+    bounds = [flattest / (1 + slower)]
+    if request.d is None:
+        # The shell has its least mass and t.
+        others, others_per_t = s - (1 + c) * request.shell, 1 + c
+    else:
+        shell = (s - request.d) / c
+        others, others_per_t = request.d - shell, 0.0
+        bounds.append(shell - request.shell)
+    trace = (1 - 3 * s) / 2 - T  # of Σ_frame: tr P is 1 - 3s, and a ring takes 2j of tr 2Σ
+    # A bound is kept by t where its left side less its growth with t is at least t: hence the
+    # divisors 1 + growth.
+    for rotors, per_t in _rotor_masses(request, n, T, slower):
+        frame, frame_per_t = others - rotors, others_per_t + per_t
+        bounds.append((frame - request.frame) / (1 + frame_per_t))
+        if np.isfinite(frame_radius):
+            room = frame_radius**2 * frame - trace
+            bounds.append(room / (1 + frame_radius**2 * frame_per_t - slower))
+    return np.min(np.broadcast_arrays(*bounds), axis=0)
+
+
+def _Z(request: DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
+    """Return Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
+    g = request.momentum(s) / request.speed
+    per_T = 1 / np.maximum(T, 1e-300)  # T >= |g|, so that T = 0 has g = 0, and 0/0 is to be 0
+    given_back = per_T[..., None, None] * g[..., :, None] * g[..., None, :]
+    P_less_T = (1 - s - T)[..., None, None] * np.eye(3) - 2 * request.B
+    return P_less_T + given_back, T - per_T * (g * g).sum(axis=-1)
+
+
+def _rotor_masses(
+    request: DesignRequest, n: int, T: Array, slower: float
+) -> list[tuple[Array, float]]:
+    """Return bounds of the rotors' mass, by inertia and least masses, with their growth with t.
+
+    For two the first is an upper bound, too large by no more than one's least mass.
+    """
+    if n == 0:
+        return [(np.zeros_like(T), 0.0)]
+    inertia = T / request.rotor_radius**2 + (n - 1) * request.rotor
+    least = np.full_like(T, n * request.rotor)
+    return [(inertia, slower / request.rotor_radius**2), (least, 0.0)]
+
+
+def _bodies(request: DesignRequest, n: int, s: float, T: float, margin: float) -> Share:
+    if request.d is None:
+        shell = request.shell + margin
+        d = s - request.shell_factor * shell
+    else:
+        d = request.d
+        shell = (s - d) / request.shell_factor
+    inertias, axes = _rings(request, n, s, T, margin)
+    masses = np.maximum(inertias / request.rotor_radius**2, request.rotor)
+    return Share(margin, shell, float(d - shell - masses.sum()), masses, inertias, axes)
+
+
+def _rings(
+    request: DesignRequest, n: int, s: float, T: float, margin: float
+) -> tuple[Array, Array]:
+    """Return axial inertias (n,) and axes (n, 3) of the rotors."""
+    if n == 0:
+        return np.empty(0), np.empty((0, 3))
+    h = request.momentum(np.array(s))
+    if n == 1:
+        return np.array([T + ROTOR_SHARE * margin]), h[None] / np.linalg.norm(h)
+    Z, tau = _Z(request, np.array(s), np.array(T))
+    j_n = two_rings(T, h / request.speed, np.linalg.eigh(Z)[1][:, 0], float(tau))
+    inertias = np.linalg.norm(j_n, axis=1)
+    return inertias, j_n / inertias[:, None]
+
+
+def two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
+    """Return j n (2, 3) of two rotors: Σ j = T, Σ j n = g, Σ j n nᵀ = g gᵀ/T + τ e eᵀ.
+
+    g (3,) and a unit vector e (3,), with τ = T - |g|²/T > 0. The rows (√T, g/√T) and (0, √τ e)
+    have the right moments of (1, n), and any rotation of the two rows into each other keeps them;
+    this one makes them (√j, √j n) with unit vectors n.
+    """
+    # e and -e give the same moments; with g·e >= 0 the sum below does not cancel.
+    e = np.copysign(1.0, g @ e) * e
+    tangent = g @ e / np.sqrt(T * tau)
+    x = 1 / (tangent + np.hypot(tangent, 1.0))  # tan of the angle; hypot - tangent would cancel
+    across = x * np.sqrt(T * tau) * e
+    return np.array([g + across, x * x * g - across]) / (1 + x * x)
+
+
+def refusal(request: DesignRequest, limits: Limits, radius: float) -> InputError:
+    """Return why there is no share, though neither inertia nor least masses forbid one."""
+    # Each condition is lifted in turn; the one without which there is a share is the reason.
+    within = request.frame_radius if limits.buildable else math.inf
+    any_speed = replace(request, speed=math.inf)
+    if largest_margin(any_speed, within) > LEAST_MARGIN:
+        needed = least_speed(request, within)
+        return InputError(
+            f"rotor speed: at most {request.speed:.6g} rad/s is allowed, and the momentum "
+            f"K + (J_s + d)Ω needs {needed:.4g} rad/s: {needed - request.speed:.4g} rad/s more"
+        )
+    if limits.buildable and largest_margin(any_speed, math.inf) > LEAST_MARGIN:
+        needed = radius * least_frame_radius(any_speed)
+        allowed = radius * request.frame_radius
+        return InputError(
+            f"mass inside the shell: the frame may reach {allowed:.6g} m, and within the limits it "
+            f"needs {needed:.4g} m: {needed - allowed:.4g} m more"
+        )
+    margin, least = request.unit * largest_margin(any_speed, within), request.unit * LEAST_MARGIN
+    return InputError(
+        f"masses: inertia and least masses leave a margin of {margin:.3g} kg, less than the "
+        f"{least:.3g} kg that rounding needs"
+    )
+
+
+def largest_margin(request: DesignRequest, frame_radius: float) -> float:
+    """Return how far a share can keep all bounds, of the trace of A⁻¹; negative if none can."""
+    return max(_best(request, n, frame_radius)[2] for n in _rotor_counts(request))
+
+
+def least_speed(request: DesignRequest, frame_radius: float) -> float:
+    """Return the least bound on the rotors' rates with which there is a share, to four digits.
+
+    `request` has a smaller bound, with which there is none; there must be one at some speed.
+    """
+
+    # In 1/speed, of which no bound is 0, so that the search has two finite ends.
+    def margin(per_speed: float) -> float:
+        speed = 1 / per_speed if per_speed else np.inf
+        return largest_margin(replace(request, speed=speed), frame_radius) - LEAST_MARGIN
+
+    return float(1 / brentq(margin, 0.0, 1 / request.speed, rtol=1e-4, xtol=1e-4 / request.speed))
+
+
+def least_frame_radius(request: DesignRequest) -> float:
+    """Return the least radius within which the frame of some share can lie, to four digits.
+
+    There must be a share, and none within `request.frame_radius`.
+    """
+
+    def margin(per_radius: float) -> float:
+        return largest_margin(request, 1 / per_radius if per_radius else np.inf) - LEAST_MARGIN
+
+    largest = 1 / request.frame_radius
+    return float(1 / brentq(margin, 0.0, largest, rtol=1e-4, xtol=1e-4 * largest))
 
 
 def _ball(
@@ -643,26 +657,11 @@ def _ball(
     return ball, (float(np.linalg.norm(h)) / rotors[0].axial_inertia,)
 
 
-def redesign(scene: Scene, mass: float | None, limits: Limits) -> tuple[Design, Scene]:
-    """Design bodies for the scene's own A, Ω, K and radius. Returns also the scene with them.
+def _shell_inertia(radius: float, mass: float, thickness: float) -> float:
+    if thickness == 0:  # the limit of a thick shell, whose formula takes none
+        return thin_shell_inertia(radius, mass)
+    return thick_shell_inertia(radius, mass, thickness)
 
-    mass: the ball's [kg]; if None, the best one in the rubber model, and the scene's own in the
-    classical one, whose (3.3) knows d = m a² beside A, Ω and K. The new scene has no motors. Raises
-    InputError where the rates are not constant or there is no such ball.
-    """
-    if mass is None and scene.rolling == "classical":  # another mass would be another motion
-        mass = scene.ball.mass
-    numbers, axes = scene.parameters, scene.principal_axes
-    found = design(
-        scene.ball.A, axes @ numbers.Omega, axes @ numbers.K, scene.ball.radius, mass, limits
-    )
-    return found, replace(
-        scene,
-        name=f"{scene.name}_designed",
-        title=f"{scene.title}, designed bodies",
-        source=f"Bodies designed for the numbers of {scene.name}. {found.verdict}\n{scene.source}",
-        ball=found.ball,
-        frame_rate=found.frame_rate,
-        rotor_rates=found.rotor_rates,
-        motors=(),
-    )
+
+def _text(v: Array) -> str:
+    return f"({v[0]:.6g}, {v[1]:.6g}, {v[2]:.6g})"

@@ -49,6 +49,7 @@ def scene_cell(scene: Any) -> str:
     # The equations import scenes, so a scene imports them only when it is displayed.
     from robotball import integrate, sample_times
 
+    # The shell has no hinge, and so no entry here.
     hinges = {hinge.name: _moved(hinge) for hinge in scene.hinges}
     table = "<tr><th>body</th><th>mass [kg]</th><th>turns</th></tr>"
     for name, body in scene.ball.named_bodies:

@@ -1,7 +1,7 @@
 """Find the drives that roll a robot's contact point along a wanted path.
 
-The path tells how the shell turns, for it does not slip. The momentum tells the rest: M is what it
-is, so (L, h) = 𝓜u is, at every time, two equations for the rates of the hinges in the rubber
+The path determines how the shell turns, for it does not slip. The momentum gives the rest: M is
+known, so (L, h) = 𝓜u is, at every time, two equations for the rates of the hinges in the rubber
 model, and three in the classical one, where the shell's spin is unknown as well. Of more hinges
 than that the ones that take the least energy are taken.
 
@@ -28,6 +28,15 @@ from robotball.rotations import Array, Mask, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene, Start
 
 FINE = 2001  # points, of whose chords a path's length is the sum: a circle's is short by 4e-7
+# Of the duration, before and after the way. Weights that hang must lean before the ball starts and
+# swing out after it stops.
+WAITING = 0.05
+ASTRAY = 1e100  # a state that a solver tries so far off leads nowhere, and its square to infinity
+INTERVAL = 0.04  # s, between the samples of the drives, which cubics join
+TOLERANCE = 1e-9
+BVP_TOLERANCE, MOST_NODES = 1e-5, 20_000
+SINGULAR = 1e-4  # of the largest part: hinges that move the ball less in some direction cannot
+FASTEST = 1e4  # rad/s: no motor turns so fast, and only a singular way asks for it
 
 
 @dataclass(frozen=True)
@@ -97,10 +106,125 @@ def through(points: Sequence[Sequence[float]]) -> WantedPath:
     return WantedPath("waypoints", spline, spline.derivative())
 
 
-# Of the duration, before and after the way. Weights that hang must lean before the ball starts and
-# swing out after it stops.
-WAITING = 0.05
-ASTRAY = 1e100  # a state that a solver tries so far off leads nowhere, and its square to infinity
+@dataclass(frozen=True)
+class Steered:
+    """The drives that roll a robot along a path.
+
+    scene       the robot with them, from rest; its hinges keep their rates exactly
+    times (n,)  s
+    rates (n, h) rad/s, of the hinges
+    wanted (n, 2) m, the contact point
+    """
+
+    scene: Scene
+    times: Array
+    rates: Array
+    wanted: Array
+
+
+@dataclass(frozen=True)
+class Moves:
+    """The motion of a robot at n times.
+
+    axes (n, 3, 3), gamma (n, 3), placed (as `mechanics` has it), u (3 + h, n); reach (n,): how well
+    the hinges move the ball in the direction in which they move it least.
+    """
+
+    axes: Array
+    gamma: Array
+    placed: Array
+    u: Array
+    reach: Array
+
+
+def steer(scene: Scene, path: WantedPath, duration: float) -> Steered:
+    """Find the drives that take a robot along a path, from rest to rest in a duration [s].
+
+    The hinges that turn or have motors are driven. The shell starts as in the scene, the weights
+    where they keep it at rest. Raises InputError where too few hinges are driven, where the plane
+    resists rolling, and where the hinges cannot roll the ball as it is wanted, with the time.
+    """
+    check_positive("the duration", duration, "s")
+    if scene.friction.rolling:
+        raise InputError(f"{scene.name}: the plane resists rolling, which steering does not know")
+    # A hinge that neither turns nor has a motor is fixed; a free one cannot be driven.
+    driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
+    if driven.sum() < 2:
+        raise InputError(
+            f"{scene.name}: {driven.sum()} hinges are driven; to roll anywhere takes two: give "
+            "them a rate or a motor"
+        )
+    way = Way(scene, path, duration, driven)
+    times = np.linspace(0.0, duration, int(np.ceil(duration / INTERVAL)) + 1)
+    y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
+    moves = way.moves(times, y)
+    rates = moves.u[3:].T
+    _check_reach(scene, times, moves)
+    samples: list[Any] = [
+        Samples(times=tuple(times.tolist()), values=tuple(column.tolist())) if on else 0.0
+        for column, on in zip(rates.T, driven, strict=True)
+    ]
+    rotors = len(scene.ball.rotors)
+    steered = replace(
+        scene,
+        name=f"{scene.name}_{path.name}",
+        title=f"{scene.title}, steered along a {path.name}",
+        frame_rate=samples[0],
+        rotor_rates=tuple(samples[1 : 1 + rotors]),
+        pendulum_rates=tuple(samples[1 + rotors :]),
+        motors=(),
+        duration=duration,
+        # The solution's own first state, which the boundary conditions hold to their tolerance.
+        start=Start(y[:4, 0] / np.linalg.norm(y[:4, 0]), np.zeros(3), y[7:, 0]),
+    )
+    return Steered(steered, times, rates, way.point(times))
+
+
+def _is_driven(hinge: Hinge) -> bool:
+    return not isinstance(hinge.motor, Free) and (hinge.motor is not None or turns(hinge.command))
+
+
+def _check_reach(scene: Scene, times: Array, moves: Moves) -> None:
+    least, fastest = int(moves.reach.argmin()), int(np.abs(moves.u[3:]).max(axis=0).argmax())
+    if moves.reach[least] < SINGULAR:
+        raise InputError(
+            f"{scene.name}: at t = {times[least]:.4g} s the hinges cannot roll the ball in every "
+            "direction, for what they move lies in one line; take another path or attitude"
+        )
+    speed = float(np.abs(moves.u[3:, fastest]).max())
+    if not speed < FASTEST:
+        raise InputError(
+            f"{scene.name}: at t = {times[fastest]:.4g} s a hinge would turn at {speed:.3g} rad/s; "
+            "take more time, or another path"
+        )
+
+
+def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> list[str]:
+    """Return a line for each thing that the motion needs and the robot or plane has not.
+
+    robot: the scene with its motors and its friction; motion: of the steered scene; rate_limit: the
+    fastest that a hinge may turn [rad/s].
+    """
+    lines, loads = [], motion.loads
+    for i, hinge in enumerate(robot.hinges):
+        torque = float(np.abs(loads.motor_torques[:, i]).max())
+        limit = hinge.motor.law.limit if hinge.motor else math.inf
+        if torque > limit:
+            lines.append(f"{hinge.name} needs {torque:.3g} N m, and its motor gives {limit:g} N m")
+        rate = float(np.abs(motion.hinge_rates[:, i]).max())
+        if rate > rate_limit:
+            lines.append(f"{hinge.name} turns at {rate:.3g} rad/s, of at most {rate_limit:g}")
+    friction = robot.friction
+    sliding = float(loads.sliding_friction.max())
+    if friction.sliding is not None and sliding > friction.sliding:
+        lines.append(f"it slips: it needs a friction of {sliding:.3g}, of {friction.sliding:g}")
+    torsional = float(loads.torsional_friction.max())
+    if friction.torsional is not None and torsional > friction.torsional:
+        lines.append(
+            f"it spins: it needs a torsional friction of {torsional:.3g} m, of "
+            f"{friction.torsional:g} m"
+        )
+    return lines
 
 
 class Way:
@@ -187,105 +311,6 @@ class Way:
         w, x, y_, z = y[:4]
         spin = eq.attitude_rate((w, x, y_, z), tuple(moving[1, :3]))
         return np.where(astray, np.nan, np.concatenate([np.stack(spin), L_rate, now.u[3:]]))
-
-
-@dataclass(frozen=True)
-class Moves:
-    """axes (n, 3, 3), gamma (n, 3), placed, u (3 + h, n) and reach (n,).
-
-    reach: how well the hinges move the ball in the direction that they move it least.
-    """
-
-    axes: Array
-    gamma: Array
-    placed: Array
-    u: Array
-    reach: Array
-
-
-INTERVAL = 0.04  # s, between the samples of the drives, which cubics join
-TOLERANCE = 1e-9
-BVP_TOLERANCE, MOST_NODES = 1e-5, 20_000
-SINGULAR = 1e-4  # of the largest part: hinges that move the ball less in some direction cannot
-FASTEST = 1e4  # rad/s: no motor turns so fast, and only a singular way asks for it
-
-
-@dataclass(frozen=True)
-class Steered:
-    """The drives that roll a robot along a path.
-
-    scene       the robot with them, from rest; its hinges keep their rates exactly
-    times (n,)  s
-    rates (n, h) rad/s, of the hinges
-    wanted (n, 2) m, the contact point
-    """
-
-    scene: Scene
-    times: Array
-    rates: Array
-    wanted: Array
-
-
-def steer(scene: Scene, path: WantedPath, duration: float) -> Steered:
-    """Find the drives that take a robot along a path, from rest to rest in a duration [s].
-
-    The hinges that turn or have motors are driven. The shell starts as in the scene, the weights
-    where they keep it at rest. Raises InputError where too few hinges are driven, where the plane
-    resists rolling, and where the hinges cannot roll the ball as it is wanted, with the time.
-    """
-    check_positive("the duration", duration, "s")
-    if scene.friction.rolling:
-        raise InputError(f"{scene.name}: the plane resists rolling, which steering does not know")
-    # A hinge that neither turns nor has a motor is fixed; a free one cannot be driven.
-    driven = np.array([_is_driven(hinge) for hinge in scene.hinges])
-    if driven.sum() < 2:
-        raise InputError(
-            f"{scene.name}: {driven.sum()} hinges are driven; to roll anywhere takes two: give "
-            "them a rate or a motor"
-        )
-    way = Way(scene, path, duration, driven)
-    times = np.linspace(0.0, duration, int(np.ceil(duration / INTERVAL)) + 1)
-    y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
-    moves = way.moves(times, y)
-    rates = moves.u[3:].T
-    _check_reach(scene, times, moves)
-    samples: list[Any] = [
-        Samples(times=tuple(times.tolist()), values=tuple(column.tolist())) if on else 0.0
-        for column, on in zip(rates.T, driven, strict=True)
-    ]
-    rotors = len(scene.ball.rotors)
-    steered = replace(
-        scene,
-        name=f"{scene.name}_{path.name}",
-        title=f"{scene.title}, steered along a {path.name}",
-        frame_rate=samples[0],
-        rotor_rates=tuple(samples[1 : 1 + rotors]),
-        pendulum_rates=tuple(samples[1 + rotors :]),
-        motors=(),
-        duration=duration,
-        # The solution's own first state, which the boundary conditions hold to their tolerance.
-        start=Start(y[:4, 0] / np.linalg.norm(y[:4, 0]), np.zeros(3), y[7:, 0]),
-    )
-    return Steered(steered, times, rates, way.point(times))
-
-
-def _is_driven(hinge: Hinge) -> bool:
-    return not isinstance(hinge.motor, Free) and (hinge.motor is not None or turns(hinge.command))
-
-
-def _check_reach(scene: Scene, times: Array, moves: Moves) -> None:
-    least, fastest = int(moves.reach.argmin()), int(np.abs(moves.u[3:]).max(axis=0).argmax())
-    if moves.reach[least] < SINGULAR:
-        raise InputError(
-            f"{scene.name}: at t = {times[least]:.4g} s the hinges cannot roll the ball in every "
-            "direction, for what they move lies in one line; take another path or attitude"
-        )
-    speed = float(np.abs(moves.u[3:, fastest]).max())
-    if not speed < FASTEST:
-        raise InputError(
-            f"{scene.name}: at t = {times[fastest]:.4g} s a hinge would turn at {speed:.3g} rad/s; "
-            "take more time, or another path"
-        )
 
 
 def _forward(way: Way, times: Array) -> Array:
@@ -407,31 +432,3 @@ def _balanced(way: Way, shell: Array, angles: Array) -> Array:
     found = angles.copy()
     found[way.driven] = least_squares(beside, lowest, xtol=1e-14).x
     return found
-
-
-def shortfalls(robot: Scene, motion: Motion, rate_limit: float = math.inf) -> list[str]:
-    """Return a line for each thing that the motion needs and the robot or plane has not.
-
-    robot: the scene with its motors and its friction; motion: of the steered scene; rate_limit: the
-    fastest that a hinge may turn [rad/s].
-    """
-    lines, loads = [], motion.loads
-    for i, hinge in enumerate(robot.hinges):
-        torque = float(np.abs(loads.motor_torques[:, i]).max())
-        limit = hinge.motor.law.limit if hinge.motor else math.inf
-        if torque > limit:
-            lines.append(f"{hinge.name} needs {torque:.3g} N m, and its motor gives {limit:g} N m")
-        rate = float(np.abs(motion.hinge_rates[:, i]).max())
-        if rate > rate_limit:
-            lines.append(f"{hinge.name} turns at {rate:.3g} rad/s, of at most {rate_limit:g}")
-    friction = robot.friction
-    sliding = float(loads.sliding_friction.max())
-    if friction.sliding is not None and sliding > friction.sliding:
-        lines.append(f"it slips: it needs a friction of {sliding:.3g}, of {friction.sliding:g}")
-    torsional = float(loads.torsional_friction.max())
-    if friction.torsional is not None and torsional > friction.torsional:
-        lines.append(
-            f"it spins: it needs a torsional friction of {torsional:.3g} m, of "
-            f"{friction.torsional:g} m"
-        )
-    return lines

@@ -1,7 +1,8 @@
 """Read and write tables of numbers with a header, as CSV, NPZ or Parquet.
 
 Columns come back to the last bit. CSV is read as simulators write it: with any delimiter, comments,
-a line of units, a byte order mark.
+a line of units, a byte order mark. In order: the table and its files, samples of a drive, then each
+kind of file.
 """
 
 import codecs
@@ -12,7 +13,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -32,26 +33,114 @@ MARKS = {
     codecs.BOM_UTF16_BE: "utf-16",
 }
 LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
-UNITS_LINE = "units"  # the header's line of them, as JSON
+LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
+WORD = 8  # bytes of a number
+# Of an NPZ's own members and a Parquet's metadata, as JSON; units are a line of a CSV's header.
+HEADER, UNITS = "header", "units"
+# What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file,
+# OSError where a member is said to begin before the file.
+UNREADABLE = (
+    ValueError, TypeError, EOFError, OSError, KeyError, RuntimeError, zipfile.BadZipFile,
+    zlib.error,
+)  # fmt: skip
+PARQUET_EXTRA = (
+    "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
+)
+# Units that need no conversion: whether the value is a rate, an angle or a torque, the drive says.
+TIME, VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
+
+
 Line = tuple[int, str]  # its number in the file, from 1, and its text
 
 
-def write_csv(
-    columns: Mapping[str, Array], units: Mapping[str, str], header: Mapping[str, str]
-) -> str:
-    """Return the text of a CSV file, with its header in comment lines `# name: text`."""
-    texts = {**header, UNITS_LINE: json.dumps(dict(units), ensure_ascii=False)}
+@dataclass(frozen=True)
+class Table:
+    """columns: names → numbers, all of one length; units, of columns; header: names → texts.
+
+    notes: what had to be understood on reading, a line each.
+    """
+
+    columns: Mapping[str, Array]
+    units: Mapping[str, str]
+    header: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+
+
+def write_table(path: Path, table: Table) -> None:
+    """Write a table as a file of the kind that its suffix says. Raises InputError for others."""
+    writers: dict[str, Callable[[Path, Table], None]] = {
+        ".csv": _write_csv,
+        ".npz": _write_npz,
+        ".parquet": _write_parquet,
+    }
+    write = _of_suffix(path, writers)
+    with replacing(path) as temporary:
+        write(temporary, table)
+
+
+def read_table(path: Path) -> Table:
+    """Return the table of a file. Raises InputError, with the file, where it holds none."""
+    readers: dict[str, Callable[[BinaryIO], Table]] = {
+        ".csv": _read_csv,
+        ".tsv": _read_csv,
+        ".txt": _read_csv,
+        ".npz": _read_npz,
+        ".parquet": _read_parquet,
+    }
+    read = _of_suffix(path, readers)
+    # A reader says what is wrong with the bytes; the file's name is put before it here.
+    with opened(path, LONGEST) as file:
+        try:
+            table = read(file)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+    lengths = {name: len(column) for name, column in table.columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"{path}: columns are of different lengths: {lengths}")
+    return table
+
+
+def _of_suffix(path: Path, by_suffix: Mapping[str, Any]) -> Any:
+    suffix = path.suffix.lower()
+    if suffix not in by_suffix:
+        kinds = ", ".join(by_suffix)
+        raise InputError(f"{path}: a trajectory's file is one of {kinds}, not {suffix!r}")
+    return by_suffix[suffix]
+
+
+def read_samples(path: Path) -> Samples:
+    """Return the samples of a file of two columns, a time [s] and a value.
+
+    Raises InputError, with the file, where it holds none, or a unit that is not SI's.
+    """
+    table = read_table(path)
+    if len(table.columns) != 2:
+        raise InputError(
+            f"{path}: samples take two columns, time and value, not {', '.join(table.columns)}"
+        )
+    for name, known in zip(table.columns, (TIME, VALUE), strict=True):
+        if (unit := table.units.get(name)) and unit not in known:
+            raise InputError(f"{path}: {name} is in {unit}; samples take {', '.join(known[:3])}")
+    times, values = (tuple(column.tolist()) for column in table.columns.values())
+    try:
+        return Samples(times=times, values=values)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _write_csv(path: Path, table: Table) -> None:
+    """Write the header in comment lines `# name: text`, one for each line of a text."""
+    texts = {**table.header, UNITS: json.dumps(dict(table.units), ensure_ascii=False)}
     lines = [f"# {name}: {line}" for name, text in texts.items() for line in text.split("\n")]
-    lines.append(",".join(columns))
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    lines.append(",".join(table.columns))
+    rows = zip(*(column.tolist() for column in table.columns.values()), strict=True)
+    # By repr, the shortest text that is read back to the last bit.
     lines += [",".join(map(repr, row)) for row in rows]
-    return "\n".join(lines) + "\n"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def read_csv(
-    file: BinaryIO,
-) -> tuple[dict[str, Array], dict[str, str], dict[str, str], tuple[str, ...]]:
-    """Return columns, units, header and notes of a file. Raises InputError for no table.
+def _read_csv(file: BinaryIO) -> Table:
+    """Return the table of a CSV file. Raises InputError for what is no table.
 
     The line of names may be a comment, and a line of units may follow it. Numbers may have decimal
     commas where another character is between them.
@@ -63,13 +152,12 @@ def read_csv(
     notes = ("it begins with a byte order mark, which is skipped",) if encoding else ()
     lines = enumerate(io.TextIOWrapper(file, encoding or "utf-8"), 1)
     try:
-        return *_table(lines), notes
+        return replace(_table(lines), notes=notes)
     except UnicodeDecodeError:
         raise InputError("it is no text in UTF-8 or UTF-16") from None
 
 
-def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dict[str, str]]:
-    """Return columns, units and header."""
+def _table(lines: Iterator[Line]) -> Table:
     # One pass, in pieces: comments are collected on the way, as units and names may be in them.
     comments: list[str] = []
     rows = _rows(lines, comments)
@@ -97,8 +185,8 @@ def _table(lines: Iterator[Line]) -> tuple[dict[str, Array], dict[str, str], dic
     if not any(map(len, parts)):
         raise InputError("there are no rows of numbers below the columns' names")
     header = _header(comments)
-    units = below | _units_of(header.pop(UNITS_LINE, ""))
-    return dict(zip(names, np.concatenate(parts).T, strict=True)), units, header
+    units = below | _units_of(header.pop(UNITS, ""))
+    return Table(dict(zip(names, np.concatenate(parts).T, strict=True)), units, header)
 
 
 def _rows(lines: Iterable[Line], comments: list[str]) -> Iterator[Line]:
@@ -179,83 +267,6 @@ def _checked(
             i = next(i for i, cell in enumerate(cells) if not _is_number(cell))
             what = f"is {cells[i]!r}" if cells[i] else "is empty"
             raise InputError(f"line {number}: {names[i]} {what}, and must be a number") from None
-
-
-LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
-WORD = 8  # bytes of a number
-HEADER, UNITS = "header", "units"  # of an NPZ's own members, and of a Parquet's metadata
-# What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file,
-# OSError where a member is said to begin before the file.
-UNREADABLE = (
-    ValueError, TypeError, EOFError, OSError, KeyError, RuntimeError, zipfile.BadZipFile,
-    zlib.error,
-)  # fmt: skip
-PARQUET_EXTRA = (
-    "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
-)
-
-
-@dataclass(frozen=True)
-class Table:
-    """columns: names → numbers, all of one length; units, of columns; header: names → texts.
-
-    notes: what had to be understood on reading, a line each.
-    """
-
-    columns: Mapping[str, Array]
-    units: Mapping[str, str]
-    header: Mapping[str, str]
-    notes: tuple[str, ...] = ()
-
-
-def write_table(path: Path, table: Table) -> None:
-    """Write a table as a file of the kind that its suffix says. Raises InputError for others."""
-    writers: dict[str, Callable[[Path, Table], None]] = {
-        ".csv": _write_csv,
-        ".npz": _write_npz,
-        ".parquet": _write_parquet,
-    }
-    write = _of_suffix(path, writers)
-    with replacing(path) as temporary:
-        write(temporary, table)
-
-
-def read_table(path: Path) -> Table:
-    """Return the table of a file. Raises InputError, with the file, where it holds none."""
-    readers: dict[str, Callable[[BinaryIO], Table]] = {
-        ".csv": _read_csv,
-        ".tsv": _read_csv,
-        ".txt": _read_csv,
-        ".npz": _read_npz,
-        ".parquet": _read_parquet,
-    }
-    read = _of_suffix(path, readers)
-    # A reader says what is wrong with the bytes; the file's name is put before it here.
-    with opened(path, LONGEST) as file:
-        try:
-            table = read(file)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-    lengths = {name: len(column) for name, column in table.columns.items()}
-    if len(set(lengths.values())) > 1:
-        raise InputError(f"{path}: columns are of different lengths: {lengths}")
-    return table
-
-
-def _of_suffix(path: Path, by_suffix: Mapping[str, Any]) -> Any:
-    suffix = path.suffix.lower()
-    if suffix not in by_suffix:
-        kinds = ", ".join(by_suffix)
-        raise InputError(f"{path}: a trajectory's file is one of {kinds}, not {suffix!r}")
-    return by_suffix[suffix]
-
-
-def _write_csv(path: Path, table: Table) -> None:
-    path.write_text(write_csv(table.columns, table.units, table.header), encoding="utf-8")
-
-
-def _read_csv(file: BinaryIO) -> Table:
-    return Table(*read_csv(file))
 
 
 def _write_npz(path: Path, table: Table) -> None:
@@ -349,27 +360,3 @@ def _read_parquet(file: BinaryIO) -> Table:
     }
     columns = dict(_columns(arrays))
     return Table(columns, _texts(metadata.get(UNITS)), _texts(metadata.get(HEADER)))
-
-
-# Units that need no conversion: whether the value is a rate, an angle or a torque, the drive says.
-TIME, VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
-
-
-def read_samples(path: Path) -> Samples:
-    """Return the samples of a file of two columns, a time [s] and a value.
-
-    Raises InputError, with the file, where it holds none, or a unit that is not SI's.
-    """
-    table = read_table(path)
-    if len(table.columns) != 2:
-        raise InputError(
-            f"{path}: samples take two columns, time and value, not {', '.join(table.columns)}"
-        )
-    for name, known in zip(table.columns, (TIME, VALUE), strict=True):
-        if (unit := table.units.get(name)) and unit not in known:
-            raise InputError(f"{path}: {name} is in {unit}; samples take {', '.join(known[:3])}")
-    times, values = (tuple(column.tolist()) for column in table.columns.values())
-    try:
-        return Samples(times=times, values=values)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None

@@ -6,6 +6,7 @@ start, without any engine's recipe; URDF and SDF have bodies and hinges.
 
 import contextlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -18,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from robotball.drives import Constant, Drive, Free, PositionServo, Ramp, Samples, Servo, Sine, Total
 from robotball.engine import integrate
-from robotball.engines.links import SHELL, Link, links_of
+from robotball.engines.links import SHELL, links_of
 from robotball.errors import InputError
 from robotball.files.columns import Table, write_table
 from robotball.files.replacing import replacing
@@ -31,6 +32,52 @@ FORMAT = "robotball scene 1"
 SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
 # Of a hinge's command; of a motor that is not here a torque.
 COMMANDED = {Servo: "rad/s", PositionServo: "rad", Free: "none"}
+# Times the friction that the motion needs: another engine's contact must not slip at the peak.
+MARGIN = 1.5
+# URDF's readers ask for limits of every joint; these limit nothing.
+FASTEST, STRONGEST = "1e6", "1e9"
+README = "README.md"
+
+
+def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -> list[Path]:
+    """Write a scene for other simulators into a folder; returns the files.
+
+    scene.json, scene.toml where the scene has one, drives.csv and reference.csv at the sample
+    times (n,) [s], the scene's own if None, model.xml (MJCF), model.urdf, model.sdf, README.md.
+    Raises InputError for a scene that the equations cannot integrate, and where nothing can be
+    written.
+    """
+    folder = Path(folder)
+    motion = integrate(scene, times)
+    conventions = files("robotball.files").joinpath("export_conventions.md")
+    texts = {
+        "scene.json": json.dumps(plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
+        "model.xml": mjcf(motion),
+        "model.urdf": urdf(scene),
+        "model.sdf": sdf(motion),
+        README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
+    }
+    with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
+        texts["scene.toml"] = scene_toml(scene)
+    # One by one, each whole or not there: a folder that was half written has no half file.
+    for name, text in texts.items():
+        with replacing(folder / name) as temporary:
+            temporary.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
+    write_table(folder / "drives.csv", _drives(motion))
+    motion.save(folder / "reference.csv")
+    return sorted(folder / name for name in (*texts, "drives.csv", "reference.csv"))
+
+
+def _drives(motion: Motion) -> Table:
+    """Return each hinge's command, with its slope and its integral from 0."""
+    times = motion.times
+    columns: dict[str, Array] = {"t": times}
+    for hinge in motion.scene.hinges:
+        command = hinge.command
+        columns[f"{hinge.name}_command"] = np.asarray(command.rate(times), dtype=float)
+        columns[f"{hinge.name}_slope"] = np.asarray(command.acceleration(times), dtype=float)
+        columns[f"{hinge.name}_integral"] = np.asarray(command.angle(times), dtype=float)
+    return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
 
 
 def plain(motion: Motion) -> dict[str, Any]:
@@ -206,21 +253,6 @@ def formula(command: Drive) -> dict[str, Any]:
     return {"kind": "function", "formula": "see drives.csv"}
 
 
-# Times the friction that the motion needs: another engine's contact must not slip at the peak.
-MARGIN = 1.5
-
-
-def numbers(values: Array | list[float]) -> str:
-    """Return numbers with all their digits, separated by blanks."""
-    return " ".join(repr(float(value)) for value in values)
-
-
-def xml_text(root: Element) -> str:
-    """Return an indented document."""
-    indent(root)
-    return tostring(root, encoding="unicode")
-
-
 def mjcf(motion: Motion) -> str:
     """Return the MJCF of a reference motion's scene, its start as the keyframe `start`.
 
@@ -243,14 +275,9 @@ def mjcf(motion: Motion) -> str:
         origin = [0.0, 0.0, scene.ball.radius] if link.parent == SHELL else link.origin
         # All hinges are at angle 0 here; the keyframe turns them.
         body = SubElement(parent, "body", name=link.name, pos=numbers(origin))
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
-        SubElement(
-            body,
-            "inertial",
-            pos=numbers(link.centre),
-            mass=repr(float(link.mass)),
-            fullinertia=numbers([xx, yy, zz, xy, xz, yz]),
-        )
+        mass = {"pos": numbers(link.centre), "mass": repr(float(link.mass))}
+        moments = " ".join(_moments(link.inertia).values())
+        SubElement(body, "inertial", {**mass, "fullinertia": moments})
         if link.parent == SHELL:
             SubElement(body, "freejoint", name=link.name)
             # Without a mass of its own: the inertial above has all of the shell's.
@@ -270,10 +297,6 @@ def mjcf(motion: Motion) -> str:
     qvel = [*velocity, *turning, *(hinge.rate for hinge in hinges)]
     SubElement(keyframe, "key", name="start", qpos=numbers(qpos), qvel=numbers(qvel))
     return xml_text(root)
-
-
-# URDF's readers ask for limits of every joint; these limit nothing.
-FASTEST, STRONGEST = "1e6", "1e9"
 
 
 def urdf(scene: Scene) -> str:
@@ -309,114 +332,79 @@ def sdf(motion: Motion) -> str:
     scene = motion.scene
     root = Element("sdf", version="1.9")
     world = SubElement(root, "world", name=scene.name)
-    _text(world, "gravity", numbers(scene.gravity * np.array(scene.gravity_direction)))
-    needed = friction_needed(motion)
-    plane = SubElement(world, "model", name="plane")
-    _text(plane, "static", "true")
+    _fill(world, {"gravity": numbers(scene.gravity * np.array(scene.gravity_direction))})
+    surface = _surface(motion)
+    plane = _fill(SubElement(world, "model", name="plane"), {"static": "true"})
     ground = SubElement(SubElement(plane, "link", name="plane"), "collision", name="plane")
-    shape = SubElement(SubElement(ground, "geometry"), "plane")
-    _text(shape, "normal", "0 0 1")
-    _text(shape, "size", "100 100")  # of its picture, without which PyBullet reads no plane
-    _surface(ground, needed["sliding"], needed["torsional"])
+    # The size is that of its picture, without which PyBullet reads no plane.
+    shape = {"plane": {"normal": "0 0 1", "size": "100 100"}}
+    _fill(ground, {"geometry": shape, "surface": surface})
     ball = SubElement(world, "model", name="ball")
     shell = poses(motion)["shell"]
     angles = Rotation.from_quat(shell.attitude[0], scalar_first=True).as_euler("xyz")
-    _text(ball, "pose", numbers([0.0, 0.0, scene.ball.radius, *angles]))
+    _fill(ball, {"pose": numbers([0.0, 0.0, scene.ball.radius, *angles])})
     links = links_of(scene)
     # SDF gives a link's place in its model, not in its parent.
     places: list[Array] = []
     for link in links:
         above = np.zeros(3) if link.parent == SHELL else places[link.parent]
         places.append(above + link.origin)
-        _link(ball, link, places[-1], scene.ball.radius, needed)
+        inertial = {
+            "pose": numbers([*link.centre, 0.0, 0.0, 0.0]),
+            "mass": repr(float(link.mass)),
+            "inertia": _moments(link.inertia),
+        }
+        element = SubElement(ball, "link", name=link.name)
+        _fill(element, {"pose": numbers([*places[-1], 0.0, 0.0, 0.0]), "inertial": inertial})
+        if link.parent == SHELL:
+            sphere = {"sphere": {"radius": repr(float(scene.ball.radius))}}
+            collision = SubElement(element, "collision", name="sphere")
+            _fill(collision, {"geometry": sphere, "surface": surface})
     for link in links:
         if link.parent != SHELL:
             joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type="continuous")
-            _text(joint, "parent", links[link.parent].name)
-            _text(joint, "child", link.name)
-            _text(SubElement(joint, "axis"), "xyz", numbers(link.axis))
+            axis = {"xyz": numbers(link.axis)}
+            _fill(joint, {"parent": links[link.parent].name, "child": link.name, "axis": axis})
     return xml_text(root)
 
 
-def _link(ball: Element, link: Link, place: Array, radius: float, needed: dict[str, float]) -> None:
-    element = SubElement(ball, "link", name=link.name)
-    _text(element, "pose", numbers([*place, 0.0, 0.0, 0.0]))
-    inertial = SubElement(element, "inertial")
-    _text(inertial, "pose", numbers([*link.centre, 0.0, 0.0, 0.0]))
-    _text(inertial, "mass", repr(float(link.mass)))
-    inertia = SubElement(inertial, "inertia")
-    for name, value in _moments(link.inertia).items():
-        _text(inertia, name, value)
-    if link.parent == SHELL:
-        collision = SubElement(element, "collision", name="sphere")
-        _text(
-            SubElement(SubElement(collision, "geometry"), "sphere"), "radius", repr(float(radius))
-        )
-        _surface(collision, needed["sliding"], needed["torsional"])
-
-
-def _surface(collision: Element, sliding: float, torsional: float) -> None:
-    friction = SubElement(SubElement(collision, "surface"), "friction")
-    ode = SubElement(friction, "ode")
-    for name in ("mu", "mu2"):
-        _text(ode, name, repr(MARGIN * sliding))
-    if torsional:
+def _surface(motion: Motion) -> dict[str, Any]:
+    """Return the contents of an SDF surface with the friction that the motion needs."""
+    needed = friction_needed(motion)
+    sliding = repr(MARGIN * needed["sliding"])
+    friction: dict[str, Any] = {"ode": {"mu": sliding, "mu2": sliding}}
+    if needed["torsional"]:
         # Its torque is 3π/16 · coefficient · patch radius · normal force; the radius is 1 m here.
-        spin = SubElement(friction, "torsional")
-        _text(spin, "use_patch_radius", "true")
-        _text(spin, "patch_radius", "1.0")
-        _text(spin, "coefficient", repr(MARGIN * torsional * 16 / (3 * np.pi)))
+        coefficient = repr(MARGIN * needed["torsional"] * 16 / (3 * np.pi))
+        patch = {"use_patch_radius": "true", "patch_radius": "1.0"}
+        friction["torsional"] = {**patch, "coefficient": coefficient}
+    return {"friction": friction}
+
+
+def _fill(parent: Element, contents: Mapping[str, Any]) -> Element:
+    """Add elements by their names, each with a text or with contents of its own."""
+    for name, content in contents.items():
+        element = SubElement(parent, name)
+        if isinstance(content, str):
+            element.text = content
+        else:
+            _fill(element, content)
+    return parent
 
 
 def _moments(inertia: Array) -> dict[str, str]:
+    """Return the six moments by URDF's and SDF's names, in the order of MJCF's fullinertia."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     return dict(zip(names, map(repr, (xx, yy, zz, xy, xz, yz)), strict=True))
 
 
-def _text(parent: Element, name: str, text: str) -> None:
-    SubElement(parent, name).text = text
+def numbers(values: Array | list[float]) -> str:
+    """Return numbers with all their digits, separated by blanks."""
+    return " ".join(repr(float(value)) for value in values)
 
 
-README = "README.md"
-
-
-def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -> list[Path]:
-    """Write a scene for other simulators into a folder; returns the files.
-
-    scene.json, scene.toml where the scene has one, drives.csv and reference.csv at the sample
-    times (n,) [s], the scene's own if None, model.xml (MJCF), model.urdf, model.sdf, README.md.
-    Raises InputError for a scene that the equations cannot integrate, and where nothing can be
-    written.
-    """
-    folder = Path(folder)
-    motion = integrate(scene, times)
-    conventions = files("robotball.files").joinpath("export_conventions.md")
-    texts = {
-        "scene.json": json.dumps(plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
-        "model.xml": mjcf(motion),
-        "model.urdf": urdf(scene),
-        "model.sdf": sdf(motion),
-        README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
-    }
-    with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
-        texts["scene.toml"] = scene_toml(scene)
-    # One by one, each whole or not there: a folder that was half written has no half file.
-    for name, text in texts.items():
-        with replacing(folder / name) as temporary:
-            temporary.write_text(text.rstrip("\n") + "\n", encoding="utf-8")
-    write_table(folder / "drives.csv", _drives(motion))
-    motion.save(folder / "reference.csv")
-    return sorted(folder / name for name in (*texts, "drives.csv", "reference.csv"))
-
-
-def _drives(motion: Motion) -> Table:
-    """Return each hinge's command, with its slope and its integral from 0."""
-    times = motion.times
-    columns: dict[str, Array] = {"t": times}
-    for hinge in motion.scene.hinges:
-        command = hinge.command
-        columns[f"{hinge.name}_command"] = np.asarray(command.rate(times), dtype=float)
-        columns[f"{hinge.name}_slope"] = np.asarray(command.acceleration(times), dtype=float)
-        columns[f"{hinge.name}_integral"] = np.asarray(command.angle(times), dtype=float)
-    return Table(columns, {"t": "s"}, {"scene": motion.scene.name})
+def xml_text(root: Element) -> str:
+    """Return an indented document."""
+    indent(root)
+    return tostring(root, encoding="unicode")

@@ -29,7 +29,8 @@ from robotball.rotations import Array, rotation_matrix
 WAIT = 20.0  # s, of a process that may be starved of its few seconds
 MEMORY = 500_000_000  # bytes, beyond what MuJoCo itself takes
 SECONDS = 5  # of processor time: a large robot takes a tenth of one
-NO_MEMORY = ("Could not allocate memory", "unknown exception")  # MuJoCo's words for that
+# MuJoCo reports memory that it does not get in two ways, of which the second has no better word.
+NO_MEMORY = ("Could not allocate memory", "unknown exception")
 COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
 INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
@@ -64,6 +65,7 @@ def _asked(kind: str, path: Path, name: str) -> dict[str, Any]:
     """Return the answer of a process of its own, or why that process has ended."""
     try:
         done = subprocess.run(
+            # -P: a file of the user's folder cannot stand in for one of Python's own modules.
             [sys.executable, "-P", "-m", __name__, kind, str(path), name],
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -74,8 +76,10 @@ def _asked(kind: str, path: Path, name: str) -> dict[str, Any]:
     if done.returncode == 0:
         answer: dict[str, Any] = json.loads(done.stdout)
         return answer
+    # The system ends a process that used up its processor time.
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return {"error": f"it takes more than {SECONDS} s to load"}
+    # Any other end is by memory: MuJoCo's, or Python's own while it had none for a message.
     why = (done.stderr.decode(errors="replace").splitlines() or ["no word"])[-1]
     return {"error": f"it cannot be loaded with {MEMORY / 1e6:.0f} MB of memory: {why}"}
 
@@ -87,6 +91,7 @@ def _main() -> None:
     _, kind, path, name = sys.argv
     _limit()
     try:
+        # Before MuJoCo parses, which leaves a file MUJOCO_LOG.TXT behind where it meets a NaN.
         _check_numbers(Path(path), Path(path).parent)
         solid = _of_mjcf(path, name) if kind == "body" else _of_urdf(path, name)
         answer = {
@@ -122,6 +127,7 @@ def _check_numbers(path: Path, folder: Path) -> None:
     text = COMMENT.sub("", path.read_text(errors="replace"))
     attributes = [(key, value) for key, _, value in ATTRIBUTE.findall(text)]
     names = {value for key, value in attributes if key in ("name", "class")}
+    # A body may be called `inf`, and what refers to it has that value as well.
     for key, value in attributes:
         if value not in names and not key.endswith("range") and not _finite(value):
             raise InputError(f"{path.name}: {key} takes finite numbers, not {value!r}")
@@ -153,6 +159,7 @@ def _of_mjcf(path: str, name: str) -> Solid:
             if model.body_weldid[i] != model.body_weldid[number]:
                 raise _moves("body", name, model.body(i).name)
             below.append(i)
+    # The pose of all bodies at the model's reference, to bring what is fixed into one body's axes.
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     to_body, origin = data.xmat[number].reshape(3, 3).T, data.xpos[number]

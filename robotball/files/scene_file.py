@@ -67,7 +67,7 @@ _SYMMETRIC = 1e-9
 
 @dataclass(frozen=True)
 class Entry:
-    """What heads a scene's file: its name, title, rolling model and duration [s]."""
+    """The head of a scene's file: its name, title, rolling model and duration [s]."""
 
     name: str
     title: str
@@ -269,22 +269,22 @@ def _motor(motor: type[Any], keys: tuple[str, ...], table: HingeTable) -> Any:
     return motor(**{name: value for name, value in values.items() if value is not None})
 
 
-def _command(told: Command, folder: Path) -> Rate:
+def _command(given: Command, folder: Path) -> Rate:
     """Return a command as a drive takes it; samples may be in a file beside the scene's."""
-    if isinstance(told, list):
-        return Sum(tuple(_command(each, folder) for each in told))
-    if not isinstance(told, SamplesTable):
-        return told
-    if told.file is not None:
-        if told.times is not None or told.values is not None:
+    if isinstance(given, list):
+        return Sum(tuple(_command(each, folder) for each in given))
+    if not isinstance(given, SamplesTable):
+        return given
+    if given.file is not None:
+        if given.times is not None or given.values is not None:
             raise InputError("samples take a file, or times and values, not both")
         from robotball.files.columns import read_samples  # few scenes have such a file
 
-        return read_samples(folder / told.file)
-    if told.times is None or told.values is None:
-        missing = "times" if told.times is None else "values"
+        return read_samples(folder / given.file)
+    if given.times is None or given.values is None:
+        missing = "times" if given.times is None else "values"
         raise InputError(f"samples: key {missing!r} is missing, or 'file' instead")
-    return Samples(times=tuple(told.times), values=tuple(told.values))
+    return Samples(times=tuple(given.times), values=tuple(given.values))
 
 
 _START_FORMS = (

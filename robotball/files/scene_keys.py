@@ -30,6 +30,7 @@ MANY = ("rotor", "pendulum", "part")
 
 def explained(message: str) -> str:
     """Return msgspec's message with the key's path first, and near matches or the known values."""
+    # Its messages are its only report of what and where; a test holds each form that is read here.
     where = re.search(r" - at `\$\.?(.*)`$", message)
     key, what = (where[1], message[: where.start()]) if where else ("", message)
     line = _worded(key, what)
@@ -54,7 +55,7 @@ def _worded(key: str, what: str) -> str:
     if invalid := re.match(r"Invalid (?:enum )?value (.*)$", what):
         return f"unknown value {invalid[1]}{_listed(key)}"
     if expected := re.match(r"Expected (.*), got `?(\w+)`?$", what):
-        # [rotor] instead of [[rotor]] is TOML's most usual mistake.
+        # [rotor] for [[rotor]] is easily written, and is a table where a list is expected.
         if key.split(".")[-1] in MANY and expected[2] == "object":
             return f"a scene may have many; write [[{key}]] for each"
         # A key that may be left out is a union with null, which TOML has not.
@@ -78,6 +79,7 @@ def known_keys(path: str) -> list[str]:
 def tables_at(path: str) -> Iterator[inspect.StructType]:
     """Yield the tables that may stand at a path."""
     words = [word for word in re.sub(r"\[.*?\]", "", path).split(".") if word]
+    # All tables that may stand there: parts and commands are of several kinds.
     found = [_struct(SceneTable)]
     for word in words:
         fields = [field for table in found for field in table.fields if field.name == word]

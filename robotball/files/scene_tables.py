@@ -38,6 +38,7 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         return [each for each in keys if getattr(self, each) is not None]
 
 
+# Not `drives.Samples` itself: that one has numbers, and no file.
 class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
     """Samples, given here or in a file."""
 
@@ -242,6 +243,7 @@ class UrdfTable(Table, frozen=True):
     attitude: Attitude = UPRIGHT
 
 
+# Written once for frame, rotor and pendulum, whose other keys differ.
 Mjcf = Annotated[MjcfTable | None, key("a body of an MJCF file")]
 Urdf = Annotated[UrdfTable | None, key("a link of a URDF file")]
 Rows = list[float | Triple]  # three moments, or three rows: msgspec knows no list of either
@@ -334,6 +336,7 @@ class FrictionTable(Table, frozen=True):
     sliding: Annotated[
         float | None, key("largest friction over the normal force; as much as needed if not given")
     ] = None
+    # None is as much as needed; 0, a plane of ice, is refused.
     torsional: Annotated[
         float | None,
         key("largest torque about the vertical over the normal force; likewise", "m"),

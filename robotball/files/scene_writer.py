@@ -27,7 +27,7 @@ from robotball.files.scene_tables import (
     StartTable,
     Table,
 )
-from robotball.robot import Shell, thin_shell_inertia
+from robotball.robot import Frame, Pendulum, Rotor, Shell, thin_shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -42,6 +42,8 @@ def scene_toml(scene: Scene) -> str:
     Its name is the file's. Raises InputError for a rate given by a function of time, which no file
     can hold.
     """
+    # The start comes last, and its momentum last in it: the remark is on that line. From rest means
+    # M = 0 in the paper, where a robot's builder would expect ω = 0.
     text = "\n".join(_lines(_scene_table(scene)))
     return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {AT_REST}\n"
 
@@ -57,32 +59,16 @@ def _scene_table(scene: Scene) -> SceneTable:
         gravity_direction=scene.gravity_direction,
         friction=FrictionTable(**asdict(scene.friction)),
         shell=_shell(ball.shell),
-        frame=FrameTable(
-            mass=ball.frame.mass,
-            inertia=_rows(ball.frame.inertia),
-            centre=_centre(ball.frame.centre),
-            **next(hinges),
-        ),
+        frame=FrameTable(**_body(ball.frame), **next(hinges)),
         rotor=tuple(
-            RotorTable(
-                mass=rotor.mass,
-                inertia=Axial(axial=rotor.axial_inertia, transverse=rotor.transverse_inertia),
-                axis=_numbers(rotor.axis),
-                centre=_centre(rotor.centre),
-                **next(hinges),
-            )
+            RotorTable(axis=_numbers(rotor.axis), **_body(rotor), **next(hinges))
             for rotor in ball.rotors
         ),
         pendulum=tuple(
             PendulumTable(
-                mass=body.mass,
-                inertia=_rows(body.inertia),
-                centre=_centre(body.centre),
-                axis=_numbers(body.axis),
-                pivot=_numbers(body.pivot),
-                **next(hinges),
+                axis=_numbers(each.axis), pivot=_numbers(each.pivot), **_body(each), **next(hinges)
             )
-            for body in ball.pendulums
+            for each in ball.pendulums
         ),
         start=StartTable(
             attitude=_numbers(scene.start.attitude), momentum_world=_numbers(scene.start.momentum)
@@ -91,6 +77,7 @@ def _scene_table(scene: Scene) -> SceneTable:
 
 
 def _shell(shell: Shell) -> ShellTable:
+    # A word where it is exact: so is the reader's formula, and the file says what is meant.
     thin = thin_shell_inertia(shell.radius, shell.mass)
     axial, transverse = shell.axial_inertia, shell.transverse_inertia
     is_thin = (axial, transverse) == (thin, thin)
@@ -108,12 +95,15 @@ def _numbers(values: Array) -> Any:
     return tuple(values.tolist())
 
 
-def _rows(inertia: Array) -> list[Any]:
-    return [_numbers(row) for row in inertia]
-
-
-def _centre(centre: Array) -> Any:
-    return _numbers(centre) if np.any(centre) else None
+def _body(body: Frame | Rotor | Pendulum) -> dict[str, Any]:
+    """Return the keys of a body's mass, inertia and centre."""
+    if isinstance(body, Rotor):
+        # Its moments, not its tensor, which would come back rounded.
+        inertia: Any = Axial(axial=body.axial_inertia, transverse=body.transverse_inertia)
+    else:
+        inertia = [_numbers(row) for row in body.inertia]
+    centre = _numbers(body.centre) if np.any(body.centre) else None
+    return {"mass": body.mass, "inertia": inertia, "centre": centre}
 
 
 def _hinges(scene: Scene) -> Iterator[dict[str, Any]]:
@@ -187,6 +177,7 @@ def _value(value: Any) -> str:
         return f"{{ {', '.join(f'{k} = {_value(v)}' for k, v in keys.items())} }}"
     if isinstance(value, tuple | list):
         texts = [_value(each) for each in value]
+        # An inline table must stay on its line in TOML, a list need not.
         if isinstance(value[0], tuple):
             return "\n".join(["[", *(f"    {row}," for row in texts), "]"])
         return f"[{', '.join(texts)}]"

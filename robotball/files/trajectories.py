@@ -132,7 +132,7 @@ NO_UNIT = ("", "-", "1")
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What a file says of a ball, in SI units, and otherwise in whatever conventions it has.
+    """A ball's motion as a file has it: in SI units, otherwise in conventions of its own.
 
     times             (n,)    s, increasing
     position          (n, 3)  m; z is nan where the file has none

@@ -1,1 +1,1 @@
-"""What the ball does: equilibria, cycles, sections, exponents, basins, drift."""
+"""Qualitative dynamics: equilibria, cycles, sections, tori, exponents, drift and basins."""

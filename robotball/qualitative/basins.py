@@ -28,7 +28,7 @@ CHAOS_TIME, CHAOTIC_GROWTH = 1000.0, 30.0
 class Basins:
     """labels (n,): for each start the number of its cycle in `cycles`, or TORUS, CHAOS, LINE, LOST.
 
-    Tori are not told from each other, nor chaotic attractors, nor straight-line motions (section
+    All tori have one label, as have all chaotic attractors and all straight-line motions (section
     5.1); LOST could not be followed, or stops crossing the section g = 0.
     """
 
@@ -45,7 +45,7 @@ def basins(
 ) -> Basins:
     """Find the attractor that the motion from each of n starts reaches, after a transient [s].
 
-    attitudes (n, 4), momenta (n, 3): as for kernels.orbits. A start that approaches a cycle more
+    attitudes (n, 4), momenta (n, 3): as for `orbits`. A start that approaches a cycle more
     slowly than the transient allows counts as on a torus. Raises InputError on unusable starts.
     """
     momenta = np.asarray(momenta, dtype=float)

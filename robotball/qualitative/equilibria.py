@@ -38,6 +38,10 @@ REST = (0.0, 0.0, 0.0)
 GENERIC = rotation_matrix(np.array([0.51, 0.29, -0.63, 0.503]))
 EIGENVALUE_ROUNDING = 1e-9  # of an eigenvalue, relative to the rates of the flow
 SAME_SOLUTION = 1e-7  # how near two solutions are one
+MOST_SAMPLES = 100_000  # of a line beside the circle
+ROUNDING = 1e-14  # of what a number was computed from: one that is smaller is zero
+EQUAL = 1e-12  # of a moment: one that differs by less is the same
+SAME = 1e-6  # of a unit vector: what is that near a point of a formula is that point
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class ContactPath:
 
     @property
     def radius(self) -> float:
-        """Of the circle, m; infinite for a line, 0 where the ball spins on the spot."""
+        """The circle's radius [m]: infinite for a line, 0 where the ball spins on the spot."""
         return self.speed / abs(self.turning) if self.turning else float("inf")
 
 
@@ -83,8 +87,7 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
     by their indices, whose sum on a sphere is 2. With K = 0 they are (4.4). Raises InputError for a
     classical ball and a curve of fixed points, and where the check fails.
     """
-    if parameters.rolling != "rubber":
-        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
+    _check_rubber(parameters)
     parameters = without_rounding(parameters)
     if not np.any([parameters.Omega, parameters.K]):
         raise InputError("with Omega = 0 and K = 0 the ball rests at every gamma")
@@ -113,6 +116,11 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
             "are degenerate"
         )
     return points
+
+
+def _check_rubber(parameters: Parameters) -> None:
+    if parameters.rolling != "rubber":
+        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
 
 
 def fills_curve(parameters: Parameters) -> bool:
@@ -147,8 +155,7 @@ def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:
     fixed point.
     """
     vertical = as_vector(gamma)
-    if parameters.rolling != "rubber":
-        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
+    _check_rubber(parameters)
     if np.abs(flow(parameters, vertical)).max() > EIGENVALUE_ROUNDING * rate_scale(parameters):
         raise InputError("the contact point runs on a circle only where gamma is a fixed point")
     across = eq.cross(vertical, parameters.Omega)
@@ -296,9 +303,9 @@ def jacobian(parameters: Parameters, gamma: Array) -> Array:
 
 
 def tangents(gamma: Array) -> Array:
-    """Return two unit vectors (2, 3) across γ (3,) and each other."""
+    """Return two unit vectors (..., 2, 3) across γ (..., 3) and each other."""
     first = perpendicular(gamma)
-    return np.stack([first, np.cross(gamma, first)])
+    return np.stack([first, np.cross(gamma, first)], axis=-2)
 
 
 def rate_scale(parameters: Parameters) -> float:
@@ -310,11 +317,7 @@ def rate_scale(parameters: Parameters) -> float:
 
 def attitude_at(gamma: Array) -> Array:
     """Return some attitudes (..., 4) with the verticals γ (..., 3)."""
-    first = perpendicular(gamma)
-    return from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=-2))
-
-
-MOST_SAMPLES = 100_000  # of a line beside the circle
+    return from_matrix(np.concatenate([tangents(gamma), gamma[..., None, :]], axis=-2))
 
 
 @dataclass(frozen=True)
@@ -345,8 +348,7 @@ def fixed_circle(parameters: Parameters) -> FixedCircle | None:
     if parameters.rolling != "rubber" or np.any(parameters.K) or not np.any(parameters.Omega):
         return None
     along = np.array(parameters.Omega) / np.linalg.norm(parameters.Omega)
-    first = perpendicular(along)
-    plane = np.stack([first, np.cross(along, first)])
+    plane = tangents(along)
     # (Aγ, γ×Ω) is |Ω| (A₁₁ - A₂₂)/2 sin 2ψ in axes that make A diagonal there, the larger first.
     weights, vectors = np.linalg.eigh(plane * parameters.A @ plane.T)
     larger = vectors[:, np.argmax(weights)] @ plane
@@ -375,11 +377,6 @@ def index_of(parameters: Parameters, axes: Array) -> int:
         direction = np.unwrap(np.arctan2(rate @ along, (rate * ahead).sum(axis=1)))
         turns.append(round(float(direction[-1] - direction[0]) / (2 * np.pi)))
     return turns[0] - turns[1]
-
-
-ROUNDING = 1e-14  # of what a number was computed from: one that is smaller is zero
-EQUAL = 1e-12  # of a moment: one that differs by less is the same
-SAME = 1e-6  # of a unit vector: what is that near a point of a formula is that point
 
 
 def without_rounding(parameters: Parameters) -> Parameters:

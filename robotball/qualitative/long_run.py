@@ -81,7 +81,7 @@ def exponents(
 ) -> Exponents:
     """Estimate the exponents of motions from n starts, over `duration` after a `transient` [s].
 
-    attitudes (n, 4), momenta (n, 3): as for kernels.orbits. Raises InputError on unusable starts
+    attitudes (n, 4), momenta (n, 3): as for `orbits`. Raises InputError on unusable starts
     or durations, and where a motion could not be followed.
     """
     if not (duration > 0 and transient > 0):
@@ -131,7 +131,7 @@ def drift(
 ) -> Drift:
     """Estimate the mean motion of the contact point over `duration` after a `transient` [s].
 
-    attitudes (n, 4), momenta (n, 3): as for kernels.orbits. Raises InputError on unusable starts
+    attitudes (n, 4), momenta (n, 3): as for `orbits`. Raises InputError on unusable starts
     or durations, and where a motion could not be followed.
     """
     times = np.array([0.0, transient, transient + duration])

@@ -48,6 +48,99 @@ AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
 SAME = 1e-6  # of unit vectors: two cycles so near are one
 # Of a multiplier from 1: an orbit round a centre closes, too.
 HYPERBOLIC = 1e-5
+# Of the first point from the saddle: the manifold leaves its tangent by the square of it.
+OFFSET = 1e-4
+REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there
+INTERVAL = 0.05  # s, at most, between two samples
+LONGEST = 300.0  # rad, by the rates of the flow, of a cycle's period
+TRIES = 5  # each four times as long, while something that must be there is not
+SETTLING = 5000.0  # rad, that every start is given
+STARTS = 120
+TOLERANCE = 1e-9  # of a step: an attractor forgives what a path does not
+
+
+@dataclass(frozen=True)
+class PhasePortrait:
+    """The fixed points, limit cycles and basins of one ball.
+
+    points; cycles, one of each pair C, -C; basins: the share of the sphere that each attractor has,
+    by the name of its point, or "cycle" and its number; γ and -γ count as one.
+    """
+
+    points: tuple[FixedPoint, ...]
+    cycles: tuple[Cycle, ...]
+    basins: dict[str, float]
+
+
+def phase_portrait(parameters: Parameters, starts: int = STARTS) -> PhasePortrait:
+    """Return the phase portrait of a rubber ball. Raises InputError where it is degenerate.
+
+    Something must attract and something repel. Where no fixed point does, slower cycles are looked
+    for; else those slower than LONGEST are not.
+    """
+    points = fixed_points(parameters)
+    # The search costs as its longest period; most balls have fast cycles or none.
+    for attempt in range(TRIES):
+        cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
+        if complete(points, cycles):
+            break
+    return PhasePortrait(
+        tuple(points), tuple(cycles), basin_shares(parameters, points, cycles, starts)
+    )
+
+
+def complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
+    """Return whether something attracts and something repels; a centre is both."""
+    kinds = " ".join(f" {point.kind}" for point in points)
+    attracts = any(abs(cycle.multipliers[0]) < 1 for cycle in cycles)
+    repels = any(abs(cycle.multipliers[0]) > 1 for cycle in cycles)
+    centre = "centre" in kinds
+    return (attracts or centre or " stable" in kinds) and (repels or centre or "unstable" in kinds)
+
+
+def basin_shares(
+    parameters: Parameters, points: Sequence[FixedPoint], cycles: Sequence[Cycle], starts: int
+) -> dict[str, float]:
+    """Return the share of starts over the sphere that end nearest to each attractor.
+
+    All of them end at some attractor; near a slow focus that takes longer than anyone waits, so
+    they are not asked to have arrived.
+    """
+    attractors: dict[str, list[Array]] = {}
+    for point in points:
+        if point.kind in ("stable node", "stable focus", "slow stable focus"):
+            attractors.setdefault(pair_name(parameters, point), []).append(point.gamma[None])
+    for number, cycle in enumerate(cycles):
+        if abs(cycle.multipliers[0]) < 1:
+            curve = curve_of(parameters, cycle.gamma, cycle.period)[::8]
+            attractors[f"cycle {number}"] = [curve, -curve]
+    # A centre attracts nothing, and every motion goes on round it.
+    if not attractors:
+        return {}
+    attitudes = attitude_at(spread_points(starts))
+    times = np.array([0.0, SETTLING / rate_scale(parameters)])
+    ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, TOLERANCE).attitudes[:, 1]
+    gamma = rotation_matrix(ends)[:, 2]
+    distances = np.array([nearest(gamma, np.concatenate(each)) for each in attractors.values()])
+    reached = distances.argmin(axis=0)
+    return {name: float(np.mean(reached == i)) for i, name in enumerate(attractors)}
+
+
+def pair_name(parameters: Parameters, point: FixedPoint) -> str:
+    """Return the name of a fixed point and its opposite together, such as "θ₃,₄"."""
+    names = sorted(filter(None, (name_of(parameters, s * point.gamma) for s in (1.0, -1.0))))
+    if len(names) < 2:
+        return "unnamed"
+    return f"{names[0]},{names[1][-1]}"
+
+
+def spread_points(count: int) -> Array:
+    """Return points (count, 3) spread evenly over the unit sphere, along Fibonacci's spiral."""
+    # Equal steps of z have equal areas; the golden angle keeps neighbours apart.
+    i = np.arange(count) + 0.5
+    z, turn = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
+    across = np.sqrt(1 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
 
 
 def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 64) -> list[Cycle]:
@@ -57,24 +150,23 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     back: of two cycles that cross it between neighbouring points neither is found. Raises
     InputError for a classical ball, and where fixed points are not isolated.
     """
-    if parameters.rolling != "rubber":
-        raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
     cycles: list[Cycle] = []
     curves: list[Array] = []
     points = fixed_points(parameters)
     centres = of_index_one(points)
+
+    def known(gamma: Array) -> bool:
+        return any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
+
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
     for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
         # Two arcs each: where one has a cycle close to the end of what comes back, another has not.
         for arc in (Arc(gamma, side) for gamma in centres for side in tangents(gamma)):
             for gamma, period in returning(ball, arc, longest, starts):
-                if any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1)):
+                # Asked before, to save closing it, and after, when a point of it is exact.
+                if known(gamma) or (cycle := closed(ball, gamma, period)) is None:
                     continue
-                cycle = closed(ball, gamma, period)
-                if cycle is None or cycle.period > longest:
-                    continue
-                # Asked again: before, only a point near the cycle was known.
-                if any(lies_on(sign * cycle.gamma, curve) for curve in curves for sign in (1, -1)):
+                if cycle.period > longest or known(cycle.gamma):
                     continue
                 # Backwards in time a multiplier is its inverse.
                 cycles.append(replace(cycle, multipliers=cycle.multipliers**sense))
@@ -202,21 +294,6 @@ def lies_on(gamma: Array, curve: Array) -> bool:
     return bool(np.linalg.norm(curve - gamma, axis=1).min() < spacing)
 
 
-def spread_points(count: int) -> Array:
-    """Return points (count, 3) spread evenly over the unit sphere, along Fibonacci's spiral."""
-    # Equal steps of z have equal areas; the golden angle keeps neighbours apart.
-    i = np.arange(count) + 0.5
-    z, turn = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
-    across = np.sqrt(1 - z * z)
-    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
-
-
-# Of the first point from the saddle: the manifold leaves its tangent by the square of it.
-OFFSET = 1e-4
-REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there
-INTERVAL = 0.05  # s, at most, between two samples
-
-
 @dataclass(frozen=True)
 class Separatrix:
     """Half of a saddle's manifold: γ (n, 3) from the saddle on, back in time where it is stable.
@@ -265,85 +342,3 @@ def reached(gamma: Array, points: Sequence[FixedPoint]) -> FixedPoint | None:
     """Return the fixed point that γ (3,) is at, if any."""
     nearest = min(points, key=lambda point: float(np.linalg.norm(point.gamma - gamma)))
     return nearest if np.linalg.norm(nearest.gamma - gamma) < REACHED else None
-
-
-LONGEST = 300.0  # rad, by the rates of the flow, of a cycle's period
-TRIES = 5  # each four times as long, while something that must be there is not
-SETTLING = 5000.0  # rad, that every start is given
-STARTS = 120
-TOLERANCE = 1e-9  # of a step: an attractor forgives what a path does not
-
-
-@dataclass(frozen=True)
-class PhasePortrait:
-    """All of it for one ball.
-
-    points; cycles, one of each pair C, -C; basins: the share of the sphere that each attractor has,
-    by the name of its point, or "cycle" and its number; γ and -γ count as one.
-    """
-
-    points: tuple[FixedPoint, ...]
-    cycles: tuple[Cycle, ...]
-    basins: dict[str, float]
-
-
-def phase_portrait(parameters: Parameters, starts: int = STARTS) -> PhasePortrait:
-    """Return the phase portrait of a rubber ball. Raises InputError where it is degenerate.
-
-    Something must attract and something repel. Where no fixed point does, slower cycles are looked
-    for; else those slower than LONGEST are not.
-    """
-    points = fixed_points(parameters)
-    # The search costs as its longest period; most balls have fast cycles or none.
-    for attempt in range(TRIES):
-        cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
-        if complete(points, cycles):
-            break
-    return PhasePortrait(
-        tuple(points), tuple(cycles), basin_shares(parameters, points, cycles, starts)
-    )
-
-
-def complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
-    """Return whether something attracts and something repels; a centre is both."""
-    kinds = " ".join(f" {point.kind}" for point in points)
-    attracts = any(abs(cycle.multipliers[0]) < 1 for cycle in cycles)
-    repels = any(abs(cycle.multipliers[0]) > 1 for cycle in cycles)
-    centre = "centre" in kinds
-    return (attracts or centre or " stable" in kinds) and (repels or centre or "unstable" in kinds)
-
-
-def basin_shares(
-    parameters: Parameters, points: Sequence[FixedPoint], cycles: Sequence[Cycle], starts: int
-) -> dict[str, float]:
-    """Return the share of starts over the sphere that end nearest to each attractor.
-
-    All of them end at some attractor; near a slow focus that takes longer than anyone waits, so
-    they are not asked to have arrived.
-    """
-    attractors: dict[str, list[Array]] = {}
-    for point in points:
-        if point.kind in ("stable node", "stable focus", "slow stable focus"):
-            attractors.setdefault(pair_name(parameters, point), []).append(point.gamma[None])
-    for number, cycle in enumerate(cycles):
-        if abs(cycle.multipliers[0]) < 1:
-            curve = curve_of(parameters, cycle.gamma, cycle.period)[::8]
-            attractors[f"cycle {number}"] = [curve, -curve]
-    # A centre attracts nothing, and every motion goes on round it.
-    if not attractors:
-        return {}
-    attitudes = attitude_at(spread_points(starts))
-    times = np.array([0.0, SETTLING / rate_scale(parameters)])
-    ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, TOLERANCE).attitudes[:, 1]
-    gamma = rotation_matrix(ends)[:, 2]
-    distances = np.array([nearest(gamma, np.concatenate(each)) for each in attractors.values()])
-    reached = distances.argmin(axis=0)
-    return {name: float(np.mean(reached == i)) for i, name in enumerate(attractors)}
-
-
-def pair_name(parameters: Parameters, point: FixedPoint) -> str:
-    """Return the name of a fixed point and its opposite together, such as "θ₃,₄"."""
-    names = sorted(filter(None, (name_of(parameters, s * point.gamma) for s in (1.0, -1.0))))
-    if len(names) < 2:
-        return "unnamed"
-    return f"{names[0]},{names[1][-1]}"

@@ -34,6 +34,7 @@ from robotball.scene import Scene, along_momentum, section_state
 
 # Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
 STEPS_PER_CROSSING = 100_000
+ON_SECTION = 1e-10  # a start that near counts as on the section, and is no crossing
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Section:
 
     times (n, m) s; l (n, m) rad and L (n, m) kg m²/s of (5.5); directions (n, m): +1 where g
     grows, -1 where it falls; attitudes (n, m, 4), frame to world; found (n,), of the m; status
-    (n,), a key of kernels.STATUS. What was not found is NaN, and its direction 0.
+    (n,), a key of `orbits.STATUS`. What was not found is NaN, and its direction 0.
     """
 
     times: Array
@@ -65,7 +66,7 @@ def section(
 ) -> Section:
     """Find the first `count` crossings of g = `g` [rad] by the motions from many starts.
 
-    attitudes (n, 4), momenta (n, 3), tolerance: as for kernels.orbits; direction: 1 or -1 for one
+    attitudes (n, 4), momenta (n, 3), tolerance: as for `orbits`; direction: 1 or -1 for one
     direction only, 0 for both. On the section to 1e-12 of sin(g - g₀)√(1 - L²/f). Raises
     InputError on unusable starts, such as M = 0, which has no g.
     """
@@ -103,29 +104,18 @@ def crossings(
     times, states = np.full((n, count), np.nan), np.full((n, count, system.size), np.nan)
     directions = np.zeros((n, count), np.int64)
     found, status = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    results = times, states, directions, found, status
     step = stepper(system, starts.parameters.rolling)
     rows = starts.rows_of(system, np.zeros((n, 0)))
     lengths = starts.first_lengths(longest, tolerance)
 
     def find(queue: Queue) -> None:
         cross(
-            step,
-            queue,
-            rows,
-            lengths,
-            tolerance,
-            STEPS_PER_CROSSING,
-            longest,
-            direction,
-            times,
-            states,
-            directions,
-            found,
-            status,
+            step, queue, rows, lengths, tolerance, STEPS_PER_CROSSING, longest, direction, *results
         )
 
     in_threads(find, math.ceil(n / LANES))
-    return times, states, directions, found, status
+    return results
 
 
 def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:
@@ -163,6 +153,7 @@ def fixed_point(
     A fixed point of the map is one crossing of it; its multipliers are the orbit's. Raises
     InputError where Newton's method does not converge.
     """
+    # The given point need not be on a crossing that the map counts: it starts at the next one.
     attitudes, momenta = section_starts(L, l, f, g, c)
     first = section(parameters, attitudes, momenta, 1, g)
     if first.status[0] != marching.DONE:
@@ -171,9 +162,6 @@ def fixed_point(
     same_way = section(parameters, attitudes, momenta, 1 + returns, g, int(first.directions[0, 0]))
     period = float(same_way.times[0, returns] - same_way.times[0, 0])
     return close(parameters, same_way.attitudes[0, 0], momenta[0], period)
-
-
-ON_SECTION = 1e-10  # a start that near counts as on the section, and is no crossing
 
 
 @dataclass(frozen=True)
@@ -262,6 +250,6 @@ def sampled_crossings(
         momenta=CubicHermiteSpline(times, M, np.cross(M, omega))(found),
         directions=np.sign(at(found, 1)).astype(int),
     )
-    # sin(g - g₀) is zero at g₀ + π as well; the cosine's sign tells which it is.
+    # sin(g - g₀) is zero at g₀ + π as well; the cosine's sign decides.
     faces = CubicHermiteSpline(times, facing[:, 2], np.cross(facing, omega)[:, 2])(found)
     return crossed[faces < 0]

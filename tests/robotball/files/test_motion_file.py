@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.columns import read_csv
+from robotball.files.columns import read_table
 from robotball.motion import Motion, arrays_of
 
 KINDS = ("csv", "npz", "parquet")
@@ -48,15 +48,14 @@ def test_the_header_has_the_scene_the_engine_and_the_units(tmp_path: Path) -> No
     scene = rb.load_scene("fig12")
     motion = rb.integrate(scene, np.linspace(0, 1, 5))
     motion.save(tmp_path / "m.csv")
-    with (tmp_path / "m.csv").open("rb") as file:
-        columns, units, header, _ = read_csv(file)
-    (tmp_path / "fig12.toml").write_text(header["scene_toml"])
+    table = read_table(tmp_path / "m.csv")
+    (tmp_path / "fig12.toml").write_text(table.header["scene_toml"])
     again = rb.load_scene(tmp_path / "fig12.toml")
     assert rb.scene_toml(again) == rb.scene_toml(scene)
     assert again.source == scene.source
-    assert list(columns)[:7] == ["t", "x", "y", "qw", "qx", "qy", "qz"]
-    assert (units["x"], units["wx"], units["Mx"]) == ("m", "rad/s", "kg m²/s")
-    assert '"name": "equations"' in header["engine"]
+    assert list(table.columns)[:7] == ["t", "x", "y", "qw", "qx", "qy", "qz"]
+    assert tuple(table.units[name] for name in ("x", "wx", "Mx")) == ("m", "rad/s", "kg m²/s")
+    assert '"name": "equations"' in table.header["engine"]
 
 
 def test_a_contact_motion_leaves_its_step_in_the_header(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.columns import read_csv
+from robotball.files.columns import read_table
 from robotball.files.trajectories import Trajectory, read_trajectory
 
 ROWS = """0,0,0,1,0,0,0
@@ -148,8 +148,7 @@ def test_a_long_file_is_read_in_pieces(tmp_path: Path) -> None:
     path.write_text("t,x,y,qw,qx,qy,qz\n" + "".join(rows))
     tracemalloc.start()
     try:
-        with path.open("rb") as file:
-            columns = read_csv(file)[0]
+        columns = read_table(path).columns
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

@@ -3,10 +3,6 @@
 from .designing import Design as Design
 from .designing import Limits as Limits
 from .designing import design as design
-from .dispatch import engine_named as engine_named
-from .dispatch import engine_names as engine_names
-from .dispatch import integrate as integrate
-from .dispatch import simulate as simulate
 from .drives import Custom as Custom
 from .drives import Drive as Drive
 from .drives import Free as Free
@@ -19,6 +15,10 @@ from .drives import Sum as Sum
 from .drives import Torque as Torque
 from .engine import Engine as Engine
 from .engine import Request as Request
+from .engine import engine_named as engine_named
+from .engine import engine_names as engine_names
+from .engine import integrate as integrate
+from .engine import simulate as simulate
 from .engines.mujoco.settings import PRESETS as PRESETS
 from .engines.mujoco.settings import Settings as Settings
 from .engines.mujoco.settings import preset as preset

@@ -8,11 +8,13 @@ scalars or increasing columns, in s from the start of the motion; SI units.
 A hinge without a motor keeps the drive as its rate [rad/s] exactly. To a motor it is a command: a
 rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a torque [N m] for a Torque. A hinge's
 torque is that of the parent on the child [N m].
+
+In order: a drive and its kinds, the drive of what a user gives as a rate, motors. Users' functions
+are followed in `function_drives`, which is loaded for scenes that have one.
 """
 
 import itertools
 import math
-from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,17 +24,62 @@ import msgspec
 import numpy as np
 
 from robotball.errors import (
-    LARGEST,
+    END_ROUNDING,
     InputError,
     check_not_negative,
     check_positive,
     check_size,
-    warn,
 )
-from robotball.rotations import Array
 
 if TYPE_CHECKING:
-    from robotball.polynomials import Polynomials
+    from robotball.function_drives import Followed
+
+Time = Any  # a float, or a column (n,)
+Scalar = Any  # a float, or a column (n,)
+
+
+@runtime_checkable
+class Drive(Protocol):
+    """The rate of a hinge over time; any object with these members can be a rate of a scene."""
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        """Times at which the rate is not smooth [s]."""
+        ...
+
+    def rate(self, t: Time) -> Any:
+        """Return the rate [rad/s]."""
+        ...
+
+    def acceleration(self, t: Time) -> Any:
+        """Return the derivative of the rate [rad/s²]; at a breakpoint, the one from there on."""
+        ...
+
+    def angle(self, t: Time) -> Any:
+        """Return the integral of the rate from time 0 [rad]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A rate that does not change [rad/s]."""
+
+    value: float
+    breakpoints: tuple[float, ...] = ()
+
+    # 0·t gives the results the shape of the times.
+
+    def rate(self, t: Time) -> Any:
+        return self.value + 0.0 * t
+
+    def acceleration(self, t: Time) -> Any:
+        return 0.0 * t
+
+    def angle(self, t: Time) -> Any:
+        return self.value * t
+
+
+COMMAND = "of the command"
 
 
 def key(meaning: str, unit: str = "") -> msgspec.Meta:
@@ -43,138 +90,28 @@ def key(meaning: str, unit: str = "") -> msgspec.Meta:
     return msgspec.Meta(description=meaning, extra={"unit": unit})
 
 
-Time = Any  # a float, or a column (n,)
-
-LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
-END_ROUNDING = 1e-9  # relative: a time so little beyond the end is taken as the end
-FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
-GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
+class _Curve(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
+    """A drive that a scene file can describe, by a table with the key `kind`."""
 
 
-@dataclass(frozen=True)
-class Custom:
-    """A rate given by a function of time, continuous, and smooth between `breakpoints`.
-
-    derivative [rad/s²] and integral [rad] are functions of time as well. Where they are None, they
-    are taken from polynomials that follow the function. None is called outside a run's times.
-    """
-
-    function: Callable[[float], float]
-    breakpoints: tuple[float, ...] = ()
-    derivative: Callable[[float], float] | None = None
-    integral: Callable[[float], float] | None = None
-
-
-@dataclass(frozen=True)
-class Followed:
-    """The drive of a Custom rate over a run from 0 to `end` [s], and nowhere else."""
-
-    custom: Custom
-    end: float
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return self.custom.breakpoints
-
-    def rate(self, t: Time) -> Any:
-        return _each(self._rate, t)
-
-    def acceleration(self, t: Time) -> Any:
-        return _each(self._acceleration, t)
-
-    def angle(self, t: Time) -> Any:
-        return _each(self._angle, t)
-
-    @cached_property
-    def polynomials(self) -> "Polynomials":
-        """Polynomials that follow the function over the whole run.
-
-        Raises InputError where the function jumps, or where a derivative or integral given for it
-        is not its own; warns where it is not smooth and no derivative is given.
-        """
-        if not self.end <= LONGEST:
-            raise InputError(
-                f"a drive's function can be followed to t = {LONGEST:g} s at most, not to "
-                f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
-            )
-        from robotball.polynomials import polynomials_of
-
-        inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
-        found = polynomials_of(self._rate, [0.0, *inside, self.end])
-        follows = found.off <= FOLLOWED * (1 + found.size)
-        middles = (found.edges[:-1] + found.edges[1:])[follows] / 2
-        if self.custom.derivative is not None:
-            _check_own("derivative", self._acceleration, found.slope, middles, "rad/s²")
-        elif not follows.all():
-            warn(
-                f"a drive's function is not smooth at t = {found.edges[found.off.argmax()]:.6g} s: "
-                f"its derivative there follows it to {found.off.max():.1g} rad/s only; give "
-                "Custom its breakpoints, or its derivative"
-            )
-        if self.custom.integral is not None:
-            _check_own("integral", self._angle, found.area, middles, "rad")
-        return found
-
-    def _rate(self, t: float) -> float:
-        t = self._inside(t)
-        try:
-            value = float(self.custom.function(t))
-        except Exception as error:  # whatever a user's function may raise
-            raise InputError(
-                f"a drive's function fails at t = {t:g} s: {type(error).__name__}: {error}"
-            ) from error
-        if not abs(value) <= LARGEST:
-            raise InputError(
-                f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
-                f"{LARGEST:g} rad/s"
-            )
-        return value
-
-    def _acceleration(self, t: float) -> float:
-        t, given = self._inside(t), self.custom.derivative
-        return self.polynomials.slope(t) if given is None else float(given(t))
-
-    def _angle(self, t: float) -> float:
-        t, given = self._inside(t), self.custom.integral
-        return self.polynomials.area(t) if given is None else float(given(t)) - float(given(0.0))
-
-    def _inside(self, t: float) -> float:
-        """Return the time without the rounding that may carry it beyond the end."""
-        if not t <= self.end * (1 + END_ROUNDING):
-            raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
-        return min(t, self.end)
+# By shape of a ramp, for the fraction u of its time: how far the rate has come, its slope over u,
+# and the area under it.
+_SHAPES: dict[str, tuple[Callable[[Any], Any], ...]] = {
+    "linear": (lambda u: u, lambda u: 1.0, lambda u: u * u / 2),
+    "smooth": (
+        lambda u: u * u * (3 - 2 * u),
+        lambda u: 6 * u * (1 - u),
+        lambda u: u**3 * (1 - u / 2),
+    ),
+    "quintic": (
+        lambda u: u**3 * (10 + u * (6 * u - 15)),
+        lambda u: 30 * (u * (1 - u)) ** 2,
+        lambda u: u**4 * (2.5 + u * (u - 3)),
+    ),
+}
 
 
-def _check_own(
-    name: str, given: Callable[[float], float], own: Callable[[float], float], at: Any, unit: str
-) -> None:
-    """Raise InputError where a given derivative or integral is not the function's own."""
-    for t in at.tolist():
-        theirs, ours = given(t), own(t)
-        if not abs(theirs - ours) <= GIVEN * (1 + abs(ours)):
-            raise InputError(
-                f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, where that "
-                f"of its function is {ours:.6g} {unit}"
-            )
-
-
-def _each(function: Callable[[float], float], t: Time) -> Any:
-    if np.ndim(t) == 0:
-        return function(float(t))
-    return np.array([function(float(s)) for s in t])
-
-
-COMMAND = "of the command"
-
-
-class Ramp(
-    msgspec.Struct,
-    frozen=True,
-    forbid_unknown_fields=True,
-    kw_only=True,
-    tag_field="kind",
-    tag="ramp",
-):
+class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
     """A rate that goes from `initial` to `final` between two times.
 
     At the fraction u of the time, the rate has covered u of the way (linear), 3u² - 2u³ (smooth:
@@ -208,44 +145,25 @@ class Ramp(
         return np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)
 
     def rate(self, t: Time) -> Any:
-        u = self._fraction(t)
-        done = {
-            "linear": u,
-            "smooth": u * u * (3 - 2 * u),
-            "quintic": u**3 * (10 + u * (6 * u - 15)),
-        }[self.shape]
-        return self.initial + (self.final - self.initial) * done
+        way, _, _ = _SHAPES[self.shape]
+        return self.initial + (self.final - self.initial) * way(self._fraction(t))
 
     def acceleration(self, t: Time) -> Any:
-        u = self._fraction(t)
+        _, slope, _ = _SHAPES[self.shape]
+        # At a breakpoint the slope is that from there on: none at the end.
         inside = (t >= self.start) & (t < self.end)
-        slope = {
-            "linear": 1.0,
-            "smooth": 6 * u * (1 - u),
-            "quintic": 30 * (u * (1 - u)) ** 2,
-        }[self.shape]
-        return inside * slope * (self.final - self.initial) / (self.end - self.start)
+        rise = self.final - self.initial
+        return inside * slope(self._fraction(t)) * rise / (self.end - self.start)
 
     def angle(self, t: Time) -> Any:
-        u = self._fraction(t)
-        area = {
-            "linear": u * u / 2,
-            "smooth": u**3 * (1 - u / 2),
-            "quintic": u**4 * (2.5 + u * (u - 3)),
-        }[self.shape]
+        _, _, area = _SHAPES[self.shape]
         rise = (self.final - self.initial) * (self.end - self.start)
         after = np.maximum(t - self.end, 0.0)
-        return self.initial * t + rise * area + (self.final - self.initial) * after
+        covered = self.initial * t + rise * area(self._fraction(t))
+        return covered + (self.final - self.initial) * after
 
 
-class Sine(
-    msgspec.Struct,
-    frozen=True,
-    forbid_unknown_fields=True,
-    kw_only=True,
-    tag_field="kind",
-    tag="sine",
-):
+class Sine(_Curve, frozen=True, kw_only=True, tag="sine"):
     """A rate of mean + amplitude·sin(2π frequency t + phase)."""
 
     amplitude: Annotated[float, key("how far it swings from the mean", COMMAND)]
@@ -277,15 +195,7 @@ class Sine(
         return self.mean * t + self.amplitude * swing
 
 
-class Samples(
-    msgspec.Struct,
-    frozen=True,
-    dict=True,
-    forbid_unknown_fields=True,
-    kw_only=True,
-    tag_field="kind",
-    tag="samples",
-):
+class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
     """A rate through `values` at `times`, with a continuous slope.
 
     Between two samples it is a cubic that never leaves their range (Fritsch and Carlson's), so it
@@ -302,12 +212,12 @@ class Samples(
                 f"and {len(self.values)} values"
             )
         for name, numbers in (("time", self.times), ("value", self.values)):
-            for i, number in enumerate(numbers):
-                check_size(f"{name} {i + 1} of the samples", number)
-        for i, (before, after) in enumerate(zip(self.times, self.times[1:], strict=False)):
+            for i, number in enumerate(numbers, start=1):
+                check_size(f"{name} {i} of the samples", number)
+        for i, (before, after) in enumerate(itertools.pairwise(self.times), start=2):
             if not after > before:
                 raise InputError(
-                    f"the times of samples must increase: time {i + 2} is {after:g} s, after "
+                    f"the times of samples must increase: time {i} is {after:g} s, after "
                     f"{before:g} s"
                 )
         # Arrays are taken too, but only tuples of numbers make two rates comparable.
@@ -319,80 +229,24 @@ class Samples(
         return self.times[1:-1]
 
     @cached_property
-    def _cubics(self) -> tuple[Array, Array]:
-        """Coefficients (4, n - 1) from t³ to 1 of each piece, and the area (n - 1,) before it."""
+    def _cubics(self) -> tuple[Any, Any, Any]:
+        """The rate, its derivative and its integral from the first sample, piece by piece."""
         from scipy.interpolate import PchipInterpolator
 
-        a, b, c, d = pieces = PchipInterpolator(self.times, self.values).c
-        h = np.diff(self.times)
-        areas = h * (d + h * (c / 2 + h * (b / 3 + h * a / 4)))
-        return pieces, np.concatenate([[0.0], np.cumsum(areas)[:-1]])
+        rate = PchipInterpolator(self.times, self.values)
+        return rate, rate.derivative(), rate.antiderivative()
 
-    def _piece(self, t: Time) -> Any:
-        """Return the piece of a time, and the time from its begin [s]."""
-        inner = self.times[1:-1]
-        i: Any = (
-            bisect_right(inner, t) if np.ndim(t) == 0 else np.searchsorted(inner, t, side="right")
-        )
-        return i, t - np.asarray(self.times)[i]
+    # scipy answers a scalar by an array of no dimension, from which [()] takes the number.
 
     def rate(self, t: Time) -> Any:
-        i, s = self._piece(t)
-        a, b, c, d = self._cubics[0][:, i]
-        return d + s * (c + s * (b + s * a))
+        return self._cubics[0](t)[()]
 
     def acceleration(self, t: Time) -> Any:
-        i, s = self._piece(t)
-        a, b, c, _ = self._cubics[0][:, i]
-        return c + s * (2 * b + s * 3 * a)
+        return self._cubics[1](t)[()]
 
     def angle(self, t: Time) -> Any:
-        return self._area(t) - self._area(0.0 * t)
-
-    def _area(self, t: Time) -> Any:
-        """Return the integral from the first sample."""
-        i, s = self._piece(t)
-        a, b, c, d = self._cubics[0][:, i]
-        return self._cubics[1][i] + s * (d + s * (c / 2 + s * (b / 3 + s * a / 4)))
-
-
-@runtime_checkable
-class Drive(Protocol):
-    """The rate of a hinge over time; any object with these members can be a rate of a scene."""
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        """Times at which the rate is not smooth [s]."""
-        ...
-
-    def rate(self, t: Time) -> Any:
-        """The rate [rad/s]."""
-        ...
-
-    def acceleration(self, t: Time) -> Any:
-        """The derivative of the rate [rad/s²]; at a breakpoint, the one from there on."""
-        ...
-
-    def angle(self, t: Time) -> Any:
-        """The integral of the rate from time 0 [rad]."""
-        ...
-
-
-@dataclass(frozen=True)
-class Constant:
-    """A rate that does not change [rad/s]."""
-
-    value: float
-    breakpoints: tuple[float, ...] = ()
-
-    def rate(self, t: Time) -> Any:
-        return self.value + 0.0 * t
-
-    def acceleration(self, t: Time) -> Any:
-        return 0.0 * t
-
-    def angle(self, t: Time) -> Any:
-        return self.value * t
+        area = self._cubics[2]
+        return (area(t) - area(0.0))[()]
 
 
 @dataclass(frozen=True)
@@ -409,23 +263,17 @@ class Sum:
 
 
 @dataclass(frozen=True)
-class Total:
-    """The drive of a Sum."""
+class Custom:
+    """A rate given by a function of time, continuous, and smooth between `breakpoints`.
 
-    drives: tuple[Drive, ...]
+    derivative [rad/s²] and integral [rad] are functions of time as well. Where they are None, they
+    are taken from polynomials that follow the function. None is called outside a run's times.
+    """
 
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return tuple(sorted({t for drive in self.drives for t in drive.breakpoints}))
-
-    def rate(self, t: Time) -> Any:
-        return sum(drive.rate(t) for drive in self.drives)
-
-    def acceleration(self, t: Time) -> Any:
-        return sum(drive.acceleration(t) for drive in self.drives)
-
-    def angle(self, t: Time) -> Any:
-        return sum(drive.angle(t) for drive in self.drives)
+    function: Callable[[float], float]
+    breakpoints: tuple[float, ...] = ()
+    derivative: Callable[[float], float] | None = None
+    integral: Callable[[float], float] | None = None
 
 
 Rate = float | Ramp | Sine | Samples | Sum | Custom | Drive | Callable[[float], float]
@@ -445,16 +293,12 @@ def as_drive(rate: Rate, end: float) -> Drive:
     elif isinstance(rate, Sum):
         drives = tuple(as_drive(part, end) for part in rate.parts)
         steady = [each.value for each in drives if isinstance(each, Constant)]
+        # Numbers add up to a number, so that the scene stays steady and may take compiled steps.
         drive = Constant(sum(steady)) if len(steady) == len(drives) else Total(drives)
     elif isinstance(rate, Constant | Ramp | Sine | Total):
         drive = rate
-    elif isinstance(rate, Custom):
-        drive = Followed(rate, end)
-    elif isinstance(rate, Drive):
-        own = Custom(rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
-        drive = Followed(own, end)
-    elif callable(rate):
-        drive = Followed(Custom(rate), end)
+    elif isinstance(rate, Custom | Drive) or callable(rate):
+        drive = _of_functions(rate, end)
     else:
         drive = Constant(_number(rate))
     check_size("a drive's rate at t = 0 s", float(drive.rate(0.0)), "rad/s")
@@ -470,6 +314,17 @@ def _check_covers(samples: Samples, end: float) -> None:
         )
 
 
+def _of_functions(rate: Custom | Drive | Callable[[float], float], end: float) -> "Followed":
+    from robotball.function_drives import Followed
+
+    if isinstance(rate, Custom):
+        return Followed(end, rate.function, rate.breakpoints, rate.derivative, rate.integral)
+    if isinstance(rate, Drive):
+        # A user's own object may have a wrong derivative, so it is checked as a Custom's is.
+        return Followed(end, rate.rate, tuple(rate.breakpoints), rate.acceleration, rate.angle)
+    return Followed(end, rate)
+
+
 def _number(rate: Any) -> float:
     try:
         return float(rate)
@@ -480,13 +335,35 @@ def _number(rate: Any) -> float:
         ) from None
 
 
+@dataclass(frozen=True)
+class Total:
+    """The drive of a Sum, whose parts are drives over the run."""
+
+    drives: tuple[Drive, ...]
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return tuple(sorted({t for drive in self.drives for t in drive.breakpoints}))
+
+    def rate(self, t: Time) -> Any:
+        return sum(drive.rate(t) for drive in self.drives)
+
+    def acceleration(self, t: Time) -> Any:
+        return sum(drive.acceleration(t) for drive in self.drives)
+
+    def angle(self, t: Time) -> Any:
+        return sum(drive.angle(t) for drive in self.drives)
+
+
 def turns(drive: Drive) -> bool:
     """Return whether the hinge ever turns. One whose rate is always 0 is fixed, motorless."""
     return drive != Constant(0.0)
 
 
-def functions_of(drive: Drive) -> Iterator[Followed]:
+def functions_of(drive: Drive) -> Iterator["Followed"]:
     """Yield the parts of a drive that follow a user's function."""
+    from robotball.function_drives import Followed
+
     if isinstance(drive, Followed):
         yield drive
     if isinstance(drive, Total):
@@ -494,13 +371,11 @@ def functions_of(drive: Drive) -> Iterator[Followed]:
             yield from functions_of(each)
 
 
-Scalar = Any  # a float, or a column (n,)
-
-
 class Law(NamedTuple):
     """The law of every motor's torque, between -limit and limit [N m].
 
-    per_command · command - per_angle · angle - per_rate · rate + at_rest.
+    per_command · command - per_angle · angle - per_rate · rate + at_rest. All motors have one law,
+    so that compiled equations take any motor as five numbers.
     """
 
     per_command: float
@@ -511,13 +386,8 @@ class Law(NamedTuple):
 
     def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
         """Return the torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
-        free = (
-            self.per_command * command
-            - self.per_angle * angle
-            - self.per_rate * rate
-            + self.at_rest
-        )
-        return np.clip(free, -self.limit, self.limit)
+        free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
+        return np.clip(free + self.at_rest, -self.limit, self.limit)
 
 
 class Motor(Protocol):
@@ -548,7 +418,7 @@ class Servo(Motor):
 
     @property
     def law(self) -> Law:
-        return Law(self.gain, 0.0, self.gain, limit=_limit(self))
+        return Law(self.gain, 0.0, self.gain, limit=self.torque_limit or math.inf)
 
 
 @dataclass(frozen=True)
@@ -567,7 +437,13 @@ class PositionServo(Motor):
 
     @property
     def law(self) -> Law:
-        return Law(self.gain, self.gain, self.damping, limit=_limit(self))
+        return Law(self.gain, self.gain, self.damping, limit=self.torque_limit or math.inf)
+
+
+def _check_common(servo: Servo | PositionServo) -> None:
+    if servo.torque_limit is not None:
+        check_positive("a servo's torque limit", servo.torque_limit, "N m")
+    check_not_negative("a servo's armature", servo.armature, "kg m²")
 
 
 @dataclass(frozen=True)
@@ -605,13 +481,3 @@ class Free(Motor):
     @property
     def law(self) -> Law:
         return Law(0.0, self.stiffness, self.damping, at_rest=self.stiffness * self.rest)
-
-
-def _limit(servo: Servo | PositionServo) -> float:
-    return math.inf if servo.torque_limit is None else servo.torque_limit
-
-
-def _check_common(servo: Servo | PositionServo) -> None:
-    if servo.torque_limit is not None:
-        check_positive("a servo's torque limit", servo.torque_limit, "N m")
-    check_not_negative("a servo's armature", servo.armature, "kg m²")

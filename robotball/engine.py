@@ -1,15 +1,34 @@
-"""What an engine is to the rest of the program, and what can be requested of one."""
+"""The engines, and the two motions of a scene: by a contact engine and by the equations.
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+In order: what an engine is, a request to one, the names of engines, `simulate` by a contact engine,
+`integrate` by the equations. Engines are loaded when they are named, so that none needs another and
+what an engine depends on is imported only for its users. A package adds an engine by an entry point
+of the group `robotball.engines`, whose name is the engine's and whose object is an Engine.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar
 
-from robotball.errors import InputError
-from robotball.motion import ContactMotion, EngineSettings, Label, Loads
+import numpy as np
+
+from robotball.drives import Servo
+from robotball.engines import LEAST_RTOL
+from robotball.errors import InputError, unknown, warn
+from robotball.motion import (
+    ContactMotion,
+    EngineSettings,
+    Label,
+    Loads,
+    ReferenceMotion,
+    preset_named,
+)
 from robotball.rotations import Array
-from robotball.scene import Scene, Start
+from robotball.scene import Scene, Start, check_times
 
 Progress = Callable[[float], None]
 """Called with the fraction of the work that is done."""
@@ -23,10 +42,12 @@ Own = TypeVar("Own", bound=EngineSettings)
 class Engine(Protocol):
     """A contact engine.
 
-    presets: its settings by name; default: the preset that is taken where none is named;
-    least_accuracy: the smallest path error that it can choose settings for, None where it can't;
-    as_it_comes: the preset that a newcomer would write; ladders: by preset, a field of its settings
-    and the values at which its error is held against its cost.
+    presets         its settings by name
+    default         the preset that is taken where none is named
+    least_accuracy  the smallest path error that it can choose settings for; None: it chooses none
+    as_it_comes     the preset that a newcomer would write
+    ladders         by preset, a field of its settings and the values at which the engine's error is
+                    held against its cost
     """
 
     label: Label
@@ -37,7 +58,7 @@ class Engine(Protocol):
     ladders: Mapping[str, "Ladder"] = MappingProxyType({})
 
     def cannot_express(self, scene: Scene) -> str | None:
-        """Why the engine cannot roll this scene, in a line; None where it can."""
+        """Return why the engine cannot roll this scene, in a line; None where it can."""
         ...
 
     def run(self, scene: Scene, times: Array, request: "Request") -> ContactMotion:
@@ -45,7 +66,7 @@ class Engine(Protocol):
         ...
 
     def prepare(self, scene: Scene, settings: EngineSettings) -> Runner:
-        """The engine made ready to run the scene's ball from one start after another."""
+        """Return the engine made ready to run the scene's ball from one start after another."""
         request = Request(self, settings)
         return lambda times, start: self.run(replace(scene, start=start), times, request)
 
@@ -77,7 +98,215 @@ class Request:
 
 
 def as_own(settings: EngineSettings | None, kind: type[Own], label: Label) -> Own:
-    """The settings as an engine's own kind; raises InputError where they are another engine's."""
+    """Return the settings as an engine's own kind. Raises InputError if they are another's."""
     if not isinstance(settings, kind):
         raise InputError(f"{label.name} runs by {kind.__name__}, not by {settings!r}")
     return settings
+
+
+GROUP = "robotball.engines"
+DEFAULT = "mujoco"
+# Named by strings, as entry points are: an import would load all engines at once.
+OURS = {
+    "mujoco": "robotball.engines.mujoco.engine:MUJOCO",
+    "multibody": "robotball.engines.multibody:MULTIBODY",
+    "bullet": "robotball.engines.bullet:BULLET",
+    "dart": "robotball.engines.dart:DART",
+    "drake": "robotball.engines.drake:DRAKE",
+    "exudyn": "robotball.engines.exudyn:EXUDYN",
+    "genesis": "robotball.engines.genesis:GENESIS",
+    "mjx": "robotball.engines.mujoco.mjx:MJX",
+    "mujoco-warp": "robotball.engines.mujoco.warp:WARP",
+    "newton": "robotball.engines.newton:NEWTON",
+    "physx": "robotball.engines.physx:PHYSX",
+    "pinocchio": "robotball.engines.pinocchio:PINOCCHIO",
+}
+
+
+def engine_names() -> list[str]:
+    """Return the names of all engines, ours first."""
+    return [*OURS, *sorted({point.name for point in entry_points(group=GROUP)} - OURS.keys())]
+
+
+def engine_named(name: str) -> Engine:
+    """Return the engine of this name. Raises InputError where it is unknown or cannot be loaded."""
+    if name in OURS:
+        engine: Engine = _loaded(OURS[name])
+        return engine
+    for point in entry_points(group=GROUP, name=name):
+        try:
+            return point.load()
+        except (ImportError, AttributeError) as error:
+            raise InputError(f"the engine {name!r} of {point.value} fails: {error}") from None
+    raise unknown("engine", name, engine_names())
+
+
+def _loaded(where: str) -> Any:
+    """Return the object of a string `module:attribute`."""
+    module, attribute = where.split(":")
+    return getattr(import_module(module), attribute)
+
+
+def simulate(
+    scene: Scene,
+    times: Array | None = None,
+    settings: EngineSettings | str | None = None,
+    *,
+    engine: Engine | str = DEFAULT,
+    accuracy: float | None = None,
+    strict: bool = False,
+    fault_window: Path | None = None,
+    progress: Progress | None = None,
+) -> ContactMotion:
+    """Return the motion of the ball as a contact engine rolls it, with a report.
+
+    times: (n,) s, increasing from 0; the scene's own if None. settings: a preset's name or the
+    engine's settings, its default preset if None. engine: its name or itself. accuracy: instead of
+    settings, the path error to reach, relative to the path's length. A run that faults ends there,
+    with fewer times; with stop_at_fault off, only one that has no state any more does.
+    fault_window: where the states around the first fault go, for `robotball replay`; without a
+    fault the file of a former run is deleted. progress is called with the simulated fraction.
+
+    Warns of an accuracy that is not reached, of a ball or a motion that can hardly be what was
+    meant, and of settings that are predicted to fail, which are an InputError if `strict`. Raises
+    InputError on unusable times, an unknown engine or preset, a scene that the engine cannot
+    express, an accuracy that rounding forbids and a run of more steps than the settings allow.
+    """
+    request = request_of(engine, settings, accuracy)
+    whole = replace(request, strict=strict, fault_window=fault_window, progress=progress)
+    return run_request(scene, times, whole)
+
+
+def request_of(
+    of: Engine | str = DEFAULT,
+    settings: EngineSettings | str | None = None,
+    accuracy: float | None = None,
+    *,
+    keep_going: bool = False,
+) -> Request:
+    """Return the request of a user's choices.
+
+    keep_going: do not end at the first fault. Raises InputError for an unknown engine or preset,
+    for both settings and accuracy, and for an accuracy that the engine cannot reach.
+    """
+    chosen = engine_named(of) if isinstance(of, str) else of
+    if accuracy is not None:
+        _check_accuracy(chosen, settings, accuracy, keep_going)
+        return Request(chosen, None, float(accuracy))
+    if not isinstance(settings, EngineSettings):
+        settings = preset_named(chosen.presets, settings or chosen.default)
+    return Request(chosen, replace(settings, stop_at_fault=False) if keep_going else settings)
+
+
+def _check_accuracy(
+    of: Engine, settings: EngineSettings | str | None, accuracy: float, keep_going: bool
+) -> None:
+    if settings is not None:
+        raise InputError("give settings or an accuracy, not both: an accuracy chooses its own")
+    if keep_going:
+        raise InputError("a run with a fault reaches no accuracy: give --keep-going with a preset")
+    if of.least_accuracy is None:
+        raise InputError(f"{of.label.name} has no settings for an accuracy: give a preset")
+    if not of.least_accuracy <= accuracy < 1:
+        raise InputError(
+            f"an accuracy must be at least {of.least_accuracy:g}, where rounding ends it, and "
+            f"below 1, not {accuracy:g}"
+        )
+
+
+def run_request(scene: Scene, times: Array | None, request: Request) -> ContactMotion:
+    """Simulate the scene as `simulate` does, by a request."""
+    if why := request.engine.cannot_express(scene):
+        raise InputError(f"{request.engine.label.name} cannot run {scene.name}: {why}")
+    # The drives must reach to the last time that is asked for, which may be beyond the scene's own
+    # duration. The motion's scene is the user's again.
+    times = scene.times if times is None else check_times(times)
+    motion = request.engine.run(scene.until(float(times[-1])), times, request)
+    for line in _doubts(motion):
+        warn(f"{scene.name}: {line}")
+    return replace(motion, scene=scene)
+
+
+LARGEST_RADIUS = 10.0  # m; balls that people ride in have 1.5
+STILL = 10.0  # s, in which a ball that rolls at all rolls farther than its radius
+SAMPLED = 100  # samples of a path at least, by which its length is known
+# Times torque_limit/kv, which is a motor's rate without load where the limit is its stall torque;
+# electronics may limit it to less, but seldom to a fifth.
+NO_LOAD = 5.0
+
+
+def _doubts(motion: ContactMotion) -> Iterator[str]:
+    """Yield why the motion can hardly be intended, a line each; wrong units are the usual cause."""
+    scene, radius = motion.scene, motion.scene.ball.radius
+    if radius > LARGEST_RADIUS:
+        yield f"a radius of {radius:g} m is beyond any robot's; lengths are in m, 150 mm is 0.15"
+    # A run that faulted has ended early, or has said already that it is off.
+    if motion.report.faults or len(motion.times) < SAMPLED:
+        return
+    if motion.times[-1] >= STILL and motion.path_length < radius:
+        yield (
+            f"the ball rolls {motion.path_length:.2g} m in {motion.times[-1]:g} s, less than its "
+            f"radius of {radius:g} m; check the start, the rates [rad/s] and the masses [kg]"
+        )
+    for i, motor in enumerate(scene.motors):
+        if isinstance(motor, Servo) and motor.torque_limit is not None:
+            rate, no_load = np.abs(motion.hinge_rates[:, i]).max(), motor.torque_limit / motor.gain
+            if rate > NO_LOAD * no_load:
+                yield (
+                    f"{scene.hinges[i].name}'s motor turns at {rate:.3g} rad/s, but without load "
+                    f"at {no_load:.3g} = torque_limit/kv if it stalls at its limit; check rate "
+                    "(1 rpm is 0.105 rad/s), kv and torque_limit"
+                )
+
+
+Equations = Literal["reduced", "multibody"]
+EQUATIONS: dict[Equations, str] = {
+    "reduced": "robotball.engines.reduced:integrate",
+    "multibody": "robotball.engines.multibody:integrate",
+}
+
+
+def integrate(
+    scene: Scene,
+    times: Array | None = None,
+    rtol: float = LEAST_RTOL,
+    max_steps: int | None = None,
+    *,
+    equations: Equations | None = None,
+) -> ReferenceMotion:
+    """Return the scene's motion by equations, with an estimate of its own error.
+
+    The motion's label names the equations.
+
+    times: (n,) s, increasing from 0; the scene's own if None. rtol: the error allowed in one step,
+    from 1e-15 on; max_steps: a limit for motions that turn too often, some minutes' work if None.
+    equations: (3.2)/(3.3) where they describe the scene, if None, else those of any robot; both
+    can be asked for by name. Raises InputError on unusable times, for a scene that the equations
+    asked for do not describe, where the ball lifts off, where the limit is met or a step shrinks to
+    nothing, and where a number would overflow: a motion that is returned is finite.
+    """
+    times = scene.times if times is None else check_times(times)
+    if not LEAST_RTOL <= rtol < 1:
+        raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
+    chosen = equations or ("multibody" if scene.not_reduced else "reduced")
+    if chosen not in EQUATIONS:
+        raise unknown("set of equations", chosen, EQUATIONS)
+    # Overflow is found in the result, with the number that overflowed, rather than in a warning.
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        motion: ReferenceMotion = _loaded(EQUATIONS[chosen])(scene, times, rtol, max_steps)
+    _check_finite(motion)
+    return motion
+
+
+def _check_finite(motion: ReferenceMotion) -> None:
+    """Raise InputError, with the first number that overflowed, unless all are finite."""
+    for part in (motion, motion.loads):
+        for field in fields(part):
+            value = getattr(part, field.name)
+            if isinstance(value, np.ndarray) and not np.isfinite(value).all():
+                i = int(np.argmin(np.isfinite(value).reshape(len(value), -1).all(axis=1)))
+                raise InputError(
+                    f"{motion.scene.name}: the {field.name.replace('_', ' ')} exceeds "
+                    f"{np.finfo(float).max:.2g}, the largest number that there is, at "
+                    f"t = {motion.times[i]:g} s; bring the bodies or the rates nearer to 1"
+                )

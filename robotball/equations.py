@@ -1,16 +1,17 @@
 """The paper's equations of motion, once, in plain arithmetic on 3-tuples.
 
-Nothing here but ``+ - * /`` on scalars: the same functions run on floats, NumPy columns,
-sympy and mpmath numbers, heyoka expressions and inside numba. Equation numbers are those of
-"Different Models of Rolling for a Robot Ball on a Plane as a Generalization of the Chaplygin
-Ball Problem", with its misprints corrected.
+The formulas have nothing but ``+ - * /`` on scalars, so that the same functions run on floats,
+NumPy columns, sympy and mpmath numbers, heyoka expressions and inside numba. Equation numbers are
+those of "Different Models of Rolling for a Robot Ball on a Plane as a Generalization of the
+Chaplygin Ball Problem", with its misprints corrected.
 
 Axes and symbols: vectors are 3-tuples along the principal axes of the ball's inertia, which
 turn with the frame. ``A`` and ``I`` are 3-tuples, the diagonals of A = (I + d E)^-1 [1/(kg m^2)]
 and of the inertia [kg m^2]; ``d`` = m a^2 [kg m^2]; ``Omega`` is the frame's angular velocity
 relative to the shell [rad/s]; ``K`` = k - d Omega [kg m^2/s]; ``gamma`` is the unit vertical.
 
-The numbers that the reduced equations know of a ball: all that is left of its bodies.
+In order: vectors, the reduced equations, kinematics, momentum and energy, the full equations, and
+the numbers of a ball that they take, which are all that they know of its bodies.
 """
 
 import math
@@ -24,18 +25,19 @@ from robotball.errors import LARGEST, InputError
 from robotball.robot import Ball
 from robotball.rotations import Array
 
+# Any type with + - * /: numba, sympy and heyoka each bring their own, which no protocol names.
 Scalar = Any
 Vector = tuple[Scalar, Scalar, Scalar]
 Quaternion = tuple[Scalar, Scalar, Scalar, Scalar]
 
 
 def dot(u: Vector, v: Vector) -> Scalar:
-    """(u, v)."""
+    """Return (u, v)."""
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 def cross(u: Vector, v: Vector) -> Vector:
-    """u × v."""
+    """Return u × v."""
     return (
         u[1] * v[2] - u[2] * v[1],
         u[2] * v[0] - u[0] * v[2],
@@ -44,22 +46,22 @@ def cross(u: Vector, v: Vector) -> Vector:
 
 
 def add(u: Vector, v: Vector) -> Vector:
-    """u + v."""
+    """Return u + v."""
     return (u[0] + v[0], u[1] + v[1], u[2] + v[2])
 
 
 def subtract(u: Vector, v: Vector) -> Vector:
-    """u - v."""
+    """Return u - v."""
     return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
 
 
 def scale(s: Scalar, v: Vector) -> Vector:
-    """s v."""
+    """Return s v."""
     return (s * v[0], s * v[1], s * v[2])
 
 
 def diagonal(D: Vector, v: Vector) -> Vector:
-    """diag(D) v."""
+    """Return diag(D) v."""
     return (D[0] * v[0], D[1] * v[1], D[2] * v[2])
 
 
@@ -69,11 +71,12 @@ def diagonal(D: Vector, v: Vector) -> Vector:
 def rubber_angular_velocity(
     M: Vector, gamma: Vector, Omega: Vector, K: Vector, A: Vector
 ) -> Vector:
-    """ω(M, γ) of rolling without slipping and spinning, (3.2) [rad/s].
+    """Return ω(M, γ) of rolling without slipping and spinning, (3.2) [rad/s].
 
     ω = A( (M×Aγ + (Ω + AK, γ)γ)/(Aγ,γ) - K );  needs (M, γ) = 0.
     """
     A_gamma = diagonal(A, gamma)
+    # One division serves three coordinates: it is the slowest operation here.
     per_A_gamma_gamma = 1 / dot(A_gamma, gamma)
     Omega_AK = add(Omega, diagonal(A, K))
     turning = add(cross(M, A_gamma), scale(dot(Omega_AK, gamma), gamma))
@@ -83,7 +86,7 @@ def rubber_angular_velocity(
 def classical_angular_velocity(
     M: Vector, gamma: Vector, Omega: Vector, K: Vector, A: Vector, I: Vector, d: Scalar
 ) -> Vector:
-    """ω(M, γ) of rolling without slipping, (3.3) [rad/s].
+    """Return ω(M, γ) of rolling without slipping, (3.3) [rad/s].
 
     ω = A( M - K + Zγ ),  Z = (A(M - K) - Ω, γ) / (1/d - (Aγ,γ)).
     """
@@ -96,14 +99,14 @@ def classical_angular_velocity(
 
 
 def rubber_divergence(gamma: Vector, Omega: Vector, A: Vector) -> Scalar:
-    """-(Aγ, γ×Ω)/(Aγ,γ): the sum of the exponents of (3.2) is its time mean [1/s]."""
+    """Return -(Aγ, γ×Ω)/(Aγ,γ), whose time mean is the sum of the exponents of (3.2) [1/s]."""
     A_gamma = diagonal(A, gamma)
     per_A_gamma_gamma = 1 / dot(A_gamma, gamma)
     return per_A_gamma_gamma * dot(A_gamma, cross(Omega, gamma))
 
 
 def classical_divergence(gamma: Vector, Omega: Vector, A: Vector, I: Vector, d: Scalar) -> Scalar:
-    """(Aγ, γ×Ω)/(1/d - (Aγ,γ)): the sum of the exponents of (3.3) is its time mean [1/s]."""
+    """Return (Aγ, γ×Ω)/(1/d - (Aγ,γ)), whose time mean is the sum of (3.3)'s exponents [1/s]."""
     A_gamma = diagonal(A, gamma)
     return d * dot(A_gamma, cross(gamma, Omega)) / dot(diagonal(I, A_gamma), gamma)
 
@@ -112,7 +115,7 @@ def classical_divergence(gamma: Vector, Omega: Vector, A: Vector, I: Vector, d: 
 
 
 def attitude_rate(q: Quaternion, omega: Vector) -> Quaternion:
-    """dq/dt = q∘(0, ω)/2 of the quaternion (w, x, y, z), frame to world; ω in frame axes."""
+    """Return dq/dt = q∘(0, ω)/2 of a quaternion (w, x, y, z), frame to world; ω in frame axes."""
     w, x, y, z = q
     p, r, s = scale(0.5, omega)
     return (
@@ -124,7 +127,7 @@ def attitude_rate(q: Quaternion, omega: Vector) -> Quaternion:
 
 
 def space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
-    """α, β, γ: the space axes X, Y, Z seen from the frame, for a quaternion of any length."""
+    """Return α, β, γ, space's axes X, Y, Z seen from the frame, of a quaternion of any length."""
     w, x, y, z = q
     alpha, beta, gamma = unit_space_axes(q)
     per_square = 1 / (w * w + x * x + y * y + z * z)
@@ -132,7 +135,7 @@ def space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
 
 
 def unit_space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
-    """The same for a quaternion of length one; else times the square of its length."""
+    """Return α, β, γ of a unit quaternion; of any other, times the square of its length."""
     w, x, y, z = q
     ww, xx, yy, zz = w * w, x * x, y * y, z * z
     return (
@@ -143,13 +146,13 @@ def unit_space_axes(q: Quaternion) -> tuple[Vector, Vector, Vector]:
 
 
 def seen_from_frame(v: Vector, axes: tuple[Vector, Vector, Vector]) -> Vector:
-    """A world vector v in frame axes, with the space axes α, β, γ: v_X α + v_Y β + v_Z γ."""
+    """Return a world vector in frame axes: v_X α + v_Y β + v_Z γ, with the space axes α, β, γ."""
     alpha, beta, gamma = axes
     return add(add(scale(v[0], alpha), scale(v[1], beta)), scale(v[2], gamma))
 
 
 def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
-    """p∘q of quaternions (w, x, y, z): first the rotation q, then p."""
+    """Return p∘q of quaternions (w, x, y, z): first the rotation q, then p."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
         p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
@@ -161,7 +164,7 @@ def quaternion_product(p: Quaternion, q: Quaternion) -> Quaternion:
 def contact_velocity(
     alpha: Vector, beta: Vector, omega: Vector, Omega: Vector, a: Scalar
 ) -> tuple[Scalar, Scalar]:
-    """(dX/dt, dY/dt) = (a(β, ω-Ω), -a(α, ω-Ω)) of the contact point on the plane [m/s]."""
+    """Return the contact point's (dX/dt, dY/dt) = (a(β, ω-Ω), -a(α, ω-Ω)) on the plane [m/s]."""
     shell = subtract(omega, Omega)
     return a * dot(beta, shell), -a * dot(alpha, shell)
 
@@ -172,7 +175,7 @@ def contact_velocity(
 def contact_angular_momentum(
     omega: Vector, gamma: Vector, Omega: Vector, K: Vector, I: Vector, d: Scalar
 ) -> Vector:
-    """L = Ĩω + K + d(Ω,γ)γ, Ĩ = I + d(E - γ⊗γ): about the contact point [kg m²/s]."""
+    """Return L = Ĩω + K + d(Ω,γ)γ about the contact point, Ĩ = I + d(E - γ⊗γ) [kg m²/s]."""
     horizontal = subtract(omega, scale(dot(omega, gamma), gamma))
     I_tilde_omega = add(diagonal(I, omega), scale(d, horizontal))
     return add(add(I_tilde_omega, K), scale(d * dot(Omega, gamma), gamma))
@@ -186,7 +189,7 @@ def energy(
     d: Scalar,
     spinning: bool,
 ) -> Scalar:
-    """E = (ω,A⁻¹ω)/2 - (Ω,A⁻¹ω), less d(γ,ω-Ω)²/2 where the ball may spin (classical) [J]."""
+    """Return (ω,A⁻¹ω)/2 - (Ω,A⁻¹ω), less d(γ,ω-Ω)²/2 where the ball may spin (classical) [J]."""
     momentum = (omega[0] / A[0], omega[1] / A[1], omega[2] / A[2])
     spin = dot(gamma, subtract(omega, Omega)) if spinning else 0
     return dot(omega, momentum) / 2 - dot(Omega, momentum) - d * spin * spin / 2
@@ -206,7 +209,7 @@ def full_angular_acceleration(
     d: Scalar,
     spin_free: bool,
 ) -> tuple[Vector, Scalar]:
-    """dω/dt [rad/s²] and the spin torque λ₀ [N m] of the unreduced system (2.4)-(2.5).
+    """Return dω/dt [rad/s²] and the spin torque λ₀ [N m] of the unreduced system (2.4)-(2.5).
 
     Ĩ dω/dt = (Iω + k)×ω - dk/dt + d(E - γ⊗γ)(dΩ/dt + ω×Ω) + λ₀γ, where `spin_free` says that
     the constraint (ω - Ω, γ) = 0 of the rubber model holds and gives λ₀; otherwise λ₀ = 0.
@@ -264,25 +267,25 @@ class Parameters:
         return add(self.K, scale(self.d, self.Omega))
 
     def angular_velocity(self, M: Vector, gamma: Vector) -> Vector:
-        """ω(M, γ) of (3.2) or (3.3), rad/s; M and γ as tuples of floats or of columns."""
+        """Return ω(M, γ) of (3.2) or (3.3) [rad/s]; M and γ as tuples of floats or of columns."""
         if self.rolling == "rubber":
             return rubber_angular_velocity(M, gamma, self.Omega, self.K, self.A)
         return classical_angular_velocity(M, gamma, self.Omega, self.K, self.A, self.I, self.d)
 
     def divergence(self, gamma: Vector) -> Scalar:
-        """The rate at which phase volume grows, 1/s; its time mean is the sum of the exponents."""
+        """Return the growth of phase volume [1/s]; its time mean is the sum of the exponents."""
         if self.rolling == "rubber":
             return rubber_divergence(gamma, self.Omega, self.A)
         return classical_divergence(gamma, self.Omega, self.A, self.I, self.d)
 
     def momentum(self, omega: Vector, gamma: Vector) -> Vector:
-        """M(ω, γ): γ×L of (3.1) in the rubber model, L of section 3.2 in the classical one."""
+        """Return M(ω, γ): γ×L of (3.1) in the rubber model, L of section 3.2 in the classical."""
         L = contact_angular_momentum(omega, gamma, self.Omega, self.K, self.I, self.d)
         return cross(gamma, L) if self.rolling == "rubber" else L
 
 
 def parameters_of(ball: Ball, rolling: Rolling, rates: Sequence[float]) -> Parameters:
-    """The numbers of a ball whose hinges, the frame's and the rotors', turn at `rates` [rad/s]."""
+    """Return the numbers of a ball whose hinges turn at `rates` [rad/s], the frame's first."""
     moments, axes = ball.principal
     Omega = rates[0] * ball.shell.axis
     k = ball.gyrostatic_inertia @ rates
@@ -297,9 +300,10 @@ def parameters_of(ball: Ball, rolling: Rolling, rates: Sequence[float]) -> Param
 
 
 def speed_bound(parameters: Parameters, size: Array) -> Array:
-    """What |ω| (n,) cannot exceed where |M| = size (n,), by (3.2) or (3.3) term by term [rad/s]."""
+    """Return bounds (n,) of |ω| for |M| = size (n,), by (3.2) or (3.3) term by term [rad/s]."""
     A, I = np.array(parameters.A), np.array(parameters.I)
     Omega, K = math.hypot(*parameters.Omega), math.hypot(*parameters.K)
+    # An overflow is an infinite bound, which `check_speed` refuses.
     with np.errstate(over="ignore", invalid="ignore"):
         if parameters.rolling == "rubber":
             Z = (Omega + A.max() * K) / A.min()
@@ -309,7 +313,7 @@ def speed_bound(parameters: Parameters, size: Array) -> Array:
 
 
 def check_speed(parameters: Parameters, size: Array) -> Array:
-    """The speed bounds (n,); raises InputError for any faster than numbers can follow."""
+    """Return `speed_bound` (n,). Raises InputError where one is faster than numbers can follow."""
     bounds = speed_bound(parameters, size)
     fastest = float(bounds.max())
     if not fastest <= LARGEST:
@@ -322,6 +326,6 @@ def check_speed(parameters: Parameters, size: Array) -> Array:
 
 
 def as_vector(v: Array) -> Vector:
-    """An array (3,) as the plain tuple that equations.py computes with."""
+    """Return an array (3,) as the tuple of floats that the formulas take."""
     x, y, z = np.asarray(v, dtype=float).tolist()
     return (x, y, z)

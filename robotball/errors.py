@@ -10,8 +10,9 @@ from numbers import Real
 # In SI units, far beyond any ball, and small enough that products of a few do not overflow.
 LARGEST = 1e50
 MOST = 10_000_000  # of anything that is counted: more fill the memory
+END_ROUNDING = 1e-9  # relative: a time so little beyond the end of a run is taken as the end
 LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
-FEW = 12  # names that a message holds
+FEW = 12  # names that a message lists, so that it stays a line
 PACKAGES = ("robotball", "validation")
 
 
@@ -36,6 +37,8 @@ class SceneWarning(UserWarning):
 
 def warn(line: str) -> None:
     """Issue a SceneWarning at the line outside these packages that asked for the work."""
+    # Python's default filter shows a warning once a line: at a line of ours, a script of many
+    # scenes would see the first alone. `skip_file_prefixes` is not in Python 3.11.
     frame, level = sys._getframe(1), 2
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in PACKAGES:
         frame, level = frame.f_back, level + 1
@@ -90,6 +93,7 @@ def check_not_negative(what: str, value: float, unit: str) -> None:
 def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST) -> None:
     """Raise InputError unless `value` is finite and at most `largest` in size."""
     _check_number(what, value)
+    # Not `abs(value) > largest`, which would let NaN pass.
     if not abs(value) <= largest:
         line = f"{what} must be finite and at most {largest:g} in size, not {value:g} {unit}"
         raise InputError(line.rstrip())

@@ -1,7 +1,7 @@
-"""Rolling of any robot in the shell, once, in plain arithmetic.
+"""The mechanics of any robot that rolls in a shell, once, in plain arithmetic.
 
-As in equations.py there is nothing here but ``+ - * /`` on scalars, so the same functions run on
-floats, on NumPy columns, on symbols and inside numba. Vectors are 3-tuples in frame axes, but
+There is nothing in the formulas but ``+ - * /`` on scalars, as in equations.py, so that the same
+functions run on floats, on NumPy columns and inside numba. Vectors are 3-tuples in frame axes, but
 velocities and accelerations are rates in space. Row 0 of the bodies is the shell, row 1 the frame,
 the others are hinged on the frame; hinge j turns body j + 1. Arrays that end in `...` have there
 the shape of the scalars, () or (n,); those that are named last are written.
@@ -9,14 +9,10 @@ the shape of the scalars, () or (n,); those that are named last are written.
 u = (ω_s, Ω, φ̇): the shell's angular velocity, then the rates of the hinges. (L, h) = 𝓜u: the
 angular momentum about the contact point, then the momenta along the hinges.
 
-The solution of (L, h) = 𝓜u where some rates are given and the shell may not turn as it likes.
-
-Like formulas.py on floats, on columns and inside numba: `...` is the shape of the scalars.
-
-A robot's numbers, and what its states tell: many at once, by the formulas on columns.
-
-Of n states: gamma (n, 3) in frame axes; angles and rates (n, h) of the hinges, as in
-`Scene.hinges` [rad, rad/s]; omega (n, 3) of the frame, in frame axes [rad/s]. SI units.
+In order: rows of numbers, where bodies are, 𝓜 and the momenta's rates, forces by Newton and Euler,
+𝓜u = (L, h) solved where some rates are given and the shell may not turn as it likes; then a robot
+and n of its states as columns: gamma (n, 3) in frame axes; angles and rates (n, h) of the hinges,
+as in `Scene.hinges` [rad, rad/s]; omega (n, 3) of the frame, in frame axes [rad/s]. SI units.
 """
 
 from dataclasses import dataclass
@@ -31,6 +27,7 @@ from robotball.rotations import Array, rotation_matrix
 
 Numbers = Any  # an array, or its row
 
+# Bodies are rows of numbers and no records: numba and columns take them as one array.
 # A body's row: as it is at its hinge's angle 0.
 MASS, CENTRE, AXIS, PIVOT, INERTIA, ARMATURE, ROW = 0, 1, 4, 7, 10, 19, 20
 # A placed body's row: its centre of mass from the sphere's centre and from its hinge's pivot, its
@@ -41,7 +38,7 @@ TURNING, VELOCITY, MOVING = 0, 3, 6
 
 
 def vector(row: Numbers, at: int) -> Vector:
-    """Three numbers of a row."""
+    """Return three numbers of a row."""
     return (row[at], row[at + 1], row[at + 2])
 
 
@@ -53,7 +50,7 @@ def put(row: Numbers, at: int, v: Vector) -> None:
 
 
 def applied(row: Numbers, at: int, v: Vector) -> Vector:
-    """The tensor that a row holds, times v."""
+    """Return the tensor that a row holds, times v."""
     return (
         dot(vector(row, at), v),
         dot(vector(row, at + 3), v),
@@ -62,25 +59,26 @@ def applied(row: Numbers, at: int, v: Vector) -> Vector:
 
 
 def turned(v: Vector, axis: Vector, cosine: Scalar, sine: Scalar) -> Vector:
-    """v turned about a unit vector."""
+    """Return v turned about a unit vector, by Rodrigues' formula."""
     along = scale((1 - cosine) * dot(axis, v), axis)
     return add(add(scale(cosine, v), scale(sine, cross(axis, v))), along)
 
 
 def place(bodies: Numbers, cosines: Numbers, sines: Numbers, placed: Numbers) -> None:
-    """Where the bodies are: placed (b, PLACED, ...), for the cosines and sines (h, ...)."""
+    """Write where the bodies are, placed (b, PLACED, ...), for the cosines and sines (h, ...)."""
     for b in range(len(bodies)):
         body, row = bodies[b], placed[b]
         axis, pivot = vector(body, AXIS), vector(body, PIVOT)
         arm = subtract(vector(body, CENTRE), pivot)
-        if b < 2:  # the frame's axes are its own, and the shell is symmetric about its hinge
+        if b < 2:  # the axes are the frame's own, and the shell is symmetric about its hinge
             put(row, ARM, arm)
             for k in range(0, 9, 3):
                 put(row, TENSOR + k, vector(body, INERTIA + k))
         else:
             c, s = cosines[b - 1], sines[b - 1]
             put(row, ARM, turned(arm, axis, c, s))
-            # QJ, column by column, and then (QJ)Qᵀ, row by row.
+            # QJ, column by column, and then (QJ)Qᵀ, row by row; J is symmetric, so its rows are its
+            # columns.
             x = turned(vector(body, INERTIA), axis, c, s)
             y = turned(vector(body, INERTIA + 3), axis, c, s)
             z = turned(vector(body, INERTIA + 6), axis, c, s)
@@ -93,12 +91,13 @@ def place(bodies: Numbers, cosines: Numbers, sines: Numbers, placed: Numbers) ->
 def mass_matrix(
     bodies: Numbers, placed: Numbers, radius: float, gamma: Vector, matrix: Numbers
 ) -> None:
-    """𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures."""
+    """Write 𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures."""
     matrix[:] = 0.0
     e = vector(bodies[1], AXIS)
     for b in range(len(bodies)):
         row, m = placed[b], bodies[b][MASS]
         r = vector(row, FROM_CENTRE)
+        # From the shell's point at the contact, which has no velocity.
         x = add(r, scale(radius, gamma))
         m_x_x = m * dot(x, x)
         for i in range(3):
@@ -114,14 +113,14 @@ def mass_matrix(
             shared = dot(e, applied(row, TENSOR, n)) + m * dot(cross(e, r), by_n)
             matrix[3, 2 + b] += shared
             matrix[2 + b, 3] += shared
-        if b > 0:
+        if b > 0:  # a motor's rotor, behind its gear, counts for the rate of its hinge alone
             matrix[2 + b, 2 + b] += bodies[b][ARMATURE]
 
 
 def _add_hinge(
     row: Numbers, m: float, x: Vector, axis: Vector, velocity: Vector, at: int, matrix: Numbers
 ) -> None:
-    """Add what a body has of a hinge of unit rate, which gives it a velocity, to 𝓜."""
+    """Add a body's part of one hinge to 𝓜; at unit rate the hinge gives the body `velocity`."""
     spin = applied(row, TENSOR, axis)
     momentum = add(spin, scale(m, cross(x, velocity)))
     for i in range(3):
@@ -133,13 +132,13 @@ def _add_hinge(
 def move(
     bodies: Numbers, placed: Numbers, radius: float, gamma: Vector, u: Numbers, moving: Numbers
 ) -> None:
-    """How the bodies move: moving (b, MOVING, ...), by u (3 + h, ...)."""
+    """Write how the bodies move, moving (b, MOVING, ...), by u (3 + h, ...)."""
     e, shell = vector(bodies[1], AXIS), vector(u, 0)
     frame = add(shell, scale(u[3], e))
     of_centre = scale(radius, cross(shell, gamma))
     for b in range(len(bodies)):
         row = placed[b]
-        if b == 0:
+        if b == 0:  # turns about its centre, whose velocity the contact gives
             put(moving[b], TURNING, shell)
             put(moving[b], VELOCITY, add(of_centre, cross(shell, vector(row, FROM_CENTRE))))
             continue
@@ -147,14 +146,6 @@ def move(
         of_pivot = add(of_centre, cross(frame, vector(bodies[b], PIVOT)))
         put(moving[b], TURNING, turning)
         put(moving[b], VELOCITY, add(of_pivot, cross(turning, vector(row, ARM))))
-
-
-def product(matrix: Numbers, u: Numbers, momenta: Numbers) -> None:
-    """(L, h) = 𝓜u (3 + h, ...)."""
-    for i in range(len(u)):
-        momenta[i] = 0.0
-        for j in range(len(u)):
-            momenta[i] += matrix[i, j] * u[j]
 
 
 def momentum_rates(
@@ -166,16 +157,13 @@ def momentum_rates(
     gravity: Vector,
     rates: Numbers,
 ) -> None:
-    """Of (L, h) in space (3 + h, ...), but for the torques of the motors and of the plane.
+    """Write the rates of (L, h) in space (3 + h, ...) without the torques of motors and plane.
 
     L̇ = Ṡ×v + (S + maγ)×G,  ḣ_0 = (ω×e, N′) + (e, Σ′ m v_b×v + m r_b×G),
     ḣ_i = (ω×n, N) + (n, m v_i×(v + ω×p) + m ρ×G).
     """
-    e, shell, omega = (
-        vector(bodies[1], AXIS),
-        vector(moving[0], TURNING),
-        vector(moving[1], TURNING),
-    )
+    e, shell = vector(bodies[1], AXIS), vector(moving[0], TURNING)
+    omega = vector(moving[1], TURNING)
     v, e_rate = scale(radius, cross(shell, gamma)), cross(omega, e)
     L_rate, h_rate = scale(0.0, gamma), 0.0 * gamma[0]
     for b in range(len(bodies)):
@@ -209,28 +197,21 @@ def needed(
     u_rate: Numbers,
     torques: Numbers,
 ) -> Vector:
-    """What it takes that u has a rate in space (3 + h, ...), by Newton and Euler.
+    """Write the torques that give u a rate in space (3 + h, ...), by Newton and Euler.
 
     torques (3 + h, ...): that of the plane about the contact point, then those of the motors.
-    Returns the plane's force. In space n has the rate ω×n, so a hinge gives φ̈n + φ̇ω×n.
+    Returns the plane's force [N]. In space n has the rate ω×n, so a hinge gives φ̈n + φ̇ω×n.
     """
-    e, shell, omega = (
-        vector(bodies[1], AXIS),
-        vector(moving[0], TURNING),
-        vector(moving[1], TURNING),
-    )
+    e, shell = vector(bodies[1], AXIS), vector(moving[0], TURNING)
+    omega = vector(moving[1], TURNING)
     shell_rate = vector(u_rate, 0)
     frame_rate = add(shell_rate, add(scale(u_rate[3], e), scale(u[3], cross(omega, e))))
     of_centre = scale(radius, cross(shell_rate, gamma))
     force, torque = scale(0.0, gamma), scale(0.0, gamma)
     torques[3] = bodies[1][ARMATURE] * u_rate[3]
     for b in range(len(bodies)):
-        row, m, axis, pivot = (
-            placed[b],
-            bodies[b][MASS],
-            vector(bodies[b], AXIS),
-            vector(bodies[b], PIVOT),
-        )
+        row, m = placed[b], bodies[b][MASS]
+        axis, pivot = vector(bodies[b], AXIS), vector(bodies[b], PIVOT)
         turning, rate, of_pivot = shell, shell_rate, of_centre
         if b > 0:
             turning, rate = vector(moving[b], TURNING), frame_rate
@@ -254,14 +235,14 @@ def needed(
 
 
 def acceleration(rate: Vector, turning: Vector, r: Vector) -> Vector:
-    """Of a point r of a turning body, against that of its origin."""
+    """Return the acceleration of a point r of a turning body against its origin's."""
     return add(cross(rate, r), cross(turning, cross(turning, r)))
 
 
 def solve(matrix: Numbers, given: Numbers, right: Numbers, u: Numbers) -> None:
-    """u (k, c, ...) of 𝓜u = right in the rows whose u is not given (k,); there u is what it is.
+    """Solve 𝓜u = right for u (k, c, ...) in the rows that are not given (k,); the others stay.
 
-    𝓜 is positive, so that no rows need to be exchanged.
+    Gaussian elimination. 𝓜 is positive definite, so that no rows need to be exchanged.
     """
     k, columns = right.shape[0], right.shape[1]
     left = np.copy(matrix)
@@ -274,6 +255,8 @@ def solve(matrix: Numbers, given: Numbers, right: Numbers, u: Numbers) -> None:
                         u[i, c] -= matrix[i, j] * u[j, c]
     for i in range(k):
         for j in range(i + 1, k):
+            # Rows and columns of given rates are passed over; to cut them out would take new arrays
+            # at every evaluation of compiled code.
             if not (given[i] or given[j]):
                 factor = left[j, i] / left[i, i]
                 for l in range(i + 1, k):
@@ -292,9 +275,11 @@ def solve(matrix: Numbers, given: Numbers, right: Numbers, u: Numbers) -> None:
 def solve_rolling(
     matrix: Numbers, given: Numbers, directions: Numbers, right: Numbers, u: Numbers
 ) -> None:
-    """u (k, 1, ...) as `solve` gives it, where torques along D_k (c, 3, ...) make (D_k, ω_s) = 0.
+    """Solve as `solve` for u (k, 1, ...), with torques along D_k (c, 3, ...) for (D_k, ω_s) = 0.
 
-    For the rates of momenta these are L's parts along D_k, which the momenta do not tell.
+    The torques are Lagrange multipliers: u is that of no torque and that of each torque of unit
+    size, added so that the constraints hold. For momenta as the right side they are the parts of L
+    along D_k, which M does not have.
     """
     k, count = len(matrix), len(directions)
     columns = np.zeros_like(matrix[:, : 1 + count])
@@ -337,7 +322,7 @@ class Robot:
         return float(self.bodies[:, MASS].sum())
 
     def states(self, gamma: Array, angles: Array, omega: Array, rates: Array) -> "States":
-        """The robot in n states of motion."""
+        """Return the robot in n states of motion."""
         axis = self.bodies[0, AXIS:PIVOT, None]
         u = np.concatenate([omega.T - rates[:, 0] * axis, rates.T])
         placed = self.placed(angles)
@@ -346,7 +331,7 @@ class Robot:
         return States(self, gamma.T, placed, u, moving)
 
     def placed(self, angles: Array) -> Array:
-        """Where the bodies are at angles (n, h): (b, PLACED, n), in frame axes."""
+        """Return where the bodies are at angles (n, h): (b, PLACED, n), in frame axes."""
         placed = np.empty((len(self.bodies), PLACED, len(angles)))
         place(self.bodies, np.cos(angles.T), np.sin(angles.T), placed)
         return placed
@@ -354,36 +339,29 @@ class Robot:
     def angular_velocity(
         self, gamma: Array, angles: Array, M: Array, rates: Array, rolling: Rolling
     ) -> Array:
-        """ω (n, 3) of the frame from the momentum M (n, 3), both in frame axes."""
-        vertical, given = gamma.T[None], np.arange(3 + self.hinges) > 2
-        matrix, right = self._matrix(gamma, angles), np.zeros((3 + self.hinges, 1, len(gamma)))
+        """Return ω (n, 3) of the frame from the momentum M (n, 3), both in frame axes."""
+        k = 3 + self.hinges
+        given = np.arange(k) > 2
+        matrix, right = np.empty((k, k, len(gamma))), np.zeros((k, 1, len(gamma)))
+        mass_matrix(self.bodies, self.placed(angles), self.radius, tuple(gamma.T), matrix)
+        # M is γ×L in the rubber model, so L is M×γ but for its part along γ, which `solve_rolling`
+        # finds from the shell's not turning about γ.
         right[:3, 0] = (np.cross(M, gamma) if rolling == "rubber" else M).T
         u = np.zeros_like(right)
         u[3:, 0] = rates.T
-        solve_rolling(matrix, given, still(vertical, rolling), right, u)
+        fixed = gamma.T[None] if rolling == "rubber" else np.empty((0, 3, len(gamma)))
+        solve_rolling(matrix, given, fixed, right, u)
         axis = self.bodies[0, AXIS:PIVOT]
         return u[:3, 0].T + np.outer(rates[:, 0], axis)
 
-    def _matrix(self, gamma: Array, angles: Array) -> Array:
-        matrix = np.empty((3 + self.hinges, 3 + self.hinges, len(gamma)))
-        placed = self.placed(angles)
-        mass_matrix(self.bodies, placed, self.radius, tuple(gamma.T), matrix)
-        return matrix
-
-
-def still(vertical: Array, rolling: Rolling) -> Array:
-    """The directions (c, 3, n) about which the shell may not turn, of the vertical (1, 3, n)."""
-    return vertical if rolling == "rubber" else vertical[:0]
-
 
 def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:
-    """A ball's robot; armatures [kg m²] of its hinges, 0 where none are given."""
+    """Return a ball's robot; armatures [kg m²] of its hinges, 0 where none are given."""
     rows = np.zeros((len(ball.named_bodies), ROW))
     for row, (_, body) in zip(rows, ball.named_bodies, strict=True):
         row[MASS] = body.mass
         row[CENTRE:AXIS] = body.centre
-        axis = ball.shell.axis if isinstance(body, Frame) else body.axis
-        row[AXIS:PIVOT] = axis
+        row[AXIS:PIVOT] = ball.shell.axis if isinstance(body, Frame) else body.axis
         row[INERTIA:ARMATURE] = body.inertia.ravel()
     for row, rotor in zip(rows[2:], ball.rotors, strict=False):
         row[PIVOT:INERTIA] = rotor.centre
@@ -396,7 +374,7 @@ def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:
 
 @dataclass(frozen=True)
 class States:
-    """n states of a robot in motion, as the formulas have them: the last index counts them.
+    """States of a robot in motion, n of them, which the last index of an array counts.
 
     gamma (3, n), placed (b, PLACED, n), u (3 + h, n), moving (b, MOVING, n).
     """
@@ -417,41 +395,39 @@ class States:
     @cached_property
     def momenta(self) -> Array:
         """(L, h) (3 + h, n): about the contact point, in frame axes, and along the hinges."""
-        found = np.empty_like(self.u)
-        product(self.matrix, self.u, found)
-        return found
+        return np.asarray((self.matrix * self.u).sum(axis=1))
 
     def momentum(self, rolling: Rolling) -> Array:
-        """M (n, 3) in frame axes: γ×L in the rubber model, L in the classical one."""
+        """Return M (n, 3) in frame axes: γ×L in the rubber model, L in the classical one."""
         L = self.momenta[:3]
         return (np.cross(self.gamma, L, axis=0) if rolling == "rubber" else L).T
 
     @property
     def kinetic_energy(self) -> Array:
-        """(n,) J, with that of the armatures."""
+        """The kinetic energy (n,), with that of the armatures [J]."""
         return np.asarray((self.u * self.momenta).sum(axis=0) / 2)
 
     @property
     def centre_of_mass(self) -> Array:
-        """(n, 3) m, from the centre of the sphere, frame axes."""
+        """The centre of mass (n, 3) from the centre of the sphere, frame axes [m]."""
         masses = self.robot.bodies[:, MASS]
         return np.asarray(np.einsum("b,bin->ni", masses, self.placed[:, :3])) / self.robot.mass
 
     @property
     def turning(self) -> Array:
-        """(b, n, 3) rad/s, the bodies' angular velocities, frame axes."""
+        """The bodies' angular velocities (b, n, 3), frame axes [rad/s]."""
         return self.moving[:, TURNING:VELOCITY].transpose(0, 2, 1)
 
     @property
     def velocities(self) -> Array:
-        """(b, n, 3) m/s, of the bodies' centres of mass, frame axes."""
+        """The velocities (b, n, 3) of the bodies' centres of mass, frame axes [m/s]."""
         return self.moving[:, VELOCITY:].transpose(0, 2, 1)
 
 
 def momentum_at(
     ball: Ball, rolling: Rolling, attitude: Array, omega: Array, angles: Array, rates: Array
 ) -> Array:
-    """M (3,) in world axes of a ball in one state [kg m²/s].
+    """Return M (3,) in world axes of a ball in one state [kg m²/s].
 
     attitude (4,), frame to world; omega (3,) of the frame, in frame axes [rad/s]; angles and rates
     (h,) of the hinges [rad, rad/s]. In the rubber model the shell must not spin.

@@ -28,13 +28,15 @@ if TYPE_CHECKING:
 # The limits that every engine's run is held to.
 DIVERGED = 1e10  # a state beyond it is no result; MuJoCo's own limit (mjMAXVAL)
 RATE_ERROR = 1e-3  # relative; a prescribed hinge keeps 1e-13, a servo this good passes
-SHORTEST_PATH = (
-    1e-9  # of the radius; slip relative to a shorter path would be rounding over rounding
-)
+# Of the radius; slip relative to a shorter path would be rounding over rounding.
+SHORTEST_PATH = 1e-9
 
 
 class FaultKind(Enum):
-    """The kinds of fault; {subject} names the faulty thing, {limit} the limit that it passed."""
+    """The kinds of fault, each with the sentence that a user reads.
+
+    {subject} stands for the faulty thing, {limit} for the limit that it passed.
+    """
 
     DIVERGED = "the state diverged"
     RESET = "time went back: the engine reset the state"
@@ -47,10 +49,6 @@ class FaultKind(Enum):
     ENGINE_WARNED = "the engine warned of {subject}"
     STEP_TOO_SHORT = "the steps became too short ({subject})"
     OUT_OF_STEPS = "max_steps = {limit:.0f} are taken"
-
-    @property
-    def sentence(self) -> str:
-        return self.value
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,7 @@ class Fault:
     @property
     def text(self) -> str:
         """The sentence, without the time."""
-        return self.kind.sentence.format(subject=self.subject, limit=self.limit)
+        return self.kind.value.format(subject=self.subject, limit=self.limit)
 
     def __str__(self) -> str:
         return f"{self.text} at t = {self.time:.6g} s"
@@ -179,21 +177,22 @@ class Loads(Value):
 
     @property
     def sliding_friction(self) -> Array:
-        """(n,): the least coefficient of friction at which the shell does not slip."""
+        """The least coefficient of friction (n,) at which the shell does not slip."""
         return _per_newton(np.linalg.norm(self.contact_force[:, :2], axis=1), self.normal_force)
 
     @property
     def torsional_friction(self) -> Array:
-        """(n,) m: the least torsional coefficient at which the shell does not spin."""
+        """The least torsional coefficient (n,) at which the shell does not spin [m]."""
         return _per_newton(np.abs(self.spin_torque), self.normal_force)
 
     @property
     def normal_force(self) -> Array:
-        """(n,) N."""
+        """The force (n,) of the plane on the shell along its normal [N]."""
         return self.contact_force[:, 2]
 
 
 def _per_newton(load: Array, normal_force: Array) -> Array:
+    # 0 where the ball is off the plane: no friction acts there, and none is needed.
     return np.divide(load, normal_force, out=np.zeros_like(load), where=normal_force > 0)
 
 
@@ -287,7 +286,7 @@ def gamma_of(attitude: Array) -> Array:
 class ReferenceMotion(Motion):
     """A motion by equations, against which others are measured, with an estimate of its error.
 
-    again               the contact points (n, 2) of the same motion, made by longer steps [m]
+    again               returns the contact points (n, 2) of the motion by longer steps [m]
     motor_work  (n, h)  work of the motors since the start [J]; None by the reduced equations
     rolling_loss  (n,)  work lost to rolling resistance [J]; None by the reduced equations
     """
@@ -304,7 +303,7 @@ class ReferenceMotion(Motion):
         estimate is at least a few roundings, as two motions may agree by chance. Against steps in
         80-bit numbers, the error was 0.06 to 2.1 of it on the catalog's steady scenes.
         """
-        off = np.linalg.norm(self.contact_point - self.again(), axis=1)
+        off = _distances(self.contact_point, self.again())
         return max(float(off.max() / self.path_scale), 4 * float(np.finfo(float).eps))
 
 
@@ -337,64 +336,71 @@ def arrays_of(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[A
 
 
 # Long motions are made and measured in pieces: temporaries of a whole one would need more memory
-# than the motion itself.
-
-PIECE = 65_536  # samples; a multiple of what BLAS takes at once, or last bits would change
+# than the motion itself. The length is a multiple of what BLAS takes at once; else the last bits of
+# a result would depend on where it is cut.
+PIECE = 65_536  # samples
 
 
 def pieces(count: int) -> Iterator[slice]:
-    """Yield consecutive slices over `count` samples."""
+    """Yield the consecutive pieces of `count` samples, of PIECE at most."""
     for i in range(0, count, PIECE):
         yield slice(i, min(i + PIECE, count))
 
 
-# How far a motion is from a reference, whose times have the motion's times among them.
+# The errors of a motion against a reference, whose times have the motion's times among them.
 
 
 def path_errors(motion: Motion, reference: Motion) -> Array:
-    """(n,) m: the distance between the two contact points, at the motion's times."""
-    ours, theirs = motion.contact_point, reference.contact_point[_shared(motion, reference)]
-    errors: Array = np.linalg.norm(ours - theirs, axis=1)
-    return errors
+    """Return the distances (n,) of the two contact points at the motion's times [m]."""
+    return _distances(motion.contact_point, reference.contact_point[_shared(motion, reference)])
 
 
 def path_error(motion: Motion, reference: Motion) -> float:
-    """The largest of `path_errors` over the reference's `path_scale`."""
+    """Return the largest of `path_errors` over the reference's `path_scale`."""
     return float(path_errors(motion, reference).max() / reference.path_scale)
 
 
 def attitude_error(motion: Motion, reference: Motion) -> float:
-    """The largest angle by which the two frames are turned against each other [rad]."""
-    there, largest = reference.attitude[_shared(motion, reference)], []
-    for piece in pieces(len(motion.times)):
-        largest.append(angle_between(there[piece], motion.attitude[piece]).max())
-    return float(max(largest))
+    """Return the largest angle by which the two frames are turned against each other [rad]."""
+    return _largest(angle_between, motion, reference)
 
 
 def gamma_error(motion: Motion, reference: Motion) -> float:
-    """The largest angle between the two verticals, seen from the frame [rad]."""
-    there, largest = reference.attitude[_shared(motion, reference)], []
-    for piece in pieces(len(motion.times)):
-        ours, theirs = gamma_of(motion.attitude[piece]), gamma_of(there[piece])
-        sine = np.linalg.norm(np.cross(ours, theirs), axis=1)
-        largest.append(np.arctan2(sine, (ours * theirs).sum(axis=1)).max())
-    return float(max(largest))
+    """Return the largest angle between the two verticals, seen from the frame [rad]."""
+
+    def angles(ours: Array, theirs: Array) -> Array:
+        one, other = gamma_of(ours), gamma_of(theirs)
+        sine = np.linalg.norm(np.cross(one, other), axis=1)
+        return np.arctan2(sine, (one * other).sum(axis=1))
+
+    return _largest(angles, motion, reference)
 
 
 def momentum_errors(motion: Motion, reference: Motion) -> Array:
-    """(n,): |M - M of the reference| over the scene's `momentum_scale`, at the motion's times."""
-    ours, theirs = motion.momentum, reference.momentum[_shared(motion, reference)]
-    errors: Array = np.linalg.norm(ours - theirs, axis=1) / reference.scene.momentum_scale
-    return errors
+    """Return |M - M of the reference| (n,) over its scene's `momentum_scale`."""
+    theirs = reference.momentum[_shared(motion, reference)]
+    return _distances(motion.momentum, theirs) / reference.scene.momentum_scale
 
 
 def momentum_error(motion: Motion, reference: Motion) -> float:
-    """The largest of `momentum_errors`."""
+    """Return the largest of `momentum_errors`."""
     return float(momentum_errors(motion, reference).max())
 
 
+def _distances(ours: Array, theirs: Array) -> Array:
+    distances: Array = np.linalg.norm(ours - theirs, axis=1)
+    return distances
+
+
+def _largest(angles: Callable[[Array, Array], Array], motion: Motion, reference: Motion) -> float:
+    """Return the largest of the angles between the attitudes of two motions [rad]."""
+    ours, theirs = motion.attitude, reference.attitude[_shared(motion, reference)]
+    return max(float(angles(ours[each], theirs[each]).max()) for each in pieces(len(ours)))
+
+
 def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
-    """The places (n,) of the motion's times among the reference's."""
+    """Return the places (n,) of the motion's times among the reference's."""
+    # A slice is a view: the usual motion, at all of the reference's times, copies nothing.
     first = slice(len(motion.times))
     if np.array_equal(reference.times[first], motion.times):
         return first
@@ -414,6 +420,7 @@ def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
 
     One part is in memory at a time, beside the whole.
     """
+    # Written into arrays of the whole length: np.concatenate would hold every part at once.
     done, whole, last = 0, {}, None
     for last in parts:
         size = len(last.times)
@@ -427,6 +434,7 @@ def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
 
 
 def _with_arrays(record: Any, arrays: Mapping[Place, NDArray[Any]]) -> Any:
+    """Return the record with these arrays in the place of its own: `arrays_of`, the other way."""
     own: dict[str, Any] = {place[0]: array for place, array in arrays.items() if len(place) == 1}
     for name in {place[0] for place in arrays} - set(own):
         inner = {place[1:]: array for place, array in arrays.items() if place[0] == name}
@@ -435,10 +443,10 @@ def _with_arrays(record: Any, arrays: Mapping[Place, NDArray[Any]]) -> Any:
 
 
 def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
-    """The loads that the constraints (2.1), (2.2) and the drives need, by Newton and Euler.
+    """Return the loads that the constraints (2.1), (2.2) and the drives need, by Newton and Euler.
 
-    times (n,) s; axes (n, 3, 3) from principal axes to world; omega (n, 3) of the frame, in
-    principal axes [rad/s].
+    The angular acceleration comes from the unreduced equations (2.4)-(2.5). times (n,) s; axes
+    (n, 3, 3) from principal axes to world; omega (n, 3) of the frame, in principal axes [rad/s].
     """
     ball, to_principal = scene.ball, scene.principal_axes.T
     rates = np.stack([drive.rate(times) for drive in scene.drives])
@@ -461,15 +469,19 @@ def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
     spin_torque = np.broadcast_to(np.float64(spin_torque), times.shape)
     omega_rate, w = np.array(rate), omega.T
 
-    # The shell's angular acceleration, seen from the frame; its inertia is constant there.
+    # Seen from the frame, the shell is symmetric about its hinge, so that its inertia is constant
+    # there while it turns.
     turning, turning_rate = w - Omega, omega_rate - Omega_rate
     acceleration = ball.radius * _cross(turning_rate - _cross(w, Omega), gamma)
     force = ball.mass * (acceleration + scene.gravity * gamma)
     shell_inertia = to_principal @ ball.shell.inertia @ to_principal.T
     shell_momentum_rate = shell_inertia @ turning_rate + _cross(w, shell_inertia @ turning)
+    # Euler's equation of the shell about its centre: the torque that the plane does not give is the
+    # frame's motor's.
     from_plane = spin_torque * gamma - ball.radius * _cross(gamma, force)
     frame_torque = hinges[:, 0] @ (from_plane - shell_momentum_rate)
     moving = np.array([turns(drive) for drive in scene.drives])
+    # Along its axis a symmetric rotor has I (dω/dt, n) + I φ̈: the gyroscopic torque is across it.
     rotor_inertias = np.array([rotor.axial_inertia for rotor in ball.rotors])[:, None]
     rotor_torques = rotor_inertias * (hinges[:, 1:].T @ omega_rate + accelerations[1:])
     return Loads(
@@ -480,5 +492,5 @@ def loads_of(scene: Scene, times: Array, axes: Array, omega: Array) -> Loads:
 
 
 def _cross(u: Array, v: Array) -> Array:
-    """Columns (3, n) of u × v."""
+    """Return the columns (3, n) of u × v."""
     return np.cross(u, v, axis=0)

@@ -1,9 +1,11 @@
 """The ball's bodies, and the few numbers of them that the equations need (Appendix A).
 
-`Value` comes first: records with arrays, which are equal where their numbers are.
+In order: records with arrays, which are equal where their numbers are; inertias of simple bodies
+and of bodies put together; the bodies of a ball; the ball; checks of what a rigid body can be.
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -24,7 +26,8 @@ class Value:
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        # Set on the class itself: a dataclass writes its own __eq__ over one that is inherited.
+        # Set on the class itself: a dataclass writes its own __eq__ over one that is inherited, and
+        # that one asks arrays for a single truth value, which they do not have.
         cls.__eq__ = _equal  # type: ignore[method-assign]
 
 
@@ -32,13 +35,13 @@ def _equal(one: Any, other: Any) -> Any:
     if type(one) is not type(other):
         return NotImplemented
     return all(
-        same(getattr(one, each.name), getattr(other, each.name))
+        _same(getattr(one, each.name), getattr(other, each.name))
         for each in fields(one)
         if each.compare
     )
 
 
-def same(one: Any, other: Any) -> bool:
+def _same(one: Any, other: Any) -> bool:
     """Return whether two values are equal; arrays, also in tuples, are compared by number."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         if np.shape(one) != np.shape(other):
@@ -46,18 +49,18 @@ def same(one: Any, other: Any) -> bool:
         one, other = np.asarray(one), np.asarray(other)
         return np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
     if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(same, one, other))
+        return len(one) == len(other) and all(map(_same, one, other))
     try:
         return bool(one == other)
     except ValueError:  # a user's own record with an array has no single truth value
         return one is other
 
 
+PARTS = Path(__file__).parents[1] / "mjcf"  # hand-written MJCF of the floor and of the bodies
 # The largest error by which an inertia may miss a condition, relative to its largest part: a tensor
 # that was computed has some roundings of 1e-16, a wrong one misses by far more.
-PARTS = Path(__file__).parents[1] / "mjcf"  # hand-written MJCF of the floor and of the bodies
 ROUNDING = 1e-12
-LARGEST_MOMENT = LARGEST**3  # kg m²; the least is as far below 1
+LARGEST_MOMENT = LARGEST**3  # kg m², of a mass times a length squared; the least is as far below 1
 
 
 def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
@@ -86,6 +89,56 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
     return 2 / 5 * mass * radius * radius * ratio
 
 
+def mass_of(name: str, mass: float | None, density: float | None, volume: float) -> float:
+    """Return the mass [kg] as given, or of a density [kg/m³] in a volume [m³].
+
+    Raises InputError unless one of the two is given.
+    """
+    if mass is not None and density is not None:
+        raise InputError(f"{name} takes a mass or a density, not both")
+    if density is not None:
+        check_positive(f"{name}'s density", density, "kg/m³")
+        mass = density * volume
+    if mass is None:
+        raise InputError(f"{name} needs a mass [kg] or a density [kg/m³]")
+    check_positive(f"{name}'s mass", mass, "kg")
+    return mass
+
+
+def volume_of_wall(radius: float, thickness: float) -> float:
+    """Return the volume of a spherical wall inside the radius [m³]."""
+    b = 1 - thickness / radius
+    return 4 / 3 * math.pi * radius**2 * thickness * (1 + b + b * b)
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A mass [kg], its centre (3,) [m] and the inertia (3, 3) about that centre [kg m²].
+
+    reach [m]: how far from the sphere's centre its matter lies, where that is known, else 0.
+    """
+
+    mass: float
+    centre: Array
+    inertia: Array
+    reach: float = 0.0
+
+
+def composed(solids: Iterable[Solid]) -> Solid:
+    """Return several solids as one body."""
+    solids = list(solids)
+    mass = sum(each.mass for each in solids)
+    centre = np.array([each.mass / mass * each.centre for each in solids]).sum(axis=0)
+    inertia = np.array([_about(centre, each) for each in solids]).sum(axis=0)
+    return Solid(mass, centre, inertia, max(each.reach for each in solids))
+
+
+def _about(point: Array, body: "Solid | Body") -> Array:
+    """Return a body's inertia (3, 3) about a point (3,), by Steiner's theorem [kg m²]."""
+    r = body.centre - point
+    return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
+
+
 @dataclass(frozen=True)
 class Shell(Value):
     """The sphere that rolls: symmetric about `axis` (3,), about which the frame turns in it.
@@ -108,6 +161,7 @@ class Shell(Value):
 
     @property
     def inertia(self) -> Array:
+        """The inertia (3, 3) about the shell's own centre of mass, frame axes [kg m²]."""
         return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
 
 
@@ -139,6 +193,7 @@ class Rotor(Value):
 
     @property
     def inertia(self) -> Array:
+        """The inertia (3, 3) about the rotor's own centre of mass, frame axes [kg m²]."""
         return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
 
 
@@ -221,7 +276,7 @@ class Ball(Value):
     @cached_property
     def inertia(self) -> Array:
         """The whole ball's inertia (3, 3) about the sphere's centre, frame axes [kg m²]."""
-        return np.array([_about_the_shells(body) for _, body in self.named_bodies]).sum(axis=0)
+        return np.array([_about(np.zeros(3), body) for _, body in self.named_bodies]).sum(axis=0)
 
     @cached_property
     def centre_of_mass(self) -> Array:
@@ -239,9 +294,11 @@ class Ball(Value):
         inertia; eigh would sort them.
         """
         moments = np.diag(self.inertia)
+        # A sum of diagonal tensors, some turned about a coordinate axis, is diagonal to roundings.
         if np.abs(self.inertia - np.diag(moments)).max() <= 1e-14 * moments.sum():
             return moments.copy(), np.eye(3)
         moments, axes = np.linalg.eigh(self.inertia)
+        # eigh may return a reflection, which no quaternion can express.
         return moments, axes if np.linalg.det(axes) > 0 else -axes
 
     @cached_property
@@ -275,6 +332,8 @@ def beyond_the_shell(ball: Ball) -> list[str]:
     """
     lines = []
     for name, body in ball.named_bodies:
+        # Of all its mass the mean square distance from its own centre of mass, and that centre's
+        # distance.
         spread = float(np.trace(body.inertia)) / 2 / body.mass
         reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
@@ -289,16 +348,12 @@ def _furthest(body: Body) -> float:
     """Return how far the centre of mass may get from the sphere's centre, at any angle [m]."""
     if not isinstance(body, Pendulum):
         return float(np.linalg.norm(body.centre))
+    # The centre goes round a circle in a plane across the axis. Both the circle's radius and the
+    # axis's distance count, as at the worst angle they point the same way.
     n, arm = body.axis, body.centre - body.pivot
     height = float(n @ body.centre)
     circle = float(np.linalg.norm(np.cross(n, arm)))
     return math.hypot(height, circle + float(np.linalg.norm(np.cross(n, body.pivot))))
-
-
-def _about_the_shells(body: Body) -> Array:
-    """Return the body's inertia (3, 3) about the centre of the sphere, by Steiner's theorem."""
-    r = body.centre
-    return body.inertia + body.mass * (r @ r * np.eye(3) - np.outer(r, r))
 
 
 def check_inertia(name: str, inertia: Array) -> None:
@@ -316,6 +371,7 @@ def check_inertia(name: str, inertia: Array) -> None:
             f"{name}'s smallest principal moment must be at least {1 / LARGEST_MOMENT:g}, not "
             f"{small:.6g} kg m²"
         )
+    # Each moment is Σ m (x² + y²), so that no one exceeds the sum of the other two.
     if large - small - middle > ROUNDING * large:
         raise InputError(
             f"{name}'s inertia breaks the triangle inequality: {large:.6g} > {small:.6g} + "
@@ -336,6 +392,7 @@ def _check_unit(what: str, axis: Array) -> None:
 
 
 def _check_no_flatter_than_a_disk(name: str, rotor: Rotor) -> None:
+    # The triangle inequality for two equal moments, said in the author's numbers.
     axial, transverse = rotor.axial_inertia, rotor.transverse_inertia
     if not axial <= 2 * transverse * (1 + ROUNDING):
         raise InputError(

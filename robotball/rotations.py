@@ -1,11 +1,14 @@
-"""Rotations: quaternions (w, x, y, z), the order of MuJoCo, computed by scipy."""
+"""Rotations as quaternions (w, x, y, z), the order of MuJoCo, computed by scipy; unit vectors."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from robotball.errors import InputError
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Z: Array = np.array([0.0, 0.0, 1.0])
 
 
 def multiply(p: Array, q: Array) -> Array:
@@ -55,6 +58,14 @@ def normalised(v: Array) -> Array:
     # from a file again and again.
     length = np.linalg.norm(v)
     return v if abs(length - 1) <= 1e-15 else v / length
+
+
+def direction(name: str, v: Array) -> Array:
+    """Return a unit vector (3,) along `v` (3,). Raises InputError where it has no direction."""
+    length = float(np.linalg.norm(v))
+    if not (np.isfinite(length) and length > 0):
+        raise InputError(f"{name} must have a length and a direction, unlike {v.tolist()}")
+    return normalised(v)
 
 
 def _rotation(q: Array) -> Rotation:

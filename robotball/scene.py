@@ -1,7 +1,7 @@
 """Scene: a ball, its drives, a rolling model, a plane and a start; all that an engine needs.
 
 A scene is checked and made exact when it is made, so that every engine starts from one state.
-In order: sample times, friction of the plane, starts in the forms of the paper, hinges, Scene.
+In order: sample times, friction of the plane, starts in the forms of the paper, Hinge, Scene.
 """
 
 import math
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from robotball.mechanics import Robot
 
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
-MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file (room.py), 120 in memory
+MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
 
 
 def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
@@ -35,6 +35,7 @@ def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
             f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
             f"at most {MOST_SAMPLES:g}; give times of your own"
         )
+    # 10 s are 500 intervals of 0.02 s, though 10/0.02 may round to a little more than 500.
     intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
     return np.linspace(0.0, duration, intervals + 1)
 
@@ -65,9 +66,11 @@ def spans(
     fewest steps that are not longer than `timestep`.
     """
     inside = [t for t in breakpoints if t < times[-1]]
+    # Most runs have no breakpoints: union1d would sort and copy their times for nothing.
     stops = np.union1d(times, inside) if inside else times
     ends = np.stack([stops[:-1], stops[1:]], axis=1)
     lengths = np.diff(stops)
+    # Times such as 0.02 i are rounded, and a length that exceeds its steps by that needs no more.
     counts = np.ceil(lengths / timestep * (1 - 1e-9))
     return ends, np.minimum(lengths / counts, timestep), counts
 
@@ -151,6 +154,7 @@ def along_momentum(gamma: Array, M: Array) -> Start:
     c = M @ gamma
     horizontal = M - c * gamma
     size = np.linalg.norm(horizontal)
+    # What rounding leaves of a vertical M has a direction, but no meaning.
     if not size > 1e-12 * np.linalg.norm(M):
         raise InputError("M has no horizontal part to lay OX along; give alpha or a quaternion too")
     return Start(
@@ -166,6 +170,7 @@ def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
     cosine = float(gamma @ alpha)
     if not abs(cosine) <= CAPTION:
         raise InputError(f"gamma and alpha are not orthogonal: (gamma, alpha) = {cosine:.6g}")
+    # Made orthogonal to rounding: γ is kept, as it turns the ball, while α is only its heading.
     alpha = alpha - cosine * gamma
     alpha = alpha / np.linalg.norm(alpha)
     return from_matrix(np.stack([alpha, np.cross(gamma, alpha), gamma]))
@@ -195,7 +200,7 @@ def horizontal(M: Array, scale: float) -> Array:
 
 
 def check_no_spin(shell: Array, gamma: Array) -> None:
-    """Raises InputError unless the shell's ω - Ω (3,) has no part along γ, as (2.2) demands."""
+    """Raise InputError unless the shell's ω - Ω (3,) has no part along γ, as (2.2) demands."""
     spin = float(shell @ gamma)
     if not abs(spin) <= CAPTION * float(np.linalg.norm(shell)):
         raise InputError(
@@ -224,54 +229,6 @@ class Hinge:
     motor: Motor | None
     angle: float
     rate: float
-
-
-def hinges_of(
-    ball: Ball, drives: tuple[Drive, ...], motors: tuple[Motor | None, ...], start: Start
-) -> tuple[Hinge, ...]:
-    """Return a ball's hinges: the frame's, the rotors', the pendulums'. () is no motor at all."""
-    angles, rates = start.hinge_angles, start.hinge_rates
-    named = [("frame", ball.shell.axis, np.zeros(3))]
-    named += [(name, body.axis, body.centre) for name, body in ball.named_rotors]
-    named += [(name, body.axis, body.pivot) for name, body in ball.named_pendulums]
-    hinges = []
-    for i, (name, axis, pivot) in enumerate(named):
-        command, motor = drives[i], motors[i] if motors else None
-        follows = motor is None or isinstance(motor, Servo)
-        rate = float(command.rate(0.0)) if follows else 0.0
-        if rates is not None and motor is not None:
-            rate = float(rates[i])
-        angle = 0.0 if angles is None else float(angles[i])
-        hinges.append(Hinge(name, axis, pivot, command, motor, angle, rate))
-    return tuple(hinges)
-
-
-def with_hinges_checked(
-    start: Start, drives: tuple[Drive, ...], motors: tuple[Motor | None, ...]
-) -> Start:
-    """Return the start with one form for equal states, as states are compared by their fields.
-
-    Angles that are all 0 become None; the rates of hinges without motors become the commanded
-    ones. Raises InputError for angles or rates that are not one for each hinge, or not finite.
-    """
-    angles, rates = start.hinge_angles, start.hinge_rates
-    for name, values, unit in (("angles", angles, "rad"), ("rates", rates, "rad/s")):
-        if values is None:
-            continue
-        if values.shape != (len(drives),):
-            raise InputError(
-                f"{len(drives)} hinges need as many {name} at the start, not an array of shape "
-                f"{values.shape}"
-            )
-        for value in values.tolist():
-            check_size(f"a hinge's {name[:-1]} at the start", value, unit)
-    if rates is not None:
-        kept = [motor is None for motor in motors or (None,) * len(drives)]
-        commanded = [float(drive.rate(0.0)) for drive in drives]
-        rates = np.where(kept, commanded, rates)
-    if angles is not None and not angles.any():
-        angles = None
-    return replace(start, hinge_angles=angles, hinge_rates=rates)
 
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
@@ -337,9 +294,32 @@ class Scene(Value):
         if self.rolling == "rubber":
             momentum = horizontal(momentum, self.momentum_scale)
         # Made exact once, here: engines that each normalise it would start from different states.
-        start = with_hinges_checked(self.start, self.drives, self.motors)
-        start = replace(start, attitude=attitude, momentum=momentum)
+        start = Start(attitude, momentum, *self._checked_hinges())
         object.__setattr__(self, "start", start)
+
+    def _checked_hinges(self) -> tuple[Array | None, Array | None]:
+        """Return the start's angles and rates in one form for equal states.
+
+        Scenes are compared by their fields. So angles that are all 0 become None, and the rates of
+        hinges without motors the commanded ones. Raises InputError for angles or rates that are not
+        one for each hinge, or not finite.
+        """
+        angles, rates, drives = self.start.hinge_angles, self.start.hinge_rates, self.drives
+        for name, values, unit in (("angles", angles, "rad"), ("rates", rates, "rad/s")):
+            if values is None:
+                continue
+            if values.shape != (len(drives),):
+                raise InputError(
+                    f"{len(drives)} hinges need as many {name} at the start, not an array of shape "
+                    f"{values.shape}"
+                )
+            for value in values.tolist():
+                check_size(f"a hinge's {name[:-1]} at the start", value, unit)
+        if rates is not None:
+            rates = np.array([hinge.rate for hinge in self.hinges_at(self.start)])
+        return angles if angles is not None and angles.any() else None, rates
+
+    # What a notebook shows is loaded when it is shown.
 
     def __repr__(self) -> str:
         from robotball.notebook import scene_line
@@ -374,6 +354,7 @@ class Scene(Value):
         return tuple(map(self._drive, names, rates))
 
     def _drive(self, name: str, rate: Rate) -> Drive:
+        # The message of a drive does not know whose it is.
         try:
             return as_drive(rate, self.duration)
         except InputError as error:
@@ -386,7 +367,21 @@ class Scene(Value):
 
     def hinges_at(self, start: Start) -> tuple[Hinge, ...]:
         """Return the hinges as they are at another start."""
-        return hinges_of(self.ball, self.drives, self.motors, start)
+        ball, angles, rates = self.ball, start.hinge_angles, start.hinge_rates
+        named = [("frame", ball.shell.axis, np.zeros(3))]
+        named += [(name, body.axis, body.centre) for name, body in ball.named_rotors]
+        named += [(name, body.axis, body.pivot) for name, body in ball.named_pendulums]
+        hinges = []
+        for i, (name, axis, pivot) in enumerate(named):
+            command, motor = self.drives[i], self.motors[i] if self.motors else None
+            if motor is not None and rates is not None:
+                rate = float(rates[i])
+            else:  # a Torque's command and a PositionServo's are no rates
+                follows = motor is None or isinstance(motor, Servo)
+                rate = float(command.rate(0.0)) if follows else 0.0
+            angle = 0.0 if angles is None else float(angles[i])
+            hinges.append(Hinge(name, axis, pivot, command, motor, angle, rate))
+        return tuple(hinges)
 
     @cached_property
     def robot(self) -> "Robot":
@@ -418,7 +413,7 @@ class Scene(Value):
         return None
 
     def check_reduced(self) -> None:
-        """Raises InputError where (3.2) and (3.3) do not describe the scene."""
+        """Raise InputError where (3.2) and (3.3) do not describe the scene."""
         if self.not_reduced:
             raise InputError(
                 f"{self.name}: {self.not_reduced}; this needs a scene that the paper's equations "
@@ -428,6 +423,7 @@ class Scene(Value):
     @cached_property
     def load_varies(self) -> bool:
         """Whether the normal force may change: the centre of mass is or comes off the sphere's."""
+        # A pendulum hung at its centre of mass turns, but moves no mass.
         pivots = [body.pivot - body.centre for body in self.ball.pendulums]
         swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
         far = ROUNDING * self.ball.radius

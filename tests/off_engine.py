@@ -4,8 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from robotball.dispatch import integrate
-from robotball.engine import Engine, Request
+from robotball.engine import Engine, Request, integrate
 from robotball.motion import ContactMotion, ContactReport, EngineSettings, Label, Motion
 from robotball.rotations import Array
 from robotball.scene import Scene

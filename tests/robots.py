@@ -13,6 +13,7 @@ import numpy as np
 from robotball.drives import Free, Motor, PositionServo, Ramp, Rate, Servo, Sine
 from robotball.equations import Rolling
 from robotball.mechanics import momentum_at
+from robotball.motion import Motion
 from robotball.robot import Ball, Frame, Pendulum, Shell, thin_shell_inertia
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, Start
@@ -177,3 +178,18 @@ def _w5() -> Scene:
         motors=(Free(damping=0.01), Free(damping=0.002, stiffness=0.3, rest=0.5)),
         hinge_rates=(1.0, 0.0),
     )
+
+
+def energy(motion: Motion) -> Array:
+    """Return T + V (n,) of a motion, with the kinetic energy of the armatures [J].
+
+    V = -Σ m_b (r_b, G) from the plane's origin; springs are motors, and not in it.
+    """
+    scene, robot = motion.scene, motion.scene.robot
+    angles, rates = motion.hinge_angles, motion.hinge_rates
+    states = robot.states(motion.gamma, angles, motion.angular_velocity, rates)
+    to_world = rotation_matrix(motion.attitude)
+    height = np.full(len(angles), scene.ball.radius)
+    centre = np.column_stack([motion.contact_point, height])
+    centre = centre + np.einsum("nij,nj->ni", to_world, states.centre_of_mass)
+    return np.asarray(states.kinetic_energy - scene.ball.mass * centre @ scene.gravity_world)

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robotball import Engine, EngineSettings, Fault, Motion, Scene, integrate, load_scene
-from robotball.dispatch import DEFAULT, request_of, run_request
-from robotball.engine import Request
+from robotball.engine import DEFAULT, Request, request_of, run_request
 from robotball.motion import (
     ContactMotion,
     ContactReport,

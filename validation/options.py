@@ -117,7 +117,7 @@ class Run:
 
     def request(self, preset: str | None) -> Request:
         """Return the request to the engine."""
-        from robotball.dispatch import request_of
+        from robotball.engine import request_of
 
         return request_of(self.engine, preset, self.accuracy, keep_going=self.keep_going)
 

@@ -1,6 +1,6 @@
 """The engines, a file or a folder each, none of which knows another; and the integrator of several.
 
-`robotball.dispatch` lists the engines. The integrator is scipy's DOP853 with compensated summation
+`robotball.engine` lists the engines. The integrator is scipy's DOP853 with compensated summation
 of the state (Kahan): at the least tolerance a step errs by less than rounding does when steps are
 added up, and that rounding must not grow with their number.
 """

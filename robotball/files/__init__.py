@@ -1,1 +1,49 @@
-"""Files: scenes in TOML, bodies of MJCF and URDF, trajectories, exports for other simulators."""
+"""Scenes, bodies and motions as files; how a user's file is opened.
+
+`contents` and `opened` read regular files alone, up to a limit. What is written goes by way of
+`replacing`. The other modules know the formats.
+"""
+
+import errno
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from robotball.errors import InputError
+
+# Bytes of a scene, a robot or a record; those of the catalog have 1.4 kB at most.
+LONGEST = 10_000_000
+MB = 1e6
+
+
+def contents(path: Path, longest: int = LONGEST) -> bytes:
+    """Return the bytes of a regular file. Raises InputError as `opened` does."""
+    with opened(path, longest) as file:
+        return file.read()
+
+
+@contextmanager
+def opened(path: Path, longest: int = LONGEST) -> Iterator[BinaryIO]:
+    """Open a regular file of at most `longest` bytes for reading, links followed.
+
+    Raises InputError, with the path, for a file that cannot be read or is longer, and for a device
+    or a pipe.
+    """
+    try:
+        found = path.stat()
+        # /dev/zero has no end, and a pipe keeps its reader waiting until somebody writes. A folder
+        # is left to `open`, whose message says what it is.
+        if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+            raise OSError(errno.EINVAL, "it is no regular file; copy what it gives into one")
+        if found.st_size > longest:
+            size, limit = found.st_size / MB, longest / MB
+            raise OSError(errno.EFBIG, f"it has {size:.4g} MB, and may have {limit:g}; shorten it")
+        file = path.open("rb")
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from None
+    except ValueError as error:  # a null byte in the name
+        raise InputError(f"{path}: {error}") from None
+    with file:
+        yield file

@@ -22,7 +22,7 @@ import numpy as np
 
 from robotball.drives import Samples
 from robotball.errors import InputError
-from robotball.files.reading import MB, opened
+from robotball.files import MB, opened
 from robotball.files.replacing import replacing
 from robotball.rotations import Array
 

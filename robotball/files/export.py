@@ -7,7 +7,7 @@ start, without any engine's recipe; URDF and SDF have bodies and hinges.
 import contextlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -17,16 +17,15 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball.dispatch import integrate
 from robotball.drives import Constant, Drive, Free, PositionServo, Ramp, Samples, Servo, Sine, Total
+from robotball.engine import integrate
 from robotball.engines.links import SHELL, links_of
 from robotball.errors import InputError
 from robotball.files.columns import Table, write_table
 from robotball.files.replacing import replacing
 from robotball.files.scene_writer import scene_toml
 from robotball.motion import Motion
-from robotball.poses import poses
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene
 
 FORMAT = "robotball scene 1"
@@ -151,6 +150,53 @@ def _bodies(motion: Motion) -> list[dict[str, Any]]:
         }
         for name, body in scene.ball.named_bodies
     ]
+
+
+@dataclass(frozen=True)
+class Poses:
+    """A body's places and velocities at the n times of a motion, in world axes, SI units.
+
+    position, velocity  (n, 3)  of the centre of mass
+    attitude            (n, 4)  quaternion (w, x, y, z): how it is turned from where it is along
+                                with the frame's axes, at its hinge's angle 0
+    angular_velocity    (n, 3)
+    """
+
+    position: Array
+    attitude: Array
+    velocity: Array
+    angular_velocity: Array
+
+
+def poses(motion: Motion) -> dict[str, Poses]:
+    """Return the poses of every body of the motion's ball, by its name."""
+    scene, angles = motion.scene, motion.hinge_angles
+    states = scene.robot.states(motion.gamma, angles, motion.angular_velocity, motion.hinge_rates)
+    to_world, radius = rotation_matrix(motion.attitude), scene.ball.radius
+    centre = np.column_stack([motion.contact_point, np.full(len(angles), radius)])
+
+    def in_world(vectors: Array) -> Array:
+        return np.asarray(np.einsum("nij,nj->ni", to_world, vectors))
+
+    hinges = {hinge.name: (hinge.axis, angles[:, i]) for i, hinge in enumerate(scene.hinges)}
+    # The attitude is the frame's own. Its hinge's angle is relative to the shell, which therefore
+    # turns the other way in the frame.
+    axis, angle = hinges.pop("frame")
+    hinges["shell"] = (axis, -angle)
+    found = {}
+    for i, (name, _) in enumerate(scene.ball.named_bodies):
+        attitude = motion.attitude
+        if name in hinges:
+            axis, angle = hinges[name]
+            turn = Rotation.from_rotvec(np.outer(angle, axis)).as_quat(scalar_first=True)
+            attitude = multiply(attitude, turn)
+        found[name] = Poses(
+            position=centre + in_world(states.placed[i, :3].T),
+            attitude=attitude,
+            velocity=in_world(states.velocities[i]),
+            angular_velocity=in_world(states.turning[i]),
+        )
+    return found
 
 
 def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:

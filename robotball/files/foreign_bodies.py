@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from robotball.errors import InputError, unknown
-from robotball.files.parts import Solid, composed
-from robotball.files.reading import contents
+from robotball.files import contents
+from robotball.robot import Solid, composed
 from robotball.rotations import Array, rotation_matrix
 
 WAIT = 20.0  # s, of a process that may be starved of its few seconds

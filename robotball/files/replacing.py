@@ -1,4 +1,8 @@
-"""Files that are whole or not there."""
+"""Files that are written whole or not at all.
+
+`replacing` writes beside the final name and renames at the end, so that nobody ever finds half a
+file.
+"""
 
 import contextlib
 import errno
@@ -18,11 +22,11 @@ STANDARD_OUTPUT = Path("-")
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path whose file takes the place of `path` when the block ends well.
+    """Yield a temporary path, whose file takes the place of `path` when the block ends well.
 
-    The folder is made if need be. A link is followed: the file that it names is replaced. What is
-    no regular file, as a device or a pipe, is not replaced but written into, and so is standard
-    output, as `-`. Raises InputError where nothing can be written.
+    The folder is made if need be. A link is followed: the file that it names is replaced. A device
+    or a pipe is not replaced but written into, and so is standard output, as `-`. Raises InputError
+    where nothing can be written.
     """
     with refused(path):
         if no_regular_file(path):
@@ -34,8 +38,8 @@ def replacing(path: Path) -> Iterator[Path]:
             return
         target = followed(path)
         target.parent.mkdir(parents=True, exist_ok=True)
-        # Cut, so that a name of any length that is allowed stays so. Machines that share the folder
-        # have processes of equal numbers, so the name has random ones.
+        # The name is cut, so that one of the greatest length that is allowed stays so. It has
+        # random digits and no process number: machines that share the folder may have equal ones.
         unique = os.urandom(8).hex()
         temporary = target.with_name(f".{path.stem[:20]}.{unique}{path.suffix[:20]}")
         with _unfinished(temporary):
@@ -43,6 +47,7 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.replace(target)
 
 
+# The temporary files of this process that `remove_unfinished` has to find.
 _UNFINISHED: set[Path] = set()
 
 
@@ -57,13 +62,13 @@ def _unfinished(temporary: Path) -> Iterator[None]:
 
 
 def remove_unfinished() -> None:
-    """Takes all temporary files away, for a process that ends at once."""
+    """Delete all temporary files, for a process that ends without unwinding its stack."""
     for temporary in list(_UNFINISHED):
         temporary.unlink(missing_ok=True)
 
 
 def discard(path: Path) -> None:
-    """Takes a regular file away, if there is one; raises InputError where that is forbidden."""
+    """Delete a regular file, if there is one. Raises InputError where that is forbidden."""
     with refused(path):
         if path.is_file():
             path.unlink()
@@ -71,7 +76,7 @@ def discard(path: Path) -> None:
 
 @contextmanager
 def refused(path: Path) -> Iterator[None]:
-    """Makes an InputError, with the path, of what the system says against writing it."""
+    """Turn an OSError of writing into an InputError with the path."""
     try:
         yield
     except OSError as error:
@@ -79,15 +84,16 @@ def refused(path: Path) -> Iterator[None]:
 
 
 def followed(path: Path) -> Path:
-    """The file that `path` names, links followed.
+    """Return the file that `path` names, links followed.
 
-    Raises OSError where they run in a circle, and for a name that no file can have.
+    Raises OSError where links run in a circle, and for a name that no file can have.
     """
     try:
         target = path.resolve()
     except RuntimeError:  # until Python 3.12
         target = path
-    # Asked of the system: since Python 3.14 a Path says of a name too long that nothing is there.
+    # The system is asked, because since Python 3.14 Path.is_symlink answers False to a name that is
+    # too long, as if nothing were there.
     with contextlib.suppress(FileNotFoundError, NotADirectoryError):
         if stat.S_ISLNK(os.lstat(target).st_mode):
             raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
@@ -95,7 +101,7 @@ def followed(path: Path) -> Path:
 
 
 def no_regular_file(path: Path) -> bool:
-    """Whether there is something at `path`, links followed, that is no regular file; or `-`."""
+    """Return whether `path` is `-`, or names something that is there and no regular file."""
     return path == STANDARD_OUTPUT or (path.exists() and not path.is_file())
 
 
@@ -106,6 +112,6 @@ def _write_into(path: Path, whole: Path) -> None:
                 shutil.copyfileobj(text, file)
         elif sys.__stdout__ is not None:
             sys.__stdout__.flush()
-            # A reader who has seen enough, as head, has what he asked for.
+            # A reader that has seen enough, as head, closes the pipe; that is no error.
             with contextlib.suppress(BrokenPipeError), open(1, "wb", closefd=False) as file:
                 shutil.copyfileobj(text, file)

@@ -18,17 +18,7 @@ import numpy as np
 from robotball import scene as starts
 from robotball.drives import Motor, Rate, Samples, Sum
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files.parts import (
-    Part,
-    Solid,
-    Triple,
-    Z,
-    composed,
-    direction,
-    mass_of,
-    volume_of_wall,
-)
-from robotball.files.reading import contents
+from robotball.files import contents
 from robotball.files.scene_tables import (
     DRIVES,
     Axial,
@@ -37,6 +27,7 @@ from robotball.files.scene_tables import (
     HingeTable,
     MjcfTable,
     NumbersTable,
+    Part,
     PendulumTable,
     RotorTable,
     Rows,
@@ -45,6 +36,7 @@ from robotball.files.scene_tables import (
     ShellInertia,
     ShellTable,
     StartTable,
+    Triple,
     UrdfTable,
 )
 from robotball.robot import (
@@ -53,12 +45,16 @@ from robotball.robot import (
     Pendulum,
     Rotor,
     Shell,
+    Solid,
     axial_tensor,
     beyond_the_shell,
+    composed,
+    mass_of,
     thick_shell_inertia,
     thin_shell_inertia,
+    volume_of_wall,
 )
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, Z, direction, rotation_matrix
 from robotball.scene import Friction, Scene, Start
 
 if TYPE_CHECKING:
@@ -489,10 +485,15 @@ def _solid(
 
 def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
     """Return a body's parts. Raises InputError, with the part's number, for one that cannot be."""
+    if not parts:
+        return []
+    # Most bodies are given by numbers and need no shapes.
+    from robotball.files.parts import solid_of
+
     solids = []
     for number, part in enumerate(parts, start=1):
         try:
-            solids.append(part.solid(axis))
+            solids.append(solid_of(part, axis))
         except InputError as error:
             raise InputError(f"{name}.part{number}: {error}") from None
     return solids

@@ -22,8 +22,12 @@ from robotball.drives import (
     key,
 )
 from robotball.equations import Rolling
-from robotball.files.parts import ORIGIN, UPRIGHT, Part, Quadruple, Triple
 from robotball.scene import DOWN, GRAVITY
+
+Triple = tuple[float, float, float]
+Quadruple = tuple[float, float, float, float]
+ORIGIN: Triple = (0.0, 0.0, 0.0)
+UPRIGHT: Quadruple = (1.0, 0.0, 0.0, 0.0)
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -126,6 +130,93 @@ class HingeTable(Table, frozen=True):
         float | None,
         key("rate at the start; if not given, that of a velocity servo's command, else 0", "rad/s"),
     ] = None
+
+
+Mass = Annotated[float, key("its mass", "kg")]
+OrMass = Annotated[float | None, key("its mass, or else its density", "kg")]
+Density = Annotated[float | None, key("instead of the mass", "kg/m³")]
+Radius = Annotated[float, key("its outer radius", "m")]
+Place = Annotated[Triple, key("where its middle is, from the sphere's centre", "m")]
+Axis = Annotated[
+    Triple | None,
+    key("what it is symmetric about; without it the axis of the shell or rotor, or else z"),
+]
+
+
+class _Part(Table, frozen=True, tag_field="kind"):
+    """A solid of a simple shape, of which bodies are put together."""
+
+
+class Point(_Part, frozen=True, kw_only=True, tag="point"):
+    """A mass without a size; it needs another part beside it."""
+
+    mass: Mass
+    centre: Place = ORIGIN
+
+
+class Sphere(_Part, frozen=True, kw_only=True, tag="sphere"):
+    """A ball, solid or hollow."""
+
+    mass: OrMass = None
+    density: Density = None
+    radius: Radius
+    thickness: Annotated[float | None, key("of its wall; without it the ball is solid", "m")] = None
+    centre: Place = ORIGIN
+
+
+class Box(_Part, frozen=True, kw_only=True, tag="box"):
+    """A cuboid."""
+
+    mass: OrMass = None
+    density: Density = None
+    size: Annotated[Triple, key("its three edges, whole lengths", "m")]
+    centre: Place = ORIGIN
+    attitude: Annotated[
+        Quadruple, key("quaternion (w, x, y, z) that turns its edges from x, y, z")
+    ] = UPRIGHT
+
+
+class Cylinder(_Part, frozen=True, kw_only=True, tag="cylinder"):
+    """A cylinder or a tube."""
+
+    mass: OrMass = None
+    density: Density = None
+    radius: Radius
+    length: Annotated[float, key("along the axis", "m")]
+    inner_radius: Annotated[float, key("of a tube", "m")] = 0.0
+    centre: Place = ORIGIN
+    axis: Axis = None
+
+
+class Disc(_Part, frozen=True, kw_only=True, tag="disc"):
+    """A disc of no thickness, with or without a round hole."""
+
+    mass: Mass
+    radius: Radius
+    inner_radius: Annotated[float, key("of its hole", "m")] = 0.0
+    centre: Place = ORIGIN
+    axis: Axis = None
+
+
+class Ring(_Part, frozen=True, kw_only=True, tag="ring"):
+    """A hoop, all of whose mass is at its radius."""
+
+    mass: Mass
+    radius: Radius
+    centre: Place = ORIGIN
+    axis: Axis = None
+
+
+class Rod(_Part, frozen=True, kw_only=True, tag="rod"):
+    """A round rod between two points."""
+
+    mass: Mass
+    begin: Annotated[Triple, key("the middle of its one end, from the sphere's centre", "m")]
+    end: Annotated[Triple, key("the middle of its other end", "m")]
+    radius: Annotated[float, key("of its round section", "m")] = 0.0
+
+
+Part = Point | Sphere | Box | Cylinder | Disc | Ring | Rod
 
 
 File = Annotated[str, key("the file; a relative path is from the scene's own folder")]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.files.parts import (
+from robotball.files.parts import solid_of
+from robotball.files.scene_tables import (
     Box,
     Cylinder,
     Disc,
@@ -16,10 +17,9 @@ from robotball.files.parts import (
     Point,
     Ring,
     Rod,
-    Solid,
     Sphere,
-    composed,
 )
+from robotball.robot import Solid, composed
 from robotball.rotations import z_along
 
 CENTRE = (0.03, -0.02, 0.05)
@@ -85,7 +85,7 @@ SAME: dict[str, tuple[Part, dict[str, Any]]] = {
 def test_parts_are_mujocos_bodies_of_that_shape(name: str) -> None:
     """Mass, centre and tensor, by another program's formulas. Measured 2e-16, rounding."""
     part, geom = SAME[name]
-    ours, theirs = part.solid(), compiled(geom)
+    ours, theirs = solid_of(part), compiled(geom)
     assert ours.mass == pytest.approx(theirs.mass, rel=1e-15)
     np.testing.assert_allclose(ours.centre, theirs.centre, atol=1e-16)
     scale = float(np.abs(theirs.inertia).max())
@@ -94,7 +94,7 @@ def test_parts_are_mujocos_bodies_of_that_shape(name: str) -> None:
 
 def without(outer: Part, inner: Part) -> Solid:
     """What is left of a body with another cut out of its middle."""
-    a, b = outer.solid(), inner.solid()
+    a, b = solid_of(outer), solid_of(inner)
     return Solid(a.mass - b.mass, a.centre, a.inertia - b.inertia)
 
 
@@ -112,11 +112,11 @@ HOLLOW: dict[str, tuple[Part, Solid]] = {
     ),
     "disc with a hole": (
         Disc(mass=0.7, radius=0.2, inner_radius=0.15),
-        Cylinder(mass=0.7, radius=0.2, inner_radius=0.15, length=1e-9).solid(),
+        solid_of(Cylinder(mass=0.7, radius=0.2, inner_radius=0.15, length=1e-9)),
     ),
     "ring": (
         Ring(mass=0.7, radius=0.2),
-        Disc(mass=0.7, radius=0.2, inner_radius=0.2 * (1 - 1e-15)).solid(),
+        solid_of(Disc(mass=0.7, radius=0.2, inner_radius=0.2 * (1 - 1e-15))),
     ),
 }
 
@@ -125,7 +125,7 @@ HOLLOW: dict[str, tuple[Part, Solid]] = {
 def test_hollow_parts_are_whole_ones_less_what_is_cut_out(name: str) -> None:
     """Or tubes without a length. Measured 2e-15: what a difference leaves of rounding."""
     part, expected = HOLLOW[name]
-    solid = part.solid()
+    solid = solid_of(part)
     assert solid.mass == pytest.approx(expected.mass, rel=2e-14)
     scale = float(np.abs(expected.inertia).max())
     assert np.abs(solid.inertia - expected.inertia).max() < 2e-14 * scale
@@ -134,7 +134,7 @@ def test_hollow_parts_are_whole_ones_less_what_is_cut_out(name: str) -> None:
 def test_parts_make_one_body() -> None:
     """Two points on a rod: the reduced mass times the distance squared, across it."""
     points = [Point(mass=1.0, centre=(0.0, 0.0, 0.3)), Point(mass=2.0, centre=(0.0, 0.0, 0.0))]
-    body = composed(point.solid() for point in points)
+    body = composed(solid_of(point) for point in points)
     assert body.mass == 3.0
     np.testing.assert_allclose(body.centre, [0.0, 0.0, 0.1], atol=1e-17)
     np.testing.assert_allclose(body.inertia, np.diag([0.06, 0.06, 0.0]), atol=1e-17)
@@ -155,7 +155,7 @@ def test_parts_make_one_body() -> None:
 )
 def test_a_part_reaches_as_far_as_its_furthest_point(part: Part, reach: float) -> None:
     """By triangles of 3, 4 and 5."""
-    assert part.solid().reach == pytest.approx(reach, rel=1e-15)
+    assert solid_of(part).reach == pytest.approx(reach, rel=1e-15)
 
 
 REFUSED: dict[str, tuple[Part, str]] = {
@@ -197,4 +197,4 @@ def test_parts_that_cannot_be_are_refused(name: str) -> None:
     """One line each, with the value."""
     part, words = REFUSED[name]
     with pytest.raises(rb.InputError, match=words):
-        part.solid()
+        solid_of(part)

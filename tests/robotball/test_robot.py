@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robotball import Motion, integrate, load_scene
+from robotball.files.export import poses
 from robotball.mechanics import States, robot_of
-from robotball.poses import poses
 from robotball.rotations import multiply, rotation_matrix
 from robotball.scene import Scene
 from tests.random_robots import random_scene

@@ -26,8 +26,7 @@ from robotball import (
     integrate,
     load_scene,
 )
-from robotball.dispatch import simulate
-from robotball.engine import as_own
+from robotball.engine import as_own, simulate
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate
 from robotball.engines.mujoco.limits import COST_MODEL

@@ -124,7 +124,7 @@ class Demo:
         from rich.markup import escape
 
         from robotball import PRESETS, InputError, load_scene
-        from robotball.dispatch import request_of
+        from robotball.engine import request_of
         from validation.output import progress_bar, writable_folder
         from validation.plots import draw
         from validation.results import (

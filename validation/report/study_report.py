@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robotball import InputError
-from robotball.files.reading import contents
+from robotball.files import contents
 from validation.report.page import embedded, folded, page, paragraph, plain, table, text
 
 LONGEST = 60  # rows of a table; the file has the others

@@ -27,8 +27,7 @@ from typing import Any
 
 import robotball
 from robotball import InputError, engine_named, engine_names, integrate, load_scene, sample_times
-from robotball.dispatch import DEFAULT, run_request
-from robotball.engine import Request
+from robotball.engine import DEFAULT, Request, run_request
 from robotball.engines.adapter import Adapter
 from robotball.motion import EngineSettings, momentum_error, path_error
 from robotball.processes import end_when_closed

@@ -15,9 +15,9 @@ import numpy as np
 from robotball import Custom, InputError, Motion, Ramp, Samples, Scene, Sine, Sum, Trajectory
 from robotball.drives import Drive, Rate, Servo
 from robotball.equations import Rolling
+from robotball.files.export import poses
 from robotball.files.trajectories import LENGTHS
 from robotball.mechanics import momentum_at
-from robotball.poses import poses
 from robotball.robot import Ball, Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 from robotball.scene import Start

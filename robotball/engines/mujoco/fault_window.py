@@ -22,7 +22,7 @@ from robotball.engines.mujoco.stepping import (
     switched,
 )
 from robotball.errors import InputError
-from robotball.files.reading import contents
+from robotball.files import contents
 from robotball.files.replacing import replacing
 from robotball.files.scene_file import read_scene
 from robotball.files.scene_writer import scene_toml

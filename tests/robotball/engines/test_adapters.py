@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.dispatch import OURS
+from robotball.engine import OURS
 from robotball.engines.adapter import Adapter, SteppedWorld
 from robotball.engines.links import State
 from robotball.motion import momentum_error, path_error

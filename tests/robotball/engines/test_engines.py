@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.dispatch import OURS, request_of
+from robotball.engine import OURS, request_of
 from robotball.engines.mujoco.engine import MUJOCO
 from tests.off_engine import ERROR, OFF
 from validation import compare

@@ -11,7 +11,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco import fault_window
 from robotball.files import columns as table_file
-from robotball.files import reading
+from robotball.files import contents
 from robotball.files.columns import read_samples, read_table
 from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
 from validation.report.study_report import study_report
@@ -87,6 +87,6 @@ def test_a_file_of_the_greatest_length_is_read(tmp_path: Path) -> None:
     """One byte more is refused."""
     path = tmp_path / "file"
     path.write_bytes(b"12345")
-    assert reading.contents(path, 5) == b"12345"
+    assert contents(path, 5) == b"12345"
     with pytest.raises(rb.InputError, match="shorten it"):
-        reading.contents(path, 4)
+        contents(path, 4)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.files.export import poses
 from robotball.film import tracks
 from robotball.film.tracks import track_of
-from robotball.poses import poses
 from robotball.rotations import rotation_matrix
 from tests.robots import worked
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.files.export import poses
 from robotball.film.looks import looks_of
 from robotball.film.stage import build_stage, pose
 from robotball.film.tracks import track_of
@@ -18,7 +19,6 @@ from robotball.film.viewer import (
     Clock,
     check_display,
 )
-from robotball.poses import poses
 from robotball.rotations import rotation_matrix
 from tests.robots import worked
 

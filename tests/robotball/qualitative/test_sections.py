@@ -9,7 +9,6 @@ from robotball.engines.ensembles.orbits import TOO_MANY_STEPS, orbit
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.qualitative.cycles import close
-from robotball.qualitative.long_run import drift
 from robotball.qualitative.sections import fixed_point, section, section_starts
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import section_state

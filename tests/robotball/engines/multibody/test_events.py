@@ -8,10 +8,9 @@ import pytest
 
 from robotball import InputError, Scene, integrate
 from robotball.drives import Servo, Sine
-from robotball.poses import energy
 from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
-from tests.robots import Y, robot, worked
+from tests.robots import Y, energy, robot, worked
 
 RADIUS, MASS, MOMENT = 0.3, 2.0, 0.09
 RESISTANCE, G = 0.004, 9.81

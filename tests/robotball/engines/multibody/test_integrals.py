@@ -14,12 +14,11 @@ import pytest
 from robotball import Motion, Scene, integrate
 from robotball.drives import Free
 from robotball.equations import Rolling
-from robotball.poses import energy
 from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array, perpendicular
 from tests.random_balls import random_axis
 from tests.random_robots import random_robot
-from tests.robots import Y, box_inertia, robot
+from tests.robots import Y, box_inertia, energy, robot
 
 pytestmark = pytest.mark.core
 

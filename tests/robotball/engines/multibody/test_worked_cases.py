@@ -9,8 +9,7 @@ from robotball import Scene, integrate
 from robotball.drives import Servo
 from robotball.engines.multibody import March
 from robotball.engines.multibody.system import System
-from robotball.poses import energy
-from tests.robots import ENDINGS, worked
+from tests.robots import ENDINGS, energy, worked
 
 pytestmark = pytest.mark.core
 

@@ -1,0 +1,256 @@
+"""Drives by users' functions of time, with derivatives and integrals by polynomials.
+
+A function is followed by Chebyshev polynomials of degree 24, a panel each. Panels are halved until
+the last coefficients are rounding, so that smooth functions are known to rounding, and what still
+changes within the narrowest panel is a jump. In order: the drive, its polynomials.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from robotball.errors import END_ROUNDING, LARGEST, InputError, warn
+from robotball.rotations import Array
+
+Function = Callable[[float], float]
+
+LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
+FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
+GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
+
+
+@dataclass(frozen=True)
+class Followed:
+    """The drive of a user's function over a run from 0 to `end` [s], and nowhere else.
+
+    The fields are those of a Custom rate. A derivative or integral that is None is taken from
+    polynomials.
+    """
+
+    end: float
+    function: Function
+    breakpoints: tuple[float, ...] = ()
+    derivative: Function | None = None
+    integral: Function | None = None
+
+    def rate(self, t: Any) -> Any:
+        return _each(self._rate, t)
+
+    def acceleration(self, t: Any) -> Any:
+        return _each(self._acceleration, t)
+
+    def angle(self, t: Any) -> Any:
+        return _each(self._angle, t)
+
+    @cached_property
+    def polynomials(self) -> "Polynomials":
+        """Polynomials that follow the function over the whole run.
+
+        Raises InputError where the function jumps, or where a derivative or integral given for it
+        is not its own; warns where it is not smooth and no derivative is given.
+        """
+        if not self.end <= LONGEST:
+            raise InputError(
+                f"a drive's function can be followed to t = {LONGEST:g} s at most, not to "
+                f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
+            )
+        inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
+        found = polynomials_of(self._rate, [0.0, *inside, self.end])
+        follows = found.off <= FOLLOWED * (1 + found.size)
+        # What is given is compared in the middle of each panel that the polynomial follows: near a
+        # kink that no breakpoint names, the polynomial itself is off.
+        middles = (found.edges[:-1] + found.edges[1:])[follows] / 2
+        if self.derivative is not None:
+            _check_own("derivative", self._acceleration, found.slope, middles, "rad/s²")
+        elif not follows.all():
+            warn(
+                f"a drive's function is not smooth at t = {found.edges[found.off.argmax()]:.6g} s: "
+                f"its derivative there follows it to {found.off.max():.1g} rad/s only; give "
+                "Custom its breakpoints, or its derivative"
+            )
+        if self.integral is not None:
+            _check_own("integral", self._angle, found.area, middles, "rad")
+        return found
+
+    def _rate(self, t: float) -> float:
+        t = self._inside(t)
+        try:
+            value = float(self.function(t))
+        except Exception as error:  # whatever a user's function may raise
+            raise InputError(
+                f"a drive's function fails at t = {t:g} s: {type(error).__name__}: {error}"
+            ) from error
+        if not abs(value) <= LARGEST:
+            raise InputError(
+                f"a drive's function gives {value} at t = {t:g} s; it must be finite and at most "
+                f"{LARGEST:g} rad/s"
+            )
+        return value
+
+    def _acceleration(self, t: float) -> float:
+        t, given = self._inside(t), self.derivative
+        return self.polynomials.slope(t) if given is None else float(given(t))
+
+    def _angle(self, t: float) -> float:
+        t, given = self._inside(t), self.integral
+        return self.polynomials.area(t) if given is None else float(given(t)) - float(given(0.0))
+
+    def _inside(self, t: float) -> float:
+        """Return the time without the rounding that may carry it beyond the end."""
+        if not t <= self.end * (1 + END_ROUNDING):
+            raise InputError(f"t = {t:g} s is beyond the end of the run, {self.end:g} s")
+        return min(t, self.end)
+
+
+def _each(function: Function, t: Any) -> Any:
+    # A user's function is asked for one time after another: it need not take arrays.
+    if np.ndim(t) == 0:
+        return function(float(t))
+    return np.array([function(float(s)) for s in t])
+
+
+def _check_own(name: str, given: Function, own: Function, at: Any, unit: str) -> None:
+    """Raise InputError where a given derivative or integral is not the function's own."""
+    for t in at.tolist():
+        theirs, ours = given(t), own(t)
+        if not abs(theirs - ours) <= GIVEN * (1 + abs(ours)):
+            raise InputError(
+                f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, where that "
+                f"of its function is {ours:.6g} {unit}"
+            )
+
+
+PANEL = 0.5  # s, the longest
+NARROWEST = 1e-9  # s: a panel of that length is not halved again
+MOST_HALVES = 500  # of one panel: some ten kinks
+JUMP = 1e-4  # of 1 and the value: more within the narrowest panel is no slope but a jump
+DEGREE = 24
+# The ends are among the nodes, so that neighbours meet and the slope's integral is the function.
+NODES = chebyshev.chebpts2(DEGREE + 1)
+COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
+EPS = float(np.finfo(float).eps)
+ROUNDING = 8 * EPS  # of the last coefficients of a polynomial that follows
+
+
+@dataclass(frozen=True)
+class Polynomials:
+    """A function from edges[0] to edges[-1] by one polynomial between each two edges.
+
+    edges   (n + 1,)  s
+    slopes  n         coefficients of the derivative, Chebyshev's, on -1 to 1
+    areas   n         of the integral from the panel's begin
+    before  (n,)      the integral from edges[0] to the panel's begin
+    off     (n,)      how far the polynomial may be off the function
+    size              the function's largest value
+    """
+
+    edges: Array
+    slopes: list[Array]
+    areas: list[Array]
+    before: Array
+    off: Array
+    size: float
+
+    def slope(self, t: float) -> float:
+        """Return the derivative at `t`; at an edge, from there on."""
+        i, x = self._place(t)
+        return float(chebyshev.chebval(x, self.slopes[i]))
+
+    def area(self, t: float) -> float:
+        """Return the integral from edges[0] to `t`."""
+        i, x = self._place(t)
+        return float(self.before[i] + chebyshev.chebval(x, self.areas[i]))
+
+    def _place(self, t: float) -> tuple[int, float]:
+        """Return the panel of a time, and where in it the time is, from -1 to 1."""
+        i = int(np.searchsorted(self.edges[1:-1], t, side="right"))
+        begin, end = self.edges[i : i + 2]
+        return i, float((2 * t - begin - end) / (end - begin))
+
+
+def polynomials_of(function: Function, edges: list[float]) -> Polynomials:
+    """Return polynomials that follow a function to rounding, or as near as halving brings them.
+
+    edges: increasing times, of which the function is smooth between each two. It is asked there
+    and between, never before the first or after the last. Raises InputError where it jumps.
+    """
+    panels: list[tuple[float, float, Array]] = []
+    size = 0.0
+    for piece in pairwise(edges):
+        count = int(np.ceil((piece[1] - piece[0]) / PANEL))
+        for begin, end in pairwise(np.linspace(*piece, count + 1).tolist()):
+            for panel in _halved(function, begin, end, size):
+                panels.append(panel)
+                size = max(size, float(np.abs(panel[2]).max()))
+    slopes: list[Array] = []
+    areas: list[Array] = []
+    off: list[float] = []
+    for begin, end, values in panels:
+        coefficients, half = COEFFICIENTS @ values, (end - begin) / 2
+        off.append(_tail(coefficients))
+        # Coefficients of rounding alone would be magnified in the slope by the square of their
+        # degree.
+        coefficients[np.abs(coefficients) < EPS * size] = 0.0
+        slopes.append(np.asarray(chebyshev.chebder(coefficients) / half, dtype=float))
+        integral = chebyshev.chebint(coefficients, lbnd=-1.0)
+        areas.append(np.asarray(integral * half, dtype=float))
+    whole = [float(chebyshev.chebval(1.0, area)) for area in areas]
+    return Polynomials(
+        edges=np.array([panels[0][0], *(end for _, end, _ in panels)]),
+        slopes=slopes,
+        areas=areas,
+        before=np.cumsum([0.0, *whole[:-1]]),
+        off=np.array(off),
+        size=size,
+    )
+
+
+def _halved(
+    function: Function, begin: float, end: float, size: float
+) -> Iterator[tuple[float, float, Array]]:
+    """Yield (begin, end, values at the nodes) of the parts, halved as long as that helps."""
+    # A stack with the earlier half on top, so that panels come in the order of time.
+    left, halves = [(begin, end)], 0
+    while left:
+        a, b = left.pop()
+        middle, half = (a + b) / 2, (b - a) / 2
+        # Rounding may carry a node out of the panel, where the function need not be defined.
+        nodes = np.clip(middle + half * NODES, a, b)
+        nodes[0], nodes[-1] = a, b
+        values = np.array([function(t) for t in nodes.tolist()])
+        coefficients = COEFFICIENTS @ values
+        follows = _tail(coefficients) <= _rounding_of(coefficients, a, b, size)
+        if follows or b - a <= NARROWEST or halves == MOST_HALVES:
+            if not follows and b - a <= NARROWEST:
+                _check_continuous(a, b, values)
+            yield a, b, values
+        else:
+            halves += 1
+            left += [(middle, b), (a, middle)]
+
+
+def _tail(coefficients: Array) -> float:
+    # Three, as an odd or even function has every second coefficient zero.
+    return float(np.abs(coefficients[-3:]).max())
+
+
+def _rounding_of(coefficients: Array, begin: float, end: float, size: float) -> float:
+    """Return what rounding leaves of a function of this size in its last coefficients.
+
+    No function knows its argument better than to the last bit.
+    """
+    steepest = float(np.abs(coefficients[1:]).sum()) / ((end - begin) / 2)
+    return ROUNDING * (max(size, float(np.abs(coefficients).max())) + abs(end) * steepest)
+
+
+def _check_continuous(begin: float, end: float, values: Array) -> None:
+    """Raise InputError where the values in a panel of the narrowest length are too far apart."""
+    jump = float(np.ptp(values))
+    if jump > JUMP * (1 + float(np.abs(values).min())):
+        t = (begin + end) / 2
+        raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:.9g} s; ramp it")

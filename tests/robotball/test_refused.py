@@ -1,0 +1,194 @@
+"""Input that cannot be used is refused in one line, with the value, the limit and what to do.
+
+Drives, motors, requests for a design, settings and counts; scene files are refused in
+tests/robotball/files, bodies and starts where they are made.
+"""
+
+import math
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball import Limits
+from robotball.drives import as_drive
+from robotball.engines.mujoco.settings import Prescribed
+from robotball.errors import LONGEST_LINE, check_count, check_positive, check_seed
+from tests.robotball.designs import fig12
+from tests.robotball.own_drive import OwnDrive, of_sine
+
+FIG12 = rb.load_scene("fig12")
+FAST = rb.preset("fast")
+NAN, INF = math.nan, math.inf
+
+
+class Jumping(OwnDrive):
+    """A drive that forgot a breakpoint."""
+
+    def rate(self, t: float) -> float:
+        return of_sine(t) + 2.0 * (t > 4)
+
+
+def run(rate: Any, end: float = 10.0) -> rb.Motion:
+    """What the equations make of a frame's rate."""
+    return rb.integrate(replace(FIG12, frame_rate=rate), np.array([0.0, end]))
+
+
+NAMES = {
+    "rb": rb, "math": math, "replace": replace, "np": np, "as_drive": as_drive,
+    "of_sine": of_sine, "Jumping": Jumping, "run": run, "FIG12": FIG12, "fig12": fig12,
+    "Limits": Limits, "Prescribed": Prescribed, "check_count": check_count,
+    "check_positive": check_positive, "check_seed": check_seed, "NAN": NAN, "INF": INF,
+}  # fmt: skip
+
+DRIVES = {
+    "run(rb.Custom(lambda t: float(t > 1), breakpoints=(1.0,)))":
+        r"a drive's rate jumps by 1 rad/s at t = 1 s; ramp it",
+    "run(lambda t: 2.0 if t < 3.3 else 2.5)":
+        r"a drive's rate jumps by 0\.5 rad/s at t = 3\.3 s; ramp it",
+    "run(Jumping())":
+        r"a drive's rate jumps by 2 rad/s at t = 4 s; ramp it",
+    "run(rb.Custom(of_sine, derivative=lambda t: -6 * math.cos(6 * t)))":
+        r"the derivative given for a drive is -\S+ rad/s² at t = \S+ s, where that of its function",
+    "run(rb.Custom(of_sine, integral=lambda t: 2 * t))":
+        r"the integral given for a drive is \S+ rad at t = \S+ s, where that of its function is",
+    "run('fast')":
+        r"a rate is a number, a function of time, or a drive .*, not 'fast'",
+    "run(of_sine, 1e6)":
+        r"a drive's function can be followed to t = 100000 s at most, not to 1e\+06 s",
+    "as_drive(lambda t: NAN, 1.0)":
+        r"function gives nan at t = 0 s",
+    "run(lambda t: NAN if t > 2 else 2.0)":
+        r"function gives nan at t = 2\.\d+ s; it must be finite",
+    "rb.Ramp(final=1.0, start=2.0, end=1.0)":
+        r"a ramp must start at 0 or later and end after that, not from 2 to 1 s",
+    "run(rb.Samples(times=(0.0, 8.0), values=(0.0, 1.0)))":
+        r"samples from t = 0 to 8 s do not reach over the run, from 0 to 10 s; give more",
+    "as_drive(rb.Samples(times=(1.0, 8.0), values=(0.0, 1.0)), 5.0)":
+        r"samples from t = 1 to 8 s do not reach over the run, from 0 to 5 s",
+    "rb.Samples(times=(1.0,), values=(0.0,))":
+        r"two or more: not 1 times and 1 values",
+    "rb.Samples(times=(0.0, 1.0, 1.0), values=(0.0, 1.0, 2.0))":
+        r"the times of samples must increase: time 3 is 1 s, after 1 s",
+    "rb.Samples(times=(0.0, 1.0), values=(0.0, NAN))":
+        r"value 2 of the samples must be finite",
+    "rb.Sum(())":
+        r"a sum needs at least one rate",
+    "run(lambda t: 1 / (t - 4))":
+        r"a drive's function fails at t = 4 s: ZeroDivisionError: ",
+    "run(rb.Sum((1.0, lambda t: math.sqrt(4.5 - t))))":
+        r"a drive's function fails at t = \S+ s: ValueError: ",
+    "rb.Sine(amplitude=1.0, frequency=0.0)":
+        r"a sine's frequency must be positive and finite, not 0 Hz",
+    "replace(FIG12, frame_rate=rb.Sine(amplitude=1.0, frequency=1.0)).parameters":
+        r"the drives change in time; use parameters_at",
+}  # fmt: skip
+
+MOTORS = {
+    "replace(FIG12, motors=(None,))": r"2 hinges need as many motors, or none, not 1",
+    "rb.Servo(gain=0.0)": r"a servo's gain must be positive and finite, not 0 N m s/rad",
+    "rb.PositionServo(gain=1.0, damping=-1.0)": r"a position servo's damping, where it is not 0,",
+    "rb.Torque(armature=-1.0)": r"a motor's armature, where it is not 0, must be positive",
+    "rb.Free(rest=INF)": r"a free hinge's rest angle must be finite",
+    **{
+        f"{make}({value})": r"must be"
+        for make in ("Prescribed", "rb.Servo")
+        for value in ("None", "'x'", "(1.0, 2.0)", "np.array([1.0, 2.0])", "-INF")
+    },
+    **{
+        f"rb.Servo(1.0, {limit})": r"must be"
+        for limit in ("''", "'x'", "(1.0, 2.0)", "np.array([1.0, 2.0])", "-INF")
+    },
+}
+
+COUNTS = {
+    "check_count('starts', 10**12, 1)": r"starts must be at most 10000000, not 10000",
+    "check_seed(-1)": r"seed must be at least 0, not -1",
+    "check_positive('mass', 'x', 'kg')": r"mass must be a number, not 'x'",
+}
+
+DESIGNS = {
+    "fig12(A=[1.0, 2.0])": r"A must be 3 or 3 x 3 finite numbers, not \[1\.0, 2\.0\]",
+    "fig12(A=[NAN, 1.0, 1.0])": r"A must be 3 or 3 x 3 finite numbers, not \[nan, 1\.0, 1\.0\]",
+    "fig12(A=[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]])": r"A is not symmetric",
+    "fig12(A=(0.7, 0.6, -0.7))": r"A is not positive: its least eigenvalue is -0\.7 1/\(kg m²\)",
+    "fig12(A=(0.7, 0.6, 0.0))": r"A is not positive: its least eigenvalue is 0 1/\(kg m²\)",
+    "fig12(Omega=[1.0, INF, 0.0])": r"Omega must be 3 finite numbers, not \[1\.0, inf, 0\.0\]",
+    "fig12(K=[1.0])": r"K must be 3 finite numbers, not \[1\.0\]",
+    "fig12(radius=-1.0)": r"radius must be positive and finite, not -1 m",
+    "fig12(mass=0.0)": r"mass must be positive and finite, not 0 kg",
+    "fig12(limits=Limits(rotor_speed=0))": r"rotor_speed must be positive, not 0 rad/s",
+    "fig12(limits=Limits(rotor_speed=NAN))": r"rotor_speed must be positive, not nan rad/s",
+    "fig12(limits=Limits(shell_mass=-1))":
+        r"shell_mass must be finite and not negative, not -1 kg",
+    "fig12(mass=0.8, limits=Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.4))":
+        r"masses: the least of shell, frame and rotor are 0\.9 kg together, and the ball is to "
+        r"have 0\.8 kg: 0\.1 kg too much",
+    "fig12(limits=Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.4))":
+        r"masses: with the least of shell, frame and rotor, 0\.9 kg, m \+ J_s/a² is 1\.1 kg at "
+        r"least; ",
+    "fig12(limits=Limits(shell_thickness=1.0))":
+        r"shell_thickness must be at least 0 and less than the radius 1 m, not 1 m",
+    "fig12(limits=Limits(shell_thickness=0.1, frame_radius=0.95))":
+        r"frame_radius must be positive and at most 0\.9 m, not 0\.95 m",
+    "fig12(limits=Limits(frame_radius=0.5, rotor_radius=0.6))":
+        r"rotor_radius must be positive and at most 0\.5 m, not 0\.6 m",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("snippet", "message"), {**DRIVES, **MOTORS, **COUNTS, **DESIGNS}.items())
+def test_what_cannot_be_used_is_refused_in_one_line(snippet: str, message: str) -> None:
+    """With the value, the limit and what to do."""
+    with pytest.raises(rb.InputError, match=message) as refusal:
+        eval(snippet, NAMES)
+    assert len(str(refusal.value)) <= LONGEST_LINE
+    assert "\n" not in str(refusal.value)
+
+
+REQUIRED = {each.name for each in fields(rb.Settings) if each.default is not None}
+ODD = [
+    -np.inf, np.nan, -1e30, 1e300, 10**400, "x" * 4000, b"x", {}, object(), (1e300, 1e300),
+    (np.nan,), np.array([]), np.array([1.0, 2.0, 3.0]), np.array(0.02),
+]  # fmt: skip
+
+
+def changed(**values: Any) -> rb.Settings:
+    return replace(FAST, **values)
+
+
+@pytest.mark.parametrize("name", [each.name for each in fields(rb.Settings)])
+def test_a_setting_of_any_kind_fits_or_is_one_short_line(name: str) -> None:
+    """None too, where nothing is left open; no other error, now or in the run."""
+    for value in [*ODD, *([None] if name in REQUIRED else [])]:
+        if name == "name" and isinstance(value, str):
+            continue
+        with pytest.raises(rb.InputError, match=f"{name}|a Servo") as refusal:
+            changed(**{name: value})
+        assert len(str(refusal.value)) <= LONGEST_LINE
+
+
+def test_numbers_of_numpy_are_settings() -> None:
+    """They are kept as Python's own, which JSON takes."""
+    given: dict[str, Any] = {
+        "timestep": np.float64(0.01), "solref": np.array([0.04, 1.0]), "iterations": np.int64(3),
+        "condim": 3.0, "sliding_friction": 10**30,
+    }  # fmt: skip
+    plain = changed(**given).plain()
+    assert [plain[name] for name in given] == [0.01, [0.04, 1.0], 3, 3, 1e30]
+    assert [type(plain[name]) for name in given] == [float, list, int, int, float]
+
+
+def test_counts_and_seeds_within_their_limits_pass() -> None:
+    """More would fill the memory; a negative seed starts no random numbers."""
+    assert (check_count("starts", 5, 1), check_seed(0)) == (5, 0)
+
+
+def test_a_message_is_short_however_long_its_parts_are() -> None:
+    """Its beginning and its end, which says what to do, stay."""
+    key = "k" * 4000
+    message = str(rb.InputError(f"{key}: unknown key; " + "name " * 1000 + "did you mean mass?"))
+    assert len(message) <= LONGEST_LINE
+    assert message.startswith("kkk")
+    assert message.endswith("did you mean mass?")

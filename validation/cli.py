@@ -159,7 +159,7 @@ def parse(arguments: Sequence[str]) -> Command:
         name = arguments[0]
         if name not in COMMANDS:
             raise unknown("command", name, COMMANDS)
-        command = _class_of(name)
+        command = class_of(name)
     if command:
         _check_each_is_given_once(command, arguments)
     refusal = io.StringIO()
@@ -185,7 +185,7 @@ def _check_each_is_given_once(command: type[Command], arguments: Sequence[str]) 
             raise InputError(f"{option} is given {times} times: give it once")
 
 
-def _class_of(name: str) -> type[Command]:
+def class_of(name: str) -> type[Command]:
     """Import and return the class of a command."""
     command: type[Command] = getattr(import_module(COMMANDS[name]), name.capitalize())
     return command
@@ -199,7 +199,7 @@ def _any_command(whole: bool) -> Any:
     return Union[  # noqa: UP007
         tuple(
             Annotated[
-                _class_of(name) if whole else make_dataclass(name, ()),
+                class_of(name) if whole else make_dataclass(name, ()),
                 subcommand(name, description=_summary(name)),
             ]
             for name in COMMANDS

@@ -13,7 +13,7 @@ import pytest
 import robotball as rb
 from tests.validation.conftest import Robotball
 from tests.validation.test_readme import DOCS, PROJECT, README
-from validation.cli import COMMANDS, parse
+from validation.cli import class_of, parse
 
 # After four spaces, in a code span, or in a scene file's first line; a comment is cut off. One with
 # a word in capitals or in brackets stands for others: the examples of `--help` are those.
@@ -76,7 +76,7 @@ def test_there_are_commands_to_try() -> None:
 def test_the_example_of_a_long_command_is_a_short_form_of_it(command: str) -> None:
     """The same command on the same scene, with options or names after it."""
     (example,) = re.findall(
-        r"^ *Example: robotball (.*)$", COMMANDS[command.split()[0]].__doc__ or "", re.MULTILINE
+        r"^ *Example: robotball (.*)$", class_of(command.split()[0]).__doc__ or "", re.MULTILINE
     )
     assert example.split()[: len(command.split())] == command.split()
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Queue: TypeAlias = "NDArray[np.int64]"
 
-NO_MORE = 2**62  # past the end of any queue
+_NO_MORE = 2**62  # past the end of any queue
 
 _most: ContextVar[int | None] = ContextVar("most", default=None)
 
@@ -61,7 +61,7 @@ def in_threads(work: Callable[[Queue], None], most: int) -> None:
             for each in as_completed([executor.submit(work, queue) for _ in range(threads)]):
                 each.result()
         except BaseException:
-            queue[0] = NO_MORE
+            queue[0] = _NO_MORE
             raise
 
 

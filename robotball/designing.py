@@ -44,12 +44,12 @@ from robotball.robot import (
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-MOST_ROTORS = 2  # a third one is of no use, as the head of this file shows
+_MOST_ROTORS = 2  # a third one is of no use, as the head of this file shows
 # A share that keeps its bounds by less, of the trace of A⁻¹, is refused: rounding would decide.
-LEAST_MARGIN = 1e-9
+_LEAST_MARGIN = 1e-9
 ROTOR_SHARE = 0.5  # of the margin, spent on a slower rotor
-STILL = 1e-14  # of the size of K, below which K + sΩ is zero
-ROTOR_RADIUS = 0.6  # of the frame's radius, where no other is given
+_STILL = 1e-14  # of the size of K, below which K + sΩ is zero
+_ROTOR_RADIUS = 0.6  # of the frame's radius, where no other is given
 # A frame that cannot lie within its radius may reach this much farther than it must.
 WIDER = 1.1  # the least radius itself leaves the other bounds no margin
 
@@ -77,7 +77,7 @@ class Limits:
         """Return the largest of the frame and of the rotors in a shell of `radius` [m]."""
         inner = radius - self.shell_thickness
         frame = inner if self.frame_radius is None else self.frame_radius
-        return frame, ROTOR_RADIUS * frame if self.rotor_radius is None else self.rotor_radius
+        return frame, _ROTOR_RADIUS * frame if self.rotor_radius is None else self.rotor_radius
 
 
 @dataclass(frozen=True)
@@ -150,20 +150,24 @@ def design(
     InputError where there is no ball, with the condition, its value, its limit and the difference.
     """
     limits = Limits() if limits is None else limits
-    check_sizes(radius, mass, limits)
+    _check_sizes(radius, mass, limits)
     # An inverse is symmetric to rounding only, and eigvalsh reads one half of a matrix.
     B = np.linalg.inv(_symmetric_positive(A))
     B = (B + B.T) / 2
     Omega, K = _vector("Omega", Omega), _vector("K", K)
-    check_inertia_at(B, radius, mass, limits)
+    _check_inertia_at(B, radius, mass, limits)
     request = _request(B, Omega, K, radius, mass, limits)
-    check_least_masses(request)
+    _check_least_masses(request)
     needed = request.frame_radius
     # A ball that cannot be built can be simulated, unless the limits forbid it. Its frame reaches
     # hardly farther than it must, or else as far as the fewest rotors make it.
     found = share(request, needed)
-    if found is None and not limits.buildable and largest_margin(request, math.inf) > LEAST_MARGIN:
-        needed = least_frame_radius(request)
+    if (
+        found is None
+        and not limits.buildable
+        and _largest_margin(request, math.inf) > _LEAST_MARGIN
+    ):
+        needed = _least_frame_radius(request)
         found = share(request, WIDER * needed) or share(request, math.inf)
     if found is None:
         raise refusal(request, limits, radius)
@@ -226,7 +230,7 @@ def redesign(scene: Scene, mass: float | None, limits: Limits) -> tuple[Design, 
     )
 
 
-def check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
+def _check_sizes(radius: float, mass: float | None, limits: Limits) -> None:
     """Raise InputError unless radius, mass and limits are numbers that go together."""
     check_positive("radius", radius, "m")
     if mass is not None:
@@ -287,11 +291,11 @@ def masses_allowed(B: Array, radius: float) -> tuple[float, float]:
     return float(b.sum()) / 5 / radius**2, float(b.sum() - 2 * b[-1]) / radius**2
 
 
-def check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits) -> None:
+def _check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits) -> None:
     """Raise InputError where no body has B = A⁻¹ (3, 3) [kg m²], whatever the shares."""
     b = np.linalg.eigvalsh(B)
     least, most = masses_allowed(B, radius)
-    if not most * radius**2 > LEAST_MARGIN * b.sum():
+    if not most * radius**2 > _LEAST_MARGIN * b.sum():
         raise InputError(
             f"triangle inequality: the largest eigenvalue of 1/A, {b[2]:.6g} kg m², must be less "
             f"than the sum of the others, {b[0] + b[1]:.6g} kg m²; it is "
@@ -318,7 +322,7 @@ def check_inertia_at(B: Array, radius: float, mass: float | None, limits: Limits
 
 
 @dataclass(frozen=True)
-class DesignRequest:
+class _DesignRequest:
     """The numbers of the equations and the bounds on the bodies, in this file's units.
 
     unit is the mass that is 1 here [kg]; B (3, 3) is A⁻¹; d is None where the mass is free;
@@ -361,18 +365,18 @@ class DesignRequest:
             return None if np.any(self.K) else (self.smallest_s, self.largest_s)
         s = float(-self.K @ self.Omega / (self.Omega @ self.Omega))
         size = float(np.linalg.norm(self.K)) + s * float(np.linalg.norm(self.Omega))
-        still = np.linalg.norm(self.momentum(np.array(s))) <= STILL * size
+        still = np.linalg.norm(self.momentum(np.array(s))) <= _STILL * size
         return (s, s) if still and self.smallest_s <= s <= self.largest_s else None
 
 
 def _request(
     B: Array, Omega: Array, K: Array, radius: float, mass: float | None, limits: Limits
-) -> DesignRequest:
+) -> _DesignRequest:
     """Return the request in this file's units."""
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     frame_radius, rotor_radius = limits.radii(radius)
-    return DesignRequest(
+    return _DesignRequest(
         unit=unit,
         B=B / trace,
         K=K / trace,
@@ -388,7 +392,7 @@ def _request(
     )
 
 
-def check_least_masses(request: DesignRequest) -> None:
+def _check_least_masses(request: _DesignRequest) -> None:
     """Raise InputError where the least masses are too large."""
     unit = request.unit
     rotors = 0.0 if request.s_without_rotors else request.rotor
@@ -411,7 +415,7 @@ def check_least_masses(request: DesignRequest) -> None:
 
 
 @dataclass(frozen=True)
-class Share:
+class _Share:
     """Masses, and the rings' axial inertias (n,) and axes (n, 3).
 
     margin is how far every bound is kept, of the trace of A⁻¹.
@@ -425,25 +429,25 @@ class Share:
     axes: Array
 
 
-def share(request: DesignRequest, frame_radius: float) -> Share | None:
+def share(request: _DesignRequest, frame_radius: float) -> _Share | None:
     """Return the share with the fewest rotors whose frame lies within `frame_radius`, or None.
 
     Among those of as many rotors it is the one that keeps all bounds by the largest margin.
     """
     for n in _rotor_counts(request):
         s, T, margin = _best(request, n, frame_radius)
-        if margin > LEAST_MARGIN:
+        if margin > _LEAST_MARGIN:
             return _bodies(request, n, s, T, margin)
     return None
 
 
-def _rotor_counts(request: DesignRequest) -> range:
+def _rotor_counts(request: _DesignRequest) -> range:
     # None first, as fewer are preferred. Rates without a bound make any rotor light enough: a
     # second one could not help.
-    return range(2 if np.isinf(request.speed) else 1 + MOST_ROTORS)
+    return range(2 if np.isinf(request.speed) else 1 + _MOST_ROTORS)
 
 
-def _best(request: DesignRequest, n: int, frame_radius: float) -> tuple[float, float, float]:
+def _best(request: _DesignRequest, n: int, frame_radius: float) -> tuple[float, float, float]:
     """Return s, T and the margin of the best share with n rotors."""
     ends = (request.smallest_s, request.largest_s) if n else request.s_without_rotors
     if ends is None or ends[0] > ends[1]:
@@ -478,7 +482,7 @@ def _peak(f: Callable[[Array], Array], low: Array, high: Array, points: int, rou
     return peak
 
 
-def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Array) -> Array:
+def _margin(request: _DesignRequest, n: int, frame_radius: float, s: Array, T: Array) -> Array:
     """Return by how much all bounds are kept (...) at s and T (...), positive iff they are.
 
     The largest t with 2 Σ_frame >= t E, m_frame >= least + t, m_frame r² - tr Σ_frame >= t,
@@ -510,7 +514,7 @@ def _margin(request: DesignRequest, n: int, frame_radius: float, s: Array, T: Ar
     return np.min(np.broadcast_arrays(*bounds), axis=0)
 
 
-def _Z(request: DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
+def _Z(request: _DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
     """Return Z = P - T E + g gᵀ/T (..., 3, 3) and τ = T - |g|²/T (...)."""
     g = request.momentum(s) / request.speed
     # Without a rotor T is 0; the momentum is rounding then, and nothing gives any back.
@@ -521,7 +525,7 @@ def _Z(request: DesignRequest, s: Array, T: Array) -> tuple[Array, Array]:
 
 
 def _rotor_masses(
-    request: DesignRequest, n: int, T: Array, slower: float
+    request: _DesignRequest, n: int, T: Array, slower: float
 ) -> list[tuple[Array, float]]:
     """Return bounds of the rotors' mass, by inertia and least masses, with their growth with t.
 
@@ -534,7 +538,7 @@ def _rotor_masses(
     return [(inertia, slower / request.rotor_radius**2), (least, 0.0)]
 
 
-def _bodies(request: DesignRequest, n: int, s: float, T: float, margin: float) -> Share:
+def _bodies(request: _DesignRequest, n: int, s: float, T: float, margin: float) -> _Share:
     if request.d is None:
         shell = request.shell + margin
         d = s - request.shell_factor * shell
@@ -543,11 +547,11 @@ def _bodies(request: DesignRequest, n: int, s: float, T: float, margin: float) -
         shell = (s - d) / request.shell_factor
     inertias, axes = _rings(request, n, s, T, margin)
     masses = np.maximum(inertias / request.rotor_radius**2, request.rotor)
-    return Share(margin, shell, float(d - shell - masses.sum()), masses, inertias, axes)
+    return _Share(margin, shell, float(d - shell - masses.sum()), masses, inertias, axes)
 
 
 def _rings(
-    request: DesignRequest, n: int, s: float, T: float, margin: float
+    request: _DesignRequest, n: int, s: float, T: float, margin: float
 ) -> tuple[Array, Array]:
     """Return axial inertias (n,) and axes (n, 3) of the rotors."""
     if n == 0:
@@ -576,37 +580,37 @@ def two_rings(T: float, g: Array, e: Array, tau: float) -> Array:
     return np.array([g + across, x * x * g - across]) / (1 + x * x)
 
 
-def refusal(request: DesignRequest, limits: Limits, radius: float) -> InputError:
+def refusal(request: _DesignRequest, limits: Limits, radius: float) -> InputError:
     """Return why there is no share, though neither inertia nor least masses forbid one."""
     # Each condition is lifted in turn; the one without which there is a share is the reason.
     within = request.frame_radius if limits.buildable else math.inf
     any_speed = replace(request, speed=math.inf)
-    if largest_margin(any_speed, within) > LEAST_MARGIN:
-        needed = least_speed(request, within)
+    if _largest_margin(any_speed, within) > _LEAST_MARGIN:
+        needed = _least_speed(request, within)
         return InputError(
             f"rotor speed: at most {request.speed:.6g} rad/s is allowed, and the momentum "
             f"K + (J_s + d)Ω needs {needed:.4g} rad/s: {needed - request.speed:.4g} rad/s more"
         )
-    if limits.buildable and largest_margin(any_speed, math.inf) > LEAST_MARGIN:
-        needed = radius * least_frame_radius(any_speed)
+    if limits.buildable and _largest_margin(any_speed, math.inf) > _LEAST_MARGIN:
+        needed = radius * _least_frame_radius(any_speed)
         allowed = radius * request.frame_radius
         return InputError(
             f"mass inside the shell: the frame may reach {allowed:.6g} m, and within the limits it "
             f"needs {needed:.4g} m: {needed - allowed:.4g} m more"
         )
-    margin, least = request.unit * largest_margin(any_speed, within), request.unit * LEAST_MARGIN
+    margin, least = request.unit * _largest_margin(any_speed, within), request.unit * _LEAST_MARGIN
     return InputError(
         f"masses: inertia and least masses leave a margin of {margin:.3g} kg, less than the "
         f"{least:.3g} kg that rounding needs"
     )
 
 
-def largest_margin(request: DesignRequest, frame_radius: float) -> float:
+def _largest_margin(request: _DesignRequest, frame_radius: float) -> float:
     """Return how far a share can keep all bounds, of the trace of A⁻¹; negative if none can."""
     return max(_best(request, n, frame_radius)[2] for n in _rotor_counts(request))
 
 
-def least_speed(request: DesignRequest, frame_radius: float) -> float:
+def _least_speed(request: _DesignRequest, frame_radius: float) -> float:
     """Return the least bound on the rotors' rates with which there is a share, to four digits.
 
     `request` has a smaller bound, with which there is none; there must be one at some speed.
@@ -615,26 +619,26 @@ def least_speed(request: DesignRequest, frame_radius: float) -> float:
     # In 1/speed, of which no bound is 0, so that the search has two finite ends.
     def margin(per_speed: float) -> float:
         speed = 1 / per_speed if per_speed else np.inf
-        return largest_margin(replace(request, speed=speed), frame_radius) - LEAST_MARGIN
+        return _largest_margin(replace(request, speed=speed), frame_radius) - _LEAST_MARGIN
 
     return float(1 / brentq(margin, 0.0, 1 / request.speed, rtol=1e-4, xtol=1e-4 / request.speed))
 
 
-def least_frame_radius(request: DesignRequest) -> float:
+def _least_frame_radius(request: _DesignRequest) -> float:
     """Return the least radius within which the frame of some share can lie, to four digits.
 
     There must be a share, and none within `request.frame_radius`.
     """
 
     def margin(per_radius: float) -> float:
-        return largest_margin(request, 1 / per_radius if per_radius else np.inf) - LEAST_MARGIN
+        return _largest_margin(request, 1 / per_radius if per_radius else np.inf) - _LEAST_MARGIN
 
     largest = 1 / request.frame_radius
     return float(1 / brentq(margin, 0.0, largest, rtol=1e-4, xtol=1e-4 * largest))
 
 
 def _ball(
-    found: Share, B: Array, Omega: Array, K: Array, radius: float, limits: Limits
+    found: _Share, B: Array, Omega: Array, K: Array, radius: float, limits: Limits
 ) -> tuple[Ball, tuple[float, ...]]:
     """Return the bodies of a share in SI units, the frame with what is left, and rotor rates."""
     trace = float(np.trace(B))

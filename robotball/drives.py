@@ -34,8 +34,8 @@ from robotball.errors import (
 if TYPE_CHECKING:
     from robotball.function_drives import Followed
 
-Time = Any  # a float, or a column (n,)
-Scalar = Any  # a float, or a column (n,)
+_Time = Any  # a float, or a column (n,)
+_Scalar = Any  # a float, or a column (n,)
 
 
 @runtime_checkable
@@ -47,15 +47,15 @@ class Drive(Protocol):
         """Times at which the rate is not smooth [s]."""
         ...
 
-    def rate(self, t: Time) -> Any:
+    def rate(self, t: _Time) -> Any:
         """Return the rate [rad/s]."""
         ...
 
-    def acceleration(self, t: Time) -> Any:
+    def acceleration(self, t: _Time) -> Any:
         """Return the derivative of the rate [rad/s²]; at a breakpoint, the one from there on."""
         ...
 
-    def angle(self, t: Time) -> Any:
+    def angle(self, t: _Time) -> Any:
         """Return the integral of the rate from time 0 [rad]."""
         ...
 
@@ -69,13 +69,13 @@ class Constant:
 
     # 0·t gives the results the shape of the times.
 
-    def rate(self, t: Time) -> Any:
+    def rate(self, t: _Time) -> Any:
         return self.value + 0.0 * t
 
-    def acceleration(self, t: Time) -> Any:
+    def acceleration(self, t: _Time) -> Any:
         return 0.0 * t
 
-    def angle(self, t: Time) -> Any:
+    def angle(self, t: _Time) -> Any:
         return self.value * t
 
 
@@ -141,21 +141,21 @@ class Ramp(_Curve, frozen=True, kw_only=True, tag="ramp"):
     def breakpoints(self) -> tuple[float, ...]:
         return (self.start, self.end)
 
-    def _fraction(self, t: Time) -> Any:
+    def _fraction(self, t: _Time) -> Any:
         return np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)
 
-    def rate(self, t: Time) -> Any:
+    def rate(self, t: _Time) -> Any:
         way, _, _ = _SHAPES[self.shape]
         return self.initial + (self.final - self.initial) * way(self._fraction(t))
 
-    def acceleration(self, t: Time) -> Any:
+    def acceleration(self, t: _Time) -> Any:
         _, slope, _ = _SHAPES[self.shape]
         # At a breakpoint the slope is that from there on: none at the end.
         inside = (t >= self.start) & (t < self.end)
         rise = self.final - self.initial
         return inside * slope(self._fraction(t)) * rise / (self.end - self.start)
 
-    def angle(self, t: Time) -> Any:
+    def angle(self, t: _Time) -> Any:
         _, _, area = _SHAPES[self.shape]
         rise = (self.final - self.initial) * (self.end - self.start)
         after = np.maximum(t - self.end, 0.0)
@@ -181,16 +181,16 @@ class Sine(_Curve, frozen=True, kw_only=True, tag="sine"):
     def breakpoints(self) -> tuple[float, ...]:
         return ()
 
-    def _phase(self, t: Time) -> Any:
+    def _phase(self, t: _Time) -> Any:
         return 2 * np.pi * self.frequency * t + self.phase
 
-    def rate(self, t: Time) -> Any:
+    def rate(self, t: _Time) -> Any:
         return self.mean + self.amplitude * np.sin(self._phase(t))
 
-    def acceleration(self, t: Time) -> Any:
+    def acceleration(self, t: _Time) -> Any:
         return 2 * np.pi * self.frequency * self.amplitude * np.cos(self._phase(t))
 
-    def angle(self, t: Time) -> Any:
+    def angle(self, t: _Time) -> Any:
         swing = (np.cos(self.phase) - np.cos(self._phase(t))) / (2 * np.pi * self.frequency)
         return self.mean * t + self.amplitude * swing
 
@@ -238,13 +238,13 @@ class Samples(_Curve, frozen=True, dict=True, kw_only=True, tag="samples"):
 
     # scipy answers a scalar by an array of no dimension, from which [()] takes the number.
 
-    def rate(self, t: Time) -> Any:
+    def rate(self, t: _Time) -> Any:
         return self._cubics[0](t)[()]
 
-    def acceleration(self, t: Time) -> Any:
+    def acceleration(self, t: _Time) -> Any:
         return self._cubics[1](t)[()]
 
-    def angle(self, t: Time) -> Any:
+    def angle(self, t: _Time) -> Any:
         area = self._cubics[2]
         return (area(t) - area(0.0))[()]
 
@@ -345,13 +345,13 @@ class Total:
     def breakpoints(self) -> tuple[float, ...]:
         return tuple(sorted({t for drive in self.drives for t in drive.breakpoints}))
 
-    def rate(self, t: Time) -> Any:
+    def rate(self, t: _Time) -> Any:
         return sum(drive.rate(t) for drive in self.drives)
 
-    def acceleration(self, t: Time) -> Any:
+    def acceleration(self, t: _Time) -> Any:
         return sum(drive.acceleration(t) for drive in self.drives)
 
-    def angle(self, t: Time) -> Any:
+    def angle(self, t: _Time) -> Any:
         return sum(drive.angle(t) for drive in self.drives)
 
 
@@ -371,7 +371,7 @@ def functions_of(drive: Drive) -> Iterator["Followed"]:
             yield from functions_of(each)
 
 
-class Law(NamedTuple):
+class _Law(NamedTuple):
     """The law of every motor's torque, between -limit and limit [N m].
 
     per_command · command - per_angle · angle - per_rate · rate + at_rest. All motors have one law,
@@ -384,7 +384,7 @@ class Law(NamedTuple):
     at_rest: float = 0.0
     limit: float = math.inf
 
-    def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
+    def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
         """Return the torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
         free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
         return np.clip(free + self.at_rest, -self.limit, self.limit)
@@ -397,9 +397,9 @@ class Motor(Protocol):
     def armature(self) -> float: ...
 
     @property
-    def law(self) -> Law: ...
+    def law(self) -> _Law: ...
 
-    def torque(self, command: Scalar, angle: Scalar, rate: Scalar) -> Any:
+    def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
         """Return the law's torque on the child [N m]."""
         return self.law.torque(command, angle, rate)
 
@@ -417,8 +417,8 @@ class Servo(Motor):
         _check_common(self)
 
     @property
-    def law(self) -> Law:
-        return Law(self.gain, 0.0, self.gain, limit=self.torque_limit or math.inf)
+    def law(self) -> _Law:
+        return _Law(self.gain, 0.0, self.gain, limit=self.torque_limit or math.inf)
 
 
 @dataclass(frozen=True)
@@ -436,8 +436,8 @@ class PositionServo(Motor):
         _check_common(self)
 
     @property
-    def law(self) -> Law:
-        return Law(self.gain, self.gain, self.damping, limit=self.torque_limit or math.inf)
+    def law(self) -> _Law:
+        return _Law(self.gain, self.gain, self.damping, limit=self.torque_limit or math.inf)
 
 
 def _check_common(servo: Servo | PositionServo) -> None:
@@ -456,8 +456,8 @@ class Torque(Motor):
         check_not_negative("a motor's armature", self.armature, "kg m²")
 
     @property
-    def law(self) -> Law:
-        return Law(1.0, 0.0, 0.0)
+    def law(self) -> _Law:
+        return _Law(1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -479,5 +479,5 @@ class Free(Motor):
         check_size("a free hinge's rest angle", self.rest, "rad")
 
     @property
-    def law(self) -> Law:
-        return Law(0.0, self.stiffness, self.damping, at_rest=self.stiffness * self.rest)
+    def law(self) -> _Law:
+        return _Law(0.0, self.stiffness, self.damping, at_rest=self.stiffness * self.rest)

@@ -104,7 +104,7 @@ def as_own(settings: EngineSettings | None, kind: type[Own], label: Label) -> Ow
     return settings
 
 
-GROUP = "robotball.engines"
+_GROUP = "robotball.engines"
 DEFAULT = "mujoco"
 # Named by strings, as entry points are: an import would load all engines at once.
 OURS = {
@@ -125,7 +125,7 @@ OURS = {
 
 def engine_names() -> list[str]:
     """Return the names of all engines, ours first."""
-    return [*OURS, *sorted({point.name for point in entry_points(group=GROUP)} - OURS.keys())]
+    return [*OURS, *sorted({point.name for point in entry_points(group=_GROUP)} - OURS.keys())]
 
 
 def engine_named(name: str) -> Engine:
@@ -133,7 +133,7 @@ def engine_named(name: str) -> Engine:
     if name in OURS:
         engine: Engine = _loaded(OURS[name])
         return engine
-    for point in entry_points(group=GROUP, name=name):
+    for point in entry_points(group=_GROUP, name=name):
         try:
             return point.load()
         except (ImportError, AttributeError) as error:
@@ -227,23 +227,23 @@ def run_request(scene: Scene, times: Array | None, request: Request) -> ContactM
     return replace(motion, scene=scene)
 
 
-LARGEST_RADIUS = 10.0  # m; balls that people ride in have 1.5
-STILL = 10.0  # s, in which a ball that rolls at all rolls farther than its radius
-SAMPLED = 100  # samples of a path at least, by which its length is known
+_LARGEST_RADIUS = 10.0  # m; balls that people ride in have 1.5
+_STILL = 10.0  # s, in which a ball that rolls at all rolls farther than its radius
+_SAMPLED = 100  # samples of a path at least, by which its length is known
 # Times torque_limit/kv, which is a motor's rate without load where the limit is its stall torque;
 # electronics may limit it to less, but seldom to a fifth.
-NO_LOAD = 5.0
+_NO_LOAD = 5.0
 
 
 def _doubts(motion: ContactMotion) -> Iterator[str]:
     """Yield why the motion can hardly be intended, a line each; wrong units are the usual cause."""
     scene, radius = motion.scene, motion.scene.ball.radius
-    if radius > LARGEST_RADIUS:
+    if radius > _LARGEST_RADIUS:
         yield f"a radius of {radius:g} m is beyond any robot's; lengths are in m, 150 mm is 0.15"
     # A run that faulted has ended early, or has said already that it is off.
-    if motion.report.faults or len(motion.times) < SAMPLED:
+    if motion.report.faults or len(motion.times) < _SAMPLED:
         return
-    if motion.times[-1] >= STILL and motion.path_length < radius:
+    if motion.times[-1] >= _STILL and motion.path_length < radius:
         yield (
             f"the ball rolls {motion.path_length:.2g} m in {motion.times[-1]:g} s, less than its "
             f"radius of {radius:g} m; check the start, the rates [rad/s] and the masses [kg]"
@@ -251,7 +251,7 @@ def _doubts(motion: ContactMotion) -> Iterator[str]:
     for i, motor in enumerate(scene.motors):
         if isinstance(motor, Servo) and motor.torque_limit is not None:
             rate, no_load = np.abs(motion.hinge_rates[:, i]).max(), motor.torque_limit / motor.gain
-            if rate > NO_LOAD * no_load:
+            if rate > _NO_LOAD * no_load:
                 yield (
                     f"{scene.hinges[i].name}'s motor turns at {rate:.3g} rad/s, but without load "
                     f"at {no_load:.3g} = torque_limit/kv if it stalls at its limit; check rate "
@@ -259,8 +259,8 @@ def _doubts(motion: ContactMotion) -> Iterator[str]:
                 )
 
 
-Equations = Literal["reduced", "multibody"]
-EQUATIONS: dict[Equations, str] = {
+_Equations = Literal["reduced", "multibody"]
+_EQUATIONS: dict[_Equations, str] = {
     "reduced": "robotball.engines.reduced:integrate",
     "multibody": "robotball.engines.multibody:integrate",
 }
@@ -272,7 +272,7 @@ def integrate(
     rtol: float = LEAST_RTOL,
     max_steps: int | None = None,
     *,
-    equations: Equations | None = None,
+    equations: _Equations | None = None,
 ) -> ReferenceMotion:
     """Return the scene's motion by equations, with an estimate of its own error.
 
@@ -289,11 +289,11 @@ def integrate(
     if not LEAST_RTOL <= rtol < 1:
         raise InputError(f"rtol must be at least {LEAST_RTOL:g} and less than 1, not {rtol:g}")
     chosen = equations or ("multibody" if scene.not_reduced else "reduced")
-    if chosen not in EQUATIONS:
-        raise unknown("set of equations", chosen, EQUATIONS)
+    if chosen not in _EQUATIONS:
+        raise unknown("set of equations", chosen, _EQUATIONS)
     # Overflow is found in the result, with the number that overflowed, rather than in a warning.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        motion: ReferenceMotion = _loaded(EQUATIONS[chosen])(scene, times, rtol, max_steps)
+        motion: ReferenceMotion = _loaded(_EQUATIONS[chosen])(scene, times, rtol, max_steps)
     _check_finite(motion)
     return motion
 

@@ -105,7 +105,7 @@ def rubber_divergence(gamma: Vector, Omega: Vector, A: Vector) -> Scalar:
     return per_A_gamma_gamma * dot(A_gamma, cross(Omega, gamma))
 
 
-def classical_divergence(gamma: Vector, Omega: Vector, A: Vector, I: Vector, d: Scalar) -> Scalar:
+def _classical_divergence(gamma: Vector, Omega: Vector, A: Vector, I: Vector, d: Scalar) -> Scalar:
     """Return (Aγ, γ×Ω)/(1/d - (Aγ,γ)), whose time mean is the sum of (3.3)'s exponents [1/s]."""
     A_gamma = diagonal(A, gamma)
     return d * dot(A_gamma, cross(gamma, Omega)) / dot(diagonal(I, A_gamma), gamma)
@@ -276,7 +276,7 @@ class Parameters:
         """Return the growth of phase volume [1/s]; its time mean is the sum of the exponents."""
         if self.rolling == "rubber":
             return rubber_divergence(gamma, self.Omega, self.A)
-        return classical_divergence(gamma, self.Omega, self.A, self.I, self.d)
+        return _classical_divergence(gamma, self.Omega, self.A, self.I, self.d)
 
     def momentum(self, omega: Vector, gamma: Vector) -> Vector:
         """Return M(ω, γ): γ×L of (3.1) in the rubber model, L of section 3.2 in the classical."""

@@ -9,11 +9,11 @@ from numbers import Real
 
 # In SI units, far beyond any ball, and small enough that products of a few do not overflow.
 LARGEST = 1e50
-MOST = 10_000_000  # of anything that is counted: more fill the memory
+_MOST = 10_000_000  # of anything that is counted: more fill the memory
 END_ROUNDING = 1e-9  # relative: a time so little beyond the end of a run is taken as the end
-LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
-FEW = 12  # names that a message lists, so that it stays a line
-PACKAGES = ("robotball", "validation")
+_LONGEST_WORD, LONGEST_LINE = 200, 500  # characters of a message
+_FEW = 12  # names that a message lists, so that it stays a line
+_PACKAGES = ("robotball", "validation")
 
 
 class InputError(ValueError):
@@ -21,7 +21,7 @@ class InputError(ValueError):
 
     def __init__(self, message: str) -> None:
         # A quoted key or a file's name may hold a line break of its own, and be of any length.
-        words = (_shortened(word, LONGEST_WORD) for word in message.split())
+        words = (_shortened(word, _LONGEST_WORD) for word in message.split())
         super().__init__(_shortened(" ".join(words), LONGEST_LINE))
 
 
@@ -40,7 +40,7 @@ def warn(line: str) -> None:
     # Python's default filter shows a warning once a line: at a line of ours, a script of many
     # scenes would see the first alone. `skip_file_prefixes` is not in Python 3.11.
     frame, level = sys._getframe(1), 2
-    while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in PACKAGES:
+    while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in _PACKAGES:
         frame, level = frame.f_back, level + 1
     warnings.warn(line, SceneWarning, stacklevel=level - 1)
 
@@ -48,8 +48,8 @@ def warn(line: str) -> None:
 def unknown(kind: str, name: object, known: Iterable[str]) -> InputError:
     """Return the error for an unknown name, with near matches or else the known names."""
     near = difflib.get_close_matches(str(name), known := list(known))
-    some = f"{len(known)}, as " if len(known) > FEW else ""
-    all_ = f"there are {some}{', '.join(known[:FEW])}"
+    some = f"{len(known)}, as " if len(known) > _FEW else ""
+    all_ = f"there are {some}{', '.join(known[:_FEW])}"
     hint = f"did you mean {' or '.join(near)}?" if near else all_
     return InputError(f"no {kind} is called {str(name)!r}; {hint}")
 
@@ -63,13 +63,13 @@ def too_many_steps(taken: int, reached: float, end: float, speed: float) -> Inpu
     )
 
 
-def is_number(value: object) -> bool:
+def _is_number(value: object) -> bool:
     """Return whether a value is one real number, of Python's or of NumPy's."""
     return isinstance(value, Real)
 
 
 def _check_number(what: str, value: object) -> None:
-    if not is_number(value):
+    if not _is_number(value):
         raise InputError(f"{what} must be a number, not {value!r}")
 
 
@@ -99,7 +99,7 @@ def check_size(what: str, value: float, unit: str = "", largest: float = LARGEST
         raise InputError(line.rstrip())
 
 
-def check_count(name: str, value: int, least: int, most: int = MOST) -> int:
+def check_count(name: str, value: int, least: int, most: int = _MOST) -> int:
     """Return `value`. Raises InputError where it is below `least` or above `most`."""
     _check_number(name, value)
     if value < least:

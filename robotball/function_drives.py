@@ -17,11 +17,11 @@ from numpy.polynomial import chebyshev
 from robotball.errors import END_ROUNDING, LARGEST, InputError, warn
 from robotball.rotations import Array
 
-Function = Callable[[float], float]
+_Function = Callable[[float], float]
 
 LONGEST = 1e5  # s, of a followed function: half a minute's work for a cheap one
 FOLLOWED = 1e-12  # of the largest rate: a polynomial as near as that costs no accuracy
-GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
+_GIVEN = 1e-6  # relative: the largest error of a given derivative or integral
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class Followed:
     """
 
     end: float
-    function: Function
+    function: _Function
     breakpoints: tuple[float, ...] = ()
-    derivative: Function | None = None
-    integral: Function | None = None
+    derivative: _Function | None = None
+    integral: _Function | None = None
 
     def rate(self, t: Any) -> Any:
         return _each(self._rate, t)
@@ -60,7 +60,7 @@ class Followed:
                 f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
             )
         inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
-        found = polynomials_of(self._rate, [0.0, *inside, self.end])
+        found = _polynomials_of(self._rate, [0.0, *inside, self.end])
         follows = found.off <= FOLLOWED * (1 + found.size)
         # What is given is compared in the middle of each panel that the polynomial follows: near a
         # kink that no breakpoint names, the polynomial itself is off.
@@ -107,34 +107,34 @@ class Followed:
         return min(t, self.end)
 
 
-def _each(function: Function, t: Any) -> Any:
+def _each(function: _Function, t: Any) -> Any:
     # A user's function is asked for one time after another: it need not take arrays.
     if np.ndim(t) == 0:
         return function(float(t))
     return np.array([function(float(s)) for s in t])
 
 
-def _check_own(name: str, given: Function, own: Function, at: Any, unit: str) -> None:
+def _check_own(name: str, given: _Function, own: _Function, at: Any, unit: str) -> None:
     """Raise InputError where a given derivative or integral is not the function's own."""
     for t in at.tolist():
         theirs, ours = given(t), own(t)
-        if not abs(theirs - ours) <= GIVEN * (1 + abs(ours)):
+        if not abs(theirs - ours) <= _GIVEN * (1 + abs(ours)):
             raise InputError(
                 f"the {name} given for a drive is {theirs:.6g} {unit} at t = {t:g} s, where that "
                 f"of its function is {ours:.6g} {unit}"
             )
 
 
-PANEL = 0.5  # s, the longest
-NARROWEST = 1e-9  # s: a panel of that length is not halved again
-MOST_HALVES = 500  # of one panel: some ten kinks
-JUMP = 1e-4  # of 1 and the value: more within the narrowest panel is no slope but a jump
-DEGREE = 24
+_PANEL = 0.5  # s, the longest
+_NARROWEST = 1e-9  # s: a panel of that length is not halved again
+_MOST_HALVES = 500  # of one panel: some ten kinks
+_JUMP = 1e-4  # of 1 and the value: more within the narrowest panel is no slope but a jump
+_DEGREE = 24
 # The ends are among the nodes, so that neighbours meet and the slope's integral is the function.
-NODES = chebyshev.chebpts2(DEGREE + 1)
-COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(NODES, DEGREE))
-EPS = float(np.finfo(float).eps)
-ROUNDING = 8 * EPS  # of the last coefficients of a polynomial that follows
+_NODES = chebyshev.chebpts2(_DEGREE + 1)
+_COEFFICIENTS = np.linalg.inv(chebyshev.chebvander(_NODES, _DEGREE))
+_EPS = float(np.finfo(float).eps)
+_ROUNDING = 8 * _EPS  # of the last coefficients of a polynomial that follows
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class Polynomials:
         return i, float((2 * t - begin - end) / (end - begin))
 
 
-def polynomials_of(function: Function, edges: list[float]) -> Polynomials:
+def _polynomials_of(function: _Function, edges: list[float]) -> Polynomials:
     """Return polynomials that follow a function to rounding, or as near as halving brings them.
 
     edges: increasing times, of which the function is smooth between each two. It is asked there
@@ -182,7 +182,7 @@ def polynomials_of(function: Function, edges: list[float]) -> Polynomials:
     panels: list[tuple[float, float, Array]] = []
     size = 0.0
     for piece in pairwise(edges):
-        count = int(np.ceil((piece[1] - piece[0]) / PANEL))
+        count = int(np.ceil((piece[1] - piece[0]) / _PANEL))
         for begin, end in pairwise(np.linspace(*piece, count + 1).tolist()):
             for panel in _halved(function, begin, end, size):
                 panels.append(panel)
@@ -191,11 +191,11 @@ def polynomials_of(function: Function, edges: list[float]) -> Polynomials:
     areas: list[Array] = []
     off: list[float] = []
     for begin, end, values in panels:
-        coefficients, half = COEFFICIENTS @ values, (end - begin) / 2
+        coefficients, half = _COEFFICIENTS @ values, (end - begin) / 2
         off.append(_tail(coefficients))
         # Coefficients of rounding alone would be magnified in the slope by the square of their
         # degree.
-        coefficients[np.abs(coefficients) < EPS * size] = 0.0
+        coefficients[np.abs(coefficients) < _EPS * size] = 0.0
         slopes.append(np.asarray(chebyshev.chebder(coefficients) / half, dtype=float))
         integral = chebyshev.chebint(coefficients, lbnd=-1.0)
         areas.append(np.asarray(integral * half, dtype=float))
@@ -211,7 +211,7 @@ def polynomials_of(function: Function, edges: list[float]) -> Polynomials:
 
 
 def _halved(
-    function: Function, begin: float, end: float, size: float
+    function: _Function, begin: float, end: float, size: float
 ) -> Iterator[tuple[float, float, Array]]:
     """Yield (begin, end, values at the nodes) of the parts, halved as long as that helps."""
     # A stack with the earlier half on top, so that panels come in the order of time.
@@ -220,13 +220,13 @@ def _halved(
         a, b = left.pop()
         middle, half = (a + b) / 2, (b - a) / 2
         # Rounding may carry a node out of the panel, where the function need not be defined.
-        nodes = np.clip(middle + half * NODES, a, b)
+        nodes = np.clip(middle + half * _NODES, a, b)
         nodes[0], nodes[-1] = a, b
         values = np.array([function(t) for t in nodes.tolist()])
-        coefficients = COEFFICIENTS @ values
+        coefficients = _COEFFICIENTS @ values
         follows = _tail(coefficients) <= _rounding_of(coefficients, a, b, size)
-        if follows or b - a <= NARROWEST or halves == MOST_HALVES:
-            if not follows and b - a <= NARROWEST:
+        if follows or b - a <= _NARROWEST or halves == _MOST_HALVES:
+            if not follows and b - a <= _NARROWEST:
                 _check_continuous(a, b, values)
             yield a, b, values
         else:
@@ -245,12 +245,12 @@ def _rounding_of(coefficients: Array, begin: float, end: float, size: float) -> 
     No function knows its argument better than to the last bit.
     """
     steepest = float(np.abs(coefficients[1:]).sum()) / ((end - begin) / 2)
-    return ROUNDING * (max(size, float(np.abs(coefficients).max())) + abs(end) * steepest)
+    return _ROUNDING * (max(size, float(np.abs(coefficients).max())) + abs(end) * steepest)
 
 
 def _check_continuous(begin: float, end: float, values: Array) -> None:
     """Raise InputError where the values in a panel of the narrowest length are too far apart."""
     jump = float(np.ptp(values))
-    if jump > JUMP * (1 + float(np.abs(values).min())):
+    if jump > _JUMP * (1 + float(np.abs(values).min())):
         t = (begin + end) / 2
         raise InputError(f"a drive's rate jumps by {jump:g} rad/s at t = {t:.9g} s; ramp it")

@@ -25,31 +25,31 @@ from robotball.equations import Rolling, Scalar, Vector, add, cross, dot, scale,
 from robotball.robot import Ball, Frame
 from robotball.rotations import Array, rotation_matrix
 
-Numbers = Any  # an array, or its row
+_Numbers = Any  # an array, or its row
 
 # Bodies are rows of numbers and no records: numba and columns take them as one array.
 # A body's row: as it is at its hinge's angle 0.
-MASS, CENTRE, AXIS, PIVOT, INERTIA, ARMATURE, ROW = 0, 1, 4, 7, 10, 19, 20
+_MASS, _CENTRE, _AXIS, _PIVOT, _INERTIA, _ARMATURE, _ROW = 0, 1, 4, 7, 10, 19, 20
 # A placed body's row: its centre of mass from the sphere's centre and from its hinge's pivot, its
 # tensor about it.
-FROM_CENTRE, ARM, TENSOR, PLACED = 0, 3, 6, 15
+_FROM_CENTRE, _ARM, _TENSOR, PLACED = 0, 3, 6, 15
 # A moving body's row: its angular velocity, and its centre of mass's velocity.
-TURNING, VELOCITY, MOVING = 0, 3, 6
+TURNING, _VELOCITY, MOVING = 0, 3, 6
 
 
-def vector(row: Numbers, at: int) -> Vector:
+def vector(row: _Numbers, at: int) -> Vector:
     """Return three numbers of a row."""
     return (row[at], row[at + 1], row[at + 2])
 
 
-def put(row: Numbers, at: int, v: Vector) -> None:
+def put(row: _Numbers, at: int, v: Vector) -> None:
     """Write a vector into a row."""
     row[at] = v[0]
     row[at + 1] = v[1]
     row[at + 2] = v[2]
 
 
-def applied(row: Numbers, at: int, v: Vector) -> Vector:
+def _applied(row: _Numbers, at: int, v: Vector) -> Vector:
     """Return the tensor that a row holds, times v."""
     return (
         dot(vector(row, at), v),
@@ -58,70 +58,70 @@ def applied(row: Numbers, at: int, v: Vector) -> Vector:
     )
 
 
-def turned(v: Vector, axis: Vector, cosine: Scalar, sine: Scalar) -> Vector:
+def _turned(v: Vector, axis: Vector, cosine: Scalar, sine: Scalar) -> Vector:
     """Return v turned about a unit vector, by Rodrigues' formula."""
     along = scale((1 - cosine) * dot(axis, v), axis)
     return add(add(scale(cosine, v), scale(sine, cross(axis, v))), along)
 
 
-def place(bodies: Numbers, cosines: Numbers, sines: Numbers, placed: Numbers) -> None:
+def place(bodies: _Numbers, cosines: _Numbers, sines: _Numbers, placed: _Numbers) -> None:
     """Write where the bodies are, placed (b, PLACED, ...), for the cosines and sines (h, ...)."""
     for b in range(len(bodies)):
         body, row = bodies[b], placed[b]
-        axis, pivot = vector(body, AXIS), vector(body, PIVOT)
-        arm = subtract(vector(body, CENTRE), pivot)
+        axis, pivot = vector(body, _AXIS), vector(body, _PIVOT)
+        arm = subtract(vector(body, _CENTRE), pivot)
         if b < 2:  # the axes are the frame's own, and the shell is symmetric about its hinge
-            put(row, ARM, arm)
+            put(row, _ARM, arm)
             for k in range(0, 9, 3):
-                put(row, TENSOR + k, vector(body, INERTIA + k))
+                put(row, _TENSOR + k, vector(body, _INERTIA + k))
         else:
             c, s = cosines[b - 1], sines[b - 1]
-            put(row, ARM, turned(arm, axis, c, s))
+            put(row, _ARM, _turned(arm, axis, c, s))
             # QJ, column by column, and then (QJ)Qᵀ, row by row; J is symmetric, so its rows are its
             # columns.
-            x = turned(vector(body, INERTIA), axis, c, s)
-            y = turned(vector(body, INERTIA + 3), axis, c, s)
-            z = turned(vector(body, INERTIA + 6), axis, c, s)
-            put(row, TENSOR, turned((x[0], y[0], z[0]), axis, c, s))
-            put(row, TENSOR + 3, turned((x[1], y[1], z[1]), axis, c, s))
-            put(row, TENSOR + 6, turned((x[2], y[2], z[2]), axis, c, s))
-        put(row, FROM_CENTRE, add(pivot, vector(row, ARM)))
+            x = _turned(vector(body, _INERTIA), axis, c, s)
+            y = _turned(vector(body, _INERTIA + 3), axis, c, s)
+            z = _turned(vector(body, _INERTIA + 6), axis, c, s)
+            put(row, _TENSOR, _turned((x[0], y[0], z[0]), axis, c, s))
+            put(row, _TENSOR + 3, _turned((x[1], y[1], z[1]), axis, c, s))
+            put(row, _TENSOR + 6, _turned((x[2], y[2], z[2]), axis, c, s))
+        put(row, _FROM_CENTRE, add(pivot, vector(row, _ARM)))
 
 
 def mass_matrix(
-    bodies: Numbers, placed: Numbers, radius: float, gamma: Vector, matrix: Numbers
+    bodies: _Numbers, placed: _Numbers, radius: float, gamma: Vector, matrix: _Numbers
 ) -> None:
     """Write 𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures."""
     matrix[:] = 0.0
-    e = vector(bodies[1], AXIS)
+    e = vector(bodies[1], _AXIS)
     for b in range(len(bodies)):
-        row, m = placed[b], bodies[b][MASS]
-        r = vector(row, FROM_CENTRE)
+        row, m = placed[b], bodies[b][_MASS]
+        r = vector(row, _FROM_CENTRE)
         # From the shell's point at the contact, which has no velocity.
         x = add(r, scale(radius, gamma))
         m_x_x = m * dot(x, x)
         for i in range(3):
             for j in range(3):
-                matrix[i, j] += row[TENSOR + 3 * i + j] - m * x[i] * x[j]
+                matrix[i, j] += row[_TENSOR + 3 * i + j] - m * x[i] * x[j]
             matrix[i, i] += m_x_x
         if b > 0:
             _add_hinge(row, m, x, e, cross(e, r), 3, matrix)
         if b > 1:
-            n = vector(bodies[b], AXIS)
-            by_n = cross(n, vector(row, ARM))
+            n = vector(bodies[b], _AXIS)
+            by_n = cross(n, vector(row, _ARM))
             _add_hinge(row, m, x, n, by_n, 2 + b, matrix)
-            shared = dot(e, applied(row, TENSOR, n)) + m * dot(cross(e, r), by_n)
+            shared = dot(e, _applied(row, _TENSOR, n)) + m * dot(cross(e, r), by_n)
             matrix[3, 2 + b] += shared
             matrix[2 + b, 3] += shared
         if b > 0:  # a motor's rotor, behind its gear, counts for the rate of its hinge alone
-            matrix[2 + b, 2 + b] += bodies[b][ARMATURE]
+            matrix[2 + b, 2 + b] += bodies[b][_ARMATURE]
 
 
 def _add_hinge(
-    row: Numbers, m: float, x: Vector, axis: Vector, velocity: Vector, at: int, matrix: Numbers
+    row: _Numbers, m: float, x: Vector, axis: Vector, velocity: Vector, at: int, matrix: _Numbers
 ) -> None:
     """Add a body's part of one hinge to 𝓜; at unit rate the hinge gives the body `velocity`."""
-    spin = applied(row, TENSOR, axis)
+    spin = _applied(row, _TENSOR, axis)
     momentum = add(spin, scale(m, cross(x, velocity)))
     for i in range(3):
         matrix[i, at] += momentum[i]
@@ -130,56 +130,56 @@ def _add_hinge(
 
 
 def move(
-    bodies: Numbers, placed: Numbers, radius: float, gamma: Vector, u: Numbers, moving: Numbers
+    bodies: _Numbers, placed: _Numbers, radius: float, gamma: Vector, u: _Numbers, moving: _Numbers
 ) -> None:
     """Write how the bodies move, moving (b, MOVING, ...), by u (3 + h, ...)."""
-    e, shell = vector(bodies[1], AXIS), vector(u, 0)
+    e, shell = vector(bodies[1], _AXIS), vector(u, 0)
     frame = add(shell, scale(u[3], e))
     of_centre = scale(radius, cross(shell, gamma))
     for b in range(len(bodies)):
         row = placed[b]
         if b == 0:  # turns about its centre, whose velocity the contact gives
             put(moving[b], TURNING, shell)
-            put(moving[b], VELOCITY, add(of_centre, cross(shell, vector(row, FROM_CENTRE))))
+            put(moving[b], _VELOCITY, add(of_centre, cross(shell, vector(row, _FROM_CENTRE))))
             continue
-        turning = frame if b == 1 else add(frame, scale(u[2 + b], vector(bodies[b], AXIS)))
-        of_pivot = add(of_centre, cross(frame, vector(bodies[b], PIVOT)))
+        turning = frame if b == 1 else add(frame, scale(u[2 + b], vector(bodies[b], _AXIS)))
+        of_pivot = add(of_centre, cross(frame, vector(bodies[b], _PIVOT)))
         put(moving[b], TURNING, turning)
-        put(moving[b], VELOCITY, add(of_pivot, cross(turning, vector(row, ARM))))
+        put(moving[b], _VELOCITY, add(of_pivot, cross(turning, vector(row, _ARM))))
 
 
 def momentum_rates(
-    bodies: Numbers,
-    placed: Numbers,
-    moving: Numbers,
+    bodies: _Numbers,
+    placed: _Numbers,
+    moving: _Numbers,
     radius: float,
     gamma: Vector,
     gravity: Vector,
-    rates: Numbers,
+    rates: _Numbers,
 ) -> None:
     """Write the rates of (L, h) in space (3 + h, ...) without the torques of motors and plane.
 
     L̇ = Ṡ×v + (S + maγ)×G,  ḣ_0 = (ω×e, N′) + (e, Σ′ m v_b×v + m r_b×G),
     ḣ_i = (ω×n, N) + (n, m v_i×(v + ω×p) + m ρ×G).
     """
-    e, shell = vector(bodies[1], AXIS), vector(moving[0], TURNING)
+    e, shell = vector(bodies[1], _AXIS), vector(moving[0], TURNING)
     omega = vector(moving[1], TURNING)
     v, e_rate = scale(radius, cross(shell, gamma)), cross(omega, e)
     L_rate, h_rate = scale(0.0, gamma), 0.0 * gamma[0]
     for b in range(len(bodies)):
-        row, m, axis = placed[b], bodies[b][MASS], vector(bodies[b], AXIS)
-        r, v_b = vector(row, FROM_CENTRE), vector(moving[b], VELOCITY)
+        row, m, axis = placed[b], bodies[b][_MASS], vector(bodies[b], _AXIS)
+        r, v_b = vector(row, _FROM_CENTRE), vector(moving[b], _VELOCITY)
         # Ṡ×v = Σ m v_b×v, for v×v = 0.
         carried = add(cross(v_b, v), cross(r, gravity))
         L_rate = add(L_rate, scale(m, add(carried, cross(scale(radius, gamma), gravity))))
-        spin = applied(row, TENSOR, vector(moving[b], TURNING))
+        spin = _applied(row, _TENSOR, vector(moving[b], TURNING))
         if b > 0:
             N = add(spin, scale(m, cross(r, v_b)))
             h_rate = h_rate + dot(e_rate, N) + m * dot(e, carried)
         if b > 1:
-            rho = vector(row, ARM)
+            rho = vector(row, _ARM)
             N = add(spin, scale(m, cross(rho, v_b)))
-            of_pivot = add(v, cross(omega, vector(bodies[b], PIVOT)))
+            of_pivot = add(v, cross(omega, vector(bodies[b], _PIVOT)))
             around = add(cross(v_b, of_pivot), cross(rho, gravity))
             rates[2 + b] = dot(cross(omega, axis), N) + m * dot(axis, around)
     put(rates, 0, L_rate)
@@ -187,59 +187,61 @@ def momentum_rates(
 
 
 def needed(
-    bodies: Numbers,
-    placed: Numbers,
-    moving: Numbers,
+    bodies: _Numbers,
+    placed: _Numbers,
+    moving: _Numbers,
     radius: float,
     gamma: Vector,
     gravity: Vector,
-    u: Numbers,
-    u_rate: Numbers,
-    torques: Numbers,
+    u: _Numbers,
+    u_rate: _Numbers,
+    torques: _Numbers,
 ) -> Vector:
     """Write the torques that give u a rate in space (3 + h, ...), by Newton and Euler.
 
     torques (3 + h, ...): that of the plane about the contact point, then those of the motors.
     Returns the plane's force [N]. In space n has the rate ω×n, so a hinge gives φ̈n + φ̇ω×n.
     """
-    e, shell = vector(bodies[1], AXIS), vector(moving[0], TURNING)
+    e, shell = vector(bodies[1], _AXIS), vector(moving[0], TURNING)
     omega = vector(moving[1], TURNING)
     shell_rate = vector(u_rate, 0)
     frame_rate = add(shell_rate, add(scale(u_rate[3], e), scale(u[3], cross(omega, e))))
     of_centre = scale(radius, cross(shell_rate, gamma))
     force, torque = scale(0.0, gamma), scale(0.0, gamma)
-    torques[3] = bodies[1][ARMATURE] * u_rate[3]
+    torques[3] = bodies[1][_ARMATURE] * u_rate[3]
     for b in range(len(bodies)):
-        row, m = placed[b], bodies[b][MASS]
-        axis, pivot = vector(bodies[b], AXIS), vector(bodies[b], PIVOT)
+        row, m = placed[b], bodies[b][_MASS]
+        axis, pivot = vector(bodies[b], _AXIS), vector(bodies[b], _PIVOT)
         turning, rate, of_pivot = shell, shell_rate, of_centre
         if b > 0:
             turning, rate = vector(moving[b], TURNING), frame_rate
-            of_pivot = add(of_centre, acceleration(frame_rate, omega, pivot))
+            of_pivot = add(of_centre, _acceleration(frame_rate, omega, pivot))
         if b > 1:
             own = add(scale(u_rate[2 + b], axis), scale(u[2 + b], cross(omega, axis)))
             rate = add(frame_rate, own)
-        r, rho = vector(row, FROM_CENTRE), vector(row, ARM)
-        a_b = add(of_pivot, acceleration(rate, turning, rho))
+        r, rho = vector(row, _FROM_CENTRE), vector(row, _ARM)
+        a_b = add(of_pivot, _acceleration(rate, turning, rho))
         f = scale(m, subtract(a_b, gravity))
-        spin_rate = add(applied(row, TENSOR, rate), cross(turning, applied(row, TENSOR, turning)))
+        spin_rate = add(
+            _applied(row, _TENSOR, rate), cross(turning, _applied(row, _TENSOR, turning))
+        )
         about_centre = add(spin_rate, cross(r, f))
         force, torque = add(force, f), add(torque, about_centre)
         if b > 0:
             torques[3] += dot(e, about_centre)
         if b > 1:
             own_torque = dot(axis, add(spin_rate, cross(rho, f)))
-            torques[2 + b] = own_torque + bodies[b][ARMATURE] * u_rate[2 + b]
+            torques[2 + b] = own_torque + bodies[b][_ARMATURE] * u_rate[2 + b]
     put(torques, 0, add(torque, cross(scale(radius, gamma), force)))
     return force
 
 
-def acceleration(rate: Vector, turning: Vector, r: Vector) -> Vector:
+def _acceleration(rate: Vector, turning: Vector, r: Vector) -> Vector:
     """Return the acceleration of a point r of a turning body against its origin's."""
     return add(cross(rate, r), cross(turning, cross(turning, r)))
 
 
-def solve(matrix: Numbers, given: Numbers, right: Numbers, u: Numbers) -> None:
+def _solve(matrix: _Numbers, given: _Numbers, right: _Numbers, u: _Numbers) -> None:
     """Solve 𝓜u = right for u (k, c, ...) in the rows that are not given (k,); the others stay.
 
     Gaussian elimination. 𝓜 is positive definite, so that no rows need to be exchanged.
@@ -273,9 +275,9 @@ def solve(matrix: Numbers, given: Numbers, right: Numbers, u: Numbers) -> None:
 
 
 def solve_rolling(
-    matrix: Numbers, given: Numbers, directions: Numbers, right: Numbers, u: Numbers
+    matrix: _Numbers, given: _Numbers, directions: _Numbers, right: _Numbers, u: _Numbers
 ) -> None:
-    """Solve as `solve` for u (k, 1, ...), with torques along D_k (c, 3, ...) for (D_k, ω_s) = 0.
+    """Solve as `_solve` for u (k, 1, ...), with torques along D_k (c, 3, ...) for (D_k, ω_s) = 0.
 
     The torques are Lagrange multipliers: u is that of no torque and that of each torque of unit
     size, added so that the constraints hold. For momenta as the right side they are the parts of L
@@ -290,7 +292,7 @@ def solve_rolling(
     for c in range(count):
         for i in range(3):
             columns[i, 1 + c] = directions[c, i]
-    solve(matrix, given, columns, answers)
+    _solve(matrix, given, columns, answers)
     small = np.zeros_like(matrix[:count, :count])
     off = np.zeros_like(matrix[:count, :1])
     torques = np.zeros_like(off)
@@ -299,7 +301,7 @@ def solve_rolling(
             off[c, 0] -= directions[c, i] * answers[i, 0]
             for other in range(count):
                 small[c, other] += directions[c, i] * answers[i, 1 + other]
-    solve(small, np.zeros(count, dtype=np.bool_), off, torques)
+    _solve(small, np.zeros(count, dtype=np.bool_), off, torques)
     for i in range(k):
         u[i, 0] = answers[i, 0]
         for c in range(count):
@@ -319,11 +321,11 @@ class Robot:
 
     @property
     def mass(self) -> float:
-        return float(self.bodies[:, MASS].sum())
+        return float(self.bodies[:, _MASS].sum())
 
     def states(self, gamma: Array, angles: Array, omega: Array, rates: Array) -> "States":
         """Return the robot in n states of motion."""
-        axis = self.bodies[0, AXIS:PIVOT, None]
+        axis = self.bodies[0, _AXIS:_PIVOT, None]
         u = np.concatenate([omega.T - rates[:, 0] * axis, rates.T])
         placed = self.placed(angles)
         moving = np.empty((len(self.bodies), MOVING, len(gamma)))
@@ -351,24 +353,24 @@ class Robot:
         u[3:, 0] = rates.T
         fixed = gamma.T[None] if rolling == "rubber" else np.empty((0, 3, len(gamma)))
         solve_rolling(matrix, given, fixed, right, u)
-        axis = self.bodies[0, AXIS:PIVOT]
+        axis = self.bodies[0, _AXIS:_PIVOT]
         return u[:3, 0].T + np.outer(rates[:, 0], axis)
 
 
 def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:
     """Return a ball's robot; armatures [kg m²] of its hinges, 0 where none are given."""
-    rows = np.zeros((len(ball.named_bodies), ROW))
+    rows = np.zeros((len(ball.named_bodies), _ROW))
     for row, (_, body) in zip(rows, ball.named_bodies, strict=True):
-        row[MASS] = body.mass
-        row[CENTRE:AXIS] = body.centre
-        row[AXIS:PIVOT] = ball.shell.axis if isinstance(body, Frame) else body.axis
-        row[INERTIA:ARMATURE] = body.inertia.ravel()
+        row[_MASS] = body.mass
+        row[_CENTRE:_AXIS] = body.centre
+        row[_AXIS:_PIVOT] = ball.shell.axis if isinstance(body, Frame) else body.axis
+        row[_INERTIA:_ARMATURE] = body.inertia.ravel()
     for row, rotor in zip(rows[2:], ball.rotors, strict=False):
-        row[PIVOT:INERTIA] = rotor.centre
+        row[_PIVOT:_INERTIA] = rotor.centre
     for row, pendulum in zip(rows[2 + len(ball.rotors) :], ball.pendulums, strict=True):
-        row[PIVOT:INERTIA] = pendulum.pivot
+        row[_PIVOT:_INERTIA] = pendulum.pivot
     if armatures:
-        rows[1:, ARMATURE] = armatures
+        rows[1:, _ARMATURE] = armatures
     return Robot(rows, ball.radius)
 
 
@@ -410,18 +412,18 @@ class States:
     @property
     def centre_of_mass(self) -> Array:
         """The centre of mass (n, 3) from the centre of the sphere, frame axes [m]."""
-        masses = self.robot.bodies[:, MASS]
+        masses = self.robot.bodies[:, _MASS]
         return np.asarray(np.einsum("b,bin->ni", masses, self.placed[:, :3])) / self.robot.mass
 
     @property
     def turning(self) -> Array:
         """The bodies' angular velocities (b, n, 3), frame axes [rad/s]."""
-        return self.moving[:, TURNING:VELOCITY].transpose(0, 2, 1)
+        return self.moving[:, TURNING:_VELOCITY].transpose(0, 2, 1)
 
     @property
     def velocities(self) -> Array:
         """The velocities (b, n, 3) of the bodies' centres of mass, frame axes [m/s]."""
-        return self.moving[:, VELOCITY:].transpose(0, 2, 1)
+        return self.moving[:, _VELOCITY:].transpose(0, 2, 1)
 
 
 def momentum_at(

@@ -244,7 +244,7 @@ class Motion(Value):
     @property
     def gamma(self) -> Array:
         """γ (n, 3): the upward vertical, frame axes."""
-        return gamma_of(self.attitude)
+        return _gamma_of(self.attitude)
 
     @property
     def motor_powers(self) -> Array:
@@ -277,7 +277,7 @@ class Motion(Value):
         write_motion(Path(path), self.scene, asdict(self.engine), dict(arrays_of(self)), timestep)
 
 
-def gamma_of(attitude: Array) -> Array:
+def _gamma_of(attitude: Array) -> Array:
     """Return γ (n, 3) of attitudes (n, 4)."""
     return rotation_matrix(attitude)[:, 2, :]
 
@@ -322,10 +322,10 @@ def extended(motion: Motion, kind: type[Extended], **more: Any) -> Extended:
     return kind(**{each.name: getattr(motion, each.name) for each in fields(Motion)} | more)
 
 
-Place = tuple[str, ...]
+_Place = tuple[str, ...]
 
 
-def arrays_of(record: Any, place: Place = ()) -> Iterator[tuple[Place, NDArray[Any]]]:
+def arrays_of(record: Any, place: _Place = ()) -> Iterator[tuple[_Place, NDArray[Any]]]:
     """Yield the arrays over time of a motion, of its loads and of its report, by their names."""
     for each in fields(record):
         value = getattr(record, each.name)
@@ -369,7 +369,7 @@ def gamma_error(motion: Motion, reference: Motion) -> float:
     """Return the largest angle between the two verticals, seen from the frame [rad]."""
 
     def angles(ours: Array, theirs: Array) -> Array:
-        one, other = gamma_of(ours), gamma_of(theirs)
+        one, other = _gamma_of(ours), _gamma_of(theirs)
         sine = np.linalg.norm(np.cross(one, other), axis=1)
         return np.arctan2(sine, (one * other).sum(axis=1))
 
@@ -433,7 +433,7 @@ def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
     return _with_arrays(last, {place: array[:done] for place, array in whole.items()})
 
 
-def _with_arrays(record: Any, arrays: Mapping[Place, NDArray[Any]]) -> Any:
+def _with_arrays(record: Any, arrays: Mapping[_Place, NDArray[Any]]) -> Any:
     """Return the record with these arrays in the place of its own: `arrays_of`, the other way."""
     own: dict[str, Any] = {place[0]: array for place, array in arrays.items() if len(place) == 1}
     for name in {place[0] for place in arrays} - set(own):

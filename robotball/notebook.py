@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH = 480  # px, of the picture of a path in a cell
-FLATTEST, TALLEST = 0.5, 0.75  # of that width is its height, by the path's own form
-SHARP = 2  # pixels of the file for one on the page: screens of high resolution show them
-SHOWN, STEPS = 10.0, 4000  # s of a scene's path at most, and steps: a cell must not take long
-MOVED = {"Servo": "velocity servo", "PositionServo": "position servo"}  # else the class's name
-STYLES = ("-", "--", ":", "-.")  # lines differ without colour, too
+_WIDTH = 480  # px, of the picture of a path in a cell
+_FLATTEST, _TALLEST = 0.5, 0.75  # of that width is its height, by the path's own form
+_SHARP = 2  # pixels of the file for one on the page: screens of high resolution show them
+SHOWN, _STEPS = 10.0, 4000  # s of a scene's path at most, and steps: a cell must not take long
+_MOVED = {"Servo": "velocity servo", "PositionServo": "position servo"}  # else the class's name
+_STYLES = ("-", "--", ":", "-.")  # lines differ without colour, too
 
 
 def counted(count: int, what: str) -> str:
@@ -58,7 +58,7 @@ def scene_cell(scene: Any) -> str:
     above = f"<div>{escape(scene.title)}</div><table>{table}</table>"
     try:
         times = sample_times(min(scene.duration, SHOWN))
-        motion = integrate(scene, times, max_steps=STEPS)
+        motion = integrate(scene, times, max_steps=_STEPS)
     except InputError as error:
         return (
             f"<div><code>{escape(repr(scene))}</code>{above}<div>{escape(str(error))}</div></div>"
@@ -70,7 +70,7 @@ def _moved(hinge: Any) -> str:
     """Name the motor of a hinge, or give the rate that drives it."""
     if hinge.motor is not None:
         name = type(hinge.motor).__name__
-        return MOVED.get(name, name.lower())
+        return _MOVED.get(name, name.lower())
     rate = f"{hinge.rate:.4g} rad/s"
     return rate if isinstance(hinge.command, Constant) else f"{rate} at first"
 
@@ -94,18 +94,18 @@ def motion_cell(motion: Any) -> str:
 
 def cell(line: str, motions: Sequence[Any], above: str = "") -> str:
     """Return a notebook cell: a line of text, optional HTML, and the motions' paths as a PNG."""
-    figure = _figure((WIDTH / 100, WIDTH * TALLEST / 100))
+    figure = _figure((_WIDTH / 100, _WIDTH * _TALLEST / 100))
     axes = figure.add_subplot()
     _draw_paths(axes, motions)
     # A ball that stands still has no width.
     form = axes.dataLim.height / (axes.dataLim.width or 1.0)
     # A cell is as high as its path needs, but no strip and no tower.
-    figure.set_figheight(WIDTH * float(np.clip(form, FLATTEST, TALLEST)) / 100)
+    figure.set_figheight(_WIDTH * float(np.clip(form, _FLATTEST, _TALLEST)) / 100)
     # In the page itself: a notebook is passed on without the files beside it.
-    png = b64encode(_png(figure, SHARP)).decode("ascii")
+    png = b64encode(_png(figure, _SHARP)).decode("ascii")
     names = escape(", ".join(each.engine.name for each in motions), quote=True)
     return (
-        f'<div><code>{escape(line)}</code>{above}<div><img width="{WIDTH}" '
+        f'<div><code>{escape(line)}</code>{above}<div><img width="{_WIDTH}" '
         f'alt="path of the contact point: {names}" src="data:image/png;base64,{png}"/></div></div>'
     )
 
@@ -119,7 +119,7 @@ def picture(motions: Sequence[Any]) -> "Figure":
     for i, each in enumerate(motions):
         for component in each.momentum.T:
             momentum.plot(
-                each.times, component, color=each.engine.colour, linestyle=STYLES[i % len(STYLES)]
+                each.times, component, color=each.engine.colour, linestyle=_STYLES[i % len(_STYLES)]
             )
     for value, name in by_value(motions[0].momentum[0]).items():
         momentum.annotate(
@@ -167,7 +167,7 @@ def _draw_paths(axes: "Axes", motions: Sequence[Any]) -> None:
         wide = 3.0 if i == 0 and len(motions) > 1 else 1.5
         axes.plot(
             *each.contact_point.T, label=each.engine.name, color=each.engine.colour,
-            linestyle=STYLES[i % len(STYLES)], linewidth=wide,
+            linestyle=_STYLES[i % len(_STYLES)], linewidth=wide,
         )  # fmt: skip
     axes.set(xlabel="X [m]", ylabel="Y [m]")
     axes.set_aspect("equal", "datalim")

@@ -60,7 +60,7 @@ PARTS = Path(__file__).parents[1] / "mjcf"  # hand-written MJCF of the floor and
 # The largest error by which an inertia may miss a condition, relative to its largest part: a tensor
 # that was computed has some roundings of 1e-16, a wrong one misses by far more.
 ROUNDING = 1e-12
-LARGEST_MOMENT = LARGEST**3  # kg m², of a mass times a length squared; the least is as far below 1
+_LARGEST_MOMENT = LARGEST**3  # kg m², of a mass times a length squared; the least is as far below 1
 
 
 def axial_tensor(axial: float, transverse: float, axis: Array) -> Array:
@@ -366,9 +366,9 @@ def check_inertia(name: str, inertia: Array) -> None:
         raise InputError(
             f"{name}'s inertia is not positive: its smallest principal moment is {small:.6g} kg m²"
         )
-    if small < 1 / LARGEST_MOMENT:
+    if small < 1 / _LARGEST_MOMENT:
         raise InputError(
-            f"{name}'s smallest principal moment must be at least {1 / LARGEST_MOMENT:g}, not "
+            f"{name}'s smallest principal moment must be at least {1 / _LARGEST_MOMENT:g}, not "
             f"{small:.6g} kg m²"
         )
     # Each moment is Σ m (x² + y²), so that no one exceeds the sum of the other two.
@@ -382,7 +382,7 @@ def check_inertia(name: str, inertia: Array) -> None:
 def _check_entries(name: str, inertia: Array) -> None:
     if not np.all(np.isfinite(inertia)):
         raise InputError(f"{name}'s inertia has an entry that is not finite: {inertia.tolist()}")
-    check_size(f"{name}'s inertia", float(np.abs(inertia).max()), "kg m²", LARGEST_MOMENT)
+    check_size(f"{name}'s inertia", float(np.abs(inertia).max()), "kg m²", _LARGEST_MOMENT)
 
 
 def _check_unit(what: str, axis: Array) -> None:

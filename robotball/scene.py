@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from robotball.mechanics import Robot
 
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
-MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
+_MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
 
 
 def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
@@ -30,10 +30,10 @@ def sample_times(duration: float, interval: float = SAMPLE_INTERVAL) -> Array:
     Raises InputError unless the duration is positive and finite, and for more than MOST_SAMPLES.
     """
     check_positive("duration", duration, "s")
-    if not duration / interval < MOST_SAMPLES:
+    if not duration / interval < _MOST_SAMPLES:
         raise InputError(
             f"{duration:g} s would be {duration / interval:.3g} samples {interval:g} s apart, of "
-            f"at most {MOST_SAMPLES:g}; give times of your own"
+            f"at most {_MOST_SAMPLES:g}; give times of your own"
         )
     # 10 s are 500 intervals of 0.02 s, though 10/0.02 may round to a little more than 500.
     intervals = int(np.ceil(duration / interval * (1 - 1e-12)))
@@ -104,9 +104,9 @@ class Friction:
 
 # The largest error of a given unit vector, right angle or horizontal momentum. The six digits of a
 # figure's caption pass and a wrong number does not. A value that passes is then made exact.
-CAPTION = 1e-5
+_CAPTION = 1e-5
 # The largest rounding error of a momentum, relative to the terms whose sum it is.
-START_ROUNDING = 1e-12
+_START_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
     Raises InputError unless they are orthogonal.
     """
     cosine = float(gamma @ alpha)
-    if not abs(cosine) <= CAPTION:
+    if not abs(cosine) <= _CAPTION:
         raise InputError(f"gamma and alpha are not orthogonal: (gamma, alpha) = {cosine:.6g}")
     # Made orthogonal to rounding: γ is kept, as it turns the ball, while α is only its heading.
     alpha = alpha - cosine * gamma
@@ -179,7 +179,7 @@ def attitude_of_axes(gamma: Array, alpha: Array) -> Array:
 def unit(name: str, v: Array) -> Array:
     """Return `v` (n,) at length one exactly. Raises InputError if it is not a unit vector."""
     length = math.hypot(*v.tolist())  # overflows nowhere
-    if not abs(length - 1) <= CAPTION:
+    if not abs(length - 1) <= _CAPTION:
         raise InputError(f"{name} is not of unit length: |{name}| = {length:.6g}")
     return normalised(v)
 
@@ -191,7 +191,7 @@ def horizontal(M: Array, scale: float) -> Array:
     Raises InputError where the vertical part is more than a caption's rounding.
     """
     size, vertical = math.hypot(*M.tolist()), float(M[2])
-    if not abs(vertical) <= max(CAPTION * size, START_ROUNDING * scale):
+    if not abs(vertical) <= max(_CAPTION * size, _START_ROUNDING * scale):
         raise InputError(
             f"M is not horizontal, as the rubber model's is by (3.1): (M, gamma) = {vertical:.6g} "
             f"of |M| = {size:.6g} kg m²/s"
@@ -202,7 +202,7 @@ def horizontal(M: Array, scale: float) -> Array:
 def check_no_spin(shell: Array, gamma: Array) -> None:
     """Raise InputError unless the shell's ω - Ω (3,) has no part along γ, as (2.2) demands."""
     spin = float(shell @ gamma)
-    if not abs(spin) <= CAPTION * float(np.linalg.norm(shell)):
+    if not abs(spin) <= _CAPTION * float(np.linalg.norm(shell)):
         raise InputError(
             f"angular_velocity spins the shell on the spot, which the rubber model forbids (2.2): "
             f"(ω - Ω, γ) = {spin:.6g} rad/s"
@@ -233,7 +233,7 @@ class Hinge:
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
 DOWN = (0.0, 0.0, -1.0)
-SMALL = 0.3  # of |K| + d|Ω|: where M is below it, K and dΩ turn the ball rather than M
+_SMALL = 0.3  # of |K| + d|Ω|: where M is below it, K and dΩ turn the ball rather than M
 
 
 @dataclass(frozen=True, repr=False)
@@ -486,7 +486,7 @@ class Scene(Value):
         with np.errstate(over="ignore", invalid="ignore"):  # refused by the equations, not here
             numbers = self.parameters_at(0.0)
         turned = math.hypot(*numbers.K) + numbers.d * math.hypot(*numbers.Omega)
-        return max(start, SMALL * turned) or falling
+        return max(start, _SMALL * turned) or falling
 
     def angular_velocity_at(self, start: Start) -> Array:
         """Return ω (3,) of the frame, in frame axes, at any start of this ball [rad/s]."""

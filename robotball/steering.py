@@ -27,16 +27,16 @@ from robotball.motion import Motion
 from robotball.rotations import Array, Mask, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene, Start
 
-FINE = 2001  # points, of whose chords a path's length is the sum: a circle's is short by 4e-7
+_FINE = 2001  # points, of whose chords a path's length is the sum: a circle's is short by 4e-7
 # Of the duration, before and after the way. Weights that hang must lean before the ball starts and
 # swing out after it stops.
-WAITING = 0.05
-ASTRAY = 1e100  # a state that a solver tries so far off leads nowhere, and its square to infinity
-INTERVAL = 0.04  # s, between the samples of the drives, which cubics join
-TOLERANCE = 1e-9
-BVP_TOLERANCE, MOST_NODES = 1e-5, 20_000
-SINGULAR = 1e-4  # of the largest part: hinges that move the ball less in some direction cannot
-FASTEST = 1e4  # rad/s: no motor turns so fast, and only a singular way asks for it
+_WAITING = 0.05
+_ASTRAY = 1e100  # a state that a solver tries so far off leads nowhere, and its square to infinity
+_INTERVAL = 0.04  # s, between the samples of the drives, which cubics join
+_TOLERANCE = 1e-9
+_BVP_TOLERANCE, _MOST_NODES = 1e-5, 20_000
+_SINGULAR = 1e-4  # of the largest part: hinges that move the ball less in some direction cannot
+_FASTEST = 1e4  # rad/s: no motor turns so fast, and only a singular way asks for it
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class WantedPath:
     @property
     def length(self) -> float:
         """The length of the curve, by chords [m]."""
-        points = np.array([self.point(u) for u in np.linspace(0, 1, FINE).tolist()])
+        points = np.array([self.point(u) for u in np.linspace(0, 1, _FINE).tolist()])
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
@@ -107,7 +107,7 @@ def through(points: Sequence[Sequence[float]]) -> WantedPath:
 
 
 @dataclass(frozen=True)
-class Steered:
+class _Steered:
     """The drives that roll a robot along a path.
 
     scene       the robot with them, from rest; its hinges keep their rates exactly
@@ -137,7 +137,7 @@ class Moves:
     reach: Array
 
 
-def steer(scene: Scene, path: WantedPath, duration: float) -> Steered:
+def steer(scene: Scene, path: WantedPath, duration: float) -> _Steered:
     """Find the drives that take a robot along a path, from rest to rest in a duration [s].
 
     The hinges that turn or have motors are driven. The shell starts as in the scene, the weights
@@ -155,7 +155,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> Steered:
             "them a rate or a motor"
         )
     way = Way(scene, path, duration, driven)
-    times = np.linspace(0.0, duration, int(np.ceil(duration / INTERVAL)) + 1)
+    times = np.linspace(0.0, duration, int(np.ceil(duration / _INTERVAL)) + 1)
     y = _forward(way, times) if scene.keeps_momentum else _bounded(way, times)
     moves = way.moves(times, y)
     rates = moves.u[3:].T
@@ -177,7 +177,7 @@ def steer(scene: Scene, path: WantedPath, duration: float) -> Steered:
         # The solution's own first state, which the boundary conditions hold to their tolerance.
         start=Start(y[:4, 0] / np.linalg.norm(y[:4, 0]), np.zeros(3), y[7:, 0]),
     )
-    return Steered(steered, times, rates, way.point(times))
+    return _Steered(steered, times, rates, way.point(times))
 
 
 def _is_driven(hinge: Hinge) -> bool:
@@ -186,13 +186,13 @@ def _is_driven(hinge: Hinge) -> bool:
 
 def _check_reach(scene: Scene, times: Array, moves: Moves) -> None:
     least, fastest = int(moves.reach.argmin()), int(np.abs(moves.u[3:]).max(axis=0).argmax())
-    if moves.reach[least] < SINGULAR:
+    if moves.reach[least] < _SINGULAR:
         raise InputError(
             f"{scene.name}: at t = {times[least]:.4g} s the hinges cannot roll the ball in every "
             "direction, for what they move lies in one line; take another path or attitude"
         )
     speed = float(np.abs(moves.u[3:, fastest]).max())
-    if not speed < FASTEST:
+    if not speed < _FASTEST:
         raise InputError(
             f"{scene.name}: at t = {times[fastest]:.4g} s a hinge would turn at {speed:.3g} rad/s; "
             "take more time, or another path"
@@ -232,7 +232,7 @@ class Way:
 
     def __init__(self, scene: Scene, path: WantedPath, duration: float, driven: Mask) -> None:
         self.scene, self.path, self.driven, self.robot = scene, path, driven, scene.robot
-        wait = WAITING * duration
+        wait = _WAITING * duration
         # Quintic, so that speed and acceleration are continuous at both ends, and so are torques.
         self.part = Ramp(initial=0.0, final=1.0, start=wait, end=duration - wait, shape="quintic")
 
@@ -295,7 +295,7 @@ class Way:
     def rate(self, times: Array, y: Array) -> Array:
         """Return dy/dt (7 + h, n); NaN where a state is astray, so that solvers reject it."""
         # Written with ~, so that NaN counts as astray as well.
-        astray = ~(np.abs(y).max(axis=0) < ASTRAY)
+        astray = ~(np.abs(y).max(axis=0) < _ASTRAY)
         if astray.any():
             y = np.where(astray, self.start()[:, None], y)
         robot, scene, now = self.robot, self.scene, self.moves(times, y)
@@ -322,8 +322,8 @@ def _forward(way: Way, times: Array) -> Array:
         way.start(),
         "DOP853",
         times,
-        rtol=TOLERANCE,
-        atol=TOLERANCE,
+        rtol=_TOLERANCE,
+        atol=_TOLERANCE,
     )
     if not solved.success:
         raise _no_drives(way)
@@ -364,8 +364,8 @@ def _bounded(way: Way, times: Array) -> Array:
         ends,
         times,
         guess,
-        tol=BVP_TOLERANCE,
-        max_nodes=MOST_NODES,
+        tol=_BVP_TOLERANCE,
+        max_nodes=_MOST_NODES,
     )
     if not solved.success:
         raise _no_drives(way)

@@ -25,7 +25,7 @@ from robotball.rotations import Array
 if TYPE_CHECKING:
     from validation.sensitivity import Sensitivity
 
-LIMITED = 3.0  # times the reference's own error: a smaller path error may be the reference's
+_LIMITED = 3.0  # times the reference's own error: a smaller path error may be the reference's
 
 
 @dataclass(frozen=True, repr=False)
@@ -140,7 +140,7 @@ class Agreement(Value):
     def limited_by_reference(self) -> bool:
         """Whether the path error may be as much the reference's own as the engine's."""
         error, own = self.path_error, self.reference_error
-        return error is not None and own is not None and error < LIMITED * own
+        return error is not None and own is not None and error < _LIMITED * own
 
     @cached_property
     def sensitivity(self) -> "Sensitivity | None":

@@ -27,7 +27,7 @@ from validation.options import BAD_INPUT, Names
 
 
 @contextlib.contextmanager
-def standard_output_of(command: object) -> Iterator[None]:
+def _standard_output_of(command: object) -> Iterator[None]:
     """Keep standard output for one result, where an option of a command is `-`.
 
     Tables and messages go to standard error then. Raises InputError for more than one such option.
@@ -49,14 +49,14 @@ def _paths(options: Any) -> Iterator[Path]:
             yield from _paths(value)
 
 
-class Command(Protocol):
+class _Command(Protocol):
     """The options of a command, and what it does with them."""
 
     def run(self) -> int:
         """Do the work, and return the exit status."""
 
 
-INTERRUPTED = 130
+_INTERRUPTED = 130
 # The module with the class of each command, loaded when the command runs.
 COMMANDS = {
     "scenes": "validation.commands.scene_commands",
@@ -85,7 +85,7 @@ COMMANDS = {
     "tradeoff": "validation.studies.tradeoff",
     "extremes": "validation.studies.extremes",
 }
-WHAT = """Run a rolling ball by a physics engine and by the equations, and compare the two.
+_WHAT = """Run a rolling ball by a physics engine and by the equations, and compare the two.
 
 Example: robotball compare fig12
 
@@ -106,14 +106,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         arguments[0] = "ablation"
     try:
         if arguments == ["--version"]:
-            print(version_line())
+            print(_version_line())
             sys.exit(0)
         command = parse(arguments)
-        with standard_output_of(command), at_most(getattr(command, "threads", None)):
+        with _standard_output_of(command), at_most(getattr(command, "threads", None)):
             status = command.run()
         sys.stdout.flush()
     except KeyboardInterrupt:
-        status = INTERRUPTED
+        status = _INTERRUPTED
     except Exception as error:
         refusal = _refusal(error)
         if refusal is None:
@@ -144,7 +144,7 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     print(f"robotball: warning: {message}", file=sys.stderr)
 
 
-def version_line() -> str:
+def _version_line() -> str:
     """Return the versions that a report of an error should name."""
     from validation.output import versions
 
@@ -152,7 +152,7 @@ def version_line() -> str:
     return f"{others[0]} ({', '.join([own, *others[1:]])})"
 
 
-def parse(arguments: Sequence[str]) -> Command:
+def parse(arguments: Sequence[str]) -> _Command:
     """Return the command of the arguments. Raises InputError, in one line, if they make none."""
     name, command = "", None
     if arguments and not arguments[0].startswith("-"):
@@ -168,14 +168,16 @@ def parse(arguments: Sequence[str]) -> Command:
             if command:
                 return tyro.cli(command, args=arguments[1:], prog=f"robotball {name}")
             whole = any(each.startswith("--tyro") for each in arguments)
-            return tyro.cli(_any_command(whole), args=arguments, prog="robotball", description=WHAT)
+            return tyro.cli(
+                _any_command(whole), args=arguments, prog="robotball", description=_WHAT
+            )
     except SystemExit as leaving:
         if not leaving.code:
             raise
         raise InputError(_words_of(refusal.getvalue())) from None
 
 
-def _check_each_is_given_once(command: type[Command], arguments: Sequence[str]) -> None:
+def _check_each_is_given_once(command: type[_Command], arguments: Sequence[str]) -> None:
     """Raises InputError for an option that stands twice: all but the last would be lost."""
     fields = get_type_hints(command, include_extras=True)
     lists = {f"--{name}" for name, kind in fields.items() if kind == Names}
@@ -185,9 +187,9 @@ def _check_each_is_given_once(command: type[Command], arguments: Sequence[str]) 
             raise InputError(f"{option} is given {times} times: give it once")
 
 
-def class_of(name: str) -> type[Command]:
+def class_of(name: str) -> type[_Command]:
     """Import and return the class of a command."""
-    command: type[Command] = getattr(import_module(COMMANDS[name]), name.capitalize())
+    command: type[_Command] = getattr(import_module(COMMANDS[name]), name.capitalize())
     return command
 
 

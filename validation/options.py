@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 AGREES, DISAGREES, BAD_INPUT = 0, 1, 2
 OUT = Path("out")
-QUICK = 1.0  # s, simulated by a quick form of a study
+_QUICK = 1.0  # s, simulated by a quick form of a study
 
 SceneName = Positional[Annotated[str, arg(metavar="SCENE")]]
 # An option that is None says in its own words what is done then.
@@ -33,12 +33,12 @@ Preset = DisallowNone[Annotated[str | None, arg(metavar=PRESET, help_behavior_hi
 # One value an option, so that it never takes the scenes that follow; `listed` reads it.
 Names = UseAppendAction[Annotated[tuple[str, ...], arg(metavar="NAME,…", help_behavior_hint="")]]
 
-THREADS_HELP = (
+_THREADS_HELP = (
     "How many cores to work on; all that this process may use if not given. The numbers are the "
     "same with any."
 )
 Threads = DisallowNone[
-    Annotated[int | None, arg(metavar="N", help=THREADS_HELP, help_behavior_hint="")]
+    Annotated[int | None, arg(metavar="N", help=_THREADS_HELP, help_behavior_hint="")]
 ]
 
 
@@ -186,7 +186,7 @@ def seconds_of(duration: float | None, quick: bool, scene: Scene) -> float:
     from robotball.errors import check_positive
 
     if duration is None:
-        return QUICK if quick else scene.duration
+        return _QUICK if quick else scene.duration
     check_positive("duration", duration, "s")
     return duration
 

@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from matplotlib.patheffects import AbstractPathEffect
     from rich.table import Table
 
-DPI = 120
-CHARACTERS = 10  # of 12 points, in an inch
-WIDEST = 10_000  # characters, more than a table has
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # beginnings of one, for a spreadsheet
-PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
+_DPI = 120
+_CHARACTERS = 10  # of 12 points, in an inch
+_WIDEST = 10_000  # characters, more than a table has
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # beginnings of one, for a spreadsheet
+_PACKAGES = ("robotball", "mujoco", "numpy", "scipy", "dm-control")
 
 
 def versions() -> dict[str, str]:
@@ -46,7 +46,7 @@ def versions() -> dict[str, str]:
     return {
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
-        **{package: version(package) for package in PACKAGES},
+        **{package: version(package) for package in _PACKAGES},
     }
 
 
@@ -80,15 +80,15 @@ def halo(width: float = 3.0) -> "list[AbstractPathEffect]":
 def title(figure: "Figure", text: str) -> None:
     """Put a user's title above a figure; a wider one is small, and in two lines at most."""
     wide, lines = figure.get_size_inches()[0], [text]
-    if small := len(text) > CHARACTERS * wide:
-        lines = wrap(text, int(4 / 3 * CHARACTERS * wide), max_lines=2, placeholder=" …")
+    if small := len(text) > _CHARACTERS * wide:
+        lines = wrap(text, int(4 / 3 * _CHARACTERS * wide), max_lines=2, placeholder=" …")
     figure.suptitle(in_picture("\n".join(lines)), fontsize=9 if small else 12)
 
 
 def write_picture(path: Path, figure: "Figure") -> Path:
     """Write a picture as PNG, and return its path."""
     with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=DPI)
+        figure.savefig(temporary, dpi=_DPI)
     return path
 
 
@@ -108,7 +108,7 @@ def write_rows(
 
 
 def _cell(value: Any) -> Any:
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
 
 
 def scientific(value: float | None) -> str:
@@ -118,7 +118,7 @@ def scientific(value: float | None) -> str:
 
 def print_whole(table: "Table", console: Console) -> None:
     """Print a table as wide as it is: a narrow terminal breaks its lines, and cuts no number."""
-    terminal, console.width = console.width, WIDEST
+    terminal, console.width = console.width, _WIDEST
     console.print(table)
     console.width = terminal
 
@@ -159,7 +159,7 @@ def writable_file(path: Path) -> Path:
 
 Show = Callable[[float, str], None]
 """Called with the work done and with words on what is being done now."""
-LINE_EVERY = 30.0  # s between lines of progress, where there is no terminal for a bar
+_LINE_EVERY = 30.0  # s between lines of progress, where there is no terminal for a bar
 
 
 @contextmanager
@@ -183,7 +183,7 @@ def _lines_now_and_then(console: Console, total: float) -> Show:
 
     def show(done: float, what: str) -> None:
         nonlocal last
-        if time.monotonic() - last >= LINE_EVERY:
+        if time.monotonic() - last >= _LINE_EVERY:
             last = time.monotonic()
             line = f"{done / total:.0%}: {what}"
             console.print(line, soft_wrap=True, highlight=False, markup=False)

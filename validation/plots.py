@@ -26,18 +26,18 @@ if TYPE_CHECKING:
     from validation.agreement import Agreement
 
 # The type of robotball.rotations, whose import would bring scipy to a process that only draws.
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+_Array = NDArray[np.float64]
+_Integers = NDArray[np.int64]
 
-MATPLOTLIB = "matplotlib.backends.backend_agg"  # with all of it that a PNG needs
+_MATPLOTLIB = "matplotlib.backends.backend_agg"  # with all of it that a PNG needs
 MANY = 4  # scenes, worth more than one process to compare them, each of which draws its own
 
 
 def prepare_drawing(scenes: int) -> None:
     """Have matplotlib imported elsewhere, for a `draw` of so many scenes that is some time away."""
-    if scenes < MANY and MATPLOTLIB not in sys.modules:
+    if scenes < MANY and _MATPLOTLIB not in sys.modules:
         with suppress(OSError):  # then `draw` does without
-            prepare(__name__, MATPLOTLIB)
+            prepare(__name__, _MATPLOTLIB)
 
 
 def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
@@ -48,8 +48,8 @@ def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
     from validation.results import file_stem
 
     name, sheet = file_stem(agreements), sheet_of(agreements)
-    drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in PICTURES]
-    if MATPLOTLIB not in sys.modules:
+    drawings = [(kind, sheet, out / f"{name}-{kind}.png") for kind in _PICTURES]
+    if _MATPLOTLIB not in sys.modules:
         with suppress(OSError):  # no process is to be had, or one was killed
             return list(in_processes(_write, drawings))
     return [_write(each) for each in drawings]
@@ -57,44 +57,44 @@ def draw(agreements: Sequence["Agreement"], out: Path) -> list[Path]:
 
 def _write(drawing: tuple[str, "Sheet", Path]) -> Path:
     kind, sheet, path = drawing
-    return write_picture(path, PICTURES[kind](sheet))
+    return write_picture(path, _PICTURES[kind](sheet))
 
 
-MOST = 50_000  # points of a line: a dozen for each column of pixels
+_MOST = 50_000  # points of a line: a dozen for each column of pixels
 
 
 @dataclass(frozen=True)
-class Line:
+class _Line:
     """A motion in a picture: times (n,) s, contact_point (n, 2) m and momentum (n, 3) kg m²/s."""
 
     label: str
     colour: str
-    times: Array
-    contact_point: Array
-    momentum: Array
+    times: _Array
+    contact_point: _Array
+    momentum: _Array
 
 
 @dataclass(frozen=True)
-class Errors:
+class _Errors:
     """Errors of a motion: values (n,) at times (n,) s, without the zero that they start from."""
 
-    times: Array
-    values: Array
+    times: _Array
+    values: _Array
     largest: float
 
 
 @dataclass(frozen=True)
-class Run:
+class _Run:
     """A motion by an engine, with its path's errors [m] and its momentum's, relative.
 
     settings: their name; finished: whether the motion is as long as it should be.
     """
 
-    line: Line
+    line: _Line
     settings: str
     finished: bool
-    path_errors: Errors
-    momentum_errors: Errors
+    path_errors: _Errors
+    momentum_errors: _Errors
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,8 @@ class Sheet:
     """
 
     title: str
-    theory: Line
-    runs: Sequence[Run]
+    theory: _Line
+    runs: Sequence[_Run]
     keeps_momentum: bool
     momentum_labels: dict[float, str]
     scale: float
@@ -122,7 +122,7 @@ def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
         title=f"{scene.name}: {scene.title}",
         theory=_line(theory, theory.engine.name),
         runs=[
-            Run(
+            _Run(
                 _line(each.motion, f"{each.motion.engine.name}, {each.settings.name}"),
                 each.settings.name,
                 each.finished,
@@ -137,30 +137,30 @@ def sheet_of(agreements: Sequence["Agreement"]) -> Sheet:
     )
 
 
-def _line(motion: "Motion", label: str) -> Line:
-    shown = slice(None, None, 1 + len(motion.times) // MOST)
+def _line(motion: "Motion", label: str) -> _Line:
+    shown = slice(None, None, 1 + len(motion.times) // _MOST)
     paths = motion.contact_point[shown], motion.momentum[shown]
-    return Line(label, motion.engine.colour, motion.times[shown], *paths)
+    return _Line(label, motion.engine.colour, motion.times[shown], *paths)
 
 
-def _errors(motion: "Motion", values: Array) -> Errors:
+def _errors(motion: "Motion", values: _Array) -> _Errors:
     which = 1 + extremes(values[1:])
-    return Errors(motion.times[which], values[which], float(values.max(initial=0.0)))
+    return _Errors(motion.times[which], values[which], float(values.max(initial=0.0)))
 
 
-def extremes(values: Array) -> Integers:
+def extremes(values: _Array) -> _Integers:
     """Return the indices of values (n,): of all, or of the extremes of each bin of many."""
-    if len(values) <= MOST:
+    if len(values) <= _MOST:
         return np.arange(len(values))
-    edges = np.linspace(0, len(values), MOST // 2 + 1).astype(int)
+    edges = np.linspace(0, len(values), _MOST // 2 + 1).astype(int)
     ends = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
     found = [sorted((i + values[i:j].argmin(), i + values[i:j].argmax())) for i, j in ends]
     return np.array(found).ravel()
 
 
 # Settings differ by line style, so in grey too; the coarsest has the most broken line.
-STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
-INCHES = (8.0, 7.0)
+_STYLES = ((0, (1, 3)), ":", "-.", "--", "-")
+_INCHES = (8.0, 7.0)
 ROOM = {"left": 0.13, "right": 0.86, "top": 0.9, "bottom": 0.08, "hspace": 0.25}
 
 
@@ -204,7 +204,7 @@ def momentum_picture(sheet: Sheet) -> "Figure":
     return figure
 
 
-PICTURES: dict[str, Callable[[Sheet], "Figure"]] = {
+_PICTURES: dict[str, Callable[[Sheet], "Figure"]] = {
     "path": path_picture,
     "momentum": momentum_picture,
 }
@@ -214,7 +214,7 @@ def _two_panels(sheet: Sheet) -> "tuple[Figure, Axes, Axes]":
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullLocator
 
-    figure = Figure(figsize=INCHES)
+    figure = Figure(figsize=_INCHES)
     title(figure, sheet.title)
     # Margins are given: a layout that matplotlib finds takes as long as the rest of a picture.
     above, below = figure.subplots(2, 1, gridspec_kw=ROOM)
@@ -232,12 +232,12 @@ def _wide(sheet: Sheet) -> dict[str, Any]:
     return {"color": sheet.theory.colour, "linewidth": 5, "alpha": 0.6}
 
 
-def _styled(sheet: Sheet) -> list[tuple[Run, Any]]:
+def _styled(sheet: Sheet) -> list[tuple[_Run, Any]]:
     last = len(sheet.runs)
-    return [(each, STYLES[(i - last) % len(STYLES)]) for i, each in enumerate(sheet.runs)]
+    return [(each, _STYLES[(i - last) % len(_STYLES)]) for i, each in enumerate(sheet.runs)]
 
 
-def _log_line(axes: "Axes", run: Run, errors: Errors, style: Any) -> None:
+def _log_line(axes: "Axes", run: _Run, errors: _Errors, style: Any) -> None:
     """Draw a line on a log axis, and name it at its end."""
     axes.plot(errors.times, errors.values, linestyle=style, color=run.line.colour)
     if run.finished:

@@ -26,7 +26,7 @@ from validation.agreement import Agreement
 from validation.output import print_whole, scientific, versions, write_rows, write_text
 from validation.sensitivity import Sensitivity
 
-ALL = "all"  # of an engine's presets
+_ALL = "all"  # of an engine's presets
 
 
 def scenes_of(names: Sequence[str]) -> dict[str, Scene]:
@@ -57,7 +57,7 @@ def file_stem(agreements: Sequence[Agreement]) -> str:
     """
     first, names = agreements[0], [each.settings.name for each in agreements]
     if first.engine is not None and len(names) > 1 and names == list(first.engine.presets):
-        names = [ALL]
+        names = [_ALL]
     end = float(first.theory.times[-1])
     time = [] if end == first.scene.duration else [f"{end:g}s"]
     return file_name(first.scene.name, first.motion.engine, [*names, *time])
@@ -93,7 +93,7 @@ def _words(name: str, value: Any) -> list[str]:
     return [*value] if isinstance(value, tuple) else [str(value)]
 
 
-TABLE_COLUMNS = (
+_TABLE_COLUMNS = (
     "scene", "rolling", "engine", "preset", "timestep", "path_error", "gamma_error",
     "momentum_error", "realtime_factor", "agrees", "verdict",
 )  # fmt: skip
@@ -170,7 +170,7 @@ def write_json(path: Path, records: Sequence[Record]) -> None:
 
 def write_csv(path: Path, records: Sequence[Record]) -> None:
     """Write the table of the agreements, a row each."""
-    write_rows(path, records, TABLE_COLUMNS)
+    write_rows(path, records, _TABLE_COLUMNS)
 
 
 def write_markdown(path: Path, records: Sequence[Record]) -> None:

@@ -18,16 +18,16 @@ from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Start
 
 # Short beside the time in which a chaotic motion of the catalog doubles a difference, 2 to 6 s.
-STRETCH = 2.5  # s
-FEWEST, MOST = 8, 400  # stretches
+_STRETCH = 2.5  # s
+_FEWEST, _MOST = 8, 400  # stretches
 LONG = 100.0  # s, in which chaos shows itself
 # The difference of two neighbouring motions, in rad: its square and rounding are far below it.
-NEAR = 1e-6
+_NEAR = 1e-6
 # Twice the time doubles the growth of a regular motion; more than this is exponential.
-EXPONENTIAL = 10.0
+_EXPONENTIAL = 10.0
 # How many times the expected error the measured one may be. On the chaotic scenes 0.02 to 1.8 at
 # the finer presets, to round-off, and 4.9 and 7.9 at `fast`.
-LEEWAY = 20.0
+_LEEWAY = 20.0
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,8 @@ class Sensitivity:
         """
         return (
             self.defect <= self.tolerance
-            and self.doubling > EXPONENTIAL
-            and self.measured <= LEEWAY * self.expected
+            and self.doubling > _EXPONENTIAL
+            and self.measured <= _LEEWAY * self.expected
         )
 
     def __str__(self) -> str:
@@ -108,7 +108,7 @@ def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensit
 def _stretches_of(theory: Motion) -> Motion:
     """Return the equations' motion at the ends of equal stretches of a longer one."""
     duration = float(theory.times[-1])
-    count = int(np.clip(duration / STRETCH, FEWEST, MOST))
+    count = int(np.clip(duration / _STRETCH, _FEWEST, _MOST))
     return integrate(theory.scene, np.linspace(0.0, duration, count + 1))
 
 
@@ -132,9 +132,9 @@ def chaotic(scene: Scene, duration: float = LONG) -> bool:
     """
     if not scene.steady:
         return False
-    right = integrate(scene, np.linspace(0.0, duration, int(duration / STRETCH) + 1))
+    right = integrate(scene, np.linspace(0.0, duration, int(duration / _STRETCH) + 1))
     growth = _growth(right)
-    return bool(growth[-1] - growth[len(growth) // 2 - 1] > math.log(EXPONENTIAL))
+    return bool(growth[-1] - growth[len(growth) // 2 - 1] > math.log(_EXPONENTIAL))
 
 
 def _defects(run: Runner, right: Motion) -> Array | None:
@@ -197,9 +197,9 @@ def _transfer(right: Motion, i: int, error: Array) -> Array:
     if not size > 0:
         return error
     stretch = np.array([0.0, right.times[i + 1] - right.times[i]])
-    start = _start(right, i, NEAR / size * error)
+    start = _start(right, i, _NEAR / size * error)
     grown = _difference(integrate(replace(right.scene, start=start), stretch), right, i)
-    grown *= size / NEAR
+    grown *= size / _NEAR
     grown[-2:] += error[-2:]
     return grown
 

@@ -46,7 +46,7 @@ from robotball.scene import Scene, spans
 
 # Python's part of a run is measured afterwards, on so many steps or calls without the engine.
 IDLE_STEPS = 200
-CALLS = 200
+_CALLS = 200
 
 
 class World(ABC):
@@ -152,12 +152,12 @@ class ServoWorld(SteppedWorld):
 def seconds_per_call(call: Callable[[], object]) -> float:
     """Return the processor time that a function takes [s], the mean of many calls."""
     began = time.process_time()
-    for _ in range(CALLS):
+    for _ in range(_CALLS):
         call()
-    return (time.process_time() - began) / CALLS
+    return (time.process_time() - began) / _CALLS
 
 
-LIFTED = 0.01  # of the radius: a shell this far above the plane has left it
+_LIFTED = 0.01  # of the radius: a shell this far above the plane has left it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -313,7 +313,7 @@ def _faults(
     drift = scene.keeps_momentum & (off > tolerance * scene.momentum_scale)
     masks: list[tuple[Mask, FaultKind, float]] = [
         (size > DIVERGED, FaultKind.DIVERGED, 0.0),
-        (state.centre[:, 2] > (1 + LIFTED) * scene.ball.radius, FaultKind.CONTACT_LOST, 0.0),
+        (state.centre[:, 2] > (1 + _LIFTED) * scene.ball.radius, FaultKind.CONTACT_LOST, 0.0),
         (rate_error > RATE_ERROR, FaultKind.RATE_OFF, RATE_ERROR),
         (np.cumsum(slip * elapsed) > allowed, FaultKind.SLIPPED, tolerance),
         (drift, FaultKind.MOMENTUM_OFF, tolerance),

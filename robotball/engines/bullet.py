@@ -16,11 +16,11 @@ from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Scene
 
-LABEL = Label("PyBullet", version_of("pybullet"), "#E69F00")
+_LABEL = Label("PyBullet", version_of("pybullet"), "#E69F00")
 
 
 @dataclass(frozen=True, kw_only=True)
-class BulletSettings(StepSettings):
+class _BulletSettings(StepSettings):
     """Settings of a PyBullet run.
 
     lateral_friction: of the ball, of which Bullet takes 10 at most; spinning_friction: against
@@ -35,10 +35,10 @@ class BulletSettings(StepSettings):
     most_rate: float | None = None
 
 
-class BulletWorld(ServoWorld):
+class _BulletWorld(ServoWorld):
     """The ball in a client of its own."""
 
-    def __init__(self, scene: Scene, settings: BulletSettings, step: float) -> None:
+    def __init__(self, scene: Scene, settings: _BulletSettings, step: float) -> None:
         super().__init__(scene)
         import pybullet
         import pybullet_utils.bullet_client as client
@@ -123,13 +123,13 @@ def _xyzw(q: Array) -> list[float]:
     return np.roll(q, -1).tolist()
 
 
-AS_IT_COMES = BulletSettings(
+_AS_IT_COMES = _BulletSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1 / 240
 )
 # Friction beyond what the ball needs, 1.2; motors so strong that hinges keep their rates to 1e-7;
 # and a limit far above the rotor's 148 rad/s, which the default of 100 rad/s cuts by a third. The
 # solver's iterations and the contact's parameters change nothing: the error left is of the steps.
-BEST = BulletSettings(
+_BEST = _BulletSettings(
     name="best",
     error_tolerance=5e-2,
     stop_at_fault=False,
@@ -142,10 +142,10 @@ BEST = BulletSettings(
 )
 
 
-class Bullet(Adapter):
+class _Bullet(Adapter):
     """PyBullet as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "pybullet"
     extra = "bullet"
     requirements = ("pybullet>=3.2.7",)
@@ -153,10 +153,10 @@ class Bullet(Adapter):
         "as-it-comes": ("timestep", (1 / 240,)),
         "best": ("timestep", (1 / 250, 1e-3, 1e-4)),
     }
-    presets = by_name(AS_IT_COMES, BEST)
+    presets = by_name(_AS_IT_COMES, _BEST)
 
-    def world(self, scene: Scene, settings: BulletSettings, step: float) -> BulletWorld:
-        return BulletWorld(scene, settings, step)
+    def world(self, scene: Scene, settings: _BulletSettings, step: float) -> _BulletWorld:
+        return _BulletWorld(scene, settings, step)
 
 
-BULLET = Bullet()
+BULLET = _Bullet()

@@ -26,11 +26,11 @@ from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene
 
-LABEL = Label("DART", version_of("dartpy"), "#8C564B")
+_LABEL = Label("DART", version_of("dartpy"), "#8C564B")
 
 
 @dataclass(frozen=True, kw_only=True)
-class DartSettings(StepSettings):
+class _DartSettings(StepSettings):
     """Settings of a DART run.
 
     friction: of ball and plane; ideal: the steps of our own constraints on DART's mass matrix and
@@ -73,10 +73,10 @@ def _put(ball: Any, state: State, dart: Any) -> None:
     ball.setVelocities(np.concatenate([state.turning, state.velocity, state.rates]))
 
 
-class DartWorld(ServoWorld):
+class _DartWorld(ServoWorld):
     """The ball and its plane in a World."""
 
-    def __init__(self, scene: Scene, settings: DartSettings, step: float) -> None:
+    def __init__(self, scene: Scene, settings: _DartSettings, step: float) -> None:
         super().__init__(scene)
         import dartpy
 
@@ -123,10 +123,10 @@ class DartWorld(ServoWorld):
         )
 
 
-class DartDynamics(IdealWorld):
+class _DartDynamics(IdealWorld):
     """The skeleton's mass matrix and bias, with no contact of its own."""
 
-    def __init__(self, scene: Scene, stepper: Stepper, settings: DartSettings) -> None:
+    def __init__(self, scene: Scene, stepper: Stepper, settings: _DartSettings) -> None:
         super().__init__(scene, stepper, settings.rtol)
         import dartpy
 
@@ -138,10 +138,10 @@ class DartDynamics(IdealWorld):
         return velocity_first(self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces())
 
 
-class Dart(Adapter):
+class _Dart(Adapter):
     """DART as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "dartpy"
     extra = "dart"
     requirements = ("dartpy>=6.20",)
@@ -151,22 +151,22 @@ class Dart(Adapter):
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     }
     presets = by_name(
-        DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3),
-        DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
+        _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3),
+        _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
         # DOP853 chooses its steps itself; the timestep is only the longest.
-        DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
+        _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
     )
 
-    def lacks(self, scene: Scene, settings: DartSettings) -> str | None:
+    def lacks(self, scene: Scene, settings: _DartSettings) -> str | None:
         """Return that its contact has no torsional friction, where a ball needs it."""
         if scene.rolling == "classical" or settings.ideal:
             return None
         return "its contact has no torsional friction: the shell spins freely"
 
-    def world(self, scene: Scene, settings: DartSettings, step: float) -> World:
+    def world(self, scene: Scene, settings: _DartSettings, step: float) -> World:
         if settings.ideal is not None:
-            return DartDynamics(scene, settings.ideal, settings)
-        return DartWorld(scene, settings, step)
+            return _DartDynamics(scene, settings.ideal, settings)
+        return _DartWorld(scene, settings, step)
 
 
-DART = Dart()
+DART = _Dart()

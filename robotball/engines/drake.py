@@ -27,15 +27,15 @@ from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-LABEL = Label("Drake", version_of("drake"), "#009E73")
+_LABEL = Label("Drake", version_of("drake"), "#009E73")
 # Of the radius, where the search for the depth at rest begins, and its steps at most: the load is a
 # smooth function of the depth, and the search ends by itself after fewer.
-FIRST_DEPTH, SECANTS = 1e-3, 8
-Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
+_FIRST_DEPTH, _SECANTS = 1e-3, 8
+_Integrator = Literal["runge_kutta3", "radau3", "implicit_euler", "cenic"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class DrakeSettings(StepSettings):
+class _DrakeSettings(StepSettings):
     """Settings of a Drake run.
 
     approximation: of the contact in discrete steps; integrator: for continuous time instead, where
@@ -47,7 +47,7 @@ class DrakeSettings(StepSettings):
     """
 
     approximation: Literal["tamsi", "sap", "lagged", "similar"] | None = None
-    integrator: Integrator | None = None
+    integrator: _Integrator | None = None
     accuracy_per_step: float | None = None
     error_control: bool = True
     stiction: float | None = None
@@ -60,7 +60,7 @@ class DrakeSettings(StepSettings):
 
 
 def _add_plant(
-    scene: Scene, settings: DrakeSettings, builder: Any, step: float, depth: float = 0.0
+    scene: Scene, settings: _DrakeSettings, builder: Any, step: float, depth: float = 0.0
 ) -> Any:
     """Return the plant of the ball, pressed into the plane by `depth` [m]; step 0 is continuous."""
     from pydrake.geometry import HalfSpace, Sphere
@@ -111,7 +111,7 @@ def _positions(state: State) -> tuple[Array, Array]:
     return q, np.concatenate([state.turning, state.velocity, state.rates])
 
 
-def _carrying_depth(scene: Scene, settings: DrakeSettings) -> float:
+def _carrying_depth(scene: Scene, settings: _DrakeSettings) -> float:
     """Return the depth at which the contact carries the ball's weight [m], by secants."""
     from pydrake.systems.framework import DiagramBuilder
 
@@ -128,9 +128,9 @@ def _carrying_depth(scene: Scene, settings: DrakeSettings) -> float:
         rates = plant.EvalTimeDerivatives(context).CopyToVector()
         return float(rates[plant.num_positions() + 5])
 
-    low, high = 0.0, FIRST_DEPTH * scene.ball.radius
+    low, high = 0.0, _FIRST_DEPTH * scene.ball.radius
     at_low, at_high = fall(low), fall(high)
-    for _ in range(SECANTS):
+    for _ in range(_SECANTS):
         if at_high == at_low or abs(at_high) < 1e-12 * scene.gravity:
             break
         low, high = high, high - at_high * (high - low) / (at_high - at_low)
@@ -182,10 +182,10 @@ def _against_spin(plant: Any, damping: float) -> Any:
     return system
 
 
-class DrakeWorld(World):
+class _DrakeWorld(World):
     """The plant in a Simulator, which steps it in C++ from sample to sample."""
 
-    def __init__(self, scene: Scene, settings: DrakeSettings, step: float) -> None:
+    def __init__(self, scene: Scene, settings: _DrakeSettings, step: float) -> None:
         super().__init__(scene)
         from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
         from pydrake.systems.framework import DiagramBuilder
@@ -233,10 +233,10 @@ class DrakeWorld(World):
         return float("nan")
 
 
-class DrakeDynamics(IdealWorld):
+class _DrakeDynamics(IdealWorld):
     """The plant's mass matrix and bias, with no contact of its own."""
 
-    def __init__(self, scene: Scene, stepper: Stepper, settings: DrakeSettings) -> None:
+    def __init__(self, scene: Scene, stepper: Stepper, settings: _DrakeSettings) -> None:
         super().__init__(scene, stepper, settings.rtol)
         from pydrake.systems.framework import DiagramBuilder
 
@@ -253,13 +253,13 @@ class DrakeDynamics(IdealWorld):
         return velocity_first(plant.CalcMassMatrix(context), h)
 
 
-AS_IT_COMES = DrakeSettings(
+_AS_IT_COMES = _DrakeSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-3, gain=10.0
 )
 # TAMSI turns the hinges by an armature; SAP and Lagged would freeze all velocities beside it, in
 # silence (docs/findings/drake_frozen.py). Its torque against spin is explicit in time, and fails
 # near inertia over step, at 1e3 N m s here.
-TAMSI = DrakeSettings(
+_TAMSI = _DrakeSettings(
     name="tamsi", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3,
     approximation="tamsi", friction=20.0, armature=1e12, spin_damping=100.0,
 )  # fmt: skip
@@ -267,13 +267,13 @@ TAMSI = DrakeSettings(
 # what Newton's tolerance leaves of each adds up. The stiction tolerance sets the error: it falls to
 # a tenth from 1e-3 to 1e-4 m/s, and at 3e-5 the run does not end. At a spin damping of 1e4 N m s
 # the spin that it lets through was most of the error.
-BEST = replace(
-    TAMSI, name="best", error_tolerance=1e-3, timestep=1e-3, approximation=None,
+_BEST = replace(
+    _TAMSI, name="best", error_tolerance=1e-3, timestep=1e-3, approximation=None,
     integrator="radau3", accuracy_per_step=1e-8, error_control=False, stiction=1e-4,
     spin_damping=1e6,
 )  # fmt: skip
 # DOP853 chooses its steps itself; the timestep is only the longest.
-IDEAL = DrakeSettings(
+_IDEAL = _DrakeSettings(
     name="ideal", error_tolerance=1e-10, timestep=1.0, armature=0.0, ideal="DOP853"
 )
 
@@ -281,7 +281,7 @@ IDEAL = DrakeSettings(
 class Drake(Adapter):
     """Drake as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "pydrake"
     extra = "drake"
     requirements = ("drake>=1.51",)
@@ -291,9 +291,9 @@ class Drake(Adapter):
         "best": ("timestep", (1e-3,)),
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
     }
-    presets = by_name(AS_IT_COMES, TAMSI, BEST, IDEAL)
+    presets = by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL)
 
-    def lacks(self, scene: Scene, settings: DrakeSettings) -> str | None:
+    def lacks(self, scene: Scene, settings: _DrakeSettings) -> str | None:
         """Return that its point contact has no torsional friction, where a ball needs it."""
         if scene.rolling == "classical" or settings.ideal:
             return None
@@ -301,10 +301,10 @@ class Drake(Adapter):
             return "its point contact has no torsional friction: the shell spins freely"
         return "its point contact has no torsional friction: a torque of ours damps the spin"
 
-    def world(self, scene: Scene, settings: DrakeSettings, step: float) -> World:
+    def world(self, scene: Scene, settings: _DrakeSettings, step: float) -> World:
         if settings.ideal is not None:
-            return DrakeDynamics(scene, settings.ideal, settings)
-        return DrakeWorld(scene, settings, step)
+            return _DrakeDynamics(scene, settings.ideal, settings)
+        return _DrakeWorld(scene, settings, step)
 
 
 DRAKE = Drake()

@@ -28,12 +28,12 @@ from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 
-CONTACT_DEPTH = 1e-6  # of the radius: how deep Exudyn's own contact is pressed in by the weight
-PLANE = 1e4  # radii that the plane reaches
+_CONTACT_DEPTH = 1e-6  # of the radius: how deep Exudyn's own contact is pressed in by the weight
+_PLANE = 1e4  # radii that the plane reaches
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExudynSettings(StepSettings):
+class _ExudynSettings(StepSettings):
     """Settings of an Exudyn run.
 
     solver: of its dynamic solvers; tolerance: of Newton's, relative; modified: whether Newton's
@@ -49,10 +49,10 @@ class ExudynSettings(StepSettings):
     slip_zone: float = 2e-5
 
 
-class ExudynWorld(World):
+class _ExudynWorld(World):
     """One rigid body, in the frame's axes, with the inertia of the whole ball."""
 
-    def __init__(self, scene: Scene, settings: ExudynSettings) -> None:
+    def __init__(self, scene: Scene, settings: _ExudynSettings) -> None:
         super().__init__(scene)
         import exudyn
         import exudyn.itemInterface
@@ -226,7 +226,7 @@ class ExudynWorld(World):
         )
 
 
-class ContactWorld(ExudynWorld):
+class _ContactWorld(_ExudynWorld):
     """The shell as a body of its own on Exudyn's contact of a sphere and a triangle.
 
     The rest is the other body; they share the centre and, about the frame's axis, turn against each
@@ -245,7 +245,7 @@ class ContactWorld(ExudynWorld):
         ground = system.AddMarker(
             items.MarkerBodyRigid(bodyNumber=system.AddObject(items.ObjectGround()))
         )
-        depth, far = CONTACT_DEPTH * ball.radius, PLANE * ball.radius
+        depth, far = _CONTACT_DEPTH * ball.radius, _PLANE * ball.radius
         system.AddObject(
             items.ObjectContactSphereTriangle(
                 markerNumbers=[sphere, ground],
@@ -280,15 +280,15 @@ class ContactWorld(ExudynWorld):
         return State(q[:3], q_t[:3], q[3:] / np.linalg.norm(q[3:]), turning, *self.hinges_at(t))
 
 
-LABEL = Label("Exudyn", version_of("exudyn"), "#CC79A7")
+_LABEL = Label("Exudyn", version_of("exudyn"), "#CC79A7")
 
 # There is no preset as it comes: this one has our constraint, and leaves the rest to Exudyn.
-OWN_SOLVER = ExudynSettings(
+_OWN_SOLVER = _ExudynSettings(
     name="own-solver", error_tolerance=1e-3, stop_at_fault=False, timestep=1e-3
 )
 # Without our torque's derivatives, and with Newton's matrix kept, a run was 2.6 times cheaper at
 # the same error. The two solvers are of order 2 and differ little.
-BEST = ExudynSettings(
+_BEST = _ExudynSettings(
     name="best",
     error_tolerance=1e-3,
     stop_at_fault=False,
@@ -298,13 +298,13 @@ BEST = ExudynSettings(
     modified=True,
     load_jacobian=False,
 )
-CONTACT = replace(BEST, name="contact", tolerance=1e-9, modified=False, friction=20.0)
+_CONTACT = replace(_BEST, name="contact", tolerance=1e-9, modified=False, friction=20.0)
 
 
 class Exudyn(Adapter):
     """Exudyn as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "exudyn"
     extra = "exudyn"
     requirements = ("exudyn>=1.13.6",)
@@ -313,12 +313,12 @@ class Exudyn(Adapter):
         "best": ("timestep", (20e-3, 5e-3, 1e-3)),
         "contact": ("timestep", (5e-3, 1e-3)),
     }
-    presets = by_name(OWN_SOLVER, BEST, CONTACT)
+    presets = by_name(_OWN_SOLVER, _BEST, _CONTACT)
 
-    def world(self, scene: Scene, settings: ExudynSettings, step: float) -> World:
-        return (ExudynWorld if settings.friction is None else ContactWorld)(scene, settings)
+    def world(self, scene: Scene, settings: _ExudynSettings, step: float) -> World:
+        return (_ExudynWorld if settings.friction is None else _ContactWorld)(scene, settings)
 
-    def lacks(self, scene: Scene, settings: ExudynSettings) -> str | None:
+    def lacks(self, scene: Scene, settings: _ExudynSettings) -> str | None:
         """Return that its own contact has no torsional friction, where a ball needs it."""
         if scene.rolling == "classical" or settings.friction is None:
             return None

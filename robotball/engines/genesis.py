@@ -18,11 +18,11 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-LABEL = Label("Genesis", version_of("genesis-world"), "#AA4499")
+_LABEL = Label("Genesis", version_of("genesis-world"), "#AA4499")
 
 
 @dataclass(frozen=True, kw_only=True)
-class GenesisSettings(StepSettings):
+class _GenesisSettings(StepSettings):
     """Settings of a Genesis run.
 
     precision: of its arithmetic, in bits; integrator, cone: by its own names; friction: of ball
@@ -45,10 +45,10 @@ class GenesisSettings(StepSettings):
     tolerance: float | None = None
 
 
-class GenesisWorld(ServoWorld):
+class _GenesisWorld(ServoWorld):
     """The ball and its plane in a scene of their own."""
 
-    def __init__(self, scene: Scene, settings: GenesisSettings, step: float) -> None:
+    def __init__(self, scene: Scene, settings: _GenesisSettings, step: float) -> None:
         super().__init__(scene)
         import genesis as gs
 
@@ -102,7 +102,7 @@ def _double(values: Any) -> Array:
     return np.asarray(values.numpy(), dtype=float)
 
 
-def _mjcf(scene: Scene, settings: GenesisSettings) -> str:
+def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
     """Return the MJCF of the ball alone, from which Genesis reads bodies."""
     root = Element("mujoco")
     above = [SubElement(root, "worldbody")]
@@ -129,13 +129,13 @@ def _text(values: Any) -> str:
     return " ".join(repr(float(each)) for each in values)
 
 
-AS_IT_COMES = GenesisSettings(
+_AS_IT_COMES = _GenesisSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=1e-2
 )
 # Friction is the most that Genesis takes, and well above the 1.2 that the ball needs. The rest is
 # MuJoCo's recipe: an elliptic cone, a hard contact, armatures that the load does not turn, and a
 # solver that iterates to its end instead of stopping at a tolerance relative to those armatures.
-BEST = GenesisSettings(
+_BEST = _GenesisSettings(
     name="best",
     error_tolerance=5e-2,
     stop_at_fault=False,
@@ -157,7 +157,7 @@ BEST = GenesisSettings(
 class Genesis(Adapter):
     """Genesis as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "genesis"
     extra = "genesis"
     requirements = ("genesis-world>=1.4.5", "torch>=2.8")
@@ -165,17 +165,17 @@ class Genesis(Adapter):
         "as-it-comes": ("timestep", (1e-2,)),
         "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
     }
-    presets = by_name(AS_IT_COMES, BEST)
+    presets = by_name(_AS_IT_COMES, _BEST)
 
-    def lacks(self, scene: Scene, settings: GenesisSettings) -> str | None:
+    def lacks(self, scene: Scene, settings: _GenesisSettings) -> str | None:
         """Return that it lacks double precision, or torsional friction, as it comes."""
         lack = ["its state is in single precision"] if settings.precision == "32" else []
         if scene.rolling == "rubber" and settings.torsional is None:
             lack.append("its contact has no torsional friction: the shell spins freely")
         return "; ".join(lack) or None
 
-    def world(self, scene: Scene, settings: GenesisSettings, step: float) -> GenesisWorld:
-        return GenesisWorld(scene, settings, step)
+    def world(self, scene: Scene, settings: _GenesisSettings, step: float) -> _GenesisWorld:
+        return _GenesisWorld(scene, settings, step)
 
 
 GENESIS = Genesis()

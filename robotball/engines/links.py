@@ -17,7 +17,7 @@ SHELL = -1  # the parent of the root's children, among the hinges
 
 
 @dataclass(frozen=True)
-class Link:
+class _Link:
     """A body and its hinge; the shell has none.
 
     parent   the index of its parent, -1 of the shell
@@ -45,15 +45,15 @@ class Link:
         return moments, from_matrix(axes)
 
 
-def links_of(scene: Scene) -> tuple[Link, ...]:
+def links_of(scene: Scene) -> tuple[_Link, ...]:
     """Return the links of the shell, the frame, the rotors and the pendulums."""
     _, *others = scene.ball.named_bodies
     shell, zero = scene.ball.shell, np.zeros(3)
-    root = Link("shell", SHELL, zero, shell.axis, shell.mass, shell.centre, shell.inertia, None)
+    root = _Link("shell", SHELL, zero, shell.axis, shell.mass, shell.centre, shell.inertia, None)
     return (
         root,
         *(
-            Link(
+            _Link(
                 name=name,
                 parent=0 if hinge.name == "frame" else 1,
                 origin=hinge.pivot,

@@ -17,13 +17,13 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-LABEL = Label("Newton", version_of("newton"), "#117733")
-TIME_CONSTANT = 0.04  # s, of the contact whose impedance is set
-SERVO = 10.0  # N m s/rad, of a newcomer's hinges
+_LABEL = Label("Newton", version_of("newton"), "#117733")
+_TIME_CONSTANT = 0.04  # s, of the contact whose impedance is set
+_SERVO = 10.0  # N m s/rad, of a newcomer's hinges
 
 
 @dataclass(frozen=True, kw_only=True)
-class NewtonSettings(StepSettings):
+class _NewtonSettings(StepSettings):
     """Settings of a Newton run.
 
     integrator, cone, iterations, tolerance: of its solver; friction: of ball and plane; armature
@@ -44,12 +44,12 @@ class NewtonSettings(StepSettings):
     kept: bool = False
 
 
-class NewtonWorld(SteppedWorld):
+class _NewtonWorld(SteppedWorld):
     """The ball and its plane, on Warp's processor device."""
 
     any_step = True
 
-    def __init__(self, scene: Scene, settings: NewtonSettings, step: float) -> None:
+    def __init__(self, scene: Scene, settings: _NewtonSettings, step: float) -> None:
         super().__init__(scene)
         import newton
         import warp
@@ -57,7 +57,7 @@ class NewtonWorld(SteppedWorld):
         warp.config.quiet = True
         self.warp, self.settings, d = warp, settings, settings.impedance
         # So deep that the contact carries the ball from the start.
-        self.depth = scene.gravity * (1 - d) * TIME_CONSTANT**2 if d is not None else 0.0
+        self.depth = scene.gravity * (1 - d) * _TIME_CONSTANT**2 if d is not None else 0.0
         chosen = {
             name: value
             for name in ("integrator", "cone", "iterations", "tolerance")
@@ -95,7 +95,7 @@ class NewtonWorld(SteppedWorld):
             material.mu = settings.friction
         motor: dict[str, Any] = {"armature": settings.armature}
         if settings.armature is None:
-            motor = {"target_kd": SERVO, "actuator_mode": newton.JointTargetMode.VELOCITY}
+            motor = {"target_kd": _SERVO, "actuator_mode": newton.JointTargetMode.VELOCITY}
         bodies: list[int] = []
         joints: list[int] = []
         for link in links_of(scene):
@@ -123,7 +123,7 @@ class NewtonWorld(SteppedWorld):
                 "world": -1,
                 "condim": 4 if scene.rolling == "rubber" else 3,
                 "friction": [mu, mu, mu * scene.ball.radius, 0.0, 0.0],
-                "solref": [TIME_CONSTANT, 1.0],
+                "solref": [_TIME_CONSTANT, 1.0],
                 "solreffriction": [-1.0, -0.5],
                 "solimp": [d, d, 1e-3, 0.5, 1.0],
             }
@@ -161,12 +161,12 @@ class NewtonWorld(SteppedWorld):
         return State(q[:3], v[:3], attitude, v[3:6], q[7:], v[6:])
 
 
-AS_IT_COMES = NewtonSettings(
+_AS_IT_COMES = _NewtonSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3
 )
 # MuJoCo's recipe, as far as Newton passes it on. The state is rounded to single precision after
 # every step, so longer steps are better: on fig12 20 ms have a tenth of the error of 1 ms.
-BEST = NewtonSettings(
+_BEST = _NewtonSettings(
     name="best",
     error_tolerance=1e-3,
     stop_at_fault=False,
@@ -185,7 +185,7 @@ BEST = NewtonSettings(
 class Newton(Adapter):
     """Newton as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "newton"
     extra = "newton"
     requirements = ("newton>=1.8", "mujoco-warp>=4.0")
@@ -194,17 +194,17 @@ class Newton(Adapter):
         "best": ("timestep", (20e-3, 5e-3, 1e-3)),
         "kept": ("timestep", (20e-3, 5e-3)),
     }
-    presets = by_name(AS_IT_COMES, BEST, replace(BEST, name="kept", kept=True))
+    presets = by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True))
 
-    def lacks(self, scene: Scene, settings: NewtonSettings) -> str | None:
+    def lacks(self, scene: Scene, settings: _NewtonSettings) -> str | None:
         """Return that it lacks double precision and, as it comes, torsional friction."""
         lack = "its model and its states are in single precision"
         if scene.rolling == "rubber" and settings.impedance is None:
             lack += "; its contact has no torsional friction: the shell spins freely"
         return lack
 
-    def world(self, scene: Scene, settings: NewtonSettings, step: float) -> NewtonWorld:
-        return NewtonWorld(scene, settings, step)
+    def world(self, scene: Scene, settings: _NewtonSettings, step: float) -> _NewtonWorld:
+        return _NewtonWorld(scene, settings, step)
 
 
 NEWTON = Newton()

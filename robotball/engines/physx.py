@@ -13,11 +13,11 @@ from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, perpendicular
 from robotball.scene import Scene
 
-LABEL = Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F")
+_LABEL = Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhysxSettings(StepSettings):
+class _PhysxSettings(StepSettings):
     """Settings of a PhysX run.
 
     friction: of ball and plane; damping N m s/rad: of the hinges' velocity drives; armature kg m²:
@@ -34,10 +34,10 @@ class PhysxSettings(StepSettings):
     iterations: int | None = None
 
 
-class PhysxWorld(ServoWorld):
+class _PhysxWorld(ServoWorld):
     """The ball and its plane in a scene of its own."""
 
-    def __init__(self, scene: Scene, settings: PhysxSettings, step: float) -> None:
+    def __init__(self, scene: Scene, settings: _PhysxSettings, step: float) -> None:
         super().__init__(scene)
         import sapien
 
@@ -127,11 +127,11 @@ def _x_along(axis: Array) -> Array:
     return np.stack([axis, side, np.cross(axis, side)], axis=1)
 
 
-AS_IT_COMES = PhysxSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1 / 100)
+_AS_IT_COMES = _PhysxSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1 / 100)
 # The patch resists spin, the armature holds the hinges' rates against the load in single precision,
 # and the limit lies far above the rotor's 148 rad/s, which the default of 100 rad/s would cut.
 # What slips even so, 1e-3 m/s on a mere slope, no setting that we found prevents.
-BEST = PhysxSettings(
+_BEST = _PhysxSettings(
     name="best",
     error_tolerance=5e-2,
     timestep=1e-3,
@@ -144,10 +144,10 @@ BEST = PhysxSettings(
 )
 
 
-class Physx(Adapter):
+class _Physx(Adapter):
     """PhysX 5 as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "sapien"
     extra = "physx"
     requirements = ("sapien>=3.0.3",)
@@ -155,14 +155,14 @@ class Physx(Adapter):
         "as-it-comes": ("timestep", (1 / 100,)),
         "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
     }
-    presets = by_name(AS_IT_COMES, BEST)
+    presets = by_name(_AS_IT_COMES, _BEST)
 
-    def lacks(self, scene: Scene, settings: PhysxSettings) -> str | None:
+    def lacks(self, scene: Scene, settings: _PhysxSettings) -> str | None:
         """Return that it lacks double precision."""
         return "its state is in single precision"
 
-    def world(self, scene: Scene, settings: PhysxSettings, step: float) -> PhysxWorld:
-        return PhysxWorld(scene, settings, step)
+    def world(self, scene: Scene, settings: _PhysxSettings, step: float) -> _PhysxWorld:
+        return _PhysxWorld(scene, settings, step)
 
 
-PHYSX = Physx()
+PHYSX = _Physx()

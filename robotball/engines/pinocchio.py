@@ -24,21 +24,21 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-LABEL = Label("Pinocchio", version_of("pin"), "#56B4E9")
+_LABEL = Label("Pinocchio", version_of("pin"), "#56B4E9")
 
 
 @dataclass(frozen=True, kw_only=True)
-class PinocchioSettings(StepSettings):
+class _PinocchioSettings(StepSettings):
     """Settings of a Pinocchio run: our stepper, and rtol for DOP853 alone."""
 
     stepper: Stepper
     rtol: float = 1e-12
 
 
-class PinocchioWorld(IdealWorld):
+class _PinocchioWorld(IdealWorld):
     """The ball as a free shell with hinges, in Pinocchio's local coordinates."""
 
-    def __init__(self, scene: Scene, settings: PinocchioSettings) -> None:
+    def __init__(self, scene: Scene, settings: _PinocchioSettings) -> None:
         super().__init__(scene, settings.stepper, settings.rtol)
         import pinocchio
 
@@ -77,7 +77,7 @@ class PinocchioWorld(IdealWorld):
 class Pinocchio(Adapter):
     """Pinocchio as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "pinocchio"
     extra = "pinocchio"
     requirements = ("pin>=4.1",)
@@ -86,9 +86,9 @@ class Pinocchio(Adapter):
         "best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-14)),
     }
     presets = by_name(
-        PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, stepper="RK4"),
+        _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, stepper="RK4"),
         # DOP853 chooses its steps itself; the timestep is only the longest.
-        PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, stepper="DOP853"),
+        _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, stepper="DOP853"),
     )
 
     def cannot_express(self, scene: Scene) -> str | None:
@@ -101,8 +101,8 @@ class Pinocchio(Adapter):
             return "its adapter knows no resistance to rolling"
         return None
 
-    def world(self, scene: Scene, settings: PinocchioSettings, step: float) -> PinocchioWorld:
-        return PinocchioWorld(scene, settings)
+    def world(self, scene: Scene, settings: _PinocchioSettings, step: float) -> _PinocchioWorld:
+        return _PinocchioWorld(scene, settings)
 
 
 PINOCCHIO = Pinocchio()

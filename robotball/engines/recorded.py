@@ -20,7 +20,7 @@ from robotball.scene import Scene
 
 POINTS = 7  # of the polynomial through a sample and its neighbours; 5 for the estimate
 # Times the effect on a rate of the largest noise near a sample: at the sample it may lie worse.
-NOISE = 2.5
+_NOISE = 2.5
 
 
 def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
@@ -34,7 +34,7 @@ def sampled_rates(times: Array, values: Array) -> tuple[Array, Array]:
     fine, noise = _slopes(times, values, POINTS)
     coarse, _ = _slopes(times, values, POINTS - 2)
     truncation = np.linalg.norm(fine - coarse, axis=1)
-    return fine, _largest_near(truncation, POINTS) + NOISE * _largest_near(noise, 3 * POINTS)
+    return fine, _largest_near(truncation, POINTS) + _NOISE * _largest_near(noise, 3 * POINTS)
 
 
 def angular_velocity(times: Array, attitude: Array) -> tuple[Array, Array]:
@@ -105,8 +105,8 @@ def _largest_near(error: Array, count: int) -> Array:
     return np.asarray(windows.max(axis=1))
 
 
-COLOUR = "#56B4E9"  # of a motion whose file names no engine
-HALF_TURN = np.pi / 2  # rad between two samples, beyond which its direction is uncertain
+_COLOUR = "#56B4E9"  # of a motion whose file names no engine
+_HALF_TURN = np.pi / 2  # rad between two samples, beyond which its direction is uncertain
 
 
 @dataclass(frozen=True, repr=False)
@@ -205,7 +205,7 @@ def _angular_velocity(trajectory: Trajectory) -> tuple[Array, Array]:
     if trajectory.angular_velocity is not None:
         return trajectory.angular_velocity, np.zeros(len(trajectory.times))
     turned = turned_between(trajectory.attitude)
-    if turned.max() > HALF_TURN:
+    if turned.max() > _HALF_TURN:
         i = int(turned.argmax())
         raise InputError(
             f"{trajectory.name}: between t = {trajectory.times[i]:g} and "
@@ -248,4 +248,4 @@ def _label(header: dict[str, str] | object, name: str) -> Label:
         known = json.loads(given)
         return Label(**{each.name: str(known[each.name]) for each in fields(Label)})
     except (ValueError, TypeError, KeyError):
-        return Label(given or name, "", COLOUR)
+        return Label(given or name, "", _COLOUR)

@@ -23,9 +23,9 @@ LABEL = Label("equations", version("robotball"), "#D55E00")  # vermillion of Oka
 # hundredth of that, but its code has to be loaded first.
 LONG = 1e4
 # Steps that take one to three minutes: at usual rates a day by DOP853, a month by compiled steps.
-MAX_STEPS, MAX_COMPILED_STEPS = 1_000_000, 100_000_000
-ASTRAY = 1e100  # a trial step to a quaternion this long has failed; its square would overflow
-COARSER = 4.0  # times the tolerance, for the second motion by which the error is estimated
+_MAX_STEPS, _MAX_COMPILED_STEPS = 1_000_000, 100_000_000
+_ASTRAY = 1e100  # a trial step to a quaternion this long has failed; its square would overflow
+_COARSER = 4.0  # times the tolerance, for the second motion by which the error is estimated
 
 
 def integrate(
@@ -44,7 +44,7 @@ def integrate(
         motion_of(ours, times, _states(ours, times, rtol, max_steps)),
         ReferenceMotion,
         scene=scene,
-        again=lambda: _states(ours, times, rtol, max_steps, COARSER)[:, 4:],
+        again=lambda: _states(ours, times, rtol, max_steps, _COARSER)[:, 4:],
     )
 
 
@@ -88,14 +88,14 @@ def _angular_velocity(scene: Scene, times: Array, M: Array, gamma: Array) -> Arr
     )
 
 
-def right_hand_side(scene: Scene) -> Rate:
+def _right_hand_side(scene: Scene) -> Rate:
     """Return the derivative of (q, X, Y) as a function of time, q from principal axes to world."""
     momentum = as_vector(scene.start.momentum)
     parameters_at = (lambda _: scene.parameters) if scene.steady else scene.parameters_at
 
     def rate(t: float, state: Array) -> Array:
         w, x, y, z, _X, _Y = state.tolist()
-        if not math.hypot(w, x, y, z) < ASTRAY:
+        if not math.hypot(w, x, y, z) < _ASTRAY:
             return np.full(6, np.nan)
         q = (w, x, y, z)
         parameters = parameters_at(t)
@@ -119,9 +119,9 @@ def _states(
     size = np.array([math.hypot(*scene.start.momentum.tolist())])
     fastest = check_speed(at_start, size)[0]
     if scene.steady and fastest * times[-1] > LONG:
-        limit = MAX_COMPILED_STEPS if max_steps is None else max_steps
+        limit = _MAX_COMPILED_STEPS if max_steps is None else max_steps
         return compiled_states(scene, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
-    return _solve(scene, times, coarser * rtol, MAX_STEPS if max_steps is None else max_steps)
+    return _solve(scene, times, coarser * rtol, _MAX_STEPS if max_steps is None else max_steps)
 
 
 def compiled_states(
@@ -144,7 +144,7 @@ def _solve(scene: Scene, times: Array, rtol: float, max_steps: int) -> Array:
     # X and Y are only quadratures of q: with the radius as their scale they do not set the step
     # where they pass zero.
     scale = np.array([1.0, 1.0, 1.0, 1.0, scene.ball.radius, scene.ball.radius])
-    rate, states = right_hand_side(scene), np.empty((len(times), 6))
+    rate, states = _right_hand_side(scene), np.empty((len(times), 6))
     states[0] = (*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0)
     state, begin, last, steps, done = states[0], 0.0, float(times[-1]), 0, 1
     for end in (*(t for t in scene.breakpoints if t < last), last):

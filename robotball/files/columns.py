@@ -26,31 +26,31 @@ from robotball.files import MB, opened
 from robotball.files.replacing import replacing
 from robotball.rotations import Array
 
-COMMENT = ("#", "%", "//")  # Python's and gnuplot's, MATLAB's, C++'s
-MARKS = {
+_COMMENT = ("#", "%", "//")  # Python's and gnuplot's, MATLAB's, C++'s
+_MARKS = {
     codecs.BOM_UTF8: "utf-8-sig",
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
-LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
+_LINES = 20_000  # that are read at once, so that a file's text never stands whole in memory
 LONGEST = 4_000_000_000  # bytes: a motion of a day takes 2.5e9 as CSV
-WORD = 8  # bytes of a number
+_WORD = 8  # bytes of a number
 # Of an NPZ's own members and a Parquet's metadata, as JSON; units are a line of a CSV's header.
-HEADER, UNITS = "header", "units"
+_HEADER, _UNITS = "header", "units"
 # What NumPy and zipfile raise for bytes that are no NPZ; TypeError for a single array's file,
 # OSError where a member is said to begin before the file.
-UNREADABLE = (
+_UNREADABLE = (
     ValueError, TypeError, EOFError, OSError, KeyError, RuntimeError, zipfile.BadZipFile,
     zlib.error,
 )  # fmt: skip
-PARQUET_EXTRA = (
+_PARQUET_EXTRA = (
     "Parquet needs pyarrow: install robotball's extra `parquet`, or use .csv or .npz instead"
 )
 # Units that need no conversion: whether the value is a rate, an angle or a torque, the drive says.
-TIME, VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
+_TIME, _VALUE = ("s",), ("rad/s", "rad", "N m", "Nm", "N*m", "N·m")
 
 
-Line = tuple[int, str]  # its number in the file, from 1, and its text
+_Line = tuple[int, str]  # its number in the file, from 1, and its text
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def read_samples(path: Path) -> Samples:
         raise InputError(
             f"{path}: samples take two columns, time and value, not {', '.join(table.columns)}"
         )
-    for name, known in zip(table.columns, (TIME, VALUE), strict=True):
+    for name, known in zip(table.columns, (_TIME, _VALUE), strict=True):
         if (unit := table.units.get(name)) and unit not in known:
             raise InputError(f"{path}: {name} is in {unit}; samples take {', '.join(known[:3])}")
     times, values = (tuple(column.tolist()) for column in table.columns.values())
@@ -130,7 +130,7 @@ def read_samples(path: Path) -> Samples:
 
 def _write_csv(path: Path, table: Table) -> None:
     """Write the header in comment lines `# name: text`, one for each line of a text."""
-    texts = {**table.header, UNITS: json.dumps(dict(table.units), ensure_ascii=False)}
+    texts = {**table.header, _UNITS: json.dumps(dict(table.units), ensure_ascii=False)}
     lines = [f"# {name}: {line}" for name, text in texts.items() for line in text.split("\n")]
     lines.append(",".join(table.columns))
     rows = zip(*(column.tolist() for column in table.columns.values()), strict=True)
@@ -147,7 +147,7 @@ def _read_csv(file: BinaryIO) -> Table:
     """
     # Excel writes such marks. Without one a name would begin with a character that nobody sees.
     start = file.read(len(codecs.BOM_UTF8))
-    encoding = next((MARKS[mark] for mark in MARKS if start.startswith(mark)), None)
+    encoding = next((_MARKS[mark] for mark in _MARKS if start.startswith(mark)), None)
     file.seek(0)
     notes = ("it begins with a byte order mark, which is skipped",) if encoding else ()
     lines = enumerate(io.TextIOWrapper(file, encoding or "utf-8"), 1)
@@ -157,7 +157,7 @@ def _read_csv(file: BinaryIO) -> Table:
         raise InputError("it is no text in UTF-8 or UTF-16") from None
 
 
-def _table(lines: Iterator[Line]) -> Table:
+def _table(lines: Iterator[_Line]) -> Table:
     # One pass, in pieces: comments are collected on the way, as units and names may be in them.
     comments: list[str] = []
     rows = _rows(lines, comments)
@@ -180,20 +180,20 @@ def _table(lines: Iterator[Line]) -> Table:
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"two columns are called {twice!r}")
     parts = [_numbers(names, begun, delimiter, comments)]
-    while piece := [*islice(lines, LINES)]:
+    while piece := [*islice(lines, _LINES)]:
         parts.append(_numbers(names, piece, delimiter, comments))
     if not any(map(len, parts)):
         raise InputError("there are no rows of numbers below the columns' names")
     header = _header(comments)
-    units = below | _units_of(header.pop(UNITS, ""))
+    units = below | _units_of(header.pop(_UNITS, ""))
     return Table(dict(zip(names, np.concatenate(parts).T, strict=True)), units, header)
 
 
-def _rows(lines: Iterable[Line], comments: list[str]) -> Iterator[Line]:
+def _rows(lines: Iterable[_Line], comments: list[str]) -> Iterator[_Line]:
     """Yield the lines that are neither empty nor a comment. Comments are added to the others."""
     for number, line in lines:
         stripped = line.strip()
-        if stripped.startswith(COMMENT):
+        if stripped.startswith(_COMMENT):
             comments.append(line.strip("\n").lstrip().lstrip("#%/").removeprefix(" "))
         elif stripped:
             yield number, stripped
@@ -238,7 +238,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _numbers(
-    names: list[str], lines: list[Line], delimiter: str | None, comments: list[str]
+    names: list[str], lines: list[_Line], delimiter: str | None, comments: list[str]
 ) -> Array:
     """Return the numbers (n, columns) of some lines. Comments are added to the others."""
     # NumPy reads a piece at once; what follows goes line by line, and names the one at fault.
@@ -253,7 +253,7 @@ def _numbers(
 
 
 def _checked(
-    names: list[str], rows: Iterable[Line], delimiter: str | None
+    names: list[str], rows: Iterable[_Line], delimiter: str | None
 ) -> Iterator[list[float]]:
     for number, line in rows:
         cells = _cells(line if delimiter == "," else line.replace(",", "."), delimiter)
@@ -271,8 +271,8 @@ def _checked(
 
 def _write_npz(path: Path, table: Table) -> None:
     own: dict[str, Any] = {
-        HEADER: np.array(json.dumps(dict(table.header))),
-        UNITS: np.array(json.dumps(dict(table.units))),
+        _HEADER: np.array(json.dumps(dict(table.header))),
+        _UNITS: np.array(json.dumps(dict(table.units))),
     }
     with path.open("wb") as file:  # by its name, NumPy would add a suffix of its own
         np.savez(file, allow_pickle=False, **own, **dict(table.columns))
@@ -285,10 +285,10 @@ def _read_npz(file: BinaryIO) -> Table:
             # Before anything is unpacked: a few kB of zeros may be gigabytes.
             _check_unpacked(sum(each.file_size for each in members.zip.filelist))
             arrays = {name: members[name] for name in members.files}
-    except UNREADABLE as error:
+    except _UNREADABLE as error:
         raise InputError(f"it is no NPZ file that can be read: {error}") from None
-    header = _texts(arrays.pop(HEADER, None))
-    units = _texts(arrays.pop(UNITS, None))
+    header = _texts(arrays.pop(_HEADER, None))
+    units = _texts(arrays.pop(_UNITS, None))
     return Table(dict(_columns(arrays)), units, header)
 
 
@@ -329,13 +329,13 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
-        raise InputError(PARQUET_EXTRA) from None
+        raise InputError(_PARQUET_EXTRA) from None
     return pyarrow, parquet
 
 
 def _write_parquet(path: Path, table: Table) -> None:
     pyarrow, parquet = _pyarrow()
-    metadata = {HEADER: json.dumps(dict(table.header)), UNITS: json.dumps(dict(table.units))}
+    metadata = {_HEADER: json.dumps(dict(table.header)), _UNITS: json.dumps(dict(table.units))}
     whole = pyarrow.table({name: np.asarray(each) for name, each in table.columns.items()})
     parquet.write_table(whole.replace_schema_metadata(metadata), path)
 
@@ -344,7 +344,7 @@ def _read_parquet(file: BinaryIO) -> Table:
     pyarrow, parquet = _pyarrow()
     try:
         packed = parquet.ParquetFile(file)
-        _check_unpacked(packed.metadata.num_rows * packed.metadata.num_columns * WORD)
+        _check_unpacked(packed.metadata.num_rows * packed.metadata.num_columns * _WORD)
         whole = packed.read()
         types = pyarrow.types
         arrays = {
@@ -359,4 +359,4 @@ def _read_parquet(file: BinaryIO) -> Table:
         for key, text in (whole.schema.metadata or {}).items()
     }
     columns = dict(_columns(arrays))
-    return Table(columns, _texts(metadata.get(UNITS)), _texts(metadata.get(HEADER)))
+    return Table(columns, _texts(metadata.get(_UNITS)), _texts(metadata.get(_HEADER)))

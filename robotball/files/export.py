@@ -28,15 +28,15 @@ from robotball.motion import Motion
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene
 
-FORMAT = "robotball scene 1"
-SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
+_FORMAT = "robotball scene 1"
+_SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
 # Of a hinge's command; of a motor that is not here a torque.
-COMMANDED = {Servo: "rad/s", PositionServo: "rad", Free: "none"}
+_COMMANDED = {Servo: "rad/s", PositionServo: "rad", Free: "none"}
 # Times the friction that the motion needs: another engine's contact must not slip at the peak.
 MARGIN = 1.5
 # URDF's readers ask for limits of every joint; these limit nothing.
-FASTEST, STRONGEST = "1e6", "1e9"
-README = "README.md"
+_FASTEST, _STRONGEST = "1e6", "1e9"
+_README = "README.md"
 
 
 def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -> list[Path]:
@@ -52,10 +52,10 @@ def export_scene(scene: Scene, folder: Path | str, times: Array | None = None) -
     conventions = files("robotball.files").joinpath("export_conventions.md")
     texts = {
         "scene.json": json.dumps(plain(motion), indent=1, ensure_ascii=False, allow_nan=False),
-        "model.xml": mjcf(motion),
+        "model.xml": _mjcf(motion),
         "model.urdf": urdf(scene),
         "model.sdf": sdf(motion),
-        README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
+        _README: conventions.read_text(encoding="utf-8").replace("SCENE", scene.name),
     }
     with contextlib.suppress(InputError):  # of a rate by a function: drives.csv has it
         texts["scene.toml"] = scene_toml(scene)
@@ -89,7 +89,7 @@ def plain(motion: Motion) -> dict[str, Any]:
     scene, ball = motion.scene, motion.scene.ball
     moments, axes = ball.principal
     return {
-        "format": FORMAT,
+        "format": _FORMAT,
         "name": scene.name,
         "title": scene.title,
         "rolling": scene.rolling,
@@ -153,7 +153,7 @@ def _bodies(motion: Motion) -> list[dict[str, Any]]:
 
 
 @dataclass(frozen=True)
-class Poses:
+class _Poses:
     """A body's places and velocities at the n times of a motion, in world axes, SI units.
 
     position, velocity  (n, 3)  of the centre of mass
@@ -168,7 +168,7 @@ class Poses:
     angular_velocity: Array
 
 
-def poses(motion: Motion) -> dict[str, Poses]:
+def poses(motion: Motion) -> dict[str, _Poses]:
     """Return the poses of every body of the motion's ball, by its name."""
     scene, angles = motion.scene, motion.hinge_angles
     states = scene.robot.states(motion.gamma, angles, motion.angular_velocity, motion.hinge_rates)
@@ -190,7 +190,7 @@ def poses(motion: Motion) -> dict[str, Poses]:
             axis, angle = hinges[name]
             turn = Rotation.from_rotvec(np.outer(angle, axis)).as_quat(scalar_first=True)
             attitude = multiply(attitude, turn)
-        found[name] = Poses(
+        found[name] = _Poses(
             position=centre + in_world(states.placed[i, :3].T),
             attitude=attitude,
             velocity=in_world(states.velocities[i]),
@@ -206,7 +206,7 @@ def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:
 
 def _hinge(hinge: Hinge) -> dict[str, Any]:
     motor = hinge.motor
-    unit = "rad/s" if motor is None else COMMANDED.get(type(motor), "N m")
+    unit = "rad/s" if motor is None else _COMMANDED.get(type(motor), "N m")
     return {
         "parent": "shell" if hinge.name == "frame" else "frame",
         "axis": hinge.axis.tolist(),
@@ -237,7 +237,7 @@ def formula(command: Drive) -> dict[str, Any]:
             float, (command.initial, command.final, command.start, command.end)
         )
         u = f"u = clip((t - {start})/({end} - {start}), 0, 1)"
-        text = f"{first} + ({last} - {first})*({SHAPES[command.shape]}), {u}"
+        text = f"{first} + ({last} - {first})*({_SHAPES[command.shape]}), {u}"
         return {**msgspec.to_builtins(command), "formula": text}
     if isinstance(command, Sine):
         swing, often, phase, mean = map(
@@ -253,7 +253,7 @@ def formula(command: Drive) -> dict[str, Any]:
     return {"kind": "function", "formula": "see drives.csv"}
 
 
-def mjcf(motion: Motion) -> str:
+def _mjcf(motion: Motion) -> str:
     """Return the MJCF of a reference motion's scene, its start as the keyframe `start`.
 
     It cannot say how the hinges are driven: their motors are left to who simulates it.
@@ -296,7 +296,7 @@ def mjcf(motion: Motion) -> str:
     qpos = [*centre, *shell.attitude[0], *(hinge.angle for hinge in hinges)]
     qvel = [*velocity, *turning, *(hinge.rate for hinge in hinges)]
     SubElement(keyframe, "key", name="start", qpos=numbers(qpos), qvel=numbers(qvel))
-    return xml_text(root)
+    return _xml_text(root)
 
 
 def urdf(scene: Scene) -> str:
@@ -320,8 +320,8 @@ def urdf(scene: Scene) -> str:
             SubElement(joint, "child", link=link.name)
             SubElement(joint, "origin", xyz=numbers(link.origin), rpy="0 0 0")
             SubElement(joint, "axis", xyz=numbers(link.axis))
-            SubElement(joint, "limit", velocity=FASTEST, effort=STRONGEST)
-    return xml_text(root)
+            SubElement(joint, "limit", velocity=_FASTEST, effort=_STRONGEST)
+    return _xml_text(root)
 
 
 def sdf(motion: Motion) -> str:
@@ -365,7 +365,7 @@ def sdf(motion: Motion) -> str:
             joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type="continuous")
             axis = {"xyz": numbers(link.axis)}
             _fill(joint, {"parent": links[link.parent].name, "child": link.name, "axis": axis})
-    return xml_text(root)
+    return _xml_text(root)
 
 
 def _surface(motion: Motion) -> dict[str, Any]:
@@ -404,7 +404,7 @@ def numbers(values: Array | list[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
 
 
-def xml_text(root: Element) -> str:
+def _xml_text(root: Element) -> str:
     """Return an indented document."""
     indent(root)
     return tostring(root, encoding="unicode")

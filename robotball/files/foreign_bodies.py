@@ -26,14 +26,14 @@ from robotball.files import contents
 from robotball.robot import Solid, composed
 from robotball.rotations import Array, rotation_matrix
 
-WAIT = 20.0  # s, of a process that may be starved of its few seconds
-MEMORY = 500_000_000  # bytes, beyond what MuJoCo itself takes
-SECONDS = 5  # of processor time: a large robot takes a tenth of one
+_WAIT = 20.0  # s, of a process that may be starved of its few seconds
+_MEMORY = 500_000_000  # bytes, beyond what MuJoCo itself takes
+_SECONDS = 5  # of processor time: a large robot takes a tenth of one
 # MuJoCo reports memory that it does not get in two ways, of which the second has no better word.
-NO_MEMORY = ("Could not allocate memory", "unknown exception")
-COMMENT = re.compile("<!--.*?-->", re.DOTALL)
-ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
-INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
+_NO_MEMORY = ("Could not allocate memory", "unknown exception")
+_COMMENT = re.compile("<!--.*?-->", re.DOTALL)
+_ATTRIBUTE = re.compile(r"""([\w.:-]+)\s*=\s*(["'])(.*?)\2""", re.DOTALL)
+_INCLUDED = re.compile(r"""<include\s+file\s*=\s*["'](.*?)["']""")
 
 
 def solid_of_mjcf(path: Path, name: str) -> Solid:
@@ -69,19 +69,19 @@ def _asked(kind: str, path: Path, name: str) -> dict[str, Any]:
             [sys.executable, "-P", "-m", __name__, kind, str(path), name],
             stdin=subprocess.DEVNULL,
             capture_output=True,
-            timeout=WAIT,
+            timeout=_WAIT,
         )
     except subprocess.TimeoutExpired:
-        return {"error": f"it takes more than {WAIT:g} s to load"}
+        return {"error": f"it takes more than {_WAIT:g} s to load"}
     if done.returncode == 0:
         answer: dict[str, Any] = json.loads(done.stdout)
         return answer
     # The system ends a process that used up its processor time.
     if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
-        return {"error": f"it takes more than {SECONDS} s to load"}
+        return {"error": f"it takes more than {_SECONDS} s to load"}
     # Any other end is by memory: MuJoCo's, or Python's own while it had none for a message.
     why = (done.stderr.decode(errors="replace").splitlines() or ["no word"])[-1]
-    return {"error": f"it cannot be loaded with {MEMORY / 1e6:.0f} MB of memory: {why}"}
+    return {"error": f"it cannot be loaded with {_MEMORY / 1e6:.0f} MB of memory: {why}"}
 
 
 def _main() -> None:
@@ -100,8 +100,8 @@ def _main() -> None:
             "inertia": solid.inertia.tolist(),
         }
     except (ValueError, mujoco.FatalError, RuntimeError, MemoryError) as error:
-        of_memory = isinstance(error, MemoryError) or any(w in str(error) for w in NO_MEMORY)
-        large = f"it takes more than {MEMORY / 1e6:.0f} MB to load"
+        of_memory = isinstance(error, MemoryError) or any(w in str(error) for w in _NO_MEMORY)
+        large = f"it takes more than {_MEMORY / 1e6:.0f} MB to load"
         answer = {"error": large if of_memory else str(error)}
     print(json.dumps(answer))
 
@@ -111,9 +111,9 @@ def _limit() -> None:
     with contextlib.suppress(OSError, ValueError):
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         taken = pages * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (taken + MEMORY, taken + MEMORY))
+        resource.setrlimit(resource.RLIMIT_AS, (taken + _MEMORY, taken + _MEMORY))
     with contextlib.suppress(OSError, ValueError):
-        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+        resource.setrlimit(resource.RLIMIT_CPU, (_SECONDS, _SECONDS))
         # A process that ends at a limit would else leave its memory in the user's folder.
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
@@ -124,14 +124,14 @@ def _check_numbers(path: Path, folder: Path) -> None:
     MuJoCo takes NaN for an attribute that is not given, and an infinite angle for none. A range may
     have no end. The text is searched, as MuJoCo reads more than well-formed XML.
     """
-    text = COMMENT.sub("", path.read_text(errors="replace"))
-    attributes = [(key, value) for key, _, value in ATTRIBUTE.findall(text)]
+    text = _COMMENT.sub("", path.read_text(errors="replace"))
+    attributes = [(key, value) for key, _, value in _ATTRIBUTE.findall(text)]
     names = {value for key, value in attributes if key in ("name", "class")}
     # A body may be called `inf`, and what refers to it has that value as well.
     for key, value in attributes:
         if value not in names and not key.endswith("range") and not _finite(value):
             raise InputError(f"{path.name}: {key} takes finite numbers, not {value!r}")
-    for file in INCLUDED.findall(text):
+    for file in _INCLUDED.findall(text):
         # MuJoCo looks beside the file that includes another, and beside the first of them.
         for each in {path.parent / file, folder / file}:
             if each.is_file():
@@ -182,7 +182,7 @@ def _moves(kind: str, name: str, other: str) -> InputError:
 def _of_urdf(path: str, name: str) -> Solid:
     import mujoco
 
-    root = re.search(r"<(\w+)", COMMENT.sub("", Path(path).read_text(errors="replace")))
+    root = re.search(r"<(\w+)", _COMMENT.sub("", Path(path).read_text(errors="replace")))
     if root and root[1] != "robot":  # MuJoCo would read its own format as well
         raise InputError(f"no URDF: its root is <{root[1]}>, not <robot>")
     spec = mujoco.MjSpec.from_file(path)

@@ -25,7 +25,7 @@ from robotball.robot import Solid, axial_tensor, mass_of, thick_shell_inertia, v
 from robotball.rotations import Array, Z, direction, rotation_matrix
 from robotball.scene import unit
 
-SIGNS = [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=3)]
+_SIGNS = [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=3)]
 
 
 def solid_of(part: Part, axis: Array = Z) -> Solid:
@@ -85,7 +85,7 @@ def _box(name: str, box: Box) -> Solid:
     mass = mass_of(name, box.mass, box.density, x * y * z)
     moments = mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
     R = rotation_matrix(unit("attitude", np.array(box.attitude)))
-    corners = [box.centre + R @ (signs * box.size) / 2 for signs in SIGNS]
+    corners = [box.centre + R @ (signs * box.size) / 2 for signs in _SIGNS]
     reach = max(float(np.linalg.norm(corner)) for corner in corners)
     return Solid(mass, np.array(box.centre), R @ np.diag(moments) @ R.T, reach)
 

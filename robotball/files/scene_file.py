@@ -66,7 +66,7 @@ _SYMMETRIC = 1e-9
 
 
 @dataclass(frozen=True)
-class Entry:
+class _Entry:
     """The head of a scene's file: its name, title, rolling model and duration [s]."""
 
     name: str
@@ -80,11 +80,11 @@ def catalog() -> list[str]:
     return sorted(path.stem for path in CATALOG.glob("*.toml"))
 
 
-def entries() -> list[Entry]:
+def entries() -> list[_Entry]:
     """Return the heads of all these scenes. Their balls are not made."""
     tables = {name: tomllib.loads((CATALOG / f"{name}.toml").read_text()) for name in catalog()}
     return [
-        Entry(name, table["title"], table["rolling"], table["duration"])
+        _Entry(name, table["title"], table["rolling"], table["duration"])
         for name, table in tables.items()
     ]
 

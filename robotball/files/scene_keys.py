@@ -15,7 +15,7 @@ from msgspec import inspect
 
 from robotball.files.scene_tables import DRIVES, HingeTable, SceneTable, Table
 
-WORDS = {  # msgspec's names of types, in the words of TOML's users
+_WORDS = {  # msgspec's names of types, in the words of TOML's users
     "float": "a number",
     "int": "a whole number",
     "str": "text",
@@ -24,8 +24,8 @@ WORDS = {  # msgspec's names of types, in the words of TOML's users
     "object": "a table",
 }
 # Other formats' words for a key. By their letters alone another key would be the nearest.
-MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
-MANY = ("rotor", "pendulum", "part")
+_MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
+_MANY = ("rotor", "pendulum", "part")
 
 
 def explained(message: str) -> str:
@@ -39,14 +39,14 @@ def explained(message: str) -> str:
 
 def counted(message: str) -> str:
     """Return the message with bodies numbered from 1, as everywhere else: rotor[0] is rotor1."""
-    many = rf"\b({'|'.join(MANY)})\[(\d+)\]"
+    many = rf"\b({'|'.join(_MANY)})\[(\d+)\]"
     return re.sub(many, lambda found: f"{found[1]}{int(found[2]) + 1}", message)
 
 
 def _worded(key: str, what: str) -> str:
     if unknown := re.search(r"unknown field `(.*)`", what):
-        word, known = unknown[1], known_keys(key)
-        meant = MEANT.get(word)
+        word, known = unknown[1], _known_keys(key)
+        meant = _MEANT.get(word)
         near = [meant] if meant in known else difflib.get_close_matches(word, known, n=1)
         return f"unknown key {word!r}" + (f"; did you mean {near[0]!r}?" if near else "")
     if missing := re.search(r"missing required field `(.*)`", what):
@@ -56,13 +56,13 @@ def _worded(key: str, what: str) -> str:
         return f"unknown value {invalid[1]}{_listed(key)}"
     if expected := re.match(r"Expected (.*), got `?(\w+)`?$", what):
         # [rotor] for [[rotor]] is easily written, and is a table where a list is expected.
-        if key.split(".")[-1] in MANY and expected[2] == "object":
+        if key.split(".")[-1] in _MANY and expected[2] == "object":
             return f"a scene may have many; write [[{key}]] for each"
         # A key that may be left out is a union with null, which TOML has not.
         types, given = expected[1].replace(" | null", ""), expected[2]
         types = re.sub(r"`array` of length (\d+)", r"a list of \1", types).replace(" | ", " or ")
-        types = re.sub(r"\w+", lambda word: WORDS.get(word[0], word[0]), types).replace("`", "")
-        return f"it must be {types}, not {WORDS.get(given, given)}"
+        types = re.sub(r"\w+", lambda word: _WORDS.get(word[0], word[0]), types).replace("`", "")
+        return f"it must be {types}, not {_WORDS.get(given, given)}"
     return what
 
 
@@ -71,7 +71,7 @@ def _listed(path: str) -> str:
     return f"; it takes {known}" if known else ""
 
 
-def known_keys(path: str) -> list[str]:
+def _known_keys(path: str) -> list[str]:
     """Return the keys of the table at a path such as `frame.part[0]`, of any of its kinds."""
     return [field.name for table in tables_at(path) for field in table.fields]
 

@@ -25,9 +25,9 @@ from robotball.equations import Rolling
 from robotball.scene import DOWN, GRAVITY
 
 Triple = tuple[float, float, float]
-Quadruple = tuple[float, float, float, float]
-ORIGIN: Triple = (0.0, 0.0, 0.0)
-UPRIGHT: Quadruple = (1.0, 0.0, 0.0, 0.0)
+_Quadruple = tuple[float, float, float, float]
+_ORIGIN: Triple = (0.0, 0.0, 0.0)
+_UPRIGHT: _Quadruple = (1.0, 0.0, 0.0, 0.0)
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -50,14 +50,14 @@ class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
     ] = None
 
 
-Told = float | Ramp | Sine | SamplesTable
-Command = Told | list[Told]
+_Told = float | Ramp | Sine | SamplesTable
+Command = _Told | list[_Told]
 # As a type of its own, so that msgspec refuses any other word.
-DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
+_DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
 
 
 @dataclass(frozen=True)
-class DriveKind:
+class _DriveKind:
     """A way to move a hinge: the key of its command, its motor, and the keys of the motor's fields.
 
     does: a sentence of docs/scene.md; motor: None keeps the command exactly; keys: in the order of
@@ -77,25 +77,25 @@ class DriveKind:
         return tuple(dict.fromkeys(each for each in own if each is not None))
 
 
-DRIVES: dict[DriveName, DriveKind] = {
-    "prescribed": DriveKind(
+DRIVES: dict[_DriveName, _DriveKind] = {
+    "prescribed": _DriveKind(
         "The hinge keeps the rate exactly, whatever torque that takes.",
         "rate",
     ),
-    "servo": DriveKind(
+    "servo": _DriveKind(
         "Torque = kv (rate - the hinge's rate), at most the limit either way.",
         "rate", Servo, keys=("kv", "torque_limit", "armature"), needed=("kv",),
     ),
-    "position": DriveKind(
+    "position": _DriveKind(
         "Torque = kp (angle - the hinge's angle) - kd · the hinge's rate, likewise.",
         "angle", PositionServo, keys=("kp", "kd", "torque_limit", "armature"),
         needed=("kp", "angle"),
     ),
-    "torque": DriveKind(
+    "torque": _DriveKind(
         "The motor gives the torque, whatever the hinge does.",
         "torque", Torque, keys=("armature",), needed=("torque",),
     ),
-    "free": DriveKind(
+    "free": _DriveKind(
         "No motor: torque = -damping · rate - stiffness (angle - rest).",
         None, Free, keys=("damping", "stiffness", "rest", "armature"),
     ),
@@ -112,7 +112,7 @@ class HingeTable(Table, frozen=True):
     angle: Annotated[Command | None, key("commanded angle, a command as below", "rad")] = None
     torque: Annotated[Command | None, key("commanded torque, a command as below", "N m")] = None
     drive: Annotated[
-        DriveName,
+        _DriveName,
         key("what moves the hinge, see Drives; `prescribed`: it keeps its rate exactly"),
     ] = "prescribed"
     kv: Annotated[float | None, key("gain: torque per rate missed", "N m s/rad")] = None
@@ -132,12 +132,12 @@ class HingeTable(Table, frozen=True):
     ] = None
 
 
-Mass = Annotated[float, key("its mass", "kg")]
-OrMass = Annotated[float | None, key("its mass, or else its density", "kg")]
-Density = Annotated[float | None, key("instead of the mass", "kg/m³")]
-Radius = Annotated[float, key("its outer radius", "m")]
-Place = Annotated[Triple, key("where its middle is, from the sphere's centre", "m")]
-Axis = Annotated[
+_Mass = Annotated[float, key("its mass", "kg")]
+_OrMass = Annotated[float | None, key("its mass, or else its density", "kg")]
+_Density = Annotated[float | None, key("instead of the mass", "kg/m³")]
+_Radius = Annotated[float, key("its outer radius", "m")]
+_Place = Annotated[Triple, key("where its middle is, from the sphere's centre", "m")]
+_Axis = Annotated[
     Triple | None,
     key("what it is symmetric about; without it the axis of the shell or rotor, or else z"),
 ]
@@ -150,67 +150,67 @@ class _Part(Table, frozen=True, tag_field="kind"):
 class Point(_Part, frozen=True, kw_only=True, tag="point"):
     """A mass without a size; it needs another part beside it."""
 
-    mass: Mass
-    centre: Place = ORIGIN
+    mass: _Mass
+    centre: _Place = _ORIGIN
 
 
 class Sphere(_Part, frozen=True, kw_only=True, tag="sphere"):
     """A ball, solid or hollow."""
 
-    mass: OrMass = None
-    density: Density = None
-    radius: Radius
+    mass: _OrMass = None
+    density: _Density = None
+    radius: _Radius
     thickness: Annotated[float | None, key("of its wall; without it the ball is solid", "m")] = None
-    centre: Place = ORIGIN
+    centre: _Place = _ORIGIN
 
 
 class Box(_Part, frozen=True, kw_only=True, tag="box"):
     """A cuboid."""
 
-    mass: OrMass = None
-    density: Density = None
+    mass: _OrMass = None
+    density: _Density = None
     size: Annotated[Triple, key("its three edges, whole lengths", "m")]
-    centre: Place = ORIGIN
+    centre: _Place = _ORIGIN
     attitude: Annotated[
-        Quadruple, key("quaternion (w, x, y, z) that turns its edges from x, y, z")
-    ] = UPRIGHT
+        _Quadruple, key("quaternion (w, x, y, z) that turns its edges from x, y, z")
+    ] = _UPRIGHT
 
 
 class Cylinder(_Part, frozen=True, kw_only=True, tag="cylinder"):
     """A cylinder or a tube."""
 
-    mass: OrMass = None
-    density: Density = None
-    radius: Radius
+    mass: _OrMass = None
+    density: _Density = None
+    radius: _Radius
     length: Annotated[float, key("along the axis", "m")]
     inner_radius: Annotated[float, key("of a tube", "m")] = 0.0
-    centre: Place = ORIGIN
-    axis: Axis = None
+    centre: _Place = _ORIGIN
+    axis: _Axis = None
 
 
 class Disc(_Part, frozen=True, kw_only=True, tag="disc"):
     """A disc of no thickness, with or without a round hole."""
 
-    mass: Mass
-    radius: Radius
+    mass: _Mass
+    radius: _Radius
     inner_radius: Annotated[float, key("of its hole", "m")] = 0.0
-    centre: Place = ORIGIN
-    axis: Axis = None
+    centre: _Place = _ORIGIN
+    axis: _Axis = None
 
 
 class Ring(_Part, frozen=True, kw_only=True, tag="ring"):
     """A hoop, all of whose mass is at its radius."""
 
-    mass: Mass
-    radius: Radius
-    centre: Place = ORIGIN
-    axis: Axis = None
+    mass: _Mass
+    radius: _Radius
+    centre: _Place = _ORIGIN
+    axis: _Axis = None
 
 
 class Rod(_Part, frozen=True, kw_only=True, tag="rod"):
     """A round rod between two points."""
 
-    mass: Mass
+    mass: _Mass
     begin: Annotated[Triple, key("the middle of its one end, from the sphere's centre", "m")]
     end: Annotated[Triple, key("the middle of its other end", "m")]
     radius: Annotated[float, key("of its round section", "m")] = 0.0
@@ -219,38 +219,38 @@ class Rod(_Part, frozen=True, kw_only=True, tag="rod"):
 Part = Point | Sphere | Box | Cylinder | Disc | Ring | Rod
 
 
-File = Annotated[str, key("the file; a relative path is from the scene's own folder")]
-Origin = Annotated[Triple, key("where the body's origin is, from the sphere's centre", "m")]
-Attitude = Annotated[Quadruple, key("quaternion (w, x, y, z) that turns the body's axes")]
-Parts = Annotated[list[Part] | None, key("parts that it is made of, see Parts")]
+_File = Annotated[str, key("the file; a relative path is from the scene's own folder")]
+_Origin = Annotated[Triple, key("where the body's origin is, from the sphere's centre", "m")]
+_Attitude = Annotated[_Quadruple, key("quaternion (w, x, y, z) that turns the body's axes")]
+_Parts = Annotated[list[Part] | None, key("parts that it is made of, see Parts")]
 
 
 class MjcfTable(Table, frozen=True):
     """A body of an MJCF file, with all that is fixed to it."""
 
-    file: File
+    file: _File
     body: Annotated[str, key("the name of the body")]
-    origin: Origin = ORIGIN
-    attitude: Attitude = UPRIGHT
+    origin: _Origin = _ORIGIN
+    attitude: _Attitude = _UPRIGHT
 
 
 class UrdfTable(Table, frozen=True):
     """A link of a URDF file, with all that is fixed to it."""
 
-    file: File
+    file: _File
     link: Annotated[str, key("the name of the link")]
-    origin: Origin = ORIGIN
-    attitude: Attitude = UPRIGHT
+    origin: _Origin = _ORIGIN
+    attitude: _Attitude = _UPRIGHT
 
 
 # Written once for frame, rotor and pendulum, whose other keys differ.
-Mjcf = Annotated[MjcfTable | None, key("a body of an MJCF file")]
-Urdf = Annotated[UrdfTable | None, key("a link of a URDF file")]
+_Mjcf = Annotated[MjcfTable | None, key("a body of an MJCF file")]
+_Urdf = Annotated[UrdfTable | None, key("a link of a URDF file")]
 Rows = list[float | Triple]  # three moments, or three rows: msgspec knows no list of either
-Centre = Annotated[
+_Centre = Annotated[
     Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
 ]
-Tensor = Annotated[
+_Tensor = Annotated[
     Rows | None,
     key("about its own centre of mass: three moments, or three rows of three", "kg m²"),
 ]
@@ -298,11 +298,11 @@ class FrameTable(HingeTable, frozen=True):
     """The body that turns in the shell, about the shell's axis, and carries the others."""
 
     mass: Annotated[float | None, key("its mass", "kg")] = None
-    inertia: Tensor = None
-    centre: Centre = None
-    part: Parts = None
-    mjcf: Mjcf = None
-    urdf: Urdf = None
+    inertia: _Tensor = None
+    centre: _Centre = None
+    part: _Parts = None
+    mjcf: _Mjcf = None
+    urdf: _Urdf = None
 
 
 class RotorTable(HingeTable, frozen=True, kw_only=True):
@@ -311,23 +311,23 @@ class RotorTable(HingeTable, frozen=True, kw_only=True):
     mass: Annotated[float | None, key("its mass", "kg")] = None
     inertia: Annotated[Axial | None, key("its moments")] = None
     axis: Annotated[Triple, key("its axis; a direction of any length")]
-    centre: Centre = None
-    part: Parts = None
-    mjcf: Mjcf = None
-    urdf: Urdf = None
+    centre: _Centre = None
+    part: _Parts = None
+    mjcf: _Mjcf = None
+    urdf: _Urdf = None
 
 
 class PendulumTable(HingeTable, frozen=True, kw_only=True):
     """Any body on a hinge of the frame, as it is at the hinge's angle 0."""
 
     mass: Annotated[float | None, key("its mass", "kg")] = None
-    inertia: Tensor = None
-    centre: Centre = None
+    inertia: _Tensor = None
+    centre: _Centre = None
     axis: Annotated[Triple, key("the hinge's axis; a direction of any length")]
-    pivot: Annotated[Triple, key("a point of the axis, from the sphere's centre", "m")] = ORIGIN
-    part: Parts = None
-    mjcf: Mjcf = None
-    urdf: Urdf = None
+    pivot: Annotated[Triple, key("a point of the axis, from the sphere's centre", "m")] = _ORIGIN
+    part: _Parts = None
+    mjcf: _Mjcf = None
+    urdf: _Urdf = None
 
 
 class FrictionTable(Table, frozen=True):
@@ -354,7 +354,7 @@ class NumbersTable(Table, frozen=True):
     mass: Annotated[float | None, key("of the whole ball; found if not given", "kg")] = None
 
 
-class SectionTable(Table, frozen=True):
+class _SectionTable(Table, frozen=True):
     """The section's coordinates (5.5), in the principal axes of the ball's inertia."""
 
     L: Annotated[float, key("M along the third axis", "kg m²/s")]
@@ -368,7 +368,7 @@ class StartTable(Table, frozen=True):
     """An attitude and what turns the ball, in one of three forms."""
 
     attitude: Annotated[
-        Quadruple | None, key("quaternion (w, x, y, z) of the frame, frame to world")
+        _Quadruple | None, key("quaternion (w, x, y, z) of the frame, frame to world")
     ] = None
     gamma: Annotated[Triple | None, key("the upward vertical, in frame axes; of length 1")] = None
     alpha: Annotated[Triple | None, key("the world's X, in frame axes; of length 1")] = None
@@ -380,7 +380,7 @@ class StartTable(Table, frozen=True):
     rest: Annotated[
         bool, key("`true` is M = 0, the paper's rest; what turns at the start turns the ball then")
     ] = False
-    section: Annotated[SectionTable | None, key("the paper's section coordinates")] = None
+    section: Annotated[_SectionTable | None, key("the paper's section coordinates")] = None
 
 
 class SceneTable(Table, frozen=True, kw_only=True):

@@ -31,9 +31,9 @@ from robotball.robot import Frame, Pendulum, Rotor, Shell, thin_shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-AT_REST = "M = 0; ω is not, where frame or rotors turn"
+_AT_REST = "M = 0; ω is not, where frame or rotors turn"
 # Written even where they have their default: a reader would look for a direction and its place.
-ALWAYS = ("axis", "pivot")
+_ALWAYS = ("axis", "pivot")
 
 
 def scene_toml(scene: Scene) -> str:
@@ -45,7 +45,7 @@ def scene_toml(scene: Scene) -> str:
     # The start comes last, and its momentum last in it: the remark is on that line. From rest means
     # M = 0 in the paper, where a robot's builder would expect ω = 0.
     text = "\n".join(_lines(_scene_table(scene)))
-    return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {AT_REST}\n"
+    return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {_AT_REST}\n"
 
 
 def _scene_table(scene: Scene) -> SceneTable:
@@ -153,7 +153,7 @@ def _lines(table: Table) -> Iterator[str]:
     )
     for field in info:
         name, value = field.name, getattr(table, field.name)
-        if value is None or (value == field.default and name not in ALWAYS):
+        if value is None or (value == field.default and name not in _ALWAYS):
             continue
         if name == "source":
             lines = _escaped(value, keep="\n")

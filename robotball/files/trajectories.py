@@ -20,10 +20,10 @@ from robotball.rotations import Array
 from robotball.scene import Scene
 
 FORMAT = "robotball motion 1"  # by which `recorded` knows a file that has all arrays
-Place = tuple[str, ...]
+_Place = tuple[str, ...]
 
 
-def layout(scene: Scene) -> Iterator[tuple[Place, tuple[str, ...], str]]:
+def _layout(scene: Scene) -> Iterator[tuple[_Place, tuple[str, ...], str]]:
     """Yield where each array of a motion stands, the names of its columns, and their unit."""
     hinges = [hinge.name for hinge in scene.hinges]
     yield ("times",), ("t",), "s"
@@ -42,7 +42,7 @@ def write_motion(
     path: Path,
     scene: Scene,
     engine: Mapping[str, str],
-    arrays: Mapping[Place, Array],
+    arrays: Mapping[_Place, Array],
     timestep: float | None = None,
 ) -> None:
     """Write a motion of a scene, by the places of its arrays, with its engine's label.
@@ -51,7 +51,7 @@ def write_motion(
     """
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
-    for place, names, unit in layout(scene):
+    for place, names, unit in _layout(scene):
         array = arrays[place]
         columns.update(zip(names, array.reshape(len(array), -1).T, strict=True))
         units.update(dict.fromkeys(names, unit))
@@ -67,13 +67,13 @@ def write_motion(
     write_table(path, Table(columns, units, header))
 
 
-def arrays_of(table: Table, scene: Scene) -> dict[Place, Array]:
+def arrays_of(table: Table, scene: Scene) -> dict[_Place, Array]:
     """Return a motion's arrays by their places. Raises InputError for missing columns.
 
     The shapes are those that a motion of the scene has.
     """
-    arrays: dict[Place, Array] = {}
-    for place, names, _ in layout(scene):
+    arrays: dict[_Place, Array] = {}
+    for place, names, _ in _layout(scene):
         missing = [name for name in names if name not in table.columns]
         if missing:
             raise InputError(f"{', '.join(missing)} are missing: it is no motion of {scene.name}")
@@ -86,7 +86,7 @@ def arrays_of(table: Table, scene: Scene) -> dict[Place, Array]:
 
 # Column names without units, brackets, capitals and separators → what they hold. An array (n, k)
 # of an NPZ has its columns as name.0, name.1, …
-NAMES = {
+_NAMES = {
     "t": ("t", "time", "times", "timestamp", "stamp", "sec", "seconds", "simtime"),
     "x": ("x", "px", "posx", "xpos", "positionx", "contactx", "posepositionx"),
     "y": ("y", "py", "posy", "ypos", "positiony", "contacty", "posepositiony"),
@@ -102,32 +102,32 @@ NAMES = {
     "My": ("my", "momentumy"),
     "Mz": ("mz", "momentumz"),
 }
-ARRAYS = {
+_ARRAYS = {
     ("x", "y", "z"): ("position", "positions", "pos", "xyz", "contactpoint"),
     ("qw", "qx", "qy", "qz"): ("attitude", "quaternion", "quat", "q", "orientation"),
     ("wx", "wy", "wz"): ("angularvelocity", "omega", "w", "angvel"),
     ("Mx", "My", "Mz"): ("momentum", "m"),
 }
-KNOWN = {
-    **{alias: name for name, aliases in NAMES.items() for alias in aliases},
+_KNOWN = {
+    **{alias: name for name, aliases in _NAMES.items() for alias in aliases},
     **{
         f"{alias}{i}": name
-        for names, aliases in ARRAYS.items()
+        for names, aliases in _ARRAYS.items()
         for alias in aliases
         for i, name in enumerate(names)
     },
 }
-NEEDED = ("t", "x", "y", "qw", "qx", "qy", "qz")
-WRITTEN = ",".join(NEEDED)
+_NEEDED = ("t", "x", "y", "qw", "qx", "qy", "qz")
+_WRITTEN = ",".join(_NEEDED)
 LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
-TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
-TURN = 2 * np.pi
-RATES = {"rad/s": 1.0, "1/s": 1.0, "deg/s": TURN / 360, "rpm": TURN / 60, "rev/s": TURN}
-UNITS = {"t": TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("wx", "wy", "wz"), RATES)}
-AS_WRITTEN = {"°/s": "deg/s", "µm": "um", "μm": "um", "rad/sec": "rad/s", "rad s^-1": "rad/s"}
-NO_QUATERNION = 0.02  # off length one: more is no rounding
-ROUNDED = 1e-6  # off length one: single precision, which is not worth a note
-NO_UNIT = ("", "-", "1")
+_TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+_TURN = 2 * np.pi
+_RATES = {"rad/s": 1.0, "1/s": 1.0, "deg/s": _TURN / 360, "rpm": _TURN / 60, "rev/s": _TURN}
+_UNITS = {"t": _TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("wx", "wy", "wz"), _RATES)}
+_AS_WRITTEN = {"°/s": "deg/s", "µm": "um", "μm": "um", "rad/sec": "rad/s", "rad s^-1": "rad/s"}
+_NO_QUATERNION = 0.02  # off length one: more is no rounding
+_ROUNDED = 1e-6  # off length one: single precision, which is not worth a note
+_NO_UNIT = ("", "-", "1")
 
 
 @dataclass(frozen=True)
@@ -163,19 +163,19 @@ def read_trajectory(path: Path) -> Trajectory:
     """
     table = read_table(path)
     try:
-        return trajectory_of(table, path.name)
+        return _trajectory_of(table, path.name)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def trajectory_of(table: Table, name: str) -> Trajectory:
+def _trajectory_of(table: Table, name: str) -> Trajectory:
     """Return the trajectory of a table. Raises InputError as `read_trajectory` does."""
     columns, units, others = _named(table)
-    missing = [each for each in NEEDED if each not in columns]
+    missing = [each for each in _NEEDED if each not in columns]
     if missing:
         there = ", ".join(table.columns) or "none"
         raise InputError(
-            f"the columns {','.join(missing)} are missing; there are {there}, and needed {WRITTEN}"
+            f"the columns {','.join(missing)} are missing; there are {there}, and needed {_WRITTEN}"
         )
     notes = list(table.notes)
     # A quaternion has no unit, and momentum is taken in kg m²/s alone.
@@ -225,12 +225,12 @@ def _parsed(title: str) -> tuple[str | None, str | None]:
     """Return a column's name and its title's unit: `x`, `x [mm]`, `x_mm`, `pos.x (mm)`."""
     found = re.match(r"(.*?)\s*[\[(](.*?)[\])]\s*$", title)
     bare, unit = (found[1], found[2]) if found else (title, None)
-    name = KNOWN.get(_plain(bare))
+    name = _KNOWN.get(_plain(bare))
     if name is None and "_" in bare:
         first, _, last = bare.rpartition("_")
-        name = KNOWN.get(_plain(first))
+        name = _KNOWN.get(_plain(first))
         # `x_mm` is x in mm, but `x_error` is another column.
-        if name is None or _unit_name(last) not in UNITS.get(name, {}):
+        if name is None or _unit_name(last) not in _UNITS.get(name, {}):
             return None, None
         unit = last
     return name, unit
@@ -241,16 +241,16 @@ def _plain(title: str) -> str:
 
 
 def _unit_name(unit: str) -> str:
-    return AS_WRITTEN.get(unit.strip(), unit.strip())
+    return _AS_WRITTEN.get(unit.strip(), unit.strip())
 
 
 def _made_si(columns: dict[str, Array], units: Mapping[str, str], group: object) -> list[str]:
     """Turn columns of a group into SI units, in place. Returns a note for each other unit."""
     changed: dict[str, list[str]] = {}
     for name in group if isinstance(group, tuple) else str(group):
-        unit, known = _unit_name(units.get(name, "")), UNITS[name]
+        unit, known = _unit_name(units.get(name, "")), _UNITS[name]
         # Without a unit it is SI's.
-        if name not in columns or unit in NO_UNIT:
+        if name not in columns or unit in _NO_UNIT:
             continue
         if unit not in known:
             raise InputError(f"{name} is in {unit!r}; it can be in {', '.join(known)}")
@@ -294,12 +294,12 @@ def _unit(attitude: Array, times: Array) -> tuple[Array, list[str]]:
     length = np.linalg.norm(attitude, axis=1)
     off = np.abs(length - 1)
     worst = int(off.argmax())
-    if off[worst] > NO_QUATERNION:
+    if off[worst] > _NO_QUATERNION:
         raise InputError(
             f"the quaternion in row {worst + 1} (t = {times[worst]:g} s) has length "
             f"{length[worst]:.6g}, and must have 1"
         )
-    if off[worst] <= ROUNDED:
+    if off[worst] <= _ROUNDED:
         # Those of length one but for rounding stay as they are, to the last bit.
         return np.where(off[:, None] <= 1e-15, attitude, attitude / length[:, None]), []
     note = f"quaternions are off length 1 by up to {off[worst]:.1g}; they are made so"

@@ -12,16 +12,16 @@ import sys
 from traceback import walk_tb
 from typing import Any
 
-PATIENCE = 60.0  # s, for one candidate: several times what a loaded machine needs
-OFF = ("disable", "disabled", "off", "false", "0")
-ANY = ("", "enable", "enabled", "on", "true", "1")
-FIX = {
+_PATIENCE = 60.0  # s, for one candidate: several times what a loaded machine needs
+_OFF = ("disable", "disabled", "off", "false", "0")
+_ANY = ("", "enable", "enabled", "on", "true", "1")
+_FIX = {
     "Linux": "sudo apt-get install libosmesa6",
     "Darwin": "a session with a window server",
 }
 
 # MuJoCo takes its backend from MUJOCO_GL when it is first imported, as it is in the child.
-PROBE = """
+_PROBE = """
 import mujoco
 with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8) as renderer:
     renderer.render()
@@ -55,7 +55,7 @@ def advice() -> str:
     chosen = os.environ.get("MUJOCO_GL")
     if chosen:
         return f"no off-screen GL with MUJOCO_GL={chosen}; unset it, or name one that works here"
-    fix = FIX.get(platform.system(), "an OpenGL driver")
+    fix = _FIX.get(platform.system(), "an OpenGL driver")
     return f"no off-screen GL; video needs: {fix}"
 
 
@@ -67,9 +67,9 @@ def ended_import(error: Exception) -> bool:
 
 def _candidates() -> tuple[str, ...]:
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
-    if chosen in OFF:
+    if chosen in _OFF:
         return ()
-    if chosen not in ANY:
+    if chosen not in _ANY:
         return ("glfw",) if chosen in ("glx", "wgl") else (chosen,)
     return {"Linux": ("egl", "osmesa"), "Darwin": ("cgl", "glfw")}.get(platform.system(), ("glfw",))
 
@@ -77,10 +77,10 @@ def _candidates() -> tuple[str, ...]:
 def _works(backend: str) -> bool:
     try:
         child = subprocess.run(
-            [sys.executable, "-c", PROBE],
+            [sys.executable, "-c", _PROBE],
             env={**os.environ, "MUJOCO_GL": backend},
             capture_output=True,
-            timeout=PATIENCE,
+            timeout=_PATIENCE,
             check=False,
         )
     except subprocess.TimeoutExpired:

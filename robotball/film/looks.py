@@ -35,22 +35,22 @@ def rgb(colour: str) -> tuple[float, float, float]:
 
 # The materials that show a rotor's angle, and its disc when it turns too fast to be seen.
 MARKS, BLUR = "spoke", "blur"
-HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim
+_HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim
 
 # Lengths in radii of the ball.
 INSIDE = 0.75  # bodies that turn in the frame's hoop reach no further
 RIM = 0.61  # how far the part "rotor" reaches
-RING = 0.7  # the size of a ring over that of the ring around it
-LEAST = 0.06  # the smallest rotor, and the smallest bob, that can still be seen
-CORE = 0.28  # room for rotors at the centre where a pendulum swings around them
-BOB, ARM = 0.17, 0.035  # radii of a pendulum's bob and arm
-HOOP, OUTSIDE = 0.82, 0.96  # the frame's hoop, and how far out a weight on it reaches
-BALANCED = 0.01  # a frame whose centre of mass is nearer to the ball's has no weight
-TOGETHER = 0.05  # rotors whose centres are nearer are nested
+_RING = 0.7  # the size of a ring over that of the ring around it
+_LEAST = 0.06  # the smallest rotor, and the smallest bob, that can still be seen
+_CORE = 0.28  # room for rotors at the centre where a pendulum swings around them
+BOB, _ARM = 0.17, 0.035  # radii of a pendulum's bob and arm
+HOOP, _OUTSIDE = 0.82, 0.96  # the frame's hoop, and how far out a weight on it reaches
+_BALANCED = 0.01  # a frame whose centre of mass is nearer to the ball's has no weight
+_TOGETHER = 0.05  # rotors whose centres are nearer are nested
 
-ORIGIN, AS_IT_IS = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+_ORIGIN, _AS_IT_IS = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
 
-Kind = Literal["torus", "sphere", "capsule", "cylinder", "box"]
+_Kind = Literal["torus", "sphere", "capsule", "cylinder", "box"]
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Shape:
     material  its name
     """
 
-    kind: Kind
+    kind: _Kind
     size: Array
     pos: Array
     turn: Array
@@ -75,7 +75,7 @@ def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
     axis = ball.shell.axis
     looks = {"shell": _placed(_part("shell"), axis), "frame": _frame(ball)}
     for (name, rotor), (size, inmost) in zip(ball.named_rotors, _rings(ball), strict=True):
-        shapes = [each for each in _part("rotor") if inmost or each.kind not in HUB]
+        shapes = [each for each in _part("rotor") if inmost or each.kind not in _HUB]
         looks[name] = _placed(shapes, rotor.axis, size, rotor.centre / ball.radius)
     for name, pendulum in ball.named_pendulums:
         looks[name] = tuple(_pendulum(ball, pendulum))
@@ -97,20 +97,20 @@ def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
     centres = [rotor.centre / ball.radius for rotor in ball.rotors]
     for i, centre in enumerate(centres):
         away = [float(np.linalg.norm(centre - other)) for other in centres]
-        before = sum(distance < TOGETHER for distance in away[:i])
-        after = sum(distance < TOGETHER for distance in away[i + 1 :])
+        before = sum(distance < _TOGETHER for distance in away[:i])
+        after = sum(distance < _TOGETHER for distance in away[i + 1 :])
         room = [RIM, INSIDE - float(np.linalg.norm(centre))]
-        room += [distance / 2 for distance in away if distance >= TOGETHER]
+        room += [distance / 2 for distance in away if distance >= _TOGETHER]
         if ball.pendulums:
-            room.append(CORE)
-        yield max(LEAST, min(room)) / RIM * RING**before, after == 0
+            room.append(_CORE)
+        yield max(_LEAST, min(room)) / RIM * _RING**before, after == 0
 
 
 def _frame(ball: Ball) -> tuple[Shape, ...]:
     """Return the frame's shapes; off balance, the hoop is turned to carry a weight there."""
     part, axis, centre = _part("frame"), ball.shell.axis, ball.frame.centre / ball.radius
     off = float(np.linalg.norm(centre))
-    if off < BALANCED:
+    if off < _BALANCED:
         return _placed(part, axis)
     across = Rotation.from_quat(z_along(axis), scalar_first=True).inv().apply(centre)
     hoop = _placed(part, axis, spin=float(np.arctan2(across[1], across[0])))
@@ -122,11 +122,11 @@ def _weight(ball: Ball, side: Array, off: float) -> Iterator[Shape]:
     reach = INSIDE if ball.pendulums else 0.0
     for rotor, (size, _) in zip(ball.rotors, _rings(ball), strict=True):
         reach = max(reach, float(np.linalg.norm(rotor.centre)) / ball.radius + RIM * size)
-    radius = min(BOB, (OUTSIDE - reach) / 2)
-    place = OUTSIDE - radius if reach else min(off, INSIDE - radius)
-    yield Shape("sphere", np.array([radius, 0, 0]), place * side, AS_IT_IS, "rotor")
+    radius = min(BOB, (_OUTSIDE - reach) / 2)
+    place = _OUTSIDE - radius if reach else min(off, INSIDE - radius)
+    yield Shape("sphere", np.array([radius, 0, 0]), place * side, _AS_IT_IS, "rotor")
     if not reach:
-        arm = np.array([ARM, (HOOP - place) / 2, 0.0])
+        arm = np.array([_ARM, (HOOP - place) / 2, 0.0])
         yield Shape("capsule", arm, side * (place + HOOP) / 2, z_along(side), "frame")
 
 
@@ -135,16 +135,16 @@ def _pendulum(ball: Ball, pendulum: Pendulum) -> Iterator[Shape]:
     pivot, arm = pendulum.pivot / ball.radius, (pendulum.centre - pendulum.pivot) / ball.radius
     along = float(pivot @ pendulum.axis) * pendulum.axis
     reach = float(np.linalg.norm(along) + np.linalg.norm(pivot - along) + np.linalg.norm(arm))
-    arm = arm * min(1.0, (INSIDE - LEAST) / reach) if reach > 0 else arm
+    arm = arm * min(1.0, (INSIDE - _LEAST) / reach) if reach > 0 else arm
     length = float(np.linalg.norm(arm))
-    bob = float(np.clip(INSIDE - reach, LEAST, BOB))
-    yield Shape("sphere", np.array([bob, 0, 0]), pivot + arm, AS_IT_IS, "rotor")
-    axle = np.array([1.4 * ARM, 4 * ARM, 0.0])
+    bob = float(np.clip(INSIDE - reach, _LEAST, BOB))
+    yield Shape("sphere", np.array([bob, 0, 0]), pivot + arm, _AS_IT_IS, "rotor")
+    axle = np.array([1.4 * _ARM, 4 * _ARM, 0.0])
     yield Shape("capsule", axle, pivot, z_along(pendulum.axis), "frame")
-    begin = CORE if ball.rotors else 0.0  # the rotors are in the way
+    begin = _CORE if ball.rotors else 0.0  # the rotors are in the way
     if length > begin:
         unit = arm / length
-        size = np.array([ARM, (length - begin) / 2, 0.0])
+        size = np.array([_ARM, (length - begin) / 2, 0.0])
         yield Shape("capsule", size, pivot + unit * (begin + length) / 2, z_along(unit), "frame")
 
 
@@ -152,7 +152,7 @@ def _placed(
     shapes: Sequence[Shape],
     axis: Array,
     size: float = 1.0,
-    centre: Array = ORIGIN,
+    centre: Array = _ORIGIN,
     spin: float = 0.0,
 ) -> tuple[Shape, ...]:
     """Turn a part's shapes from z to an axis (3,), scale them, and move them to a centre (3,).
@@ -199,11 +199,11 @@ def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) ->
         tube = float(mesh.attrib["params"].split()[1])
         radius = float(mesh.get("scale", "1").split()[0])
         return Shape("torus", np.array([1, tube, 0]) * radius, pos, turn, material)
-    return Shape(cast(Kind, kind), size, pos, turn, material)
+    return Shape(cast(_Kind, kind), size, pos, turn, material)
 
 
-AROUND, SECTION = 48, 8  # steps about a shape's axis, and around a tube or a round end
-THIN = 12  # steps about the axis of a capsule or a small sphere
+_AROUND, _SECTION = 48, 8  # steps about a shape's axis, and around a tube or a round end
+_THIN = 12  # steps about the axis of a capsule or a small sphere
 
 
 def triangles_of(shape: Shape) -> Array:
@@ -230,14 +230,14 @@ def _profile(shape: Shape) -> tuple[Array, int]:
     """Return the section (m, 2) of a shape turned about z, as r and z, and its steps about z."""
     a, b, _ = shape.size
     if shape.kind == "torus":
-        turn = np.linspace(0.0, 2 * np.pi, SECTION + 1)
-        return np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), AROUND
+        turn = np.linspace(0.0, 2 * np.pi, _SECTION + 1)
+        return np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), _AROUND
     if shape.kind == "cylinder":
-        return np.array([(0.0, -b), (a, -b), (a, b), (0.0, b)]), AROUND
+        return np.array([(0.0, -b), (a, -b), (a, b), (0.0, b)]), _AROUND
     large = shape.kind == "sphere" and a > 0.5
-    rise = np.linspace(-np.pi / 2, np.pi / 2, (2 if large else 1) * SECTION + 1)
+    rise = np.linspace(-np.pi / 2, np.pi / 2, (2 if large else 1) * _SECTION + 1)
     side = b * np.where(rise > 0, 1, -1)  # a sphere's is 0
-    return np.column_stack([a * np.cos(rise), a * np.sin(rise) + side]), AROUND if large else THIN
+    return np.column_stack([a * np.cos(rise), a * np.sin(rise) + side]), _AROUND if large else _THIN
 
 
 def _box(size: Array) -> Array:
@@ -251,8 +251,8 @@ def _box(size: Array) -> Array:
     return np.reshape(corners, (-1, 3, 3))
 
 
-RESOLUTION = 48  # points around a torus, and around its tube
-BLUR_GROUP = "3"  # hidden until a picture asks for it
+_RESOLUTION = 48  # points around a torus, and around its tube
+_BLUR_GROUP = "3"  # hidden until a picture asks for it
 
 
 def add_materials(
@@ -293,7 +293,7 @@ def add_shapes(
                     "mesh",
                     name=name,
                     builtin="supertorus",
-                    params=f"{RESOLUTION} {tube / radius:.6g} 1 1",
+                    params=f"{_RESOLUTION} {tube / radius:.6g} 1 1",
                     scale=_text(np.full(3, radius * unit)),
                 )
             geom.attrib.update(type="mesh", mesh=name)
@@ -305,7 +305,7 @@ def add_shapes(
             material=f"{prefix}{shape.material}",
         )
         if shape.material == BLUR:
-            geom.set("group", BLUR_GROUP)
+            geom.set("group", _BLUR_GROUP)
 
 
 def _text(numbers: Array) -> str:

@@ -26,17 +26,17 @@ from robotball.motion import ContactMotion, Motion
 from robotball.processes import in_processes
 from robotball.rotations import Array, rotation_matrix
 
-FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-PAPER = "#FFFFFF"
-LINES = 30  # of text in the picture's height
-HEADER, FOOTER = 2.7, 6.0  # heights in lines
-LEAST_DISTANCE = 1e-17  # m; smaller ones are drawn there, as a logarithm has no zero
-FINE = 3  # the curve is drawn so many times larger, as Pillow does not smooth lines
+_FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_PAPER = "#FFFFFF"
+_LINES = 30  # of text in the picture's height
+_HEADER, _FOOTER = 2.7, 6.0  # heights in lines
+_LEAST_DISTANCE = 1e-17  # m; smaller ones are drawn there, as a logarithm has no zero
+_FINE = 3  # the curve is drawn so many times larger, as Pillow does not smooth lines
 
 
 @dataclass(frozen=True)
-class Name:
+class _Name:
     """A heading of a pane, or the name of an arrow; at: its place from the left, 0 to 1."""
 
     text: str
@@ -44,7 +44,7 @@ class Name:
     at: float = 0.5
 
 
-class Sheet:
+class _Sheet:
     """The frame around the pictures: what is fixed is drawn once, the rest in each frame.
 
     size: (height, width) in pixels; panes: the number of pictures side by side; times (m,) [s] and
@@ -56,23 +56,23 @@ class Sheet:
         size: tuple[int, int],
         panes: int,
         title: str,
-        names: Sequence[Name],
-        arrows: Sequence[Name],
+        names: Sequence[_Name],
+        arrows: Sequence[_Name],
         note: str,
         times: Array,
         apart: Array,
     ) -> None:
         height, width = size
-        self._line = height / LINES
+        self._line = height / _LINES
         self._end = float(times[-1])
-        self.top = round(HEADER * self._line)
-        self.bottom = height - round(FOOTER * self._line)
+        self.top = round(_HEADER * self._line)
+        self.bottom = height - round(_FOOTER * self._line)
         self.pane = (self.bottom - self.top, width // panes)
         self._edges = [i * width // panes for i in range(1, panes)]
-        image = Image.new("RGB", (width, height), PAPER)
+        image = Image.new("RGB", (width, height), _PAPER)
         pen = ImageDraw.Draw(image)
-        self._bold = ImageFont.truetype(str(FONTS / "DejaVuSans-Bold.ttf"), 0.72 * self._line)
-        self._plain = ImageFont.truetype(str(FONTS / "DejaVuSans.ttf"), 0.66 * self._line)
+        self._bold = ImageFont.truetype(str(_FONTS / "DejaVuSans-Bold.ttf"), 0.72 * self._line)
+        self._plain = ImageFont.truetype(str(_FONTS / "DejaVuSans.ttf"), 0.66 * self._line)
         line, edge = self._line, 0.6 * self._line
         pen.text((edge, 0.75 * line), " ".join(title.split()), palette.INK, self._bold, "lm")
         for name in names:
@@ -94,7 +94,7 @@ class Sheet:
         for value in (self._least, self._most):
             y = float(self._height(np.array([value]))[0])
             pen.line((left, y, right, y), palette.FAINT, 1)
-            pen.text((left - 0.3 * line, y), metres(value), palette.INK, self._plain, "rm")
+            pen.text((left - 0.3 * line, y), _metres(value), palette.INK, self._plain, "rm")
         for x, t in ((left, 0.0), (right, self._end)):
             pen.text((x, low + 0.75 * line), f"{t:g} s", palette.INK, self._plain, "mm")
         self._curve(image, times, apart)
@@ -113,7 +113,7 @@ class Sheet:
         half = max(1, round(line / 20))
         column = slice(round(x) - half, round(x) + half)
         whole[round(high - 0.3 * line) : round(low + 0.3 * line), column] = 0x22
-        self._put(whole, metres(apart), width - 0.6 * line, (high + low) / 2)
+        self._put(whole, _metres(apart), width - 0.6 * line, (high + low) / 2)
         return whole
 
     def _put(self, whole: Pixels, text: str, right: float, middle: float) -> None:
@@ -129,7 +129,7 @@ class Sheet:
 
         The tenth percentile stands for the least: the first errors are often rounding alone.
         """
-        positive = apart[apart > LEAST_DISTANCE]
+        positive = apart[apart > _LEAST_DISTANCE]
         self._log = len(positive) > 0 and positive.max() > 100 * np.percentile(positive, 10)
         self._least, self._most = 0.0, float(apart.max()) or 1.0
         if self._log:
@@ -140,7 +140,7 @@ class Sheet:
         _, high, _, low = self._box
         if self._log:
             ends = np.log([self._least, self._most])
-            part = (np.log(np.maximum(apart, LEAST_DISTANCE)) - ends[0]) / (ends[1] - ends[0])
+            part = (np.log(np.maximum(apart, _LEAST_DISTANCE)) - ends[0]) / (ends[1] - ends[0])
         else:
             part = apart / self._most
         return low - np.clip(part, -0.08, 1.0) * (low - high)
@@ -150,9 +150,9 @@ class Sheet:
         margin = self._line / 4
         corner = (int(left - margin), int(high - margin))
         area = image.crop((*corner, int(right + margin), int(low + margin)))
-        large = area.resize((area.width * FINE, area.height * FINE), Image.Resampling.NEAREST)
+        large = area.resize((area.width * _FINE, area.height * _FINE), Image.Resampling.NEAREST)
         x = left + (right - left) * times / self._end
-        points = (np.column_stack([x, self._height(apart)]) - corner) * FINE
+        points = (np.column_stack([x, self._height(apart)]) - corner) * _FINE
         pen = ImageDraw.Draw(large)
         pen.line(
             list(map(tuple, points.tolist())), palette.INK, max(3, round(self._line / 4)), "curve"
@@ -160,27 +160,27 @@ class Sheet:
         image.paste(large.resize(area.size, Image.Resampling.BOX), corner)
 
 
-def metres(length: float) -> str:
+def _metres(length: float) -> str:
     """Write a length [m] as text: 0.123 m, 4.2 × 10⁻¹² m, 10⁻⁹ m."""
     if length == 0 or length >= 1e-3:
         return f"{length:.3g} m" if length < 1000 else f"{length:.0f} m"
     digits, exponent = f"{length:.1e}".split("e")
-    power = f"10{str(int(exponent)).translate(SUPERSCRIPTS)} m"
+    power = f"10{str(int(exponent)).translate(_SUPERSCRIPTS)} m"
     return power if digits == "1.0" else f"{digits} × {power}"
 
 
 Progress = Callable[[float], None]
 
-MANY = 100  # frames; for fewer, starting processes takes longer than it saves
-SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
-BLUR_FROM, BLUR_TO = 0.25, 0.75  # rad a frame: beyond it a rotor's marks would mislead
-CAMERAS = {"follow": (NEAR, 24.0), "above": (9.0, 80.0), "whole": (9.0, 40.0)}  # radii, degrees
-OTHER = 0.4  # opacity of the other ball's path
+_MANY = 100  # frames; for fewer, starting processes takes longer than it saves
+_SMOOTH = 0.4  # s of the film, over which the camera averages the ball's motion
+_BLUR_FROM, _BLUR_TO = 0.25, 0.75  # rad a frame: beyond it a rotor's marks would mislead
+_CAMERAS = {"follow": (NEAR, 24.0), "above": (9.0, 80.0), "whole": (9.0, 40.0)}  # radii, degrees
+_OTHER = 0.4  # opacity of the other ball's path
 # Arrows: colour, length in radii of the largest.
-ARROWS = {"M": ("#CC79A7", 1.5), "ω": ("#009E73", 1.2), "contact force": ("#22262B", 0.9)}
-LEAST = 1e-3  # an arrow shorter than that part of the largest is left out
-ROOM = 1.3  # the camera's distance is so many times larger with arrows
-CLEAR = 1.06  # from the centre: outside the shell
+_ARROWS = {"M": ("#CC79A7", 1.5), "ω": ("#009E73", 1.2), "contact force": ("#22262B", 0.9)}
+_LEAST = 1e-3  # an arrow shorter than that part of the largest is left out
+_ROOM = 1.3  # the camera's distance is so many times larger with arrows
+_CLEAR = 1.06  # from the centre: outside the shell
 
 
 @dataclass(frozen=True)
@@ -214,8 +214,8 @@ class Film:
                 f"a film's width and height must be even, and 120 to 4320 pixels, not "
                 f"{width}x{height}"
             )
-        if self.camera not in CAMERAS:
-            raise InputError(f"camera must be one of {', '.join(CAMERAS)}, not {self.camera!r}")
+        if self.camera not in _CAMERAS:
+            raise InputError(f"camera must be one of {', '.join(_CAMERAS)}, not {self.camera!r}")
 
     def times(self, motion: Motion, theory: Motion) -> Array:
         """Return the times (m,) of the frames [s], up to the end of the shorter motion.
@@ -258,7 +258,7 @@ def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator
 
 def _painted(painter: "_Painter") -> Iterator[Pixels]:
     with closing(painter):
-        yield from in_processes(painter, range(len(painter.times)), MANY)
+        yield from in_processes(painter, range(len(painter.times)), _MANY)
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,7 @@ class _Painter:
     tracks: tuple[Track, Track]
     looks: dict[str, tuple[Shape, ...]]
     colours: tuple[str, str]
-    sheet: Sheet
+    sheet: _Sheet
     lengths: dict[str, float]
     backend: str
 
@@ -288,7 +288,7 @@ class _Painter:
             opacities = [float(i in pane) for i in (0, 1)]
             if self.film.ghost:
                 opacities[1] = GHOST
-            trails = [1.0 if i in pane else OTHER for i in (0, 1)]
+            trails = [1.0 if i in pane else _OTHER for i in (0, 1)]
             first = pane[0]
             arrows = _arrows(then[first], self.lengths, self.tracks[first].radius)
             pictures.append(self._stage.draw(camera(k), opacities, trails, k, arrows))
@@ -297,7 +297,7 @@ class _Painter:
 
     def _blurred(self, i: int, then: Moments) -> dict[str, float]:
         turned = np.abs(then.hinge_rates[0]) / (self.film.fps * self.film.slow)
-        fast = np.clip((turned - BLUR_FROM) / (BLUR_TO - BLUR_FROM), 0, 1).tolist()
+        fast = np.clip((turned - _BLUR_FROM) / (_BLUR_TO - _BLUR_FROM), 0, 1).tolist()
         return {name: part for (name, _, _), part in zip(self.tracks[i].hinges, fast, strict=True)}
 
     @property
@@ -329,7 +329,7 @@ class _Painter:
             self._stage.close()
 
 
-def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) -> Sheet:
+def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) -> _Sheet:
     names = []
     for motion, at in zip(motions, (0.25, 0.75), strict=True):
         text = f"{motion.engine.name} {motion.engine.version}"
@@ -337,17 +337,17 @@ def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) ->
             text += f", {motion.report.settings.name}"
         elif motion is motions[1]:
             text = motion.engine.name
-        names.append(Name(text + (" (ghost)" if film.ghost and at > 0.5 else ""),
+        names.append(_Name(text + (" (ghost)" if film.ghost and at > 0.5 else ""),
                           motion.engine.colour, at))  # fmt: skip
-    arrows = [Name(name, colour) for name, (colour, _) in ARROWS.items() if film.arrows]
+    arrows = [_Name(name, colour) for name, (colour, _) in _ARROWS.items() if film.arrows]
     notes = []
     if film.slow != 1:
         notes.append(f"{film.slow:g} times slower than life" if film.slow > 1 else
                      f"{1 / film.slow:g} times faster than life")  # fmt: skip
     rates = np.abs(motions[1].hinge_rates[:, 1:])
-    if rates.size and rates.max() / (film.fps * film.slow) > BLUR_FROM:
+    if rates.size and rates.max() / (film.fps * film.slow) > _BLUR_FROM:
         notes.append("a rotor too fast for the film has no marks")
-    return Sheet(
+    return _Sheet(
         film.size,
         1 if film.ghost else 2,
         motions[1].scene.title,
@@ -364,8 +364,8 @@ def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int
 
     points: the path (m, 2) of each ball in the picture, in radii; aspect: width over height.
     """
-    distance, elevation = CAMERAS[film.camera]
-    room = ROOM if film.arrows else 1.0
+    distance, elevation = _CAMERAS[film.camera]
+    room = _ROOM if film.arrows else 1.0
     between = np.linalg.norm(points[0] - points[-1], axis=1)
     azimuth = heading_of(points[-1]) + (0.6 if film.camera == "follow" else 0.0)
     up = np.radians(elevation)
@@ -378,24 +378,24 @@ def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int
         )
         return lambda k: fixed
     middle = np.mean(points, axis=0)
-    smooth = gaussian_filter1d(middle, SMOOTH * film.fps, axis=0, mode="nearest")
+    smooth = gaussian_filter1d(middle, _SMOOTH * film.fps, axis=0, mode="nearest")
     far = room * distance * np.maximum(1.0, (between + 2.5) / 4.0) / min(1.0, 1.25 * aspect)
-    far = gaussian_filter1d(far, SMOOTH * film.fps, mode="nearest")
+    far = gaussian_filter1d(far, _SMOOTH * film.fps, mode="nearest")
     return lambda k: Camera(np.array([*smooth[k], 0.85]), float(far[k]), azimuth, up)
 
 
 def _vectors(then: Moments) -> dict[str, Array]:
     """Return the vectors (n, 3) that arrows show, in world axes."""
     omega = np.einsum("nij,nj->ni", rotation_matrix(then.attitude), then.angular_velocity)
-    return dict(zip(ARROWS, (then.momentum, omega, then.contact_force), strict=True))
+    return dict(zip(_ARROWS, (then.momentum, omega, then.contact_force), strict=True))
 
 
 def _lengths(reference: Moments, momentum_scale: float) -> dict[str, float]:
     """Return the size of the vector that an arrow of one radius shows, for each kind of arrow."""
-    least = {"M": LEAST * momentum_scale}  # a ball at M = 0 has rounding alone
+    least = {"M": _LEAST * momentum_scale}  # a ball at M = 0 has rounding alone
     return {
         name: max(float(np.linalg.norm(vectors, axis=1).max()), least.get(name, 0.0))
-        / ARROWS[name][1]
+        / _ARROWS[name][1]
         for name, vectors in _vectors(reference).items()
     }
 
@@ -408,11 +408,11 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arr
     for name, length in lengths.items():
         vector = vectors[name][0]
         size = float(np.linalg.norm(vector))
-        if size > LEAST * length:
+        if size > _LEAST * length:
             along = vector / size
-            start = CLEAR * along + np.array([0.0, 0.0, 1.0])
+            start = _CLEAR * along + np.array([0.0, 0.0, 1.0])
             if name == "contact force":
-                start = (2 * along[2] + CLEAR - 1) * along
+                start = (2 * along[2] + _CLEAR - 1) * along
             begin = place + start
-            found.append(Arrow(begin, begin + vector / length, ARROWS[name][0]))
+            found.append(Arrow(begin, begin + vector / length, _ARROWS[name][0]))
     return found

@@ -33,9 +33,9 @@ from robotball.robot import PARTS
 from robotball.rotations import Array
 
 Pixels = NDArray[np.uint8]
-Stands = Mapping[str, tuple[Array, Array]]
+_Stands = Mapping[str, tuple[Array, Array]]
 
-OWN = ("shell", "mark")  # the materials that have the engine's colour
+_OWN = ("shell", "mark")  # the materials that have the engine's colour
 
 
 def build_stage(
@@ -52,14 +52,14 @@ def build_stage(
     assert world is not None
     for number, (colour, opacity) in enumerate(zip(colours, opacities, strict=True)):
         prefix, rgb = f"ball{number}_", " ".join(f"{part:g}" for part in palette.rgb(colour))
-        add_materials(assets, dict.fromkeys(OWN, rgb), prefix, opacity)
+        add_materials(assets, dict.fromkeys(_OWN, rgb), prefix, opacity)
         for name, shapes in looks.items():
             body = SubElement(world, "body", name=f"{prefix}{name}", mocap="true")
             add_shapes(assets, body, shapes, prefix=prefix)
     return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
 
 
-def pose(data: mujoco.MjData, stands: Sequence[Stands]) -> None:
+def pose(data: mujoco.MjData, stands: Sequence[_Stands]) -> None:
     """Place the balls, each by the rotations and shifts of `Track.stands` at one time."""
     bodies = [body for each in stands for body in each.values()]
     data.mocap_pos[:] = np.array([shift[0] for _, shift in bodies])
@@ -95,25 +95,25 @@ class Arrow:
 
 LENS = 3.1  # a lens of 36 degrees: the distance at which the picture's shorter side is 2
 NEAR = 7.2  # the distance from which widths and lifts are as given below; they grow with it
-TRAIL = 0.035  # half of a path's width
+_TRAIL = 0.035  # half of a path's width
 # Heights over the floor: the depth buffer must separate them, from far away too.
-LIFT_PATH, LIFT_OTHER, LIFT_SHADOW = 0.006, 0.004, 0.002
-BEHIND = 0.003  # a ghost is drawn farther away, or its surfaces would flicker through the ball's
-THICK = 0.045  # half of an arrow's width
+_LIFT_PATH, _LIFT_OTHER, _LIFT_SHADOW = 0.006, 0.004, 0.002
+_BEHIND = 0.003  # a ghost is drawn farther away, or its surfaces would flicker through the ball's
+_THICK = 0.045  # half of an arrow's width
 POINTS = 20_000  # of a path; a longer one is thinned, as all are sent to OpenGL for each picture
-GEOMS = 2000  # room for a stage's own and for what is added
-SAMPLES = 4  # a pixel
-NEAREST, FAR = 0.015, 40.0  # what is seen, in distances of the camera from what it looks at
-SKY = (0.95, 0.96, 0.97)
+_GEOMS = 2000  # room for a stage's own and for what is added
+_SAMPLES = 4  # a pixel
+_NEAREST, _FAR = 0.015, 40.0  # what is seen, in distances of the camera from what it looks at
+_SKY = (0.95, 0.96, 0.97)
 
-TEXELS = 128  # along each side of the pictures of shadow and rim
-REACH = 1.25  # half of the shadow's side: the ball, and room for the blur
+_TEXELS = 128  # along each side of the pictures of shadow and rim
+_REACH = 1.25  # half of the shadow's side: the ball, and room for the blur
 SUN = np.array([-0.3, 0.4, -1.0])  # the direction of its light, as in mjcf/floor.xml
-PENUMBRA = 1.5  # texels: the standard deviation of the blur
+_PENUMBRA = 1.5  # texels: the standard deviation of the blur
 # How dark the shadow of a solid is; it goes as the root of the opacity, for glass to have one too.
-SHADE = 0.34
-RIM = 0.6  # how much the glass reflects where it is seen edge-on
-OPAQUE = 0.99  # MuJoCo blends a geom with its texture's opacity if its own is less than 0.995
+_SHADE = 0.34
+_RIM = 0.6  # how much the glass reflects where it is seen edge-on
+_OPAQUE = 0.99  # MuJoCo blends a geom with its texture's opacity if its own is less than 0.995
 
 
 class Stage:
@@ -136,23 +136,26 @@ class Stage:
     ) -> None:
         self._size, self._bodies, self._colours = size, list(looks), colours
         self._paths, self._step = paths, -(-len(paths[0]) // POINTS)
-        self._strips = [_strip(path[:: self._step], TRAIL * distance / NEAR) for path in paths]
+        self._strips = [_strip(path[:: self._step], _TRAIL * distance / NEAR) for path in paths]
         spec = build_stage(looks, colours, np.ones(len(colours)).tolist())
         for i, strip in enumerate(self._strips):
             _add_strip(spec, f"path{i}", len(strip))
-            _add_texture(spec, f"shadow{i}", np.zeros((TEXELS, TEXELS)), 0)
+            _add_texture(spec, f"shadow{i}", np.zeros((_TEXELS, _TEXELS)), 0)
         _add_texture(spec, "rim", _rim(), 255)
         self._model = model = spec.compile()
         self._data = mujoco.MjData(model)
         visual, height, width = model.vis, *size
         # Shadows are drawn into the same buffer, which must be as large for the smallest film.
-        visual.global_.offheight, visual.global_.offwidth = max(height, TEXELS), max(width, TEXELS)
+        visual.global_.offheight, visual.global_.offwidth = (
+            max(height, _TEXELS),
+            max(width, _TEXELS),
+        )
         visual.global_.fovy = np.degrees(2 * np.arctan(max(1.0, height / width) / LENS))
-        visual.quality.offsamples = SAMPLES
+        visual.quality.offsamples = _SAMPLES
         model.stat.extent = 1.0  # MuJoCo's unit of the lengths below
-        visual.rgba.fog = *SKY, 1.0
+        visual.rgba.fog = *_SKY, 1.0
         visual.map.fogstart, visual.map.fogend = 1.2 * distance, distance + 38.0
-        visual.map.zfar = FAR * distance  # as far as MuJoCo makes a plane without an end
+        visual.map.zfar = _FAR * distance  # as far as MuJoCo makes a plane without an end
         for i in range(model.nmesh):  # the strips, like the floor, are lit from above
             if model.mesh(i).name.startswith("path"):
                 begin, count = model.mesh_normaladr[i], model.mesh_normalnum[i]
@@ -168,11 +171,11 @@ class Stage:
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 1  # the discs of fast rotors too, which viewers hide
         self._context = gl.context(width, height, backend)
-        self._scene = mujoco.MjvScene(model, GEOMS)
+        self._scene = mujoco.MjvScene(model, _GEOMS)
         self._drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
 
-    def place(self, stands: Sequence[Stands], blurred: Sequence[Mapping[str, float]]) -> None:
+    def place(self, stands: Sequence[_Stands], blurred: Sequence[Mapping[str, float]]) -> None:
         """Place each ball's bodies, by their names.
 
         blurred: for each body 0, where its marks are seen, to 1, where it turns too fast for them.
@@ -206,7 +209,9 @@ class Stage:
         """
         self._update(camera, opacities)
         for i, opacity in enumerate(trails):
-            self._add_path(i, last, opacity, LIFT_PATH if opacities[i] == 1 else LIFT_OTHER, camera)
+            self._add_path(
+                i, last, opacity, _LIFT_PATH if opacities[i] == 1 else _LIFT_OTHER, camera
+            )
         for i, opacity in enumerate(opacities):
             if opacity > 0:
                 self._add_shadow(i, opacity, camera)
@@ -215,7 +220,7 @@ class Stage:
             geom = self._add(mujoco.mjtGeom.mjGEOM_ARROW, arrow.colour, 1.0)
             # MuJoCo's arrows end half way.
             tip = 2 * arrow.end - arrow.begin
-            mujoco.mjv_connector(geom, geom.type, THICK, arrow.begin, tip)
+            mujoco.mjv_connector(geom, geom.type, _THICK, arrow.begin, tip)
         return self._render(*self._size, fog=True)
 
     def close(self) -> None:
@@ -230,14 +235,14 @@ class Stage:
         view.lookat[:], view.distance = camera.look, camera.distance
         view.azimuth, view.elevation = np.degrees([camera.azimuth + np.pi, -camera.elevation])
         # In proportion, for the depth buffer to separate what lies on the floor from far away too.
-        model.vis.map.znear = NEAREST * camera.distance
-        model.vis.map.zfar = FAR * camera.distance
+        model.vis.map.znear = _NEAREST * camera.distance
+        model.vis.map.zfar = _FAR * camera.distance
         balls = self._ball[self._mine]
         opacity = self._seen[self._mine] * np.array(opacities)[balls]
         model.geom_rgba[self._mine, 3] = _once(opacity)
         away = (camera.look - camera.eye) / camera.distance
         stand = data.geom_xpos.copy()
-        data.geom_xpos[self._mine] += BEHIND * np.outer(balls, away)
+        data.geom_xpos[self._mine] += _BEHIND * np.outer(balls, away)
         mujoco.mjv_updateScene(
             model, data, self._option, None, view, mujoco.mjtCatBit.mjCAT_ALL, self._scene
         )
@@ -272,31 +277,31 @@ class Stage:
         self._update(Camera(centre, NEAR, 0.0, 1.0), np.eye(len(self._centres))[i].tolist())
         for camera in self._scene.camera:  # two, for stereo: MuJoCo takes the mean of both
             camera.pos, camera.forward, camera.up = centre - NEAR * sun, sun, _sun_axes()[1]
-            camera.orthographic, camera.frustum_center, camera.frustum_width = 1, 0.0, REACH
-            camera.frustum_bottom, camera.frustum_top = -REACH, REACH
+            camera.orthographic, camera.frustum_center, camera.frustum_width = 1, 0.0, _REACH
+            camera.frustum_bottom, camera.frustum_top = -_REACH, _REACH
         for geom in self._scene.geoms[: self._scene.ngeom]:
             geom.rgba[:3], geom.emission, geom.matid = 1.0, 1.0, -1
             if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
                 geom.rgba[3] = 0.0  # the floor is not part of the ball
         # A texture's rows run upwards, a picture's downwards.
-        opacity = self._render(TEXELS, TEXELS, fog=False)[::-1, :, 0] / 255
-        dark = SHADE * np.sqrt(gaussian_filter(opacity, PENUMBRA, mode="constant"))
+        opacity = self._render(_TEXELS, _TEXELS, fog=False)[::-1, :, 0] / 255
+        dark = _SHADE * np.sqrt(gaussian_filter(opacity, _PENUMBRA, mode="constant"))
         texture = self._model.tex(f"shadow{i}")
-        texels = self._model.tex_data[texture.adr[0] :][: 4 * TEXELS**2]
+        texels = self._model.tex_data[texture.adr[0] :][: 4 * _TEXELS**2]
         texels[3::4] = np.round(255 * _once(dark)).ravel()
         mujoco.mjr_uploadTexture(self._model, self._drawing, texture.id)
 
     def _add_shadow(self, i: int, opacity: float, camera: Camera) -> None:
-        shadow = self._add(mujoco.mjtGeom.mjGEOM_PLANE, "#000000", OPAQUE * opacity, f"shadow{i}")
+        shadow = self._add(mujoco.mjtGeom.mjGEOM_PLANE, "#000000", _OPAQUE * opacity, f"shadow{i}")
         height = float(self._centres[i, 2])
         shadow.pos = self._centres[i] - SUN * (height / SUN[2])
-        shadow.pos[2] = LIFT_SHADOW * camera.distance / NEAR
+        shadow.pos[2] = _LIFT_SHADOW * camera.distance / NEAR
         # The plane's sides are those vectors on the floor that the sun sees as its right and up.
         shadow.mat[:2, :2] = np.linalg.inv(_sun_axes()[:, :2])
-        shadow.size, shadow.specular = np.array([REACH, REACH, 1.0]), 0.0
+        shadow.size, shadow.specular = np.array([_REACH, _REACH, 1.0]), 0.0
 
     def _add_rim(self, i: int, opacity: float, camera: Camera) -> None:
-        rim = self._add(mujoco.mjtGeom.mjGEOM_PLANE, self._colours[i], OPAQUE * opacity, "rim")
+        rim = self._add(mujoco.mjtGeom.mjGEOM_PLANE, self._colours[i], _OPAQUE * opacity, "rim")
         to_eye = camera.eye - self._centres[i]
         distance = float(np.linalg.norm(to_eye))
         # The outline of a sphere is a circle of its own, nearer to the eye than the centre.
@@ -345,10 +350,10 @@ def _sun_axes() -> Array:
 
 def _rim() -> Array:
     """Return the opacity (n, n) that glass has at its rim, seen from the front."""
-    at = np.linspace(-1.0, 1.0, TEXELS)
+    at = np.linspace(-1.0, 1.0, _TEXELS)
     out = np.hypot(at, at[:, None])
     cosine = np.sqrt(np.maximum(1 - out**2, 0.0))
-    return _once(RIM * (1 - cosine) ** 3) * np.clip((1 - out) * TEXELS / 2, 0.0, 1.0)
+    return _once(_RIM * (1 - cosine) ** 3) * np.clip((1 - out) * _TEXELS / 2, 0.0, 1.0)
 
 
 def _add_texture(spec: mujoco.MjSpec, name: str, opacity: Array, grey: int) -> None:
@@ -356,7 +361,7 @@ def _add_texture(spec: mujoco.MjSpec, name: str, opacity: Array, grey: int) -> N
     texels = np.full((*opacity.shape, 4), grey, np.uint8)
     texels[:, :, 3] = np.round(255 * opacity)
     texture = spec.add_texture(
-        name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=TEXELS, height=TEXELS, nchannel=4
+        name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=_TEXELS, height=_TEXELS, nchannel=4
     )
     texture.data = texels.tobytes()
     spec.add_material(name=name).textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name

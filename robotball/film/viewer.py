@@ -16,7 +16,7 @@ from robotball.motion import Motion
 
 KEYS = "space: pause; left, right: half a second; up, down: twice or half the speed; home: start"
 SPACE, HOME, RIGHT, LEFT, DOWN, UP = 32, 268, 262, 263, 264, 265  # GLFW's codes
-JUMP, FRAME = 0.5, 1 / 60  # s; a window of 60 pictures a second is smooth on any screen
+_JUMP, _FRAME = 0.5, 1 / 60  # s; a window of 60 pictures a second is smooth on any screen
 
 
 @dataclass
@@ -33,7 +33,7 @@ class Clock:
         if code == SPACE:
             self.playing = not self.playing
         elif code in (LEFT, RIGHT):
-            jump = JUMP if code == RIGHT else -JUMP
+            jump = _JUMP if code == RIGHT else -_JUMP
             self.t = float(np.clip(self.t + jump, 0.0, self.end))
         elif code in (UP, DOWN):
             self.speed *= 2.0 if code == UP else 0.5
@@ -106,4 +106,4 @@ def view(motion: Motion, theory: Motion, seconds: float | None = None) -> None:
                 )
             )
             window.sync()
-            time.sleep(max(0.0, FRAME - (time.monotonic() - now)))
+            time.sleep(max(0.0, _FRAME - (time.monotonic() - now)))

@@ -16,12 +16,12 @@ from robotball.film.tracks import heading_of, track_of
 from robotball.motion import Motion
 from robotball.rotations import Array
 
-HERE = Path(__file__).parent
+_HERE = Path(__file__).parent
 STEP = 0.02  # s between the samples of a view
 MOST = 20_000  # samples, which keep a page to some megabytes
-SPEEDS = (0.1, 0.25, 0.5, 1, 2, 4)
+_SPEEDS = (0.1, 0.25, 0.5, 1, 2, 4)
 
-CONTROLS = """
+_CONTROLS = """
 <div data-is="stage"><canvas tabindex="0" role="img" aria-label="{label}"></canvas></div>
 <div class="rb-controls">
 <button type="button" data-is="play">Play</button>
@@ -37,7 +37,7 @@ CONTROLS = """
 
 def view_head() -> str:
     """Return the style and script that the views of a page share; it stands once a page."""
-    style, script = ((HERE / f"web.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    style, script = ((_HERE / f"web.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
     return f"<style>{style}</style>\n<script>{script}</script>"
 
 
@@ -54,11 +54,11 @@ def view_fragment(motions: Sequence[Motion]) -> str:
     note = f"The first {shown:g} s of {whole:g} s are shown." if cut else ""
     return (
         '<div class="rb-view">'
-        + CONTROLS.format(
+        + _CONTROLS.format(
             label=html.escape(f"The rolling ball of {scene.name} by {names}", quote=True),
             speeds="".join(
                 f'<option value="{speed}"{" selected" if speed == 1 else ""}>{speed:g}×</option>'
-                for speed in SPEEDS
+                for speed in _SPEEDS
             ),
             note=note,
         )

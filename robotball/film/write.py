@@ -13,7 +13,7 @@ from robotball.film.render import Film, Progress, frames
 from robotball.motion import Motion
 
 # By the file's suffix: the codec, its rate factor, and ffmpeg's own options.
-FORMATS: dict[str, tuple[str, int | None, str]] = {
+_FORMATS: dict[str, tuple[str, int | None, str]] = {
     ".mp4": ("h264", 20, "-preset veryfast"),
     ".webm": ("vp9", 32, "-deadline realtime -cpu-used 7 -row-mt 1"),
     # A palette for each frame: a common one would make ffmpeg hold all frames until the last.
@@ -41,10 +41,10 @@ def write_video(
     suffix or folder.
     """
     path, film = Path(path), film or Film()
-    if path.suffix not in FORMATS or not path.parent.is_dir():
-        kinds = ", ".join(FORMATS)
+    if path.suffix not in _FORMATS or not path.parent.is_dir():
+        kinds = ", ".join(_FORMATS)
         raise InputError(f"a video must be a file ({kinds}) in a folder that exists, not {path}")
-    codec, rate, options = FORMATS[path.suffix]
+    codec, rate, options = _FORMATS[path.suffix]
     pictures, number = frames(motion, theory, film), len(film.times(motion, theory))
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
     with (

@@ -17,11 +17,11 @@ from robotball.qualitative.sections import section
 from robotball.rotations import Array, Mask, rotation_matrix
 
 TORUS, CHAOS, LOST, LINE = -1, -2, -3, -4
-CROSSINGS = 64  # looked at after the transient; cycles that cross half as often are recognised
-NEAR = 1e-3  # of unit vectors: a point that near to a cycle has reached it
-AT_REST = 1e-4  # of the speed that |M| allows: a frame that slow has settled on a straight line
+_CROSSINGS = 64  # looked at after the transient; cycles that cross half as often are recognised
+_NEAR = 1e-3  # of unit vectors: a point that near to a cycle has reached it
+_AT_REST = 1e-4  # of the speed that |M| allows: a frame that slow has settled on a straight line
 # Over CHAOS_TIME a neighbour on a torus departs as the time does, by e^7; in chaos past e^30.
-CHAOS_TIME, CHAOTIC_GROWTH = 1000.0, 30.0
+_CHAOS_TIME, _CHAOTIC_GROWTH = 1000.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -53,13 +53,13 @@ def basins(
     settled = orbits(parameters, attitudes, momenta, np.array([0.0, transient]), LONG_RUN_TOLERANCE)
     labels = np.where(settled.status > 0, LOST, TORUS)
     at_end = settled.attitudes[:, 1]
-    labels[resting(parameters, at_end, momenta)] = LINE
+    labels[_resting(parameters, at_end, momenta)] = LINE
     followed = np.flatnonzero(labels == TORUS)
     if not len(followed):
         return Basins(labels, ())
     ends = at_end[followed]
     crossings = section(
-        parameters, ends, momenta[followed], CROSSINGS, tolerance=LONG_RUN_TOLERANCE
+        parameters, ends, momenta[followed], _CROSSINGS, tolerance=LONG_RUN_TOLERANCE
     )
     labels[followed[crossings.status > 0]] = LOST
     # What does not cross is somewhere, but nowhere that counts.
@@ -69,16 +69,16 @@ def basins(
     for i, start in enumerate(followed):
         if labels[start] != TORUS:
             continue
-        period = repeats(points[i], crossings.times[i])
+        period = _repeats(points[i], crossings.times[i])
         if period is None:
             continue
-        cycle = attracting(parameters, crossings.attitudes[i, -1], momenta[start], period)
+        cycle = _attracting(parameters, crossings.attitudes[i, -1], momenta[start], period)
         if cycle is None:
             continue
         # All starts that have reached this cycle are labelled at once, so that it is closed once.
-        own = section(parameters, cycle.attitude[None], cycle.momentum[None], CROSSINGS)
+        own = section(parameters, cycle.attitude[None], cycle.momentum[None], _CROSSINGS)
         through = level_points(own.attitudes, cycle.momentum[None])[0]
-        reached: Mask = nearest(points[:, -1], through) < NEAR
+        reached: Mask = nearest(points[:, -1], through) < _NEAR
         if reached[i]:
             labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
             cycles.append(cycle)
@@ -86,12 +86,12 @@ def basins(
     undecided = np.flatnonzero(labels == TORUS)
     if len(undecided):
         begin = settled.attitudes[undecided, 1]
-        growth = exponents(parameters, begin, momenta[undecided], CHAOS_TIME, transient=100.0)
-        labels[undecided[growth.largest * CHAOS_TIME > CHAOTIC_GROWTH]] = CHAOS
+        growth = exponents(parameters, begin, momenta[undecided], _CHAOS_TIME, transient=100.0)
+        labels[undecided[growth.largest * _CHAOS_TIME > _CHAOTIC_GROWTH]] = CHAOS
     return Basins(labels, tuple(cycles))
 
 
-def resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
+def _resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
     """Return where (n,) the frame hardly turns, at attitudes (n, 4), world momenta (n, 3)."""
     # Motions that could not be followed are NaN: any attitude stands in for theirs.
     followed: Mask = np.asarray(np.isfinite(attitudes).all(axis=1))
@@ -99,19 +99,19 @@ def resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
     M = np.einsum("nij,ni->nj", axes, momenta)
     omega = np.stack(parameters.angular_velocity(tuple(M.T), tuple(axes[:, 2].T)), axis=1)
     fastest = speed_bound(parameters, np.linalg.norm(momenta, axis=1))
-    slow: Mask = np.linalg.norm(omega, axis=1) < AT_REST * fastest
+    slow: Mask = np.linalg.norm(omega, axis=1) < _AT_REST * fastest
     return followed & slow
 
 
-def repeats(points: Array, times: Array) -> float | None:
+def _repeats(points: Array, times: Array) -> float | None:
     """Return the time since crossings (m, 6) at times (m,) last were where the last is [s]."""
     # The latest repetition, and so the shortest period: a cycle may cross the section often.
     gaps = np.linalg.norm(points[:-1] - points[-1], axis=1)
-    again = np.flatnonzero(gaps < NEAR)
+    again = np.flatnonzero(gaps < _NEAR)
     return float(times[-1] - times[again[-1]]) if len(again) else None
 
 
-def attracting(
+def _attracting(
     parameters: Parameters, attitude: Array, momentum: Array, period: float
 ) -> Cycle | None:
     """Return the attracting cycle of about that period [s] near an attitude (4,), or None."""

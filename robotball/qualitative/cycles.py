@@ -15,8 +15,8 @@ from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
 from robotball.rotations import Array, multiply, rotation_matrix
 
-ITERATIONS = 30  # far more than Newton's method takes near a cycle: beyond, there is none
-CLOSED = 1e-11  # of γ and M/|M|; what a tolerance of 1e-14 keeps over a period
+_ITERATIONS = 30  # far more than Newton's method takes near a cycle: beyond, there is none
+_CLOSED = 1e-11  # of γ and M/|M|; what a tolerance of 1e-14 keeps over a period
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ def close(parameters: Parameters, attitude: Array, momentum: Array, period: floa
     smallest is taken, for every moment of the motion is as good a start as another. Raises
     InputError where that does not converge.
     """
-    for _ in range(ITERATIONS):
+    for _ in range(_ITERATIONS):
         end, monodromy, volume = monodromy_of(parameters, attitude, momentum, period)
-        vectors = level_vectors(attitude, momentum), level_vectors(end, momentum)
+        vectors = _level_vectors(attitude, momentum), _level_vectors(end, momentum)
         omega = angular_velocity(parameters, end, momentum)
         gap = (vectors[1] - vectors[0]).ravel()
-        if np.abs(gap).max() < CLOSED:
-            return Cycle(attitude, momentum, period, multipliers(monodromy, volume, momentum))
+        if np.abs(gap).max() < _CLOSED:
+            return Cycle(attitude, momentum, period, _multipliers(monodromy, volume, momentum))
         # A turn of the start moves the end by the monodromy, and what must be closed by both.
         by_turn = np.cross(vectors[1][:, None], monodromy.T) - np.cross(
             vectors[0][:, None], np.eye(3)
@@ -92,7 +92,7 @@ def monodromy_of(
     return end, monodromy, float(states[0, 0, 8])
 
 
-def level_vectors(attitude: Array, momentum: Array) -> Array:
+def _level_vectors(attitude: Array, momentum: Array) -> Array:
     """Return γ and M/|M| (2, 3) in frame axes, or γ alone (1, 3) where M = 0."""
     axes = rotation_matrix(attitude)
     size = np.linalg.norm(momentum)
@@ -105,7 +105,7 @@ def angular_velocity(parameters: Parameters, attitude: Array, momentum: Array) -
     return np.array(parameters.angular_velocity(as_vector(momentum @ axes), as_vector(axes[2])))
 
 
-def multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
+def _multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:
     """Return the multipliers without those that are 1, largest first.
 
     The motion's own is 1, and at M = 0 that of a turn about the vertical, so that there the

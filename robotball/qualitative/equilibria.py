@@ -33,15 +33,15 @@ from robotball.equations import Parameters, Vector, as_vector
 from robotball.errors import InputError
 from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
 
-REST = (0.0, 0.0, 0.0)
+_REST = (0.0, 0.0, 0.0)
 # A rotation with nothing special about it: no fixed point falls at infinity of its chart.
-GENERIC = rotation_matrix(np.array([0.51, 0.29, -0.63, 0.503]))
-EIGENVALUE_ROUNDING = 1e-9  # of an eigenvalue, relative to the rates of the flow
-SAME_SOLUTION = 1e-7  # how near two solutions are one
-MOST_SAMPLES = 100_000  # of a line beside the circle
-ROUNDING = 1e-14  # of what a number was computed from: one that is smaller is zero
-EQUAL = 1e-12  # of a moment: one that differs by less is the same
-SAME = 1e-6  # of a unit vector: what is that near a point of a formula is that point
+_GENERIC = rotation_matrix(np.array([0.51, 0.29, -0.63, 0.503]))
+_EIGENVALUE_ROUNDING = 1e-9  # of an eigenvalue, relative to the rates of the flow
+_SAME_SOLUTION = 1e-7  # how near two solutions are one
+_MOST_SAMPLES = 100_000  # of a line beside the circle
+_ROUNDING = 1e-14  # of what a number was computed from: one that is smaller is zero
+_EQUAL = 1e-12  # of a moment: one that differs by less is the same
+_SAME = 1e-6  # of a unit vector: what is that near a point of a formula is that point
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class ContactPath:
 
 def flow(parameters: Parameters, gamma: Vector) -> Vector:
     """Return dγ/dt of (4.1) [1/s]. γ may be of any arithmetic."""
-    return eq.cross(gamma, parameters.angular_velocity(REST, gamma))
+    return eq.cross(gamma, parameters.angular_velocity(_REST, gamma))
 
 
 def fixed_points(parameters: Parameters) -> list[FixedPoint]:
@@ -88,13 +88,13 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
     classical ball and a curve of fixed points, and where the check fails.
     """
     _check_rubber(parameters)
-    parameters = without_rounding(parameters)
+    parameters = _without_rounding(parameters)
     if not np.any([parameters.Omega, parameters.K]):
         raise InputError("with Omega = 0 and K = 0 the ball rests at every gamma")
     if not np.any(parameters.K):
         isolated = closed_form_points(parameters).values()
         return [fixed_point_at(parameters, gamma) for gamma in isolated]
-    if fills_curve(parameters):
+    if _fills_curve(parameters):
         raise InputError(
             "fixed points fill a curve: two moments are equal, with K along the third axis; make "
             "the moments differ"
@@ -102,11 +102,11 @@ def fixed_points(parameters: Parameters) -> list[FixedPoint]:
     points: list[FixedPoint] = []
     # Where complex fixed points fill a curve, the resultant is singular; ±AK are the real ones.
     # A candidate too many costs nothing: Newton's method refuses or repeats it.
-    for candidate in (np.array(eq.diagonal(parameters.A, parameters.K)), *candidates(parameters)):
-        gamma = polished(parameters, candidate)
+    for candidate in (np.array(eq.diagonal(parameters.A, parameters.K)), *_candidates(parameters)):
+        gamma = _polished(parameters, candidate)
         if gamma is not None:
             for each in (gamma, -gamma):
-                if all(np.abs(each - known.gamma).max() > SAME_SOLUTION for known in points):
+                if all(np.abs(each - known.gamma).max() > _SAME_SOLUTION for known in points):
                     points.append(fixed_point_at(parameters, each))
     total = index_sum(points)
     if total != 2:
@@ -123,7 +123,7 @@ def _check_rubber(parameters: Parameters) -> None:
         raise InputError("(4.1) is the rubber model's: M = 0 has no classical counterpart")
 
 
-def fills_curve(parameters: Parameters) -> bool:
+def _fills_curve(parameters: Parameters) -> bool:
     """Return whether fixed points of (4.1) with K ≠ 0 fill a curve; in doubt they do.
 
     It takes two equal moments, a₁ = a₂, and AK = (0, 0, k): outside that axis dγ/dt is zero on the
@@ -132,13 +132,13 @@ def fills_curve(parameters: Parameters) -> bool:
     A, AK = np.array(parameters.A), np.array(eq.diagonal(parameters.A, parameters.K))
     axis = np.eye(3)[np.argmax(np.abs(AK))]
     one, other = A[axis == 0]
-    if abs(one - other) > EIGENVALUE_ROUNDING * A.max() or (
-        np.abs(AK[axis == 0]).max() > EIGENVALUE_ROUNDING * np.abs(AK).max()
+    if abs(one - other) > _EIGENVALUE_ROUNDING * A.max() or (
+        np.abs(AK[axis == 0]).max() > _EIGENVALUE_ROUNDING * np.abs(AK).max()
     ):
         return False
     product = np.outer((A @ axis - one) * axis, parameters.Omega + AK)
     values = np.linalg.eigvalsh((product + product.T) / 2 - AK @ axis * np.diag(A))
-    return bool(max(values[0], -values[2]) <= EIGENVALUE_ROUNDING * np.abs(values).max())
+    return bool(max(values[0], -values[2]) <= _EIGENVALUE_ROUNDING * np.abs(values).max())
 
 
 def index_sum(points: Sequence[FixedPoint]) -> int:
@@ -156,7 +156,7 @@ def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:
     """
     vertical = as_vector(gamma)
     _check_rubber(parameters)
-    if np.abs(flow(parameters, vertical)).max() > EIGENVALUE_ROUNDING * rate_scale(parameters):
+    if np.abs(flow(parameters, vertical)).max() > _EIGENVALUE_ROUNDING * rate_scale(parameters):
         raise InputError("the contact point runs on a circle only where gamma is a fixed point")
     across = eq.cross(vertical, parameters.Omega)
     return ContactPath(
@@ -165,14 +165,14 @@ def contact_path(parameters: Parameters, gamma: Array) -> ContactPath:
     )
 
 
-def candidates(parameters: Parameters) -> list[Array]:
+def _candidates(parameters: Parameters) -> list[Array]:
     """Return a γ (3,) near every fixed point up to sign, and more."""
 
     def cubic_forms(gamma: Array) -> Array:
         # γ in the generic axes; (Aγ,γ) clears the denominator of (3.2).
-        own = as_vector(GENERIC @ gamma)
+        own = as_vector(_GENERIC @ gamma)
         weight = eq.dot(eq.diagonal(parameters.A, own), own)
-        return weight * (np.array(flow(parameters, own)) @ GENERIC)
+        return weight * (np.array(flow(parameters, own)) @ _GENERIC)
 
     # Coefficients by least squares from values, so that (3.2) is written in `equations` alone.
     monomials = list(combinations_with_replacement(range(3), 3))
@@ -200,11 +200,11 @@ def candidates(parameters: Parameters) -> list[Array]:
         last = int(np.argmax(np.abs(v[1:])))
         # A double root may come out as a complex pair, a little off the real axis.
         if np.isfinite(x) and abs(x.imag) < 0.01 * (1 + abs(x)) and abs(v[last + 1]) > 0:
-            found.append(GENERIC @ np.array([x.real, (v[last] / v[last + 1]).real, 1.0]))
+            found.append(_GENERIC @ np.array([x.real, (v[last] / v[last + 1]).real, 1.0]))
     return found
 
 
-def polished(parameters: Parameters, gamma: Array) -> Array | None:
+def _polished(parameters: Parameters, gamma: Array) -> Array | None:
     """Return the fixed point (3,) that Newton's method reaches from γ, if it does."""
     gamma = gamma / np.linalg.norm(gamma)
     scale = rate_scale(parameters)
@@ -227,13 +227,13 @@ def fixed_point_at(parameters: Parameters, gamma: Array) -> FixedPoint:
     linear = jacobian(parameters, gamma)
     values = np.linalg.eigvals(linear).astype(complex)
     values = values[np.lexsort((values.imag, values.real))]
-    return FixedPoint(gamma, values, kind_of(parameters, gamma, values))
+    return FixedPoint(gamma, values, _kind_of(parameters, gamma, values))
 
 
-def kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
+def _kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
     """Return the type of the fixed point γ (3,) with these eigenvalues (2,)."""
     # Rounding decides the sign of less; its type is then another one at every machine.
-    zero = EIGENVALUE_ROUNDING * rate_scale(parameters)
+    zero = _EIGENVALUE_ROUNDING * rate_scale(parameters)
     if np.abs(eigenvalues).min() < zero:
         return "degenerate"
     first, second = eigenvalues.real
@@ -260,7 +260,7 @@ def first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
     values, vectors = np.linalg.eig(jacobian(parameters, gamma))
     nu, v = abs(values[0].imag), vectors[:, np.argmax(values.imag)]
     axes = np.stack([v.imag, v.real], axis=1)  # in these d(x, y)/dt = (-νy, νx) + …
-    f, g = taylor(parameters, gamma, axes)
+    f, g = _taylor(parameters, gamma, axes)
     # Guckenheimer and Holmes, Nonlinear Oscillations, (3.4.11), by Taylor coefficients: [i, j]
     # belongs to x^i y^j.
     cubic = 6 * f[3, 0] + 2 * f[1, 2] + 2 * g[2, 1] + 6 * g[0, 3]
@@ -273,7 +273,7 @@ def first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
     return float(cubic / 16 + square / (8 * nu))
 
 
-def taylor(parameters: Parameters, gamma: Array, axes: Array) -> Array:
+def _taylor(parameters: Parameters, gamma: Array, axes: Array) -> Array:
     """Return Taylor coefficients (2, 4, 4) of (4.1) at γ (3,), in the tangent plane there.
 
     axes: (2, 2), the columns along `tangents`. By Cauchy's integrals over complex circles, which
@@ -344,7 +344,7 @@ class FixedCircle:
 
 def fixed_circle(parameters: Parameters) -> FixedCircle | None:
     """Return the circle of fixed points of a rubber ball with K = 0, Ω ≠ 0; None for others."""
-    parameters = without_rounding(parameters)
+    parameters = _without_rounding(parameters)
     if parameters.rolling != "rubber" or np.any(parameters.K) or not np.any(parameters.Omega):
         return None
     along = np.array(parameters.Omega) / np.linalg.norm(parameters.Omega)
@@ -353,10 +353,10 @@ def fixed_circle(parameters: Parameters) -> FixedCircle | None:
     weights, vectors = np.linalg.eigh(plane * parameters.A @ plane.T)
     larger = vectors[:, np.argmax(weights)] @ plane
     axes = np.stack([larger, np.cross(along, larger)])
-    return FixedCircle(parameters, axes, index_of(parameters, axes))
+    return FixedCircle(parameters, axes, _index_of(parameters, axes))
 
 
-def index_of(parameters: Parameters, axes: Array) -> int:
+def _index_of(parameters: Parameters, axes: Array) -> int:
     """Return the turns of (4.1) along a line just below the circle, less those just above.
 
     Between the lines and the circle there is no other fixed point.
@@ -366,7 +366,7 @@ def index_of(parameters: Parameters, axes: Array) -> int:
     # have samples as dense as it is near, for the flow turns round over that distance.
     heights = np.abs(along)[np.abs(along) > 1e-9]  # of the principal axes over the circle
     height = min(0.02, float(heights.min()) / 2)
-    samples = min(MOST_SAMPLES, int(40 / height))
+    samples = min(_MOST_SAMPLES, int(40 / height))
     angle = np.linspace(0.0, 2 * np.pi, samples + 1)
     out = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ axes
     ahead = np.stack([-np.sin(angle), np.cos(angle)], axis=1) @ axes
@@ -379,18 +379,18 @@ def index_of(parameters: Parameters, axes: Array) -> int:
     return turns[0] - turns[1]
 
 
-def without_rounding(parameters: Parameters) -> Parameters:
+def _without_rounding(parameters: Parameters) -> Parameters:
     """Return the ball with zero for what is rounding of Ω and of K = k - dΩ."""
 
     def exact(v: Vector, size: float) -> Vector:
-        return as_vector(np.where(np.abs(v) <= ROUNDING * size, 0.0, v))
+        return as_vector(np.where(np.abs(v) <= _ROUNDING * size, 0.0, v))
 
     turning = float(np.linalg.norm(parameters.Omega))
     size = float(np.linalg.norm(parameters.K)) + parameters.d * turning
     return replace(parameters, Omega=exact(parameters.Omega, turning), K=exact(parameters.K, size))
 
 
-def nu(parameters: Parameters, j: int) -> float:
+def _nu(parameters: Parameters, j: int) -> float:
     """Return ν [rad] of the circle on which γⱼ and γ₃ are not zero; j is 0 or 1."""
     return float(np.arctan2(parameters.Omega[2], parameters.Omega[j]))
 
@@ -422,21 +422,21 @@ def closed_form_points(parameters: Parameters) -> dict[str, Array]:
     Raises InputError unless the ball is a rubber one with K = (0, 0, K₃) and three different aⱼ,
     so that no other curve is filled, and where K₃ ≠ 0 but Ωⱼ = Ω₃ = 0 for a j of 1, 2.
     """
-    parameters = without_rounding(parameters)
+    parameters = _without_rounding(parameters)
     Omega, K, A = parameters.Omega, parameters.K, np.sort(parameters.A)
     if parameters.rolling != "rubber" or K[0] != 0 or K[1] != 0:
         raise InputError("the closed form needs a rubber ball with K = (0, 0, K3)")
-    if np.diff(A).min() <= EQUAL * A[2]:
+    if np.diff(A).min() <= _EQUAL * A[2]:
         raise InputError("the closed form needs three different moments of inertia")
     if K[2] == 0:
-        return principal_points(Omega)
+        return _principal_points(Omega)
     if Omega[2] == 0 and 0 in Omega[:2]:
         raise InputError("the closed form needs Omega_3, or both Omega_1 and Omega_2, not zero")
     points = {"Γ₅": np.array([0.0, 0.0, 1.0]), "Γ₆": np.array([0.0, 0.0, -1.0])}
     for letter, j in (("δ", 1), ("θ", 0)):
         if abs(kappa(parameters, j)) > 1:
             continue
-        arc, shift = np.arcsin(kappa(parameters, j)), nu(parameters, j)
+        arc, shift = np.arcsin(kappa(parameters, j)), _nu(parameters, j)
         # sin(2φ + ν) = κ: 2φ + ν is arc or π - arc, and φ is known up to π.
         first, second = (arc - shift) / 2, -(arc + shift) / 2
         angles = (first, first + np.pi, second + np.pi / 2, second + 3 * np.pi / 2)
@@ -447,7 +447,7 @@ def closed_form_points(parameters: Parameters) -> dict[str, Array]:
     return points
 
 
-def principal_points(Omega: Vector) -> dict[str, Array]:
+def _principal_points(Omega: Vector) -> dict[str, Array]:
     """Return Γ₁ … Γ₆ of (4.4), the principal axes, but for those across Ω."""
     signed = [sign * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
     return {
@@ -464,5 +464,5 @@ def name_of(parameters: Parameters, gamma: Array) -> str:
     except InputError:
         return ""
     # SAME is far more than Newton's method leaves and far less than two points of a ball are apart.
-    near = (name for name, point in points.items() if np.abs(point - gamma).max() < SAME)
+    near = (name for name, point in points.items() if np.abs(point - gamma).max() < _SAME)
     return next(near, "")

@@ -39,28 +39,28 @@ from robotball.qualitative.sections import crossings
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import sample_times
 
-NO_MOMENTUM = np.zeros(3)
-SAMPLES = 4000  # of a closed curve: neighbours are some 2e-3 apart
-RETURN_TOLERANCE = 1e-9  # of a step of an orbit that is to come back
-NOISE = 1e-6  # rad: what the returns may be off by, after many such steps
-CLOSER = 16  # starts between two neighbours, where the return jumps
-AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
-SAME = 1e-6  # of unit vectors: two cycles so near are one
+_NO_MOMENTUM = np.zeros(3)
+_SAMPLES = 4000  # of a closed curve: neighbours are some 2e-3 apart
+_RETURN_TOLERANCE = 1e-9  # of a step of an orbit that is to come back
+_NOISE = 1e-6  # rad: what the returns may be off by, after many such steps
+_CLOSER = 16  # starts between two neighbours, where the return jumps
+_AT_REST = 1e-6  # of the flow's rates: a cycle that slow is a fixed point
+_SAME = 1e-6  # of unit vectors: two cycles so near are one
 # Of a multiplier from 1: an orbit round a centre closes, too.
-HYPERBOLIC = 1e-5
+_HYPERBOLIC = 1e-5
 # Of the first point from the saddle: the manifold leaves its tangent by the square of it.
-OFFSET = 1e-4
-REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there
-INTERVAL = 0.05  # s, at most, between two samples
+_OFFSET = 1e-4
+_REACHED = 0.02  # of a fixed point: a manifold that ends that near to it ends there
+_INTERVAL = 0.05  # s, at most, between two samples
 LONGEST = 300.0  # rad, by the rates of the flow, of a cycle's period
-TRIES = 5  # each four times as long, while something that must be there is not
-SETTLING = 5000.0  # rad, that every start is given
-STARTS = 120
-TOLERANCE = 1e-9  # of a step: an attractor forgives what a path does not
+_TRIES = 5  # each four times as long, while something that must be there is not
+_SETTLING = 5000.0  # rad, that every start is given
+_STARTS = 120
+_TOLERANCE = 1e-9  # of a step: an attractor forgives what a path does not
 
 
 @dataclass(frozen=True)
-class PhasePortrait:
+class _PhasePortrait:
     """The fixed points, limit cycles and basins of one ball.
 
     points; cycles, one of each pair C, -C; basins: the share of the sphere that each attractor has,
@@ -72,7 +72,7 @@ class PhasePortrait:
     basins: dict[str, float]
 
 
-def phase_portrait(parameters: Parameters, starts: int = STARTS) -> PhasePortrait:
+def phase_portrait(parameters: Parameters, starts: int = _STARTS) -> _PhasePortrait:
     """Return the phase portrait of a rubber ball. Raises InputError where it is degenerate.
 
     Something must attract and something repel. Where no fixed point does, slower cycles are looked
@@ -80,16 +80,16 @@ def phase_portrait(parameters: Parameters, starts: int = STARTS) -> PhasePortrai
     """
     points = fixed_points(parameters)
     # The search costs as its longest period; most balls have fast cycles or none.
-    for attempt in range(TRIES):
+    for attempt in range(_TRIES):
         cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
-        if complete(points, cycles):
+        if _complete(points, cycles):
             break
-    return PhasePortrait(
+    return _PhasePortrait(
         tuple(points), tuple(cycles), basin_shares(parameters, points, cycles, starts)
     )
 
 
-def complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
+def _complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
     """Return whether something attracts and something repels; a centre is both."""
     kinds = " ".join(f" {point.kind}" for point in points)
     attracts = any(abs(cycle.multipliers[0]) < 1 for cycle in cycles)
@@ -109,7 +109,7 @@ def basin_shares(
     attractors: dict[str, list[Array]] = {}
     for point in points:
         if point.kind in ("stable node", "stable focus", "slow stable focus"):
-            attractors.setdefault(pair_name(parameters, point), []).append(point.gamma[None])
+            attractors.setdefault(_pair_name(parameters, point), []).append(point.gamma[None])
     for number, cycle in enumerate(cycles):
         if abs(cycle.multipliers[0]) < 1:
             curve = curve_of(parameters, cycle.gamma, cycle.period)[::8]
@@ -118,15 +118,15 @@ def basin_shares(
     if not attractors:
         return {}
     attitudes = attitude_at(spread_points(starts))
-    times = np.array([0.0, SETTLING / rate_scale(parameters)])
-    ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, TOLERANCE).attitudes[:, 1]
+    times = np.array([0.0, _SETTLING / rate_scale(parameters)])
+    ends = orbits(parameters, attitudes, np.zeros((starts, 3)), times, _TOLERANCE).attitudes[:, 1]
     gamma = rotation_matrix(ends)[:, 2]
     distances = np.array([nearest(gamma, np.concatenate(each)) for each in attractors.values()])
     reached = distances.argmin(axis=0)
     return {name: float(np.mean(reached == i)) for i, name in enumerate(attractors)}
 
 
-def pair_name(parameters: Parameters, point: FixedPoint) -> str:
+def _pair_name(parameters: Parameters, point: FixedPoint) -> str:
     """Return the name of a fixed point and its opposite together, such as "θ₃,₄"."""
     names = sorted(filter(None, (name_of(parameters, s * point.gamma) for s in (1.0, -1.0))))
     if len(names) < 2:
@@ -153,7 +153,7 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     cycles: list[Cycle] = []
     curves: list[Array] = []
     points = fixed_points(parameters)
-    centres = of_index_one(points)
+    centres = _of_index_one(points)
 
     def known(gamma: Array) -> bool:
         return any(lies_on(sign * gamma, curve) for curve in curves for sign in (1, -1))
@@ -161,8 +161,8 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
     for ball, sense in ((parameters, 1), (reversed_in_time(parameters), -1)):
         # Two arcs each: where one has a cycle close to the end of what comes back, another has not.
-        for arc in (Arc(gamma, side) for gamma in centres for side in tangents(gamma)):
-            for gamma, period in returning(ball, arc, longest, starts):
+        for arc in (_Arc(gamma, side) for gamma in centres for side in tangents(gamma)):
+            for gamma, period in _returning(ball, arc, longest, starts):
                 # Asked before, to save closing it, and after, when a point of it is exact.
                 if known(gamma) or (cycle := closed(ball, gamma, period)) is None:
                     continue
@@ -174,7 +174,7 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     return cycles
 
 
-def of_index_one(points: list[FixedPoint]) -> list[Array]:
+def _of_index_one(points: list[FixedPoint]) -> list[Array]:
     """Return γ (3,) of the fixed points of index 1, one of each pair ±γ."""
     found: list[Array] = []
     for point in points:
@@ -186,7 +186,7 @@ def of_index_one(points: list[FixedPoint]) -> list[Array]:
 
 
 @dataclass(frozen=True)
-class Arc:
+class _Arc:
     """Half a great circle: cos s `centre` + sin s `across`, 0 < s < π, of two unit vectors (3,)."""
 
     centre: Array
@@ -204,9 +204,9 @@ class Arc:
         return from_matrix(np.stack([normal, np.cross(gamma, normal), gamma], axis=1))
 
 
-def returning(
+def _returning(
     parameters: Parameters,
-    arc: Arc,
+    arc: _Arc,
     longest: float,
     starts: int,
     part: tuple[float, float] = (0.0, np.pi),
@@ -220,22 +220,22 @@ def returning(
     apart = (part[1] - part[0]) / starts
     # The middles of equal pieces: the ends of an arc are fixed points, from which nothing returns.
     angles = np.linspace(*part, 2 * starts + 1)[1::2]
-    ahead, times = first_returns(parameters, arc, angles, longest)
+    ahead, times = _first_returns(parameters, arc, angles, longest)
     gap = ahead - angles
-    gap[np.abs(gap) < NOISE] = 0.0
+    gap[np.abs(gap) < _NOISE] = 0.0
     fall = gap[:-1] - gap[1:]
     for i in range(starts - 1):
-        if np.abs(fall[i]) <= apart + NOISE:  # and not NaN
+        if np.abs(fall[i]) <= apart + _NOISE:  # and not NaN
             if gap[i] >= 0 >= gap[i + 1] and fall[i] > 0:
                 at = np.array([angles[i] + gap[i] / fall[i] * apart])
                 yield arc.at(at)[0], float(times[i])
         elif part == (0.0, np.pi) and min(abs(gap[i]), abs(gap[i + 1])) < 2 * apart:
             between = float(angles[i]), float(angles[i + 1])
-            yield from returning(parameters, arc, longest, CLOSER, between)
+            yield from _returning(parameters, arc, longest, _CLOSER, between)
 
 
-def first_returns(
-    parameters: Parameters, arc: Arc, angles: Array, longest: float
+def _first_returns(
+    parameters: Parameters, arc: _Arc, angles: Array, longest: float
 ) -> tuple[Array, Array]:
     """Return the angles (n,) at which orbits from angles (n,) of an arc come back, and when [s].
 
@@ -245,7 +245,7 @@ def first_returns(
     way = np.sign(normal @ np.stack(flow(parameters, tuple(arc.at(angles).T))))
     starts = Starts(parameters, arc.attitudes(angles), np.zeros((len(angles), 3)))
     numbers = np.concatenate([np.outer(way, normal), np.tile(arc.across, (len(way), 1))], axis=1)
-    times, states, *_ = crossings(starts, ARC, numbers, 1, 1, RETURN_TOLERANCE, longest)
+    times, states, *_ = crossings(starts, ARC, numbers, 1, 1, _RETURN_TOLERANCE, longest)
     gamma = np.stack(eq.space_axes(components(states[:, 0]))[2], axis=-1)
     return np.arctan2(gamma @ arc.across, gamma @ arc.centre), times[:, 0]
 
@@ -260,19 +260,19 @@ def closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
         return None
     # Newton's method from half the period finds the same cycle only where that is the period.
     half = _closed(parameters, cycle.gamma, cycle.period / 2)
-    same = half is not None and np.linalg.norm(half.gamma - cycle.gamma) < SAME
+    same = half is not None and np.linalg.norm(half.gamma - cycle.gamma) < _SAME
     return half if same else cycle
 
 
 def _closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
     try:
-        cycle = close(parameters, attitude_at(gamma), NO_MOMENTUM, period)
+        cycle = close(parameters, attitude_at(gamma), _NO_MOMENTUM, period)
     except InputError:
         return None
     # A fixed point, too, is where it was after any time.
     rate = np.linalg.norm(flow(parameters, as_vector(cycle.gamma)))
-    moves = rate > AT_REST * rate_scale(parameters)
-    return cycle if moves and abs(cycle.multipliers[0] - 1) > HYPERBOLIC else None
+    moves = rate > _AT_REST * rate_scale(parameters)
+    return cycle if moves and abs(cycle.multipliers[0] - 1) > _HYPERBOLIC else None
 
 
 def reversed_in_time(parameters: Parameters) -> Parameters:
@@ -284,8 +284,8 @@ def reversed_in_time(parameters: Parameters) -> Parameters:
 
 def curve_of(parameters: Parameters, gamma: Array, period: float) -> Array:
     """Return γ (SAMPLES, 3) over a period from γ (3,)."""
-    times = np.linspace(0.0, period, SAMPLES)
-    return rotation_matrix(orbit(parameters, attitude_at(gamma), NO_MOMENTUM, times)[0])[:, 2]
+    times = np.linspace(0.0, period, _SAMPLES)
+    return rotation_matrix(orbit(parameters, attitude_at(gamma), _NO_MOMENTUM, times)[0])[:, 2]
 
 
 def lies_on(gamma: Array, curve: Array) -> bool:
@@ -311,7 +311,7 @@ def separatrices(
     parameters: Parameters, points: Sequence[FixedPoint], duration: float
 ) -> list[Separatrix]:
     """Follow both halves of both manifolds of every saddle for a duration [s]."""
-    times = sample_times(duration, INTERVAL)
+    times = sample_times(duration, _INTERVAL)
     found = []
     # A stable manifold is the unstable one of the ball that moves backwards in time.
     for stable, ball in ((False, parameters), (True, reversed_in_time(parameters))):
@@ -319,7 +319,7 @@ def separatrices(
         if not saddles:
             return []
         starts = [
-            near(ball, point.gamma, sign)
+            _near(ball, point.gamma, sign)
             for point, sign in zip(saddles, (1, -1) * (len(saddles) // 2), strict=True)
         ]
         attitudes = attitude_at(np.array(starts))
@@ -330,15 +330,15 @@ def separatrices(
     return found
 
 
-def near(parameters: Parameters, gamma: Array, sign: int) -> Array:
+def _near(parameters: Parameters, gamma: Array, sign: int) -> Array:
     """Return a point (3,) beside the saddle γ (3,), where the flow leaves it."""
     values, vectors = np.linalg.eig(jacobian(parameters, gamma))
     out = vectors[:, np.argmax(values.real)].real @ tangents(gamma)
-    beside = gamma + sign * OFFSET * out
+    beside = gamma + sign * _OFFSET * out
     return beside / np.linalg.norm(beside)
 
 
 def reached(gamma: Array, points: Sequence[FixedPoint]) -> FixedPoint | None:
     """Return the fixed point that γ (3,) is at, if any."""
     nearest = min(points, key=lambda point: float(np.linalg.norm(point.gamma - gamma)))
-    return nearest if np.linalg.norm(nearest.gamma - gamma) < REACHED else None
+    return nearest if np.linalg.norm(nearest.gamma - gamma) < _REACHED else None

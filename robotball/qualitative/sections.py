@@ -32,12 +32,12 @@ from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene, along_momentum, section_state
 
 # Allowed between two crossings, where some dozens are usual: an orbit at rest never crosses.
-STEPS_PER_CROSSING = 100_000
-ON_SECTION = 1e-10  # a start that near counts as on the section, and is no crossing
+_STEPS_PER_CROSSING = 100_000
+_ON_SECTION = 1e-10  # a start that near counts as on the section, and is no crossing
 
 
 @dataclass(frozen=True)
-class Section:
+class _Section:
     """Where n orbits cross g = g₀, the first m times after their start.
 
     times (n, m) s; l (n, m) rad and L (n, m) kg m²/s of (5.5); directions (n, m): +1 where g
@@ -62,7 +62,7 @@ def section(
     g: float = 0.0,
     direction: int = 0,
     tolerance: float = STEP_TOLERANCE,
-) -> Section:
+) -> _Section:
     """Find the first `count` crossings of g = `g` [rad] by the motions from many starts.
 
     attitudes (n, 4), momenta (n, 3), tolerance: as for `orbits`; direction: 1 or -1 for one
@@ -79,8 +79,8 @@ def section(
     found = crossings(starts, RETURN, numbers, count, direction, tolerance)
     times, states, directions, number, status = found
     world = starts.to_world(states)
-    l, L = section_coordinates(world, np.asarray(momenta, dtype=float))
-    return Section(times, l, L, directions, world, number, status)
+    l, L = _section_coordinates(world, np.asarray(momenta, dtype=float))
+    return _Section(times, l, L, directions, world, number, status)
 
 
 def crossings(
@@ -110,14 +110,14 @@ def crossings(
 
     def find(queue: Queue) -> None:
         cross(
-            step, queue, rows, lengths, tolerance, STEPS_PER_CROSSING, longest, direction, *results
+            step, queue, rows, lengths, tolerance, _STEPS_PER_CROSSING, longest, direction, *results
         )
 
     in_threads(find, math.ceil(n / LANES))
     return results
 
 
-def section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:
+def _section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:
     """Return l and L (n, m) of (5.5) at attitudes (n, m, 4) with world momenta (n, 3)."""
     MX, MY, MZ = momenta.T[:, :, None]
     M = eq.seen_from_frame((MX, MY, MZ), eq.unit_space_axes(components(attitudes)))
@@ -241,7 +241,7 @@ def sampled_crossings(
     at = CubicHermiteSpline(times, value, rate)
     found = at.roots(extrapolate=False)
     # A start on the section is no crossing; its own root may come out a little later.
-    if abs(value[0]) < ON_SECTION:
+    if abs(value[0]) < _ON_SECTION:
         found = found[found > times[1]]
     crossed = Crossings(
         times=found,

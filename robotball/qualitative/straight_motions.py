@@ -14,7 +14,7 @@ from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
 from robotball.rotations import Array, perpendicular
 
-ROUNDING = 1e-9  # relative: a component below it was meant to be zero
+_ROUNDING = 1e-9  # relative: a component below it was meant to be zero
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def straight_motion(parameters: Parameters, gamma: Array) -> StraightMotion:
     Raises InputError in the rubber model unless γ is across Ω.
     """
     p, vertical = parameters, as_vector(gamma)
-    across = abs(eq.dot(p.Omega, vertical)) <= ROUNDING * np.linalg.norm(p.Omega)
+    across = abs(eq.dot(p.Omega, vertical)) <= _ROUNDING * np.linalg.norm(p.Omega)
     if p.rolling == "rubber" and not across:
         raise InputError("a rubber ball rolls straight on only where (Omega, gamma) = 0, by (2.2)")
     M = p.momentum((0.0, 0.0, 0.0), vertical)
@@ -106,10 +106,10 @@ def stability_limit(parameters: Parameters) -> float | None:
     ball and unless Ω is along an axis and K across it, where there is no such formula.
     """
     Omega, across = np.abs(parameters.Omega), np.abs(parameters.K)
-    axes = np.flatnonzero(Omega > ROUNDING * Omega.max())
+    axes = np.flatnonzero(Omega > _ROUNDING * Omega.max())
     if parameters.rolling != "rubber" or len(axes) != 1:
         return None
-    if across[axes[0]] > ROUNDING * across.max():
+    if across[axes[0]] > _ROUNDING * across.max():
         return None
     l = int(axes[0])  # j, k, l in cyclic order, as the formulas have them
     j, k = (l + 1) % 3, (l + 2) % 3

@@ -24,9 +24,9 @@ from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.rotations import Array
 
-LINES = 4  # looked at; the strongest need not be ρ's own
-CORRECTIONS = 4
-HARMONICS = 120  # enough for a smooth curve; with fewer points, an eighth of their number
+_LINES = 4  # looked at; the strongest need not be ρ's own
+_CORRECTIONS = 4
+_HARMONICS = 120  # enough for a smooth curve; with fewer points, an eighth of their number
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class InvariantCurve:
 
     def at(self, phases: Array) -> Array:
         """Return points (n, k) at phases (n,) in turns; 0 is the orbit's first point."""
-        return (waves(phases, len(self.coefficients) // 2) @ self.coefficients).real
+        return (_waves(phases, len(self.coefficients) // 2) @ self.coefficients).real
 
 
 def invariant_curve(points: Array) -> InvariantCurve:
@@ -61,17 +61,17 @@ def invariant_curve(points: Array) -> InvariantCurve:
         raise InputError("an invariant curve needs 100 finite points (m, k) or more")
     if np.ptp(points, axis=0).max() < 1e-9 * np.abs(points).max():
         raise InputError("the points are all the same: a fixed point, no invariant curve")
-    fits = [fitted(points, rotation) for rotation in candidate_rotations(points)]
+    fits = [_fitted(points, rotation) for rotation in _candidate_rotations(points)]
     return min(fits, key=lambda curve: curve.residual)
 
 
-def fitted(points: Array, rotation: float) -> InvariantCurve:
+def _fitted(points: Array, rotation: float) -> InvariantCurve:
     """Return the curve by every other point, with ρ near the one given, by Gauss and Newton."""
-    count, highest = np.arange(float(len(points))), min(HARMONICS, len(points) // 8)
+    count, highest = np.arange(float(len(points))), min(_HARMONICS, len(points) // 8)
     orders = 2j * np.pi * np.arange(-highest, highest + 1)[:, None]
     # An error of ρ shifts late points along the curve more than early ones: from that it is found.
-    for _ in range(CORRECTIONS):
-        table = waves(rotation * count, highest)
+    for _ in range(_CORRECTIONS):
+        table = _waves(rotation * count, highest)
         coefficients = np.linalg.lstsq(table[::2], points[::2].astype(complex), rcond=None)[0]
         off = points - (table @ coefficients).real
         # About the middle of the orbit, so that turning the whole curve does not count.
@@ -84,7 +84,7 @@ def fitted(points: Array, rotation: float) -> InvariantCurve:
     return curve
 
 
-def candidate_rotations(points: Array) -> list[float]:
+def _candidate_rotations(points: Array) -> list[float]:
     """Return the strongest spectral lines (up to LINES) of an orbit (m, k), in turns.
 
     Each is refined on the spectrum of the points under a smooth window, whose lines are narrow.
@@ -102,7 +102,7 @@ def candidate_rotations(points: Array) -> list[float]:
 
     power = np.sum(np.abs(np.fft.rfft(windowed, axis=0)) ** 2, axis=1)
     peaks = [i for i in range(1, len(power) - 1) if power[i - 1] < power[i] >= power[i + 1]]
-    strongest = sorted(peaks, key=lambda i: -power[i])[:LINES]
+    strongest = sorted(peaks, key=lambda i: -power[i])[:_LINES]
     found = []
     for i in strongest:
         near = ((i - 1) / m, (i + 1) / m)
@@ -111,7 +111,7 @@ def candidate_rotations(points: Array) -> list[float]:
     return found
 
 
-def waves(phases: Array, highest: int) -> Array:
+def _waves(phases: Array, highest: int) -> Array:
     """Return exp(2πi h phase) (n, 2 highest + 1) at phases (n,) in turns."""
     return np.exp(2j * np.pi * np.outer(phases, np.arange(-highest, highest + 1)))
 

@@ -39,30 +39,30 @@ from validation.output import progress_bar, write_record
 from validation.studies.random_runs import random_scene
 from validation.sweeps import Cell, sweep
 
-BALLS = 30
-TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
-STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35)  # of RK4 in a sample interval
-RTOLS = tuple(10 ** (-half / 2) for half in range(14, 27))  # half a decade apart
-ENOUGH = 3e-11  # a finer run than one of this error is no target's best
+_BALLS = 30
+_TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
+_STEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35)  # of RK4 in a sample interval
+_RTOLS = tuple(10 ** (-half / 2) for half in range(14, 27))  # half a decade apart
+_ENOUGH = 3e-11  # a finer run than one of this error is no target's best
 
 
 def cells() -> list[Cell]:
     """Return the scenes of the catalog, and the random balls."""
     return [
         *({"scene": name} for name in catalog()),
-        *({"ball": number} for number in range(BALLS)),
+        *({"ball": number} for number in range(_BALLS)),
     ]
 
 
-def measure(cell: Cell) -> Mapping[str, Any]:
+def _measure(cell: Cell) -> Mapping[str, Any]:
     """Return the runs of both families, and one case a target; errors against the equations."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)
         scene = random_scene(cell["ball"]) if "ball" in cell else load_scene(cell["scene"])
         theory = integrate(scene)
         interval = float(theory.times[1])
-        rk4 = (recipe("", 1.0, timestep=interval / n) for n in STEPS)
-        adaptive = (recipe("", 1.0, integrator=ADAPTIVE, rtol=rtol) for rtol in RTOLS)
+        rk4 = (recipe("", 1.0, timestep=interval / n) for n in _STEPS)
+        adaptive = (recipe("", 1.0, integrator=ADAPTIVE, rtol=rtol) for rtol in _RTOLS)
         return {
             "scene": scene.name,
             "steady": scene.steady,
@@ -72,7 +72,7 @@ def measure(cell: Cell) -> Mapping[str, Any]:
             "samples": len(theory.times),
             "rk4": _search(scene, theory, rk4),
             # What timings drift by should not fall between the families and the cases.
-            "cases": [_case(scene, theory, target) for target in TARGETS],
+            "cases": [_case(scene, theory, target) for target in _TARGETS],
             # A servo's stiffness, not the error, would set the steps.
             "adaptive": [] if any(scene.motors) else _search(scene, theory, adaptive),
         }
@@ -84,7 +84,7 @@ def _search(scene: Scene, theory: Motion, family: Iterable[Settings]) -> list[di
     for settings in family:
         runs.append(_run(scene, theory, settings))
         error = runs[-1]["error"]
-        if error is not None and error < ENOUGH:
+        if error is not None and error < _ENOUGH:
             break
     return runs
 
@@ -120,7 +120,7 @@ def _case(scene: Scene, theory: Motion, target: float) -> dict[str, Any]:
     }
 
 
-def best_seconds(record: Mapping[str, Any], target: float) -> float:
+def _best_seconds(record: Mapping[str, Any], target: float) -> float:
     """Return the least time [s] of a sound run of an error within the target, or infinity."""
     runs = [*record["rk4"], *record["adaptive"]]
     return min(
@@ -133,12 +133,12 @@ def best_seconds(record: Mapping[str, Any], target: float) -> float:
     )
 
 
-Record = Mapping[str, Any]
-WIDTH = 130  # characters, which the table of cases needs
-ROUNDING = 1e-11  # errors below this multiple of it no longer show an order
+_Record = Mapping[str, Any]
+_WIDTH = 130  # characters, which the table of cases needs
+_ROUNDING = 1e-11  # errors below this multiple of it no longer show an order
 
 
-def main() -> None:
+def _main() -> None:
     """Measure what is missing, and print both tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out"))
@@ -147,19 +147,19 @@ def main() -> None:
     everything = cells()
     with progress_bar(len(everything)) as show:
         results = sweep(
-            measure, everything, given.out / "front.jsonl", workers=given.workers, show=show
+            _measure, everything, given.out / "front.jsonl", workers=given.workers, show=show
         )
-    console = Console(width=WIDTH)
+    console = Console(width=_WIDTH)
     for result in results:
         if result.failure:
             console.print(f"{result.cell}: {result.failure}", style="yellow")
     records = [result.record for result in results if result.record is not None]
-    console.print(coefficient_table(records))
-    console.print(case_table(records))
+    console.print(_coefficient_table(records))
+    console.print(_case_table(records))
     write_record(given.out / "front.json", {"coefficients": coefficients(records)})
 
 
-def coefficients(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
+def coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
     """Each field of Front as measured: the value, and the scatter of single scenes about it.
 
     Orders are low percentiles, for an estimate to be too small only rarely. Scatter is
@@ -194,34 +194,34 @@ def coefficients(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
     }
 
 
-def _orders(record: Record) -> list[float]:
+def _orders(record: _Record) -> list[float]:
     """Return the orders of the error, from the longest step of RK4 to each shorter one."""
     first, *others = record["rk4"]
     return [
         float(np.log(first["error"] / each["error"]) / np.log(first["size"] / each["size"]))
         for each in others
-        if each["error"] > ROUNDING
+        if each["error"] > _ROUNDING
     ]
 
 
-def _rtol_orders(record: Record) -> list[float]:
+def _rtol_orders(record: _Record) -> list[float]:
     """Return the orders of the error in rtol, between rtols LOOSER apart as accuracy uses them."""
     runs = record["adaptive"]
     apart = round(np.log(LOOSER) / np.log(runs[0]["size"] / runs[1]["size"]))
     return [
         float(np.log(loose["error"] / tight["error"]) / np.log(loose["size"] / tight["size"]))
         for loose, tight in zip(runs, runs[apart:], strict=False)
-        if tight["error"] > ROUNDING and loose["sound"]
+        if tight["error"] > _ROUNDING and loose["sound"]
     ]
 
 
-def _stiffness(record: Record) -> float:
+def _stiffness(record: _Record) -> float:
     """Return RK4's error where the scene turns by a radian in a step, along its fourth order."""
     run = record["rk4"][0]
     return float(run["error"] / (record["rate"] * run["size"]) ** 4)
 
 
-def _gain(record: Record) -> float:
+def _gain(record: _Record) -> float:
     """Return DOP853's error over rtol, a geometric mean, from its drift of M and RK4's of both."""
     first = record["rk4"][0]
     drifts = [
@@ -230,7 +230,7 @@ def _gain(record: Record) -> float:
     return float(np.exp(np.mean(np.log(drifts)))) * first["error"] / first["drift"]
 
 
-def _density(record: Record) -> tuple[float, float]:
+def _density(record: _Record) -> tuple[float, float]:
     """Return the power of 1/rtol with which steps grow, and their number at 1e-11 a radian."""
     runs = [run for run in record["adaptive"] if run["size"] < 2e-9]
     sizes, steps = (np.log([run[key] for run in runs]) for key in ("size", "steps"))
@@ -239,11 +239,11 @@ def _density(record: Record) -> tuple[float, float]:
     return -float(slope), float(np.exp(at_one + slope * np.log(1e-11)) / turned)
 
 
-def _per_step(record: Record) -> float:
+def _per_step(record: _Record) -> float:
     return float(np.median([run["seconds"] / run["steps"] for run in record["rk4"]]))
 
 
-def _per_adaptive_step(record: Record) -> Array:
+def _per_adaptive_step(record: _Record) -> Array:
     """Return the seconds of a step of DOP853 and of a sample."""
     runs = record["adaptive"]
     seconds = np.array([run["seconds"] for run in runs])
@@ -256,7 +256,7 @@ def _factor(values: Array) -> float:
     return float(np.exp(np.std(np.log(values))))
 
 
-def coefficient_table(records: Sequence[Record]) -> Table:
+def _coefficient_table(records: Sequence[_Record]) -> Table:
     """Return the table of the coefficients measured now beside those in use."""
     table = Table(title="the front", title_justify="left", box=box.SIMPLE_HEAD)
     for heading in ("coefficient", "in use", "measured", "scatter"):
@@ -266,7 +266,7 @@ def coefficient_table(records: Sequence[Record]) -> Table:
     return table
 
 
-def case_table(records: Sequence[Record]) -> Table:
+def _case_table(records: Sequence[_Record]) -> Table:
     """Return a row an accuracy: how many reached it, how honest estimates were, what it took."""
     table = Table(title="accuracies requested", title_justify="left", box=box.SIMPLE_HEAD)
     for heading in (
@@ -274,13 +274,13 @@ def case_table(records: Sequence[Record]) -> Table:
         "CPU / best\nmedian", "90 %", "largest", "over 2", "last run\nmedian", "largest",
     ):  # fmt: skip
         table.add_column(heading, justify="right")
-    for target in (*TARGETS, None):
+    for target in (*_TARGETS, None):
         cases = _cases(records, target)
         whole = np.array([each["ratio"] for each in cases if np.isfinite(each["ratio"])])
         last = np.array([each["last_ratio"] for each in cases if np.isfinite(each["ratio"])])
         missed = [each for each in cases if not each["within"]]
 
-        def count(which: Callable[[Record], bool], of: Sequence[Record] = cases) -> str:
+        def count(which: Callable[[_Record], bool], of: Sequence[_Record] = cases) -> str:
             return str(sum(map(which, of)))
 
         table.add_row(
@@ -301,13 +301,13 @@ def case_table(records: Sequence[Record]) -> Table:
     return table
 
 
-def _cases(records: Sequence[Record], target: float | None) -> list[dict[str, Any]]:
+def _cases(records: Sequence[_Record], target: float | None) -> list[dict[str, Any]]:
     """Return the cases of a target, or all, with their verdicts and ratios."""
     cases = []
     for record in records:
         for case in record["cases"]:
             if target in (None, case["target"]):
-                best = best_seconds(record, case["target"])
+                best = _best_seconds(record, case["target"])
                 error, estimate = case["error"], case["estimate"]
                 cases.append({
                     **case,
@@ -321,4 +321,4 @@ def _cases(records: Sequence[Record], target: float | None) -> list[dict[str, An
 
 
 if __name__ == "__main__":
-    main()
+    _main()

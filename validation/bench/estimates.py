@@ -19,11 +19,11 @@ from validation.output import progress_bar, scientific
 from validation.studies.random_runs import random_scene
 from validation.sweeps import Cell, Result, sweep
 
-BALLS = 1000
+_BALLS = 1000
 ACCURACIES = (1e-5, 1e-7, 1e-9)  # in turn, each for four balls, one of each number of rotors
-TIMES = np.linspace(0.0, 10.0, 501)
-LIMIT = 300.0  # s of a ball
-FILE = Path("out", "estimates.jsonl")
+_TIMES = np.linspace(0.0, 10.0, 501)
+_LIMIT = 300.0  # s of a ball
+_FILE = Path("out", "estimates.jsonl")
 
 
 def cells(count: int) -> list[Cell]:
@@ -40,11 +40,11 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
     Both errors are None of a run that broke off; reference: the equations' own error.
     """
     scene = random_scene(cell["ball"])
-    theory = integrate(scene, TIMES)
+    theory = integrate(scene, _TIMES)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", SceneWarning)
-        motion = simulate(scene, TIMES, accuracy=cell["accuracy"])
-    whole = len(motion.times) == len(TIMES)
+        motion = simulate(scene, _TIMES, accuracy=cell["accuracy"])
+    whole = len(motion.times) == len(_TIMES)
     return {
         "estimated": motion.report.estimated_error if whole else None,
         "actual": path_error(motion, theory) if whole else None,
@@ -87,13 +87,13 @@ def lines(results: Sequence[Result]) -> list[str]:
     return said
 
 
-def main(count: int = BALLS) -> None:
+def _main(count: int = _BALLS) -> None:
     """Measure so many balls and print the summary."""
-    FILE.parent.mkdir(exist_ok=True)
+    _FILE.parent.mkdir(exist_ok=True)
     with progress_bar(count) as show:
-        results = sweep(measure, cells(count), FILE, limit=LIMIT, show=show)
+        results = sweep(measure, cells(count), _FILE, limit=_LIMIT, show=show)
     print(*lines(results), sep="\n")
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    _main(*map(int, sys.argv[1:]))

@@ -23,9 +23,9 @@ from robotball.film.render import Film, frames
 from validation.agreement import compare
 from validation.output import write_text
 
-DOCS = Path(__file__).parents[2] / "docs"
-OUT = Path("out/gallery")
-PICTURES = {
+_DOCS = Path(__file__).parents[2] / "docs"
+_OUT = Path("out/gallery")
+_PICTURES = {
     "ablation fig12": {"fig12-mujoco-ablation.png": "ablation.png"},
     "convergence fig12": {"fig12-mujoco-accurate-convergence.png": "convergence.png"},
     "tradeoff fig12": {"fig12-mujoco-tradeoff.png": "tradeoff.png"},
@@ -35,17 +35,17 @@ PICTURES = {
         for name in ("momentum", "contact", "duration")
     },
 }
-BY_NAME = {
+_BY_NAME = {
     "engines fig12 classical_regular": {
         "fig12-engines.png": "engines.png",
         "classical_regular-engines.png": "engines-classical.png",
     },
 }
-RANDOM = "extremes --random 500"
-FILMED, SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
+_RANDOM = "extremes --random 500"
+_FILMED, SHOWN = 3.2, 3.0  # s of the README's film, and the time of its picture
 # What the studies counted: the numbers that README and docs print are held against it.
-NUMBERS = DOCS / "numbers.json"
-PROOFS = """
+NUMBERS = _DOCS / "numbers.json"
+_PROOFS = """
 ## Proofs
 
 By `robotball paper`: what is left of the printed form, and of the corrected one, of which rounding
@@ -54,8 +54,8 @@ or a sampling error may leave something.
 | place | corrected | measured |
 |---|---|---|
 """
-TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
-OUTCOME_WORDS = {
+_TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
+_OUTCOME_WORDS = {
     "ACCURATE": "accurate, to 1e-4",
     "DEGRADED": "degraded, to 0.1",
     "WRONG": "silently wrong",
@@ -70,42 +70,42 @@ OUTCOME_WORDS = {
 OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
 
-def main(only: str = "") -> None:
+def _main(only: str = "") -> None:
     """Run each command whose line begins with `only`, and put what it makes into docs/."""
-    for command, files in (PICTURES | (BY_NAME if only else {})).items():
+    for command, files in (_PICTURES | (_BY_NAME if only else {})).items():
         if command.startswith(only):
-            record = ("--json", str(OUT / "extremes.json")) if command == "extremes" else ()
-            _run(command, "--out", str(OUT), *record)
+            record = ("--json", str(_OUT / "extremes.json")) if command == "extremes" else ()
+            _run(command, "--out", str(_OUT), *record)
             for made, shown in files.items():
-                shutil.copyfile(OUT / made, DOCS / shown)
+                shutil.copyfile(_OUT / made, _DOCS / shown)
     if "tradeoff fig12".startswith(only):
-        write_numbers("tradeoff", numbers_of_tradeoff(_read(OUT / "fig12-mujoco-tradeoff.json")))
+        _write_numbers("tradeoff", numbers_of_tradeoff(_read(_OUT / "fig12-mujoco-tradeoff.json")))
     if "extremes".startswith(only):
-        record = _read(OUT / "extremes.json")
-        outcomes = outcomes_of(record["summary"])
-        write_numbers("extremes", {**record["totals"], "outcomes": outcomes})
-        _replace(DOCS / "extremes.md", OUTCOMES, outcomes_table(outcomes))
-    if RANDOM.startswith(only):
-        _run(RANDOM, "--json", str(OUT / "random.json"))
-        record = _read(OUT / "random.json")
+        record = _read(_OUT / "extremes.json")
+        outcomes = _outcomes_of(record["summary"])
+        _write_numbers("extremes", {**record["totals"], "outcomes": outcomes})
+        _replace(_DOCS / "extremes.md", OUTCOMES, outcomes_table(outcomes))
+    if _RANDOM.startswith(only):
+        _run(_RANDOM, "--json", str(_OUT / "random.json"))
+        record = _read(_OUT / "random.json")
         false = len(record["false_alarms"])
-        write_numbers("random", {**record["extreme"], "false_alarms": false})
+        _write_numbers("random", {**record["extreme"], "false_alarms": false})
     if "film".startswith(only):
-        write_frame(DOCS / "fig12.png")
+        _write_frame(_DOCS / "fig12.png")
     if "paper".startswith(only):
-        _run("paper", "--json", str(OUT / "paper.json"))
-        write_proofs(OUT / "paper.json")
+        _run("paper", "--json", str(_OUT / "paper.json"))
+        _write_proofs(_OUT / "paper.json")
     if "demo".startswith(only):
-        _run("demo", "--out", str(OUT))
-        table = (OUT / "demo.md").read_text(encoding="utf-8").strip()
-        _replace(DOCS / "settings.md", TABLE, table)
+        _run("demo", "--out", str(_OUT))
+        table = (_OUT / "demo.md").read_text(encoding="utf-8").strip()
+        _replace(_DOCS / "settings.md", _TABLE, table)
 
 
-def write_frame(path: Path) -> None:
+def _write_frame(path: Path) -> None:
     """The README's picture: one frame of a film of fig12."""
     import mediapy
 
-    agreement, film = compare("fig12", None, sample_times(FILMED)), Film()
+    agreement, film = compare("fig12", None, sample_times(_FILMED)), Film()
     shown = islice(frames(agreement.motion, agreement.theory, film), round(SHOWN * film.fps), None)
     with replacing(path) as temporary:
         mediapy.write_image(temporary, next(shown), fmt="png")
@@ -128,7 +128,7 @@ def numbers_of_tradeoff(record: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def outcomes_of(summary: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
+def _outcomes_of(summary: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
     """Return how many runs of each integrator had each outcome, over all maps."""
     found: dict[str, Counter[str]] = {}
     for each in summary:
@@ -143,23 +143,23 @@ def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
         f"| of {runs} runs each | {' | '.join(outcomes)} |",
         "|---|" + "---:|" * len(outcomes),
     ]
-    for name, words in OUTCOME_WORDS.items():
+    for name, words in _OUTCOME_WORDS.items():
         counts = [each.get(name, 0) for each in outcomes.values()]
         if any(counts):
             lines.append(f"| {words} | {' | '.join(map(str, counts))} |")
     return "\n".join(lines)
 
 
-def write_numbers(study: str, numbers: Mapping[str, Any]) -> None:
+def _write_numbers(study: str, numbers: Mapping[str, Any]) -> None:
     """Write a study's numbers into the file of all."""
     known = _read(NUMBERS) if NUMBERS.exists() else {}
     write_text(NUMBERS, json.dumps({**known, study: numbers}, indent=1) + "\n")
 
 
-def write_proofs(findings: Path) -> None:
+def _write_proofs(findings: Path) -> None:
     """Write the table of proofs into the page of errata, from the JSON of `robotball paper`."""
-    page = DOCS / "errata.md"
-    above = page.read_text(encoding="utf-8").partition(PROOFS)[0].rstrip()
+    page = _DOCS / "errata.md"
+    above = page.read_text(encoding="utf-8").partition(_PROOFS)[0].rstrip()
     claims = _read(findings)["claims"]
     rows = [
         " | ".join(
@@ -168,7 +168,7 @@ def write_proofs(findings: Path) -> None:
         for claim in claims
         if claim["verdict"] == "holds as corrected"
     ]
-    write_text(page, "\n".join([above, PROOFS.rstrip(), *(f"| {row} |" for row in rows)]) + "\n")
+    write_text(page, "\n".join([above, _PROOFS.rstrip(), *(f"| {row} |" for row in rows)]) + "\n")
 
 
 def _read(path: Path) -> Any:
@@ -189,4 +189,4 @@ def _run(command: str, *options: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    _main(*sys.argv[1:])

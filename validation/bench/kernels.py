@@ -42,19 +42,19 @@ from robotball.equations import Parameters, Vector
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
 
-Equations = list[tuple[Any, Any]]
-BALL_SIZE = LEVEL - BALL
+_Equations = list[tuple[Any, Any]]
+_BALL_SIZE = LEVEL - BALL
 
 
-def equations_of(system: System, parameters: Parameters) -> Equations:
+def equations_of(system: System, parameters: Parameters) -> _Equations:
     """Return a system of the compiled stepper as heyoka's equations, with pars as of `pars_of`.
 
     A quaternion in them is drawn to length one, which heyoka cannot set at every step.
     """
-    symbolic = ball_of(parameters.rolling, [hy.par[i] for i in range(BALL_SIZE)])
-    c = hy.par[BALL_SIZE + 1] if parameters.rolling == "classical" else hy.expression(0.0)
+    symbolic = ball_of(parameters.rolling, [hy.par[i] for i in range(_BALL_SIZE)])
+    c = hy.par[_BALL_SIZE + 1] if parameters.rolling == "classical" else hy.expression(0.0)
     state = hy.make_vars(*(f"y{i}" for i in range(system.size)))
-    rates = list(system.rate(state, symbolic, Level(hy.par[BALL_SIZE], c)))
+    rates = list(system.rate(state, symbolic, Level(hy.par[_BALL_SIZE], c)))
     start = 0
     for size in system.units:
         unit = slice(start, start := start + size)
@@ -65,10 +65,10 @@ def equations_of(system: System, parameters: Parameters) -> Equations:
     return list(zip(state, rates, strict=True))
 
 
-def level_equations(parameters: Parameters) -> Equations:
+def level_equations(parameters: Parameters) -> _Equations:
     """Return dγ/dt = γ×ω, dM/dt = M×ω in frame axes, with the numbers of the ball put in."""
-    gamma = vector(hy.make_vars("gamma1", "gamma2", "gamma3"))
-    M = vector(hy.make_vars("M1", "M2", "M3"))
+    gamma = _vector(hy.make_vars("gamma1", "gamma2", "gamma3"))
+    M = _vector(hy.make_vars("M1", "M2", "M3"))
     omega = parameters.angular_velocity(M, gamma)
     rates = (*eq.cross(gamma, omega), *eq.cross(M, omega))
     return list(zip((*gamma, *M), rates, strict=True))
@@ -76,12 +76,12 @@ def level_equations(parameters: Parameters) -> Equations:
 
 def pars_of(starts: Starts) -> Array:
     """Return the values (n, k) of the pars, one row a start."""
-    used = BALL_SIZE + (2 if starts.parameters.rolling == "classical" else 1)
+    used = _BALL_SIZE + (2 if starts.parameters.rolling == "classical" else 1)
     return starts.rows[:, :used]
 
 
 def batch(
-    equations: Equations, states: Array, pars: Array | None, tolerance: float, **more: Any
+    equations: _Equations, states: Array, pars: Array | None, tolerance: float, **more: Any
 ) -> Any:
     """Return an integrator of n states (n, size) side by side, from time 0."""
     if pars is not None:
@@ -89,17 +89,17 @@ def batch(
     return hy.taylor_adaptive_batch(equations, states.T.copy(), tol=tolerance, **more)
 
 
-def vector(items: Sequence[Any]) -> Vector:
+def _vector(items: Sequence[Any]) -> Vector:
     """Return three items as a vector."""
     x, y, z = items
     return (x, y, z)
 
 
-Run = Callable[[], Any]
+_Run = Callable[[], Any]
 
 
 @dataclass
-class Contender:
+class _Contender:
     """One tool at one task, and what was measured of it.
 
     prepare: tolerance -> what is timed; error: of what that returns; work: how much of it a run
@@ -107,7 +107,7 @@ class Contender:
     """
 
     name: str
-    prepare: Callable[[float], Run]
+    prepare: Callable[[float], _Run]
     error: Callable[[Any], float]
     tolerances: tuple[float, ...]
     work: float = 1.0
@@ -124,7 +124,7 @@ class Contender:
         return float(np.exp(np.interp(np.log(error), np.log(errors), np.log(seconds))))
 
 
-def compare(title: str, error: float, *contenders: Contender) -> None:
+def compare(title: str, error: float, *contenders: _Contender) -> None:
     """Time all contenders in turn and print a table, with ratios to the first at one error."""
     runs = [(c, t, c.prepare(t)) for c in contenders for t in c.tolerances]
     for contender, tolerance, run in runs:
@@ -147,31 +147,33 @@ def compare(title: str, error: float, *contenders: Contender) -> None:
         print(f"  at error {error:.0e} {other.at(error) / ours:.2f} times as fast as {other.name}")
 
 
-A, OMEGA, K = np.array([0.8, 0.6, 0.7]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 3.0, 0.0])
-D = 0.9
-I1, I2, I3 = (1 / A - D).tolist()
-FIG11B = Parameters("rubber", (I1, I2, I3), D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))  # Fig. 11b
-FEATURES = "NUMBA_CPU_FEATURES"
-DURATION, OUTPUTS, POINTS, MANY, LANES = 100.0, 1000, 25, 256, 8
-OURS, HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+A, _OMEGA, K = np.array([0.8, 0.6, 0.7]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 3.0, 0.0])
+_D = 0.9
+_I1, _I2, _I3 = (1 / A - _D).tolist()
+_FIG11B = Parameters(
+    "rubber", (_I1, _I2, _I3), _D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0)
+)  # Fig. 11b
+_FEATURES = "NUMBA_CPU_FEATURES"
+DURATION, _OUTPUTS, POINTS, _MANY, _LANES = 100.0, 1000, 25, 256, 8
+_OURS, _HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 
-def in_batches(form: Equations, begin: Array, pars: Array | None, ends: tuple[float, ...]) -> Any:
+def _in_batches(form: _Equations, begin: Array, pars: Array | None, ends: tuple[float, ...]) -> Any:
     """Return a heyoka contender's `prepare`, which runs all starts in batches.
 
     begin (n, size), pars (n, k); ends: times to stop at [s]. The run returns the states of the
     first batch at the first of them.
     """
 
-    def prepare(tolerance: float) -> Run:
-        ta = batch(form, begin[:LANES], None if pars is None else pars[:LANES], tolerance)
+    def prepare(tolerance: float) -> _Run:
+        ta = batch(form, begin[:_LANES], None if pars is None else pars[:_LANES], tolerance)
 
         def run() -> Array:
-            for i in range(0, len(begin), LANES):
+            for i in range(0, len(begin), _LANES):
                 if pars is not None:
-                    ta.pars[:] = pars[i : i + LANES].T
+                    ta.pars[:] = pars[i : i + _LANES].T
                 ta.set_time(0.0)
-                ta.state[:] = begin[i : i + LANES].T
+                ta.state[:] = begin[i : i + _LANES].T
                 for end in ends:
                     ta.propagate_until(end)
                     if i == 0 and end == ends[0]:
@@ -183,39 +185,39 @@ def in_batches(form: Equations, begin: Array, pars: Array | None, ends: tuple[fl
     return prepare
 
 
-def median_error(reference: Array) -> Callable[[Array], float]:
+def _median_error(reference: Array) -> Callable[[Array], float]:
     """Return the median over rows (n, k) of the largest error: chaos makes some rows useless."""
     return lambda rows: float(np.median(np.abs(rows - reference).max(axis=1)))
 
 
-def numpy_rate(_: float, state: Array, momentum: Array) -> Array:
+def _numpy_rate(_: float, state: Array, momentum: Array) -> Array:
     """Return d/dt of (q, X, Y) by (3.2) in plain NumPy, as one writes it first."""
     q = state[:4] / np.linalg.norm(state[:4])
     alpha, beta, gamma = rotation_matrix(q)
     M = momentum[0] * alpha + momentum[1] * beta
     weight = np.dot(A * gamma, gamma)
-    Z = np.dot(OMEGA + A * K, gamma) / weight
+    Z = np.dot(_OMEGA + A * K, gamma) / weight
     omega = A * (np.cross(M, A * gamma) / weight - K + Z * gamma)
     rate = 0.5 * (q[0] * omega + np.cross(q[1:], omega))
-    shell = omega - OMEGA
+    shell = omega - _OMEGA
     path = np.dot(beta, shell), -np.dot(alpha, shell)
     return np.array([-0.5 * np.dot(q[1:], omega), *rate, *path])
 
 
-def one_orbit(attitude: Array, momentum: Array) -> None:
+def _one_orbit(attitude: Array, momentum: Array) -> None:
     """Compare one orbit, closely sampled; the error is the path's largest."""
-    times = np.linspace(0.0, DURATION, OUTPUTS + 1)
-    reference = orbit(FIG11B, attitude, momentum, times, 1e-15)[1]
-    starts = Starts(FIG11B, attitude, momentum)
+    times = np.linspace(0.0, DURATION, _OUTPUTS + 1)
+    reference = orbit(_FIG11B, attitude, momentum, times, 1e-15)[1]
+    starts = Starts(_FIG11B, attitude, momentum)
     begin = np.array([*attitude, 0.0, 0.0])
 
-    def ours(tolerance: float) -> Run:
-        return lambda: orbit(FIG11B, attitude, momentum, times, tolerance)[1]
+    def ours(tolerance: float) -> _Run:
+        return lambda: orbit(_FIG11B, attitude, momentum, times, tolerance)[1]
 
-    def scipys(tolerance: float) -> Run:
+    def scipys(tolerance: float) -> _Run:
         def run() -> Array:
             solved = solve_ivp(
-                numpy_rate,
+                _numpy_rate,
                 (0.0, DURATION),
                 begin,
                 "DOP853",
@@ -228,8 +230,8 @@ def one_orbit(attitude: Array, momentum: Array) -> None:
 
         return run
 
-    def heyokas(tolerance: float) -> Run:
-        form, pars = equations_of(PATH, FIG11B), pars_of(starts)[0]
+    def heyokas(tolerance: float) -> _Run:
+        form, pars = equations_of(PATH, _FIG11B), pars_of(starts)[0]
         ta = hy.taylor_adaptive(form, np.zeros(6), pars=pars, tol=tolerance)
 
         def run() -> Array:
@@ -242,93 +244,93 @@ def one_orbit(attitude: Array, momentum: Array) -> None:
         return float(np.abs(path - reference).max())
 
     compare(
-        f"one orbit with path, {DURATION:g} s, {OUTPUTS} outputs",
+        f"one orbit with path, {DURATION:g} s, {_OUTPUTS} outputs",
         1e-4,
-        Contender("this", ours, error, OURS),
-        Contender("scipy DOP853, NumPy", scipys, error, (1e-9, 1e-10), rounds=2),
-        Contender("heyoka", heyokas, error, HEYOKAS),
+        _Contender("this", ours, error, _OURS),
+        _Contender("scipy DOP853, NumPy", scipys, error, (1e-9, 1e-10), rounds=2),
+        _Contender("heyoka", heyokas, error, _HEYOKAS),
     )
 
 
-def ensembles(attitudes: Array, momenta: Array) -> None:
+def _ensembles(attitudes: Array, momenta: Array) -> None:
     """Compare many orbits with their paths, and without, each in the form that suits it best."""
-    starts, times = Starts(FIG11B, attitudes, momenta), np.array([0.0, DURATION])
-    best = orbits(FIG11B, attitudes[:LANES], momenta[:LANES], times, 1e-15)
-    turned = np.concatenate([starts.attitudes, np.zeros((MANY, 2))], axis=1)
+    starts, times = Starts(_FIG11B, attitudes, momenta), np.array([0.0, DURATION])
+    best = orbits(_FIG11B, attitudes[:_LANES], momenta[:_LANES], times, 1e-15)
+    turned = np.concatenate([starts.attitudes, np.zeros((_MANY, 2))], axis=1)
 
-    def with_paths(tolerance: float) -> Run:
+    def with_paths(tolerance: float) -> _Run:
         def run() -> Array:
-            states = starts.march(PATH, np.zeros((MANY, 2)), times[1:], tolerance)[0]
-            return states[:LANES, 0]
+            states = starts.march(PATH, np.zeros((_MANY, 2)), times[1:], tolerance)[0]
+            return states[:_LANES, 0]
 
         return run
 
     def path_error(end: Array) -> float:
-        points = Starts(FIG11B, attitudes[:LANES], momenta[:LANES]).turned_back(end[:, None, 4:])
-        return median_error(best.contact_points[:, 1])(points[:, 0])
+        points = Starts(_FIG11B, attitudes[:_LANES], momenta[:_LANES]).turned_back(end[:, None, 4:])
+        return _median_error(best.contact_points[:, 1])(points[:, 0])
 
     compare(
-        f"{MANY} orbits with paths, {DURATION:g} s, each",
+        f"{_MANY} orbits with paths, {DURATION:g} s, each",
         2e-5,
-        Contender("this, q X Y", with_paths, path_error, OURS, MANY),
-        Contender(
+        _Contender("this, q X Y", with_paths, path_error, _OURS, _MANY),
+        _Contender(
             "heyoka, q X Y",
-            in_batches(equations_of(PATH, FIG11B), turned, pars_of(starts), (DURATION,)),
+            _in_batches(equations_of(PATH, _FIG11B), turned, pars_of(starts), (DURATION,)),
             path_error,
-            HEYOKAS,
-            MANY,
+            _HEYOKAS,
+            _MANY,
         ),
     )
 
-    gamma_error = median_error(rotation_matrix(best.attitudes[:, 1])[:, 2])
+    gamma_error = _median_error(rotation_matrix(best.attitudes[:, 1])[:, 2])
 
-    def attitudes_only(tolerance: float) -> Run:
+    def attitudes_only(tolerance: float) -> _Run:
         def run() -> Array:
-            states = starts.march(RETURN, np.zeros((MANY, 0)), times[1:], tolerance)[0]
-            return rotation_matrix(states[:LANES, 0])[:, 2]
+            states = starts.march(RETURN, np.zeros((_MANY, 0)), times[1:], tolerance)[0]
+            return rotation_matrix(states[:_LANES, 0])[:, 2]
 
         return run
 
     compare(
-        f"{MANY} orbits without paths, {DURATION:g} s, each",
+        f"{_MANY} orbits without paths, {DURATION:g} s, each",
         2e-5,
-        Contender("this, q", attitudes_only, gamma_error, OURS, MANY),
-        Contender(
+        _Contender("this, q", attitudes_only, gamma_error, _OURS, _MANY),
+        _Contender(
             "heyoka, γ M",
-            in_batches(
-                level_equations(FIG11B), level_states(attitudes, momenta), None, (DURATION,)
+            _in_batches(
+                level_equations(_FIG11B), _level_states(attitudes, momenta), None, (DURATION,)
             ),
             lambda end: gamma_error(end[:, :3]),
-            HEYOKAS,
-            MANY,
+            _HEYOKAS,
+            _MANY,
         ),
     )
 
 
-def level_states(attitudes: Array, momenta: Array) -> Array:
+def _level_states(attitudes: Array, momenta: Array) -> Array:
     """Return (γ, M) (n, 6) in frame axes."""
     axes = rotation_matrix(attitudes)
     return np.concatenate([axes[:, 2], np.einsum("nij,ni->nj", axes, momenta)], axis=1)
 
 
-def section_points(attitudes: Array, momenta: Array) -> None:
+def _section_points(attitudes: Array, momenta: Array) -> None:
     """Compare sections, in both directions of g = 0, by the time of each start's last point."""
-    first = attitudes[:LANES], momenta[:LANES]
-    best = section(FIG11B, *first, POINTS, tolerance=1e-15).times
+    first = attitudes[:_LANES], momenta[:_LANES]
+    best = section(_FIG11B, *first, POINTS, tolerance=1e-15).times
     horizon = float(best.max()) + 1.0
-    form, begin = level_equations(FIG11B), level_states(*first)
+    form, begin = level_equations(_FIG11B), _level_states(*first)
 
-    def ours(tolerance: float) -> Run:
-        return lambda: section(FIG11B, attitudes, momenta, POINTS, tolerance=tolerance).times[
-            :LANES
+    def ours(tolerance: float) -> _Run:
+        return lambda: section(_FIG11B, attitudes, momenta, POINTS, tolerance=tolerance).times[
+            :_LANES
         ]
 
-    def heyokas(tolerance: float) -> Run:
+    def heyokas(tolerance: float) -> _Run:
         gamma, M = [pair[0] for pair in form[:3]], [pair[0] for pair in form[3:]]
-        points: list[list[tuple[float, Array]]] = [[] for _ in range(LANES)]
+        points: list[list[tuple[float, Array]]] = [[] for _ in range(_LANES)]
 
         def crossed(ta: Any, when: float, _: int, lane: int) -> None:
-            ta.update_d_output(np.full(LANES, when))
+            ta.update_d_output(np.full(_LANES, when))
             state = ta.d_output[:, lane]
             if state[2] < 0 and when > 1e-9:
                 points[lane].append((when, state.copy()))
@@ -355,60 +357,60 @@ def section_points(attitudes: Array, momenta: Array) -> None:
     compare(
         "section points, each",
         1e-5,
-        Contender("this", ours, error, OURS, MANY * POINTS),
-        Contender("heyoka, events", heyokas, error, HEYOKAS[1:], found),
+        _Contender("this", ours, error, _OURS, _MANY * POINTS),
+        _Contender("heyoka, events", heyokas, error, _HEYOKAS[1:], found),
     )
 
 
 def exponents(attitudes: Array, momenta: Array) -> None:
     """Compare the nine equations of the exponents by ln growth and volume at 50 s."""
-    starts, ends = Starts(FIG11B, attitudes, momenta), (50.0, 400.0)
-    rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (MANY, 1))
-    best = starts.march(DEVIATION, rest, np.array(ends[:1]), 1e-15)[0][:LANES, 0]
-    logs = median_error(best[:, 7:])
+    starts, ends = Starts(_FIG11B, attitudes, momenta), (50.0, 400.0)
+    rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (_MANY, 1))
+    best = starts.march(DEVIATION, rest, np.array(ends[:1]), 1e-15)[0][:_LANES, 0]
+    logs = _median_error(best[:, 7:])
 
     def error(states: Array) -> float:
         return logs(states[:, 7:])
 
-    def ours(tolerance: float) -> Run:
+    def ours(tolerance: float) -> _Run:
         def run() -> Array:
-            return starts.march(DEVIATION, rest, np.array(ends), tolerance)[0][:LANES, 0]
+            return starts.march(DEVIATION, rest, np.array(ends), tolerance)[0][:_LANES, 0]
 
         return run
 
-    form, begin = equations_of(DEVIATION, FIG11B), np.concatenate([starts.attitudes, rest], axis=1)
-    work = MANY * ends[-1] / 1e4
-    heyokas = in_batches(form, begin, pars_of(starts), ends)
+    form, begin = equations_of(DEVIATION, _FIG11B), np.concatenate([starts.attitudes, rest], axis=1)
+    work = _MANY * ends[-1] / 1e4
+    heyokas = _in_batches(form, begin, pars_of(starts), ends)
     compare(
         "exponents, per 1e4 time units",
         3e-7,
-        Contender("this", ours, error, OURS[:3], work),
-        Contender("heyoka, the same form", heyokas, error, HEYOKAS[:3], work, rounds=3),
+        _Contender("this", ours, error, _OURS[:3], work),
+        _Contender("heyoka, the same form", heyokas, error, _HEYOKAS[:3], work, rounds=3),
     )
 
 
-def main() -> None:
+def _main() -> None:
     """Print all tables; where the processor has 512-bit lanes, with them and without."""
     print(platform.processor() or platform.machine(), platform.platform())
     print(", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "scipy", "heyoka")))
-    tables()
+    _tables()
     features = get_host_cpu_features()
-    if "+avx512f" in features and FEATURES not in os.environ:
+    if "+avx512f" in features and _FEATURES not in os.environ:
         print("\nThe same without 512-bit lanes", flush=True)
-        narrow = {**os.environ, FEATURES: f"{features},+prefer-256-bit"}
+        narrow = {**os.environ, _FEATURES: f"{features},+prefer-256-bit"}
         subprocess.run([sys.executable, "-m", "validation.bench.kernels"], env=narrow, check=True)
 
 
-def tables() -> None:
+def _tables() -> None:
     """Print all tables, on one thread."""
     rng = np.random.default_rng(1)
-    starts = section_starts(rng.uniform(-4, 4, MANY), rng.uniform(0, 6, MANY), 25.0)
+    starts = section_starts(rng.uniform(-4, 4, _MANY), rng.uniform(0, 6, _MANY), 25.0)
     with at_most(1):
-        one_orbit(starts[0][0], starts[1][0])
-        ensembles(*starts)
-        section_points(*starts)
+        _one_orbit(starts[0][0], starts[1][0])
+        _ensembles(*starts)
+        _section_points(*starts)
         exponents(*starts)
 
 
 if __name__ == "__main__":
-    main()
+    _main()

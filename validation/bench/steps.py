@@ -16,20 +16,20 @@ from robotball import PRESETS, Motion, Scene, integrate, load_scene
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
 
-SCENES = ("fig12", "classical_regular")
-ROUNDS = 9
+_SCENES = ("fig12", "classical_regular")
+_ROUNDS = 9
 Made = TypeVar("Made", bound=Motion)
 
 
-def main() -> None:
+def _main() -> None:
     """Time every preset's run and the equations against a bare loop on the same model."""
     console = Console()
     console.print(
-        f"Medians (ranges) over {ROUNDS} interleaved rounds of a scene's 10 s, as ratios to a bare "
-        "loop of mj_step\non the same model; processor time, from a model on: each makes its own "
-        "MjData. steps: a run's\nstepping, all of it read; run: that, the monitor and the Motion."
+        f"Medians (ranges) over {_ROUNDS} interleaved rounds of a scene's 10 s, as ratios to a "
+        "bare loop of mj_step\non the same model; processor time, from a model on: each makes its "
+        "own MjData. steps: a run's\nstepping, all of it read; run: that, the monitor and the Motion."
     )
-    for name in SCENES:
+    for name in _SCENES:
         console.print(_table(load_scene(name)))
 
 
@@ -57,7 +57,7 @@ def _table(scene: Scene) -> Table:
 def _measure(scene: Scene, models: dict[str, Model]) -> dict[str, list[float]]:
     """Return the seconds of every piece of work, a list over rounds; one more round warms up."""
     seconds: dict[str, list[float]] = defaultdict(list)
-    for _ in range(1 + ROUNDS):
+    for _ in range(1 + _ROUNDS):
         seconds["equations"].append(_timed(lambda: integrate(scene))[0])
         for preset, model in models.items():
             seconds[f"{preset}: bare"].append(_bare_loop(model))
@@ -93,4 +93,4 @@ def _ratio(ours: list[float], theirs: list[float]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    _main()

@@ -29,68 +29,68 @@ from robotball.qualitative.sections import section, section_starts
 from validation.studies.portrait_maps import PLANES, cells_of, measure
 from validation.sweeps import sweep
 
-ROUNDS = {"portraits": 3}
-OTHER_ROUNDS = 9
-D = 0.9
-I = (1 / 0.8 - D, 1 / 0.6 - D, 1 / 0.7 - D)
-FIG_11B = Parameters("rubber", I, D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))
-MANY, SOME = 4096, 512
-TIMES = np.array([0.0, 100.0])
-CELLS = cells_of(PLANES["axial"], 10)
+_ROUNDS = {"portraits": 3}
+_OTHER_ROUNDS = 9
+_D = 0.9
+I = (1 / 0.8 - _D, 1 / 0.6 - _D, 1 / 0.7 - _D)
+_FIG_11B = Parameters("rubber", I, _D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))
+_MANY, _SOME = 4096, 512
+_TIMES = np.array([0.0, 100.0])
+_CELLS = cells_of(PLANES["axial"], 10)
 
-Digits = NDArray[Any]
-Work = Callable[[], Digits]
+_Digits = NDArray[Any]
+_Work = Callable[[], _Digits]
 
 
-def work() -> dict[str, Work]:
+def work() -> dict[str, _Work]:
     """Return the functions that are timed, by name; each returns its digits."""
     rng = np.random.default_rng(1)
-    starts = section_starts(rng.uniform(-4, 4, MANY), rng.uniform(0, 6, MANY), 25.0)
-    some = starts[0][:SOME], starts[1][:SOME]
+    starts = section_starts(rng.uniform(-4, 4, _MANY), rng.uniform(0, 6, _MANY), 25.0)
+    some = starts[0][:_SOME], starts[1][:_SOME]
 
-    def portraits() -> Digits:
+    def portraits() -> _Digits:
         with tempfile.TemporaryDirectory() as folder:
-            found = sweep(measure, CELLS, Path(folder, "cells.jsonl"), workers=allowed())
+            found = sweep(measure, _CELLS, Path(folder, "cells.jsonl"), workers=allowed())
         return np.array([each.record for each in found])
 
     return {
-        "ensemble": lambda: orbits(FIG_11B, *starts, TIMES, 1e-9).contact_points,
-        "section": lambda: section(FIG_11B, *starts, 25, tolerance=1e-9).times,
-        "exponents": lambda: exponents(FIG_11B, *some, 1000.0, 100.0).largest,
-        "basins": lambda: basins(FIG_11B, *some, 500.0).labels,
+        "ensemble": lambda: orbits(_FIG_11B, *starts, _TIMES, 1e-9).contact_points,
+        "section": lambda: section(_FIG_11B, *starts, 25, tolerance=1e-9).times,
+        "exponents": lambda: exponents(_FIG_11B, *some, 1000.0, 100.0).largest,
+        "basins": lambda: basins(_FIG_11B, *some, 500.0).labels,
         "portraits": portraits,
     }
 
 
 @cache
-def plain_work() -> dict[str, Work]:
+def _plain_work() -> dict[str, _Work]:
     """Return the functions of a plain process; of the portraits it does a few, by itself."""
-    return work() | {"portraits": lambda: np.array([measure(cell) for cell in CELLS[::10]])}
+    return work() | {"portraits": lambda: np.array([measure(cell) for cell in _CELLS[::10]])}
 
 
-def main() -> None:
+def _main() -> None:
     """Print the table."""
     console, everyone = Console(), cores()
     console.print(
-        f"The best of {OTHER_ROUNDS} rounds, of the portraits {ROUNDS['portraits']}, on one core "
+        f"The best of {_OTHER_ROUNDS} rounds, of the portraits {_ROUNDS['portraits']}, on one core "
         f"and on {everyone} in\nturn: another's work on the machine slows some rounds, and the "
         f"best least.\nbound: how many times as much {everyone} plain processes do as one alone."
     )
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("", "1 core [ms]", f"{everyone} cores [ms]", "ratio", "bound"):
         table.add_column(heading, justify="right")
-    with pool(do_plainly, everyone) as submit:
+    with pool(_do_plainly, everyone) as submit:
         for name, run in work().items():
             counts = (1, everyone)
             best = {(kind, count): np.inf for kind in ("ours", "plain") for count in counts}
-            digits: list[Digits] = []
-            for done in range(1 + ROUNDS.get(name, OTHER_ROUNDS)):
+            digits: list[_Digits] = []
+            for done in range(1 + _ROUNDS.get(name, _OTHER_ROUNDS)):
                 for count in counts:
                     with at_most(count):
                         began = time.perf_counter()
                         digits.append(run())
                         ours = time.perf_counter() - began
-                    plain = seconds_together(submit, name, count)
+                    plain = _seconds_together(submit, name, count)
                     if done:  # the first round warms up
                         best["ours", count] = min(best["ours", count], ours)
                         best["plain", count] = min(best["plain", count], plain)
@@ -102,7 +102,7 @@ def main() -> None:
     console.print(table)
 
 
-def seconds_together(submit: Callable[..., Future[Answer]], name: str, count: int) -> float:
+def _seconds_together(submit: Callable[..., Future[Answer]], name: str, count: int) -> float:
     """Return the seconds of so many processes at a named work, each for itself."""
     began = time.perf_counter()
     for future in [submit(name) for _ in range(count)]:
@@ -110,10 +110,10 @@ def seconds_together(submit: Callable[..., Future[Answer]], name: str, count: in
     return time.perf_counter() - began
 
 
-def do_plainly(name: str) -> None:
+def _do_plainly(name: str) -> None:
     """Do a named work in a process of its own, where one thread is allowed."""
-    plain_work()[name]()
+    _plain_work()[name]()
 
 
 if __name__ == "__main__":
-    main()
+    _main()

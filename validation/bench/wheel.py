@@ -11,8 +11,8 @@ import tempfile
 import venv
 from pathlib import Path
 
-PROJECT = Path(__file__).parents[2]
-COMMANDS = (
+_PROJECT = Path(__file__).parents[2]
+_COMMANDS = (
     "--version",
     "scenes",
     "compare fig12 --preset fast --duration 0.5",
@@ -21,17 +21,17 @@ COMMANDS = (
 )
 
 
-def main() -> None:
+def _main() -> None:
     """End with an error where the wheel cannot be built, installed or run."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        run_wheel(folder)
+        _run_wheel(folder)
     print("the wheel runs by itself")
 
 
-def run_wheel(folder: Path) -> None:
+def _run_wheel(folder: Path) -> None:
     """Build the wheel into a folder, install it into an environment there, and run COMMANDS."""
-    _call(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder), at=PROJECT)
+    _call(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder), at=_PROJECT)
     (wheel,) = folder.glob("*.whl")
     venv.create(folder / "env", with_pip=True)
     python = folder / "env" / "bin" / "python"
@@ -41,7 +41,7 @@ def run_wheel(folder: Path) -> None:
     empty = folder / "empty"
     empty.mkdir()
     environment = {"PATH": "/usr/bin:/bin", "PYTHONPATH": str(site), "HOME": str(empty)}
-    for command in COMMANDS:
+    for command in _COMMANDS:
         _call(
             str(folder / "env" / "bin" / "robotball"), *command.split(), at=empty, env=environment
         )
@@ -58,4 +58,4 @@ def _call(*words: str, at: Path | None = None, env: dict[str, str] | None = None
 
 
 if __name__ == "__main__":
-    main()
+    _main()

@@ -18,7 +18,7 @@ from validation.output import writable_folder, write_text
 from validation.plots import draw
 from validation.results import changed, file_name
 
-NEAR = 1e-3  # of the path's length: how near to it a robot that is steered must come
+_NEAR = 1e-3  # of the path's length: how near to it a robot that is steered must come
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Steer:
         friction, torsion = theory.loads.sliding_friction, theory.loads.torsional_friction
         print(f"friction: up to {friction.max():.3g}, torsional {torsion.max():.3g} m")
         missing = shortfalls(robot, theory, self.rate_limit)
-        if off > NEAR * path.length:
+        if off > _NEAR * path.length:
             missing.append(f"it leaves the path by {off:.2g} m")
         for line in missing:
             print(f"cannot: {line}")
@@ -117,13 +117,13 @@ class Steer:
 
     def _path(self) -> WantedPath:
         if self.through:
-            return paths.through(points_of(self.through))
+            return paths.through(_points_of(self.through))
         if self.path == "circle":
             return paths.circle(self.size, self.turns)
         return paths.eight(self.size) if self.path == "eight" else paths.straight(self.size)
 
 
-def points_of(text: str) -> list[tuple[float, float]]:
+def _points_of(text: str) -> list[tuple[float, float]]:
     """Return the pairs X,Y of a text. Raises InputError where it holds anything else."""
     try:
         pairs = [tuple(float(part) for part in pair.split(",")) for pair in text.split()]

@@ -27,8 +27,8 @@ from validation.options import (
     times_of,
 )
 
-DEMO_SCENES = ("fig12", "classical_regular")
-FILMED = ("fig12", "balanced")
+_DEMO_SCENES = ("fig12", "classical_regular")
+_FILMED = ("fig12", "balanced")
 
 
 @dataclass(frozen=True)
@@ -140,13 +140,13 @@ class Demo:
         out, console = writable_folder(self.out), Console()
         requests = [request_of(settings=name) for name in PRESETS]
         written, records, filmed = [], [], []
-        with progress_bar(len(DEMO_SCENES)) as progress:
-            for i, name in enumerate(DEMO_SCENES):
+        with progress_bar(len(_DEMO_SCENES)) as progress:
+            for i, name in enumerate(_DEMO_SCENES):
                 progress(i, name)
                 agreements = agreements_of(load_scene(name), requests)
                 written += draw(agreements, out)
                 records += [record(each) for each in agreements]
-                filmed += [each for each in agreements if (name, each.settings.name) == FILMED]
+                filmed += [each for each in agreements if (name, each.settings.name) == _FILMED]
         show(records, console)
         for suffix, write in (("json", write_json), ("csv", write_csv), ("md", write_markdown)):
             written.append(out / f"demo.{suffix}")

@@ -42,10 +42,10 @@ from validation.output import (
 from validation.results import changed, file_name
 from validation.studies.contact_sections import level_starts, steady_scene
 
-NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
+_NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
 
 
-def circle_rows(circle: FixedCircle) -> list[tuple[str, str, str, str]]:
+def _circle_rows(circle: FixedCircle) -> list[tuple[str, str, str, str]]:
     """Return the two halves of the circle of fixed points as rows of the table."""
     rows = []
     for name, angles, word in (
@@ -55,26 +55,26 @@ def circle_rows(circle: FixedCircle) -> list[tuple[str, str, str, str]]:
         ends = circle.at(np.array(angles))
         rates = circle.rate(circle.at(np.linspace(*angles, 400)))
         fastest = rates[np.argmax(np.abs(rates))]
-        span = f"± from {row(ends[0])}\nto {row(ends[1])}"
+        span = f"± from {_row(ends[0])}\nto {_row(ends[1])}"
         rows.append((name, span, f"0, and 0 to {fastest:.4g}", f"{word},\nstraight line"))
     return rows
 
 
-def straight_row(line: StraightMotion) -> tuple[str, str, str, str]:
+def _straight_row(line: StraightMotion) -> tuple[str, str, str, str]:
     """Return a straight-line motion as a row of the table."""
     kind = "stable" if line.is_stable else "unstable"
-    return "straight", row(line.gamma), row(line.eigenvalues), kind
+    return "straight", _row(line.gamma), _row(line.eigenvalues), kind
 
 
-def path_words(path: ContactPath, a: float) -> str:
+def _path_words(path: ContactPath, a: float) -> str:
     """Describe the contact point's path at a fixed point of a ball of radius a [m]."""
-    if path.speed < a * max(abs(path.turning), 1.0) / NEARLY_STRAIGHT:
+    if path.speed < a * max(abs(path.turning), 1.0) / _NEARLY_STRAIGHT:
         return "spins on the spot" if path.turning else "at rest"
-    straight = path.radius > NEARLY_STRAIGHT * a
+    straight = path.radius > _NEARLY_STRAIGHT * a
     return "straight line" if straight else f"circle of {path.radius:.4g} m"
 
 
-def record(
+def _record(
     points: Sequence[FixedPoint],
     paths: Sequence[ContactPath],
     circle: FixedCircle | None,
@@ -89,7 +89,7 @@ def record(
             {
                 "name": name,
                 "gamma": p.gamma.tolist(),
-                "eigenvalues": pairs(p.eigenvalues),
+                "eigenvalues": _pairs(p.eigenvalues),
                 "kind": p.kind,
                 "contact_speed": c.speed,
                 "contact_turning": c.turning,
@@ -101,14 +101,14 @@ def record(
             {
                 "gamma": c.gamma.tolist(),
                 "period": c.period,
-                "multipliers": pairs(c.multipliers),
+                "multipliers": _pairs(c.multipliers),
             }
             for c in cycles
         ],
         "straight_motions": [
             {
                 "gamma": s.gamma.tolist(),
-                "eigenvalues": pairs(s.eigenvalues),
+                "eigenvalues": _pairs(s.eigenvalues),
                 "speed": s.speed,
             }
             for s in lines
@@ -117,7 +117,7 @@ def record(
     }
 
 
-def row(values: Array) -> str:
+def _row(values: Array) -> str:
     """Return numbers side by side, without rounding errors; conjugate ones as a ± bi."""
     values = np.round(values, 12) + 0.0
     if np.isrealobj(values) or not np.any(values.imag):
@@ -126,7 +126,7 @@ def row(values: Array) -> str:
     return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
 
 
-def pairs(values: Array) -> list[list[float]]:
+def _pairs(values: Array) -> list[list[float]]:
     """Return complex numbers as [real, imaginary]."""
     return [[float(z.real), float(z.imag)] for z in values]
 
@@ -164,12 +164,12 @@ class Equilibria:
         gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
         line = straight_motion(scene.parameters, gamma)
         table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)
-        table.add_row(*straight_row(line))
+        table.add_row(*_straight_row(line))
         console = Console()
         console.print("A classical ball can roll straight on at any γ; at the scene's own, with")
-        console.print(f"M = ({row(line.momentum)}) kg m²/s; γ in principal axes:")
+        console.print(f"M = ({_row(line.momentum)}) kg m²/s; γ in principal axes:")
         print_whole(table, console)
-        write_record(self.json, {"scene": scene.name, **record((), (), None, (), (line,), {})})
+        write_record(self.json, {"scene": scene.name, **_record((), (), None, (), (line,), {})})
         return AGREES
 
     def _rubber(self, scene: Scene) -> int:
@@ -189,16 +189,16 @@ class Equilibria:
         names = [name_of(ball, point.gamma) for point in points]
         table = Table("", "γ", "eigenvalues [1/s] or multiplier", "", box=box.SIMPLE_HEAD)
         for name, point, path in zip(names, points, paths, strict=True):
-            words = f"{point.kind},\n{path_words(path, ball.a)}"
-            table.add_row(name or "fixed", row(point.gamma), row(point.eigenvalues), words)
+            words = f"{point.kind},\n{_path_words(path, ball.a)}"
+            table.add_row(name or "fixed", _row(point.gamma), _row(point.eigenvalues), words)
         if circle is not None:
-            for cells in circle_rows(circle):
+            for cells in _circle_rows(circle):
                 table.add_row(*cells)
         for cycle in cycles:
             words = f"period {cycle.period:.7f} s"
-            table.add_row("cycle", row(cycle.gamma), row(cycle.multipliers), words)
+            table.add_row("cycle", _row(cycle.gamma), _row(cycle.multipliers), words)
         for line in lines:
-            table.add_row(*straight_row(line))
+            table.add_row(*_straight_row(line))
         console = Console()
         console.print(
             "Fixed points and cycles of the motion from rest (M = 0); γ in principal axes."
@@ -222,6 +222,6 @@ class Equilibria:
         kept = {"picture": str(picture)}
         write_record(
             self.json,
-            {"scene": scene.name, **record(points, paths, circle, cycles, lines, kept, names)},
+            {"scene": scene.name, **_record(points, paths, circle, cycles, lines, kept, names)},
         )
         return AGREES

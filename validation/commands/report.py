@@ -18,8 +18,8 @@ from validation.report.study_report import study_report
 from validation.results import file_stem, scenes_of
 from validation.runs import agreements_of
 
-FILM = (360, 640)  # px, height and width
-MOST_NAMES = 80  # characters of a file's name that scenes may take
+_FILM = (360, 640)  # px, height and width
+_MOST_NAMES = 80  # characters of a file's name that scenes may take
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Report:
                 )
         stem = file_stem(agreements[: len(requests)])
         others = "".join(f"-{scene.name}" for scene in scenes[1:])
-        path = out / f"{(stem + others)[:MOST_NAMES]}-report.html"
+        path = out / f"{(stem + others)[:_MOST_NAMES]}-report.html"
         with tempfile.TemporaryDirectory() as folder:
             filmed = self._filmed(agreements[0], Path(folder)) if self.film else None
             write_text(path, report(agreements, self._command(), filmed))
@@ -90,7 +90,7 @@ class Report:
                 path,
                 agreement.motion,
                 agreement.theory,
-                Film(size=FILM),
+                Film(size=_FILM),
                 progress=lambda part: show(part, f"{agreement.scene.name}: film"),
             )
         return path

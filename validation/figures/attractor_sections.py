@@ -44,18 +44,18 @@ from validation.studies.contact_sections import (
     distance_to_curve,
 )
 
-F = 25.0
-ROOT_F = float(np.sqrt(F))
+_F = 25.0
+_ROOT_F = float(np.sqrt(_F))
 # Of these starts the first crossings are the transient, drawn grey.
-REGULAR = Recipe(f=F, starts=64, skipped=0, count=600, direction=0)
-REGULAR_TRANSIENT = 300
-REGULAR_BY_CONTACT = Recipe(f=F, starts=16, skipped=0, count=100, direction=0)
-TORUS = Torus(L=0.0, l=1.96, spread=0.2, f=F, starts=64, skipped=400, count=1000, direction=0)
+REGULAR = Recipe(f=_F, starts=64, skipped=0, count=600, direction=0)
+_REGULAR_TRANSIENT = 300
+REGULAR_BY_CONTACT = Recipe(f=_F, starts=16, skipped=0, count=100, direction=0)
+TORUS = Torus(L=0.0, l=1.96, spread=0.2, f=_F, starts=64, skipped=400, count=1000, direction=0)
 TORUS_BY_CONTACT = replace(TORUS, spread=0.0, starts=1, skipped=200, count=1200)
-CHAOS = Recipe(f=F, starts=40, skipped=0, count=520, direction=0)
+CHAOS = Recipe(f=_F, starts=40, skipped=0, count=520, direction=0)
 CHAOS_BY_CONTACT = replace(CHAOS, count=150)
-CHAOS_TRANSIENT = 20
-DOT: dict[str, Any] = {"marker": ".", "linestyle": "none", "mew": 0}
+_CHAOS_TRANSIENT = 20
+_DOT: dict[str, Any] = {"marker": ".", "linestyle": "none", "mew": 0}
 
 
 def figure11a() -> Figure:
@@ -66,10 +66,10 @@ def figure11a() -> Figure:
         build(scene, preset("balanced")),
         build(scene, COARSE),
     )
-    cycle = fixed_point(ball, 3.6, 0.6, F)
+    cycle = fixed_point(ball, 3.6, 0.6, _F)
     own = section(ball, cycle.attitude[None], cycle.momentum[None], 2)
     ours = [
-        contact_cycle(balanced, float(L), float(l), F, cycle.period, int(direction))
+        contact_cycle(balanced, float(L), float(l), _F, cycle.period, int(direction))
         for L, l, direction in zip(own.L[0], own.l[0], own.directions[0], strict=True)
     ]
     curve = cloud_by_equations(ball, TORUS, seed=0)
@@ -99,21 +99,21 @@ def figure11a() -> Figure:
     for each, (clouds, colour, name, transient) in zip(
         axes.values(),
         (
-            (of_theory, THEORY, "equations", REGULAR_TRANSIENT),
+            (of_theory, THEORY, "equations", _REGULAR_TRANSIENT),
             (of_engine, ENGINE_COLOUR, ENGINE_NAME, REGULAR_BY_CONTACT.count),
         ),
         strict=True,
     ):
         cloud, torus, orbit = clouds
         starts = len(cloud.L) // (REGULAR.count if name == "equations" else transient)
-        early, late = parted(cloud, starts, transient)
-        each.plot(*early, **DOT, color=FAINT, markersize=2.2, label="on the way")
-        each.plot(*places(torus.l, torus.L), **DOT, color=colour, markersize=3.5,
+        early, late = _parted(cloud, starts, transient)
+        each.plot(*early, **_DOT, color=FAINT, markersize=2.2, label="on the way")
+        each.plot(*_places(torus.l, torus.L), **_DOT, color=colour, markersize=3.5,
                   label="limit torus")  # fmt: skip
-        each.plot(*late, **DOT, color=colour, markersize=4)
-        each.plot(*places(*orbit.T), "o", mfc="none", mec=INK, ms=12, label="periodic orbit")
-        each.plot(*places(*orbit.T), "+", color=colour, ms=9, mew=2)
-        annulus(each, f"section g = 0, {name}")
+        each.plot(*late, **_DOT, color=colour, markersize=4)
+        each.plot(*_places(*orbit.T), "o", mfc="none", mec=INK, ms=12, label="periodic orbit")
+        each.plot(*_places(*orbit.T), "+", color=colour, ms=9, mew=2)
+        _annulus(each, f"section g = 0, {name}")
         for handle in each.legend(loc="lower right", fontsize=9).legend_handles:
             if isinstance(handle, Line2D):
                 handle.set_markersize(9)
@@ -130,9 +130,9 @@ def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
         "  λ₁ = 0.1160 ± 0.0001, λ₆ = -0.1394 1/s",
         "  (E26), dimension 1.832 on the section.",
         f"From {CHAOS.starts} random starts: grey the first",
-        f"  {CHAOS_TRANSIENT} crossings, then {CHAOS.count - CHAOS_TRANSIENT} of each by the",
-        f"  equations, {CHAOS_BY_CONTACT.count - CHAOS_TRANSIENT} by {ENGINE_NAME}. As clouds they",
-        "  cannot be told apart (robotball attractors).",
+        f"  {_CHAOS_TRANSIENT} crossings, then {CHAOS.count - _CHAOS_TRANSIENT} of each by the",
+        f"  equations, {CHAOS_BY_CONTACT.count - _CHAOS_TRANSIENT} by {ENGINE_NAME}. As clouds",
+        "  they cannot be told apart (robotball attractors).",
         f"Dark: g grows; pale: g falls. {ENGINE_NAME}'s steps",
         "  are 50 ms.",
     )
@@ -145,29 +145,29 @@ def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
         ((theory, THEORY, 1.8, "equations"), (engine, ENGINE_COLOUR, 3.4, ENGINE_NAME)),
         strict=True,
     ):
-        early, _ = parted(cloud, CHAOS.starts, CHAOS_TRANSIENT)
-        each.plot(*early, **DOT, color=FAINT, markersize=2.2)
-        late = np.arange(len(cloud.L)) % (len(cloud.L) // CHAOS.starts) >= CHAOS_TRANSIENT
+        early, _ = _parted(cloud, CHAOS.starts, _CHAOS_TRANSIENT)
+        each.plot(*early, **_DOT, color=FAINT, markersize=2.2)
+        late = np.arange(len(cloud.L)) % (len(cloud.L) // CHAOS.starts) >= _CHAOS_TRANSIENT
         for direction, alpha in ((1, 1.0), (-1, 0.35)):
             which = late & (cloud.directions == direction)
-            each.plot(*places(cloud.l[which], cloud.L[which]), **DOT, color=colour, alpha=alpha,
+            each.plot(*_places(cloud.l[which], cloud.L[which]), **_DOT, color=colour, alpha=alpha,
                       markersize=size)  # fmt: skip
-        annulus(each, f"section g = 0, {name}")
+        _annulus(each, f"section g = 0, {name}")
     return figure
 
 
-def parted(cloud: Cloud, starts: int, transient: int) -> tuple[Array, Array]:
+def _parted(cloud: Cloud, starts: int, transient: int) -> tuple[Array, Array]:
     """Places (2, n) of the first `transient` crossings of each start, and of the others."""
     early = np.arange(len(cloud.L)) % (len(cloud.L) // starts) < transient
-    return places(cloud.l[early], cloud.L[early]), places(cloud.l[~early], cloud.L[~early])
+    return _places(cloud.l[early], cloud.L[early]), _places(cloud.l[~early], cloud.L[~early])
 
 
-def places(l: Array, L: Array) -> Array:
+def _places(l: Array, L: Array) -> Array:
     """Points (2, n) of the picture: l from 0 to 2π, where attractors lie in one piece, and L/√f."""
-    return np.stack([np.asarray(l) % (2 * np.pi), np.asarray(L) / ROOT_F])
+    return np.stack([np.asarray(l) % (2 * np.pi), np.asarray(L) / _ROOT_F])
 
 
-def annulus(axes: Axes, title: str) -> None:
+def _annulus(axes: Axes, title: str) -> None:
     """The section's bounds and scales."""
     axes.axhline(1.0, color=FAINT)
     axes.axhline(-1.0, color=FAINT)
@@ -187,17 +187,19 @@ def caption_of(scene: Scene) -> tuple[str, ...]:
         f"A = diag({row(p.A)}) 1/(kg m²)",
         f"Ω = ({row(p.Omega)}) rad/s, a = {p.a:g} m",
         f"K = ({row(p.K)}) kg m²/s",
-        f"M² = f = {F:g} (kg m²/s)², g₀ = 0",
+        f"M² = f = {_F:g} (kg m²/s)², g₀ = 0",
     )
 
 
-VIEW = View(azimuth=30.0, elevation=35.0)
-CLASSICAL = "#AA3377"  # the classical ball by the equations; the rubber one has the theory's colour
-COLOURS = {"rubber": THEORY, "classical": CLASSICAL}
-TORI_F = 25.0
+_VIEW = View(azimuth=30.0, elevation=35.0)
+_CLASSICAL = (
+    "#AA3377"  # the classical ball by the equations; the rubber one has the theory's colour
+)
+_COLOURS = {"rubber": THEORY, "classical": _CLASSICAL}
+_TORI_F = 25.0
 LEVELS = (0.2, 0.4, 0.5, 0.6, 1.0, 1.2)  # l of ℓ at the start, where L = 0 [rad]: a torus each
 FOLLOWED, SHOWN = 210.0, 12.0  # s
-INTERVAL = 0.01  # s, between samples: the error of a crossing goes with its fourth power
+_INTERVAL = 0.01  # s, between samples: the error of a crossing goes with its fourth power
 
 
 def figure_tori() -> Figure:
@@ -237,11 +239,11 @@ def figure_tori() -> Figure:
         "Two rolling models, the same tori: Chaplygin's ball",
         caption, facts, [["sphere", "section", "turns"]], (5.0, 5.0, 3.4),
     )  # fmt: skip
-    draw_spheres(axes["sphere"], balls)
-    draw_sections(axes["section"], balls, runs, curves)
+    _draw_spheres(axes["sphere"], balls)
+    _draw_sections(axes["section"], balls, runs, curves)
     for rolling, mark in (("rubber", "o"), ("classical", "s")):
         turns = [curves[rolling, l].rotation for l in LEVELS]
-        axes["turns"].plot(LEVELS, turns, mark, color=COLOURS[rolling], label=rolling)
+        axes["turns"].plot(LEVELS, turns, mark, color=_COLOURS[rolling], label=rolling)
     axes["turns"].set(xlabel="l at the start, L = 0 [rad]", ylim=(0, None))
     axes["turns"].set_title("turns between crossings")
     axes["turns"].legend(loc="lower left")
@@ -250,28 +252,28 @@ def figure_tori() -> Figure:
 
 def started(scene: Scene, l: float) -> Scene:
     """The ball at the level (0, l) of ℓ, where (ℓ×γ)₃ = 0."""
-    gamma, level = section_state(0.0, l, 0.0, TORI_F)
+    gamma, level = section_state(0.0, l, 0.0, _TORI_F)
     M = np.cross(gamma, level) if scene.rolling == "rubber" else level
     return replace(scene, start=along_momentum(gamma, M))
 
 
-def level_states(scene: Scene, duration: float) -> tuple[Array, Array, Array, Array]:
+def _level_states(scene: Scene, duration: float) -> tuple[Array, Array, Array, Array]:
     """Times (n,), γ, ℓ and ω (n, 3) of the ball by the equations."""
-    times = sample_times(duration, INTERVAL)
+    times = sample_times(duration, _INTERVAL)
     axes, p = rotation_matrix(theory_motion(scene, times)[0]), scene.parameters
     M = np.einsum("nji,j->ni", axes, scene.start.momentum)
     omega = np.stack(p.angular_velocity(tuple(M.T), tuple(axes[:, 2].T)), axis=1)
-    return times, axes[:, 2], of_model(scene, axes[:, 2], M), omega
+    return times, axes[:, 2], _of_model(scene, axes[:, 2], M), omega
 
 
-def of_model(scene: Scene, gamma: Array, M: Array) -> Array:
+def _of_model(scene: Scene, gamma: Array, M: Array) -> Array:
     """ℓ (n, 3) of γ and M (n, 3)."""
     return np.cross(M, gamma) if scene.rolling == "rubber" else M
 
 
 def crossings_of(scene: Scene) -> Crossings:
     """Where (ℓ×γ)₃ = 0, in one direction, by the equations."""
-    return sampled_crossings(*level_states(scene, FOLLOWED)).only(1)
+    return sampled_crossings(*_level_states(scene, FOLLOWED)).only(1)
 
 
 def engine_crossings_of(scene: Scene) -> Crossings:
@@ -279,14 +281,14 @@ def engine_crossings_of(scene: Scene) -> Crossings:
     motion = engine_motion(scene, sample_times(FOLLOWED), "fast")
     turned = rotation_matrix(motion.attitude) @ scene.principal_axes
     M = np.einsum("nji,nj->ni", turned, motion.momentum)
-    level = of_model(scene, turned[:, 2], M)
+    level = _of_model(scene, turned[:, 2], M)
     omega = motion.angular_velocity @ scene.principal_axes
     return sampled_crossings(motion.times, turned[:, 2], level, omega).only(1)
 
 
 def points_of(found: Crossings) -> Array:
     """γ and ℓ/√f side by side (n, 6)."""
-    return np.concatenate([found.gamma, found.momenta / ROOT_F], axis=1)
+    return np.concatenate([found.gamma, found.momenta / _ROOT_F], axis=1)
 
 
 def apart(points: Array, curve: InvariantCurve) -> float:
@@ -298,20 +300,20 @@ def kept(balls: dict[str, Scene]) -> float:
     """By how much, relative, J changes along the motions of both balls."""
     changes = []
     for scene in balls.values():
-        _, gamma, level, _ = level_states(started(scene, LEVELS[2]), SHOWN)
+        _, gamma, level, _ = _level_states(started(scene, LEVELS[2]), SHOWN)
         J = shared_integral(balls["rubber"].parameters, gamma, level)
         changes.append(float(np.ptp(J) / J.mean()))
     return max(changes)
 
 
-def draw_spheres(axes: Axes, balls: dict[str, Scene]) -> None:
+def _draw_spheres(axes: Axes, balls: dict[str, Scene]) -> None:
     """γ of both balls from the same point, for a while."""
-    globe = Globe(axes, VIEW, f"vertical γ, {SHOWN:g} s from the same (γ, ℓ)")
+    globe = Globe(axes, _VIEW, f"vertical γ, {SHOWN:g} s from the same (γ, ℓ)")
     for rolling, ball in balls.items():
         scene = started(ball, LEVELS[2])
-        times, gamma, _, _ = level_states(scene, SHOWN)
+        times, gamma, _, _ = _level_states(scene, SHOWN)
         ours = engine_motion(scene, times).gamma @ scene.principal_axes
-        globe.line(gamma, **{**THEORY_LINE, "color": COLOURS[rolling]}, zorder=4,
+        globe.line(gamma, **{**THEORY_LINE, "color": _COLOURS[rolling]}, zorder=4,
                    label=f"{rolling}, equations")  # fmt: skip
         label = ENGINE_NAME if rolling == "classical" else None
         globe.line(ours, **ENGINE_LINE, zorder=5, label=label)
@@ -319,7 +321,7 @@ def draw_spheres(axes: Axes, balls: dict[str, Scene]) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.08, -0.08), fontsize=9, frameon=False)
 
 
-def draw_sections(
+def _draw_sections(
     axes: Axes,
     balls: dict[str, Scene],
     runs: dict[tuple[str, float], Crossings],
@@ -332,9 +334,9 @@ def draw_sections(
         for rolling, ball in balls.items():
             found, ours = runs[rolling, l], engine_crossings_of(started(ball, l))
             first, size = l == LEVELS[0], 8.0 if rolling == "rubber" else 3.5
-            axes.plot(found.l, found.L / ROOT_F, ".", color=COLOURS[rolling], markersize=size,
+            axes.plot(found.l, found.L / _ROOT_F, ".", color=_COLOURS[rolling], markersize=size,
                       label=rolling if first else None, zorder=2)  # fmt: skip
-            axes.plot(ours.l[::4], ours.L[::4] / ROOT_F, "o", mfc="none", mec=ENGINE_COLOUR,
+            axes.plot(ours.l[::4], ours.L[::4] / _ROOT_F, "o", mfc="none", mec=ENGINE_COLOUR,
                       markersize=6, mew=0.8, zorder=3,
                       label=ENGINE_NAME if first and rolling == "classical" else None)  # fmt: skip
     title = "section (ℓ×γ)₃ = 0, one direction"

@@ -30,12 +30,12 @@ from validation.paper.formulas import paper_scene
 
 LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
 LINE_K = (4.0, 5.0, 0.0)  # of Fig. 10
-LIMIT = 2.0806242  # of f there: above it σ₋ and δ₊ are unstable saddle-foci
-SIDE = 8.0  # of Fig. 9's region [kg m²/s]
+_LIMIT = 2.0806242  # of f there: above it σ₋ and δ₊ are unstable saddle-foci
+_SIDE = 8.0  # of Fig. 9's region [kg m²/s]
 FINENESS = 90  # of the map's grid, each way
 SHOWN, LONG = 80.0, 600.0  # s, of Fig. 10
-VIEW = View(azimuth=48.0, elevation=22.0)
-BALL_LINES = (
+_VIEW = View(azimuth=48.0, elevation=22.0)
+_BALL_LINES = (
     "A = diag(.5, .3, .6) 1/(kg m²)",
     "Ω = (0, 0, 1) rad/s, a = 1 m",
     UNBUILDABLE,
@@ -70,11 +70,11 @@ def line_verticals(f: float, K: Vector) -> dict[str, Array]:
 def figure9() -> Figure:
     """Where in the plane of K straight-line motions are stable, for two values of f."""
     caption = (
-        *BALL_LINES,
+        *_BALL_LINES,
         "K = (K₁, K₂, 0) kg m²/s",
         "Guessed, for the caption has neither:",
         "  f = 2 and f = 3 (kg m²/s)²,",
-        f"  and the bounds ±{SIDE:g} of the region.",
+        f"  and the bounds ±{_SIDE:g} of the region.",
     )
     facts = (
         "ω = 0, (Ω,γ) = 0, M = γ×K, f = M²:",
@@ -84,12 +84,12 @@ def figure9() -> Figure:
         "  are so nowhere. The size of Ω does not",
         "  matter.",
         "E16: at K = (4, 5, 0) they are stable for",
-        f"  f < {LIMIT:.4f} only, not at f = 3.",
+        f"  f < {_LIMIT:.4f} only, not at f = 3.",
     )
     figure, panels = sheet(
         "Fig. 9: stability of straight-line motions", caption, facts, [["2", "3"]], (4.9, 4.9)
     )
-    ball, side = paper_scene("fig10").parameters, np.linspace(-SIDE, SIDE, FINENESS)
+    ball, side = paper_scene("fig10").parameters, np.linspace(-_SIDE, _SIDE, FINENESS)
     for axes, f in zip(panels.values(), LEVELS, strict=True):
         rates = np.array([[growth_rate(ball, (K1, K2, 0.0), f) for K1 in side] for K2 in side])
         axes.contourf(side, side, rates, levels=[-1e9, 0.0], colors=[THEORY], alpha=0.45)
@@ -114,7 +114,7 @@ def figure10() -> Figure:
     scene, stable = paper_scene("fig10"), paper_scene("fig10_stable")
     verticals = line_verticals(3.0, LINE_K)
     caption = (
-        *BALL_LINES,
+        *_BALL_LINES,
         "K = (4, 5, 0) kg m²/s, f = 3 (kg m²/s)²",
         "start near σ₊; how near is chosen:",
         "  γ along σ₊ + 0.01 e₃, M along the part",
@@ -126,7 +126,7 @@ def figure10() -> Figure:
         "σ: dY/dt = -a|Ω|;  δ: dY/dt = +a|Ω| (E15)",
         "The unstable manifold of σ₊ goes to δ₊,",
         "  not to σ₋: the ball turns round.",
-        f"E16: δ₊ is unstable above f = {LIMIT:.4f}:",
+        f"E16: δ₊ is unstable above f = {_LIMIT:.4f}:",
         "  at f = 3 the ball leaves it again, after",
         "  some 300 s; at f = 2 it stays.",
     )
@@ -137,7 +137,7 @@ def figure10() -> Figure:
     times = sample_times(SHOWN, 0.02)
     attitudes, path = theory_motion(scene, times)
     frame, engine = rotation_matrix(attitudes), engine_motion(scene, times)
-    globe = Globe(axes["sphere"], VIEW, f"vertical γ on the Poisson sphere, {SHOWN:g} s")
+    globe = Globe(axes["sphere"], _VIEW, f"vertical γ on the Poisson sphere, {SHOWN:g} s")
     draw_gamma(globe, frame[:, 2], engine.gamma @ scene.principal_axes)
     for name, gamma in verticals.items():
         globe.marks(gamma[None], "X", color="white", markeredgecolor=INK, markersize=8, zorder=6)
@@ -145,9 +145,9 @@ def figure10() -> Figure:
                    xytext=(-28, -4) if name[0] == "σ" else (9, -4))  # fmt: skip
     draw_paths(axes["plane"], path, engine, f"contact point, {SHOWN:g} s")
     axes["plane"].legend(loc="upper left")
-    draw_momentum(axes["M"], times, frame, scene.start.momentum, engine, scene)
+    _draw_momentum(axes["M"], times, frame, scene.start.momentum, engine, scene)
     for each, style in ((scene, "-"), (stable, (0, (3, 1.5)))):
-        draw_speed(axes["speed"], each, style)
+        _draw_speed(axes["speed"], each, style)
     for level, name in ((-1.0, "σ: -a|Ω|"), (1.0, "δ: +a|Ω|")):
         axes["speed"].axhline(level, color=FAINT, linewidth=1, zorder=0)
         axes["speed"].annotate(
@@ -159,7 +159,7 @@ def figure10() -> Figure:
     return figure
 
 
-def draw_momentum(
+def _draw_momentum(
     axes: Axes, times: Array, frame: Array, momentum: Array, engine: Motion, scene: Scene
 ) -> None:
     """M₁, M₂, M₃ in principal axes over time, by both engines; frame (n, 3, 3)."""
@@ -174,7 +174,7 @@ def draw_momentum(
     axes.legend(loc="upper right")
 
 
-def draw_speed(axes: Axes, scene: Scene, dashes: str | tuple[int, tuple[float, float]]) -> None:
+def _draw_speed(axes: Axes, scene: Scene, dashes: str | tuple[int, tuple[float, float]]) -> None:
     """dY/dt of the contact point over a long time, by both engines."""
     times = sample_times(LONG, 0.25)
     middle = (times[1:] + times[:-1]) / 2

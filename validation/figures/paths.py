@@ -20,8 +20,8 @@ from validation.figures.sheets import (
 )
 from validation.figures.sphere import Globe, draw_gamma
 
-VIEW = View(azimuth=40.0, elevation=25.0)
-DRIFT_FACTS = (
+_VIEW = View(azimuth=40.0, elevation=25.0)
+_DRIFT_FACTS = (
     "  none along Y: the attractors are the same",
     "  under (γ,M) → -(γ,M), which flips dY/dt.",
     "The axis OX points opposite to M.",
@@ -33,18 +33,18 @@ def figure12() -> Figure:
     facts = (
         "Near the periodic orbit of Fig. 11a:",
         "dX/dt = 3.65907 m/s in the mean,",
-        *DRIFT_FACTS,
+        *_DRIFT_FACTS,
     )
-    return sphere_and_path(12, "(L, l) = (3.6, 0.6)", "on the limit cycle", facts)
+    return _sphere_and_path(12, "(L, l) = (3.6, 0.6)", "on the limit cycle", facts)
 
 
 def figure13() -> Figure:
     """γ and the path on the limit torus."""
-    facts = ("Near the limit torus of Fig. 11a:", "dX/dt = 3.665 m/s in the mean,", *DRIFT_FACTS)
-    return sphere_and_path(13, "(L, l) = (0, 1.96)", "on the limit torus", facts)
+    facts = ("Near the limit torus of Fig. 11a:", "dX/dt = 3.665 m/s in the mean,", *_DRIFT_FACTS)
+    return _sphere_and_path(13, "(L, l) = (0, 1.96)", "on the limit torus", facts)
 
 
-def sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]) -> Figure:
+def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]) -> Figure:
     """The two panels of Figs 12 and 13, and below how far apart the engines are."""
     scene, duration = load_scene(f"fig{number}"), 40.0
     caption = (*caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
@@ -55,12 +55,12 @@ def sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...])
     times = sample_times(duration)
     attitudes, path = theory_motion(scene, times)
     engine = engine_motion(scene, times)
-    globe = Globe(axes["sphere"], VIEW, f"vertical γ on the Poisson sphere, {duration:g} s")
+    globe = Globe(axes["sphere"], _VIEW, f"vertical γ on the Poisson sphere, {duration:g} s")
     gamma = engine.gamma @ scene.principal_axes
     draw_gamma(globe, rotation_matrix(attitudes)[:, 2], gamma)
     draw_paths(axes["plane"], path, engine, f"contact point, {duration:g} s")
-    unlike_scales(axes["plane"])
-    draw_distances(axes["apart"], scene, times, path)
+    _unlike_scales(axes["plane"])
+    _draw_distances(axes["apart"], scene, times, path)
     return figure
 
 
@@ -72,7 +72,7 @@ def figure14() -> Figure:
         "On the strange attractor of Fig. 11b, not",
         "  on a limit cycle (E22).",
         "dX/dt = 3.276 m/s in the mean,",
-        *DRIFT_FACTS,
+        *_DRIFT_FACTS,
         f"Chaos: errors grow as exp({exponent:g} t) (dotted),",
         "  so beyond some time both motions are",
         "  right, and different.",
@@ -84,13 +84,13 @@ def figure14() -> Figure:
     times = sample_times(duration)
     _, path = theory_motion(scene, times)
     draw_paths(axes["plane"], path, engine_motion(scene, times), f"contact point, {duration:g} s")
-    unlike_scales(axes["plane"])
-    draw_distances(axes["apart"], scene, times, path)
+    _unlike_scales(axes["plane"])
+    _draw_distances(axes["apart"], scene, times, path)
     axes["apart"].semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5)
     return figure
 
 
-def unlike_scales(axes: Axes) -> None:
+def _unlike_scales(axes: Axes) -> None:
     """A long path, its width stretched to be seen."""
     axes.set_aspect("auto")
     axes.margins(y=0.25)
@@ -98,7 +98,7 @@ def unlike_scales(axes: Axes) -> None:
     axes.legend(loc="upper center", ncols=3)
 
 
-def draw_distances(axes: Axes, scene: Scene, times: Array, theory: Array) -> None:
+def _draw_distances(axes: Axes, scene: Scene, times: Array, theory: Array) -> None:
     """How far the engine's contact point is from that of the equations (n, 2), by three presets."""
     for style, name in (("-.", "fast"), ("--", "balanced"), ("-", "accurate")):
         points = engine_motion(scene, times, name).contact_point

@@ -38,15 +38,15 @@ from validation.figures.sphere import (
 from validation.paper.formulas import paper_scene
 from validation.studies.contact_sections import own_start
 
-BALL_LINES = (
+_BALL_LINES = (
     "A = diag(.5, .4, .3) 1/(kg m²)",
     "Ω = (4, 2, 1) rad/s",
     "a = 1 m, M = 0 (from rest)",
     UNBUILDABLE,
 )
-STARTS78 = ("γ(0) = (0, 39/40, √79/40), α(0) = (1, 0, 0)",)  # of Figs 7 and 8
-VIEW5 = View(azimuth=28.0, elevation=-22.0)
-DURATIONS5 = {"b": 16.0, "c": 20.0, "d": 6.0}  # s, chosen: the captions have none
+_STARTS78 = ("γ(0) = (0, 39/40, √79/40), α(0) = (1, 0, 0)",)  # of Figs 7 and 8
+_VIEW5 = View(azimuth=28.0, elevation=-22.0)
+_DURATIONS5 = {"b": 16.0, "c": 20.0, "d": 6.0}  # s, chosen: the captions have none
 DURATION = 60.0  # s, of Figs 6 to 8, chosen
 
 
@@ -54,13 +54,13 @@ def figure5() -> Figure:
     """Three motions with K = 0, whose γ follows a curve (Aγ,γ) = const."""
     scenes = {
         name: replace(paper_scene(f"fig05{name}"), duration=duration)
-        for name, duration in DURATIONS5.items()
+        for name, duration in _DURATIONS5.items()
     }
     ball = scenes["b"].parameters
     circle, points = fixed_circle(ball), fixed_points(ball)
     assert circle is not None
     caption = (
-        *BALL_LINES,
+        *_BALL_LINES,
         "K = 0",
         "b: γ(0) = (1/25, √471/50, -9/10)",
         "   α(0) = (√8949/95, -2√19/95, 0) (E17)",
@@ -85,7 +85,7 @@ def figure5() -> Figure:
         "Fig. 5: motion from rest with K = 0",
         caption, facts, [["sphere", "b"], ["c", "d"]], (5.0, 5.0), (4.8, 4.2),
     )  # fmt: skip
-    globe = Globe(axes["sphere"], VIEW5, "(a) vertical γ on the Poisson sphere")
+    globe = Globe(axes["sphere"], _VIEW5, "(a) vertical γ on the Poisson sphere")
     draw_field(globe, ball, 8.0)
     draw_circle(globe, circle)
     draw_points(globe, ball, points)
@@ -112,7 +112,7 @@ def figure6() -> Figure:
         "|κ₂| = 1 at 2.08207: θ₁ … θ₄ vanish.",
     )
     start = ("γ(0) = (0, 49/50, 3√11/50), α(0) = (1, 0, 0)",)
-    return portrait_figure(6, "0.3", start, facts)
+    return _portrait_figure(6, "0.3", start, facts)
 
 
 def figure7() -> Figure:
@@ -123,23 +123,23 @@ def figure7() -> Figure:
         "The contour of Fig. 6 has become a cycle;",
         "  δ₁ … δ₄ are gone.",
     )
-    return portrait_figure(7, "0.52", STARTS78, facts)
+    return _portrait_figure(7, "0.52", _STARTS78, facts)
 
 
 def figure8() -> Figure:
     """K₃ = 3: a fast, unstable limit cycle."""
     facts = (f"{ENGINE_NAME}, started on it, follows it once.", "θ₁ … θ₄ are gone as well.")
-    return portrait_figure(8, "3", STARTS78, facts)
+    return _portrait_figure(8, "3", _STARTS78, facts)
 
 
-def portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[str]) -> Figure:
+def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[str]) -> Figure:
     """The portrait on the sphere and on its involute, with one motion by both engines."""
     scene = replace(paper_scene(f"fig{number:02}"), duration=DURATION)
     ball = scene.parameters
     points, cycles = fixed_points(ball), limit_cycles(ball)
     manifolds = separatrices(ball, points, FOLLOWED)
     contour = [] if cycles else closed_contour(scene, manifolds)
-    caption = (*BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, "Duration chosen: 60 s.")
+    caption = (*_BALL_LINES, f"K = (0, 0, {K3}) kg m²/s", *start, "Duration chosen: 60 s.")
     found = [f"{len(points)} fixed points:", *counted(points)]
     for cycle in cycles:
         found += [
@@ -152,7 +152,7 @@ def portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[
         (5.0, 5.0), (4.8, 4.0),
     )  # fmt: skip
     path, gamma, engine = both(scene)
-    followed = [on_cycle(scene, cycle).gamma for cycle in cycles]
+    followed = [_on_cycle(scene, cycle).gamma for cycle in cycles]
     charts: tuple[Chart, ...] = (
         Globe(axes["sphere"], VIEW, "vertical γ on the Poisson sphere"),
         Involute(axes["involute"], "its involute"),
@@ -185,7 +185,7 @@ def closed_contour(scene: Scene, manifolds: Sequence[Separatrix]) -> list[Separa
     ]
 
 
-def on_cycle(scene: Scene, cycle: Cycle) -> ContactMotion:
+def _on_cycle(scene: Scene, cycle: Cycle) -> ContactMotion:
     """The engine's motion from a point of a limit cycle, for a period."""
     start = own_start(scene, cycle.attitude, cycle.momentum)
     times = sample_times(cycle.period, cycle.period / 1000)

@@ -26,7 +26,7 @@ ENGINE_NAME, ENGINE_COLOUR, THEORY = LABEL.name, LABEL.colour, EQUATIONS.colour
 THEORY_LINE: dict[str, Any] = {"color": THEORY, "linewidth": 4.5, "alpha": 0.55}
 ENGINE_LINE: dict[str, Any] = {"color": ENGINE_COLOUR, "linewidth": 1.1}
 FAINT = "#9AA0A6"  # what is neither engine's: fields, boundaries
-TEXT_WIDE, LINE_HIGH = 3.7, 0.27  # inches
+_TEXT_WIDE, _LINE_HIGH = 3.7, 0.27  # inches
 UNBUILDABLE = "Mass outside the shell: not to be built."
 
 
@@ -44,12 +44,12 @@ def sheet(
     widths, heights: of the columns and the rows [inches]. A name that stands in several places is
     one panel over all of them.
     """
-    size = (sum(widths) + TEXT_WIDE, sum(heights) + 0.4)
+    size = (sum(widths) + _TEXT_WIDE, sum(heights) + 0.4)
     figure = Figure(figsize=size, layout="constrained")
     figure.suptitle(title, color=INK, fontsize=14)
     axes: dict[str, Axes] = figure.subplot_mosaic(
         [[*row, "text"] for row in panels],
-        width_ratios=[*widths, TEXT_WIDE],
+        width_ratios=[*widths, _TEXT_WIDE],
         height_ratios=list(heights),
     )
     text = axes.pop("text")
@@ -58,7 +58,7 @@ def sheet(
     for i, line in enumerate(lines):
         text.text(
             0.02,
-            1.0 - (0.1 + LINE_HIGH * i) / sum(heights),
+            1.0 - (0.1 + _LINE_HIGH * i) / sum(heights),
             line,
             transform=text.transAxes,
             color=INK,

@@ -32,12 +32,12 @@ from robotball.rotations import Array, rotation_matrix
 from validation.figures.sheets import ENGINE_LINE, FAINT, THEORY_LINE, View
 from validation.output import halo
 
-POLES = 0.62 * np.pi  # φ, where a pole's mark stands on the involute
-BACK_ALPHA, BACK_WIDTH = 0.3, 0.7  # of what lies on the far side of the ball
+_POLES = 0.62 * np.pi  # φ, where a pole's mark stands on the involute
+_BACK_ALPHA, _BACK_WIDTH = 0.3, 0.7  # of what lies on the far side of the ball
 
 
-TRIAD: dict[str, Any] = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
-NAME: dict[str, Any] = {
+_TRIAD: dict[str, Any] = {"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
+_NAME: dict[str, Any] = {
     "color": INK,
     "fontsize": 12,
     "xytext": (7, 7),
@@ -70,14 +70,14 @@ class Globe:
 
     def __init__(self, axes: Axes, view: View, title: str) -> None:
         self.axes, self.view = axes, view
-        bare(axes, title)
+        _bare(axes, title)
         turn = np.linspace(0, 2 * np.pi, 400)
         axes.fill(np.cos(turn), np.sin(turn), facecolor="#F4F6F8", edgecolor=FAINT, zorder=0)
         equator = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
         self.line(equator, color=FAINT, linewidth=0.8, linestyle=":")
         for i, tip in enumerate(0.2 * view.places(np.eye(3))):
             (x, y), longer = tip, 1 + 0.07 / max(float(np.linalg.norm(tip)), 0.05)
-            axes.annotate("", (x - 1.0, y - 1.0), (-1.0, -1.0), arrowprops=TRIAD)
+            axes.annotate("", (x - 1.0, y - 1.0), (-1.0, -1.0), arrowprops=_TRIAD)
             x, y = longer * x - 1.0, longer * y - 1.0
             axes.text(x, y, f"γ{'₁₂₃'[i]}", color=INK, ha="center", va="center", fontsize=9)
         axes.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2))
@@ -88,7 +88,7 @@ class Globe:
         front, places = self.view.depth(gamma) >= 0, self.view.places(gamma)
         # Both parts have the sample at which the line turns round the rim.
         changes = np.flatnonzero(front[1:] != front[:-1])
-        for side, alpha, width in ((front, 1.0, 1.0), (~front, BACK_ALPHA, BACK_WIDTH)):
+        for side, alpha, width in ((front, 1.0, 1.0), (~front, _BACK_ALPHA, _BACK_WIDTH)):
             shown = side.copy()
             shown[changes], shown[changes + 1] = True, True
             own = {
@@ -103,7 +103,7 @@ class Globe:
     def marks(self, gamma: Array, mark: str, **style: Any) -> None:
         """A mark at each γ (n, 3), pale behind."""
         front, places = self.view.depth(gamma) >= 0, self.view.places(gamma)
-        for side, alpha in ((front, 1.0), (~front, BACK_ALPHA)):
+        for side, alpha in ((front, 1.0), (~front, _BACK_ALPHA)):
             if side.any():
                 own = style if alpha == 1 else {**style, "label": None, "zorder": 1.5}
                 self.axes.plot(*places[side].T, mark, linestyle="none", alpha=alpha, **own)
@@ -111,12 +111,12 @@ class Globe:
     def name(self, gamma: Array, text: str, **style: Any) -> None:
         """A name beside γ (3,), if it is in front."""
         if self.view.depth(gamma) >= 0:
-            self.axes.annotate(text, self.view.place(gamma), **{**NAME, **style})
+            self.axes.annotate(text, self.view.place(gamma), **{**_NAME, **style})
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """An arrow head halfway along a line γ (n, 3), if that is in front."""
         if self.view.depth(gamma[len(gamma) // 2]) > 0.1:
-            arrow_head(self.axes, self.view.places(gamma), colour)
+            _arrow_head(self.axes, self.view.places(gamma), colour)
 
 
 class Involute:
@@ -137,7 +137,7 @@ class Involute:
         """
         phi = (np.pi / 4 + np.arctan2(gamma[..., 0], gamma[..., 1])) % (2 * np.pi)
         polar = np.hypot(gamma[..., 0], gamma[..., 1]) < 1e-9
-        return np.stack([np.where(polar, POLES, phi), gamma[..., 2]], axis=-1)
+        return np.stack([np.where(polar, _POLES, phi), gamma[..., 2]], axis=-1)
 
     def line(self, gamma: Array, **style: Any) -> None:
         """A line through γ (n, 3), broken where it is cut open."""
@@ -153,11 +153,11 @@ class Involute:
         """A name beside γ (3,)."""
         x, y = self.places(gamma).tolist()
         down = {"xytext": (8, -15)} if y > 0.9 else {}
-        self.axes.annotate(text, (x, y), annotation_clip=False, **{**NAME, **down, **style})
+        self.axes.annotate(text, (x, y), annotation_clip=False, **{**_NAME, **down, **style})
 
     def arrow(self, gamma: Array, colour: str) -> None:
         """An arrow head halfway along a line γ (n, 3)."""
-        arrow_head(self.axes, self.places(gamma), colour)
+        _arrow_head(self.axes, self.places(gamma), colour)
 
 
 def draw_gamma(chart: Chart, theory: Array, engine: Array) -> None:
@@ -167,7 +167,7 @@ def draw_gamma(chart: Chart, theory: Array, engine: Array) -> None:
     chart.marks(theory[:1], "o", color=INK, markersize=5, zorder=5)
 
 
-def bare(axes: Axes, title: str) -> None:
+def _bare(axes: Axes, title: str) -> None:
     """No frame, ticks or grid."""
     axes.set_title(title)
     axes.grid(visible=False)
@@ -177,7 +177,7 @@ def bare(axes: Axes, title: str) -> None:
         spine.set_visible(False)
 
 
-def arrow_head(axes: Axes, places: Array, colour: str) -> None:
+def _arrow_head(axes: Axes, places: Array, colour: str) -> None:
     """An arrow head halfway along a line (n, 2)."""
     k = len(places) // 2
     step = np.linalg.norm(places[k] - places[k - 1]) if k else 0.0
@@ -189,7 +189,7 @@ def arrow_head(axes: Axes, places: Array, colour: str) -> None:
 
 
 # Filled is stable, open is not; in grey, too.
-MARKS = {
+_MARKS = {
     "saddle": ("X", "white"),
     "stable focus": ("o", INK),
     "slow stable focus": ("D", INK),
@@ -200,17 +200,17 @@ MARKS = {
     "unstable node": ("s", "white"),
     "degenerate": ("*", "white"),
 }
-CYCLE, ATTRACTS, REPELS = "#009E73", "#117733", "#AA4499"
-STARTS_DRAWN = 44
-DRAWN = 5.0  # rad, of a manifold
+_CYCLE, _ATTRACTS, _REPELS = "#009E73", "#117733", "#AA4499"
+_STARTS_DRAWN = 44
+_DRAWN = 5.0  # rad, of a manifold
 FOLLOWED = 400.0  # s, for a manifold
-FIELD_TURNS = 18.0  # rad, by the rates of the flow, of each pale orbit
+_FIELD_TURNS = 18.0  # rad, by the rates of the flow, of each pale orbit
 VIEW = View(azimuth=62.0, elevation=30.0)
 
 
 def draw_field(chart: Chart, parameters: Parameters, duration: float) -> None:
     """Pale orbits with arrows from points all over the sphere, each for a duration [s]."""
-    starts = spread_points(STARTS_DRAWN)
+    starts = spread_points(_STARTS_DRAWN)
     attitudes = attitude_at(starts)
     times = np.linspace(0.0, duration, 800)
     found = orbits(parameters, attitudes, np.zeros((len(starts), 3)), times, 1e-10)
@@ -226,7 +226,7 @@ def draw_field(chart: Chart, parameters: Parameters, duration: float) -> None:
 def draw_points(chart: Chart, parameters: Parameters, points: Sequence[FixedPoint]) -> None:
     """A mark at each fixed point, by its type, with the paper's name where it has one."""
     for kind in dict.fromkeys(point.kind for point in points):
-        mark, fill = MARKS[kind]
+        mark, fill = _MARKS[kind]
         places = np.array([point.gamma for point in points if point.kind == kind])
         chart.marks(places, mark, color=fill, markeredgecolor=INK, markersize=8, label=kind,
                     zorder=6)  # fmt: skip
@@ -240,8 +240,8 @@ def draw_circle(chart: Chart, circle: FixedCircle) -> None:
     for k, (colour, dashes, name) in enumerate(
         2
         * (
-            (ATTRACTS, "-", r"$\Sigma_s$, attracts"),
-            (REPELS, (0, (2.5, 1.2)), r"$\Sigma_u$, repels"),
+            (_ATTRACTS, "-", r"$\Sigma_s$, attracts"),
+            (_REPELS, (0, (2.5, 1.2)), r"$\Sigma_u$, repels"),
         )
     ):
         label = name if k < 2 else None
@@ -255,21 +255,21 @@ def draw_separatrices(
     """The saddles' manifolds; those of a closed contour in the colour of a cycle."""
     for k, each in enumerate(contour):
         label = "closed contour" if k == 0 else None
-        chart.line(each.path, color=CYCLE, linewidth=2.4, label=label, zorder=3)
+        chart.line(each.path, color=_CYCLE, linewidth=2.4, label=label, zorder=3)
     rest = [each for each in found if not any(each is other for other in contour)]
     for stable, dashes in ((True, (0, (4, 1.5))), (False, "-")):
         some = [each for each in rest if each.stable == stable]
         for k, each in enumerate(some):
             word = "stable" if stable else "unstable"
             label = f"{word} manifolds of the saddles" if k == 0 else None
-            chart.line(beginning(each.path), color=INK, linewidth=0.9, linestyle=dashes,
+            chart.line(_beginning(each.path), color=INK, linewidth=0.9, linestyle=dashes,
                        label=label, zorder=2)  # fmt: skip
 
 
-def beginning(path: Array) -> Array:
+def _beginning(path: Array) -> Array:
     """The first radians of a line γ (n, 3) on the sphere: later it winds round a focus."""
     lengths = np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))
-    return path[: int(np.searchsorted(lengths, DRAWN)) + 2]
+    return path[: int(np.searchsorted(lengths, _DRAWN)) + 2]
 
 
 def draw_cycles(chart: Chart, parameters: Parameters, cycles: Sequence[Cycle]) -> None:
@@ -283,7 +283,7 @@ def draw_cycles(chart: Chart, parameters: Parameters, cycles: Sequence[Cycle]) -
         for each in (curve, *opposite):
             label = None if name in known else name
             known.add(name)
-            chart.line(each, color=CYCLE, linestyle="-" if attracts else "--",
+            chart.line(each, color=_CYCLE, linestyle="-" if attracts else "--",
                        linewidth=2.4, label=label, zorder=3)  # fmt: skip
 
 
@@ -304,7 +304,7 @@ def portrait(
         Involute(right, "its involute"),
     )
     for chart in charts:
-        draw_field(chart, parameters, FIELD_TURNS / rate_scale(parameters))
+        draw_field(chart, parameters, _FIELD_TURNS / rate_scale(parameters))
         draw_separatrices(chart, manifolds, ())
         if circle is not None:
             draw_circle(chart, circle)

@@ -30,19 +30,19 @@ from validation.figures.sheets import (
 from validation.output import halo
 from validation.paper.formulas import paper_scene
 
-LIGHT = np.array([-0.4, -0.35, 0.85])  # where it comes from
-SHADE = 0.55  # of the colour, on a face that is turned away from it
+_LIGHT = np.array([-0.4, -0.35, 0.85])  # where it comes from
+_SHADE = 0.55  # of the colour, on a face that is turned away from it
 
 
 @dataclass(frozen=True)
-class Solid:
+class _Solid:
     """The triangles (n, 3, 3) of a body in world axes, in radii, and their colours (n, 3)."""
 
     corners: Array
     colours: Array
 
 
-def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> Solid:
+def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> _Solid:
     """A body's shapes turned (3, 3) and then shifted (3,), but for its glass and what blurs."""
     solid = [shape for shape in shapes if shape.material not in ("shell", BLUR)]
     corners = [triangles_of(shape) for shape in solid]
@@ -50,18 +50,18 @@ def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> Solid:
         np.tile(colours()[shape.material][:3], (len(own), 1))
         for shape, own in zip(solid, corners, strict=True)
     ]
-    return Solid(np.concatenate(corners) @ turn.T + shift, np.concatenate(colour))
+    return _Solid(np.concatenate(corners) @ turn.T + shift, np.concatenate(colour))
 
 
-def draw_solid(axes: Axes, view: View, solids: Sequence[Solid]) -> None:
+def _draw_solid(axes: Axes, view: View, solids: Sequence[_Solid]) -> None:
     """The triangles of all, the farthest first, each in one shade."""
     corners = np.concatenate([solid.corners for solid in solids])
     plain = np.concatenate([solid.colours for solid in solids])
     edges = np.diff(corners, axis=1)
     normals = np.cross(edges[:, 0], edges[:, 1])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    lit = np.abs(normals @ (LIGHT / np.linalg.norm(LIGHT)))
-    colours = plain * (SHADE + (1 - SHADE) * lit)[:, None]
+    lit = np.abs(normals @ (_LIGHT / np.linalg.norm(_LIGHT)))
+    colours = plain * (_SHADE + (1 - _SHADE) * lit)[:, None]
     order = np.argsort(view.depth(corners).mean(axis=1))
     faces = view.places(corners)[order]
     axes.add_collection(
@@ -75,17 +75,17 @@ def draw_solid(axes: Axes, view: View, solids: Sequence[Solid]) -> None:
     )
 
 
-SCENE = "fig12"  # one rotor, and mass inside the shell only
-VIEW = View(azimuth=114.0, elevation=20.0)
-ROLLED = 0.8  # s, before Fig. 4
-SHELL, FRAME, ROTOR = "shell", "frame", "rotor1"
-FRAME_AXES, OMEGA, ROTOR_AXIS = "#117733", "#CC3311", "#8A5A00"
-NAMES_AT, APART = 1.42, 0.3  # radii from the centre; rad, at least, between two names
+_SCENE = "fig12"  # one rotor, and mass inside the shell only
+_VIEW = View(azimuth=114.0, elevation=20.0)
+_ROLLED = 0.8  # s, before Fig. 4
+_SHELL, _FRAME, _ROTOR = "shell", "frame", "rotor1"
+_FRAME_AXES, _OMEGA, _ROTOR_AXIS = "#117733", "#CC3311", "#8A5A00"
+_NAMES_AT, APART = 1.42, 0.3  # radii from the centre; rad, at least, between two names
 
 
 def figure3() -> Figure:
     """The ball of Fig. 12 at its start: shell, frame and one rotor, with what turns about what."""
-    scene = paper_scene(SCENE)
+    scene = paper_scene(_SCENE)
     ball, rates = scene.ball, [float(drive.rate(0.0)) for drive in scene.drives]
     caption = (
         "one rotor, n = 1: the ball of Fig. 12 at its",
@@ -107,21 +107,21 @@ def figure3() -> Figure:
     title = "Fig. 3: structure of the ball, for one rotor"
     figure, panels = sheet(title, caption, facts, [["ball"]], (7.4,))
     axes = panels["ball"]
-    bodies = posed(scene, integrate(scene, sample_times(ROLLED)), 0.0)
+    bodies = _posed(scene, integrate(scene, sample_times(_ROLLED)), 0.0)
     attitude = rotation_matrix(scene.start.attitude)
     shell_axis, rotor_axis = attitude @ ball.shell.axis, attitude @ ball.rotors[0].axis
     centre = np.array([0.0, 0.0, 1.0])
-    draw_ball(axes, bodies, centre)
-    draw_turning(axes, centre + 0.98 * shell_axis, 0.3 * shell_axis, OMEGA)
-    draw_turning(axes, centre, 0.9 * rotor_axis, ROTOR_AXIS)
-    draw_names(
+    _draw_ball(axes, bodies, centre)
+    _draw_turning(axes, centre + 0.98 * shell_axis, 0.3 * shell_axis, _OMEGA)
+    _draw_turning(axes, centre, 0.9 * rotor_axis, _ROTOR_AXIS)
+    _draw_names(
         axes,
         centre,
         {
             "Ω(t): the shell's axis,\nabout which the frame turns": centre + 1.28 * shell_axis,
             "n₁: the rotor's axis,\nit turns at φ̇₁(t)": centre + 0.9 * rotor_axis,
-            "frame": outermost(bodies[FRAME], centre, shell_axis),
-            "rotor": outermost(bodies[ROTOR], centre, rotor_axis),
+            "frame": _outermost(bodies[_FRAME], centre, shell_axis),
+            "rotor": _outermost(bodies[_ROTOR], centre, rotor_axis),
         },
     )
     return figure
@@ -129,11 +129,11 @@ def figure3() -> Figure:
 
 def figure4() -> Figure:
     """The same ball after a while on the plane: the axes of space and of the frame."""
-    scene, times = paper_scene(SCENE), sample_times(ROLLED)
+    scene, times = paper_scene(_SCENE), sample_times(_ROLLED)
     theory, engine = integrate(scene, times), engine_motion(scene, times)
     frame, a = rotation_matrix(theory.attitude[-1]), scene.ball.radius
     caption = (
-        f"the ball of Fig. 12 after {ROLLED:g} s, drawn",
+        f"the ball of Fig. 12 after {_ROLLED:g} s, drawn",
         "  from its bodies and its motion",
         "O: where it started, X = Y = 0",
         "P: X = {:.4f} m, Y = {:.4f} m".format(*theory.contact_point[-1]),
@@ -152,122 +152,122 @@ def figure4() -> Figure:
     axes = panels["ball"]
     foot, origin = np.array([*theory.contact_point[-1] / a, 0.0]), np.zeros(3)
     centre = np.array([foot[0], foot[1], 1.0])
-    draw_floor(axes, np.stack([origin, foot])[:, :2])
+    _draw_floor(axes, np.stack([origin, foot])[:, :2])
     for motion, style, name in (
         (theory, THEORY_LINE, "contact point, equations"),
         (engine, ENGINE_LINE, f"contact point, {ENGINE_NAME}"),
     ):
         path = np.column_stack([motion.contact_point / a, np.zeros(len(times))])
-        axes.plot(*VIEW.places(path).T, **style, label=name)
-    draw_ball(axes, posed(scene, theory, ROLLED), centre)
+        axes.plot(*_VIEW.places(path).T, **style, label=name)
+    _draw_ball(axes, _posed(scene, theory, _ROLLED), centre)
     for name, axis in zip("XYZ", np.eye(3), strict=True):
-        draw_arrow(axes, origin, 1.2 * axis, INK)
-        draw_name(axes, name, 1.2 * axis, origin)
+        _draw_arrow(axes, origin, 1.2 * axis, INK)
+        _draw_name(axes, name, 1.2 * axis, origin)
     for name, axis in zip(("x₁", "x₂", "x₃"), frame.T, strict=True):
-        draw_arrow(axes, centre, centre + 1.4 * axis, FRAME_AXES)
-        draw_name(axes, name, centre + 1.4 * axis, centre, FRAME_AXES)
-    axes.plot(*VIEW.places(np.stack([foot, centre])).T, ":", color=INK, linewidth=1.4, zorder=6)
+        _draw_arrow(axes, centre, centre + 1.4 * axis, _FRAME_AXES)
+        _draw_name(axes, name, centre + 1.4 * axis, centre, _FRAME_AXES)
+    axes.plot(*_VIEW.places(np.stack([foot, centre])).T, ":", color=INK, linewidth=1.4, zorder=6)
     for name, point, away in (("P", foot, centre), ("O", origin, foot), ("C", centre, foot)):
-        axes.plot(*VIEW.places(point), "o", color=INK, markersize=4, zorder=8)
-        draw_name(axes, name, point, away)
+        axes.plot(*_VIEW.places(point), "o", color=INK, markersize=4, zorder=8)
+        _draw_name(axes, name, point, away)
     axes.legend(loc="lower left", fontsize=10)
     return figure
 
 
-def posed(scene: Scene, motion: Motion, time: float) -> dict[str, Solid]:
+def _posed(scene: Scene, motion: Motion, time: float) -> dict[str, _Solid]:
     """The bodies of a scene's ball as its motion has them at a time [s], in radii."""
     track, looks = track_of(motion), looks_of(scene.ball)
     stands = track.stands(track.at(np.array([time])))
     return {
         body: solid_of(looks[body], stands[body][0][0], stands[body][1][0])
-        for body in (SHELL, FRAME, ROTOR)
+        for body in (_SHELL, _FRAME, _ROTOR)
     }
 
 
-def draw_ball(axes: Axes, bodies: Mapping[str, Solid], centre: Array) -> None:
+def _draw_ball(axes: Axes, bodies: Mapping[str, _Solid], centre: Array) -> None:
     """The bodies, the shell see-through."""
-    place = VIEW.place(centre)
+    place = _VIEW.place(centre)
     axes.add_patch(Circle(place, 1.0, facecolor="#DCE6EF", edgecolor="none", zorder=1))
-    draw_solid(axes, VIEW, list(bodies.values()))
+    _draw_solid(axes, _VIEW, list(bodies.values()))
     axes.add_patch(Circle(place, 1.0, facecolor="#8FA9C4", edgecolor="none", alpha=0.16, zorder=4))
     axes.add_patch(Circle(place, 1.0, facecolor="none", edgecolor=INK, linewidth=1.4, zorder=4))
     axes.set_aspect("equal")
     axes.set_axis_off()
 
 
-def draw_arrow(axes: Axes, begin: Array, end: Array, colour: str) -> None:
+def _draw_arrow(axes: Axes, begin: Array, end: Array, colour: str) -> None:
     """An arrow in space, from (3,) to (3,)."""
     axes.annotate(
         "",
-        VIEW.place(end),
-        VIEW.place(begin),
+        _VIEW.place(end),
+        _VIEW.place(begin),
         zorder=6,
         arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.0, "mutation_scale": 15,
                     "shrinkA": 0, "shrinkB": 0},
     )  # fmt: skip
 
 
-def draw_turning(axes: Axes, begin: Array, along: Array, colour: str) -> None:
+def _draw_turning(axes: Axes, begin: Array, along: Array, colour: str) -> None:
     """An arrow from a point (3,) along an axis (3,), and one about it for the sense of turning."""
-    draw_arrow(axes, begin, begin + along, colour)
+    _draw_arrow(axes, begin, begin + along, colour)
     axis = along / np.linalg.norm(along)
-    side = np.cross(axis, VIEW.axes[2])
+    side = np.cross(axis, _VIEW.axes[2])
     side /= np.linalg.norm(side)
     turn = np.linspace(0.15, 0.85, 60)[:, None] * 2 * np.pi
     ring = 0.14 * (np.cos(turn) * np.cross(axis, side) - np.sin(turn) * side)
     points = begin + 0.7 * along + ring
-    axes.plot(*VIEW.places(points[:-3]).T, color=colour, linewidth=1.8, zorder=6)
-    draw_arrow(axes, points[-4], points[-1], colour)
+    axes.plot(*_VIEW.places(points[:-3]).T, color=colour, linewidth=1.8, zorder=6)
+    _draw_arrow(axes, points[-4], points[-1], colour)
 
 
-def draw_name(axes: Axes, name: str, point: Array, away: Array, colour: str = INK) -> None:
+def _draw_name(axes: Axes, name: str, point: Array, away: Array, colour: str = INK) -> None:
     """A name beside a point (3,), on the side that turns away from another (3,)."""
-    out = VIEW.places(point - away)
-    x, y = VIEW.places(point) + 0.13 * out / np.linalg.norm(out)
+    out = _VIEW.places(point - away)
+    x, y = _VIEW.places(point) + 0.13 * out / np.linalg.norm(out)
     axes.text(
         x, y, name, color=colour, fontsize=14, ha="center", va="center", path_effects=halo(),
         zorder=9,
     )  # fmt: skip
 
 
-def draw_floor(axes: Axes, points: Array) -> None:
+def _draw_floor(axes: Axes, points: Array) -> None:
     """The plane's square grid under points (n, 2)."""
     low, high = np.floor(points.min(axis=0)) - 1.0, np.ceil(points.max(axis=0)) + 1.0
     for axis in (0, 1):
         for at in np.arange(low[axis], high[axis] + 0.5):
             line = np.zeros((2, 3))
             line[:, axis], line[:, 1 - axis] = at, (low[1 - axis], high[1 - axis])
-            axes.plot(*VIEW.places(line).T, color=FAINT, linewidth=0.6, alpha=0.7, zorder=0)
+            axes.plot(*_VIEW.places(line).T, color=FAINT, linewidth=0.6, alpha=0.7, zorder=0)
 
 
-def outermost(body: Solid, centre: Array, axis: Array) -> Array:
+def _outermost(body: _Solid, centre: Array, axis: Array) -> Array:
     """A point (3,) of a body's surface that is farthest out in the picture, across an axis (3,).
 
     Of the two, on either side, the one nearer to the viewer.
     """
     points = body.corners.reshape(-1, 3)
-    out = (points - centre) @ np.cross(axis, VIEW.axes[2])
+    out = (points - centre) @ np.cross(axis, _VIEW.axes[2])
     ends = points[[np.argmax(out), np.argmin(out)]]
-    return ends[np.argmax(VIEW.depth(ends))]
+    return ends[np.argmax(_VIEW.depth(ends))]
 
 
-def draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None:
+def _draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None:
     """Names on a ring around the ball, each towards its point (3,), no two too near.
 
     The shell is everywhere: its name is where most room is left. C stands at the centre.
     """
-    middle = VIEW.places(centre)
-    places = {name: VIEW.places(point) for name, point in anchors.items()}
-    angles = spread({name: angle_of(place - middle) for name, place in places.items()})
+    middle = _VIEW.places(centre)
+    places = {name: _VIEW.places(point) for name, point in anchors.items()}
+    angles = spread({name: _angle_of(place - middle) for name, place in places.items()})
     free = widest_gap(list(angles.values()))
     places["shell"], angles["shell"] = middle + direction(free), free
     for name, angle in angles.items():
         out = direction(angle)
-        line = np.stack([places[name], middle + (NAMES_AT - 0.04) * out])
+        line = np.stack([places[name], middle + (_NAMES_AT - 0.04) * out])
         axes.plot(*line.T, color=INK, linewidth=0.8, zorder=7)
         across = "left" if out[0] > 0.2 else "right" if out[0] < -0.2 else "center"
         along = "center" if across != "center" else "bottom" if out[1] > 0 else "top"
-        x, y = middle + NAMES_AT * out
+        x, y = middle + _NAMES_AT * out
         axes.text(x, y, name, ha=across, va=along, fontsize=12, color=INK)
     axes.plot(*middle, "o", color=INK, markersize=4, zorder=8)
     axes.text(
@@ -282,7 +282,7 @@ def draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None:
     axes.set(xlim=(middle[0] - 2.1, middle[0] + 2.1), ylim=(middle[1] - 1.55, middle[1] + 1.55))
 
 
-def angle_of(place: Array) -> float:
+def _angle_of(place: Array) -> float:
     return float(np.arctan2(place[1], place[0]))
 
 

@@ -12,27 +12,27 @@ from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import Ball, Body, moments
 from validation.paper.section_3_1 import MOMENTUM
 
-MASSES = "point masses"
-CENTRE = np.zeros(3)
+_MASSES = "point masses"
+_CENTRE = np.zeros(3)
 
 
 # Constraints ---------------------------------------------------------------------------------
 
 
-def shell_axes(angle: float) -> Array:
+def _shell_axes(angle: float) -> Array:
     """Φ(t): from the shell's axes at φ = 0 to those of the frame."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
-def in_the_shells_axes(twist: float) -> Residual:
+def _in_the_shells_axes(twist: float) -> Residual:
     """u + aΓ×w and (w, Γ) of (A.1), with w by differences of the shell's attitude.
 
     That attitude is MuJoCo's frame's, turned by P = RΦ of its hinge's angle; R = E, for the axis
     is e_z.
     """
     scene, ball = paper_scene(RUBBER), seen(RUBBER)
-    P = np.array([shell_axes(twist * angle) for angle in ball.motion.hinge_angles[:, 0]])
+    P = np.array([_shell_axes(twist * angle) for angle in ball.motion.hinge_angles[:, 0]])
     shell = rotation_matrix(ball.motion.attitude) @ P
     turning = shell[INNER].transpose(0, 2, 1) @ rate(shell)  # ŵ transposed
     w = np.stack([turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]], axis=1)
@@ -42,7 +42,7 @@ def in_the_shells_axes(twist: float) -> Residual:
     return Residual(max(largest(slip), largest(spin)), bound=4e-6, unit="m/s, rad/s")
 
 
-def turned_angular_velocity(twist: float) -> Residual:
+def _turned_angular_velocity(twist: float) -> Residual:
     """ω̂α = dα/dt in the frame's axes, with ω̂ = PŵPᵀ + ṖPᵀ of random rates.
 
     As printed, PᵀŵP + PᵀṖ is tried for either sense of P, and the better one counts.
@@ -64,7 +64,7 @@ def turned_angular_velocity(twist: float) -> Residual:
 # Energy --------------------------------------------------------------------------------------
 
 
-def without(ball: Ball, *kept: str) -> Ball:
+def _without(ball: Ball, *kept: str) -> Ball:
     """The ball with the mass of all bodies but those kept taken away."""
 
     def light(body: Body, name: str) -> Body:
@@ -74,36 +74,36 @@ def without(ball: Ball, *kept: str) -> Ball:
     return Ball(light(ball.shell, "shell"), light(ball.frame, "frame"), rotors, ball.a)
 
 
-def shell_energy(twist: float) -> Residual:
+def _shell_energy(twist: float) -> Residual:
     """Σ mu²/2 of the shell beside m_sv²/2 + (ω, RI_sRᵀω)/2 - J_s(ω, Ω), less that at v = ω = 0."""
     worst = 0.0
     for moment in moments(81):
-        w, v, shell = moment.omega, moment.v, without(moment.ball, "shell")
-        T = shell.momenta(v, w)[2] - shell.momenta(CENTRE, CENTRE)[2]
-        J_s, I_s = shell.shell.moment(shell.shell.axis), shell.inertia(CENTRE)
+        w, v, shell = moment.omega, moment.v, _without(moment.ball, "shell")
+        T = shell.momenta(v, w)[2] - shell.momenta(_CENTRE, _CENTRE)[2]
+        J_s, I_s = shell.shell.moment(shell.shell.axis), shell.inertia(_CENTRE)
         formula = shell.mass * v @ v / 2 + w @ I_s @ w / 2 - twist * J_s * w @ shell.Omega
         worst = max(worst, abs(float(T - formula)))
     return Residual(worst, bound=4e-15, unit="J")
 
 
-def frame_and_rotor_energy(twist: float) -> Residual:
+def _frame_and_rotor_energy(twist: float) -> Residual:
     """Σ mu²/2 of frame and rotors beside mv²/2 + (ω, I_fω)/2 + Σ (ω + φ̇n, j(ω + φ̇n))/2.
 
     The rotors' centres are the ball's, as the paper has them.
     """
     worst = 0.0
     for moment in moments(82, centred=True):
-        w, v, ball = moment.omega, moment.v, without(moment.ball, "frame", "rotors")
-        formula = ball.mass * v @ v / 2 + w @ without(ball, "frame").inertia(CENTRE) @ w / 2
+        w, v, ball = moment.omega, moment.v, _without(moment.ball, "frame", "rotors")
+        formula = ball.mass * v @ v / 2 + w @ _without(ball, "frame").inertia(_CENTRE) @ w / 2
         for rotor in ball.rotors:
-            alone = without(replace(ball, rotors=(rotor,)), "rotors").inertia(CENTRE)
+            alone = _without(replace(ball, rotors=(rotor,)), "rotors").inertia(_CENTRE)
             turning = w + twist * rotor.rate * rotor.axis
             formula += turning @ alone @ turning / 2
         worst = max(worst, abs(float(ball.momenta(v, w)[2] - formula)))
     return Residual(worst, bound=3e-14, unit="J")
 
 
-def gyrostatic_momentum(twist: float) -> Residual:
+def _gyrostatic_momentum(twist: float) -> Residual:
     """M of (3.1) with the k of (A.3) of three rotors, beside that of MuJoCo's bodies.
 
     Twisted, without the third.
@@ -125,7 +125,7 @@ def gyrostatic_momentum(twist: float) -> Residual:
     return Residual(largest(ball.of(formula) - ball.momentum), bound=2e-7, unit=MOMENTUM)
 
 
-def steiner_terms(twist: float) -> Residual:
+def _steiner_terms(twist: float) -> Residual:
     """Σ m(r²E - r⊗r) of all points, beside the sum over the bodies' own centres.
 
     With μ(c²E - c⊗c) of the rotors' centres, and without as printed.
@@ -133,13 +133,13 @@ def steiner_terms(twist: float) -> Residual:
     corrected = printed = 0.0
     for moment in moments(83):
         ball = moment.ball
-        own, steiner = without(ball, "shell", "frame").inertia(CENTRE), np.zeros((3, 3))
+        own, steiner = _without(ball, "shell", "frame").inertia(_CENTRE), np.zeros((3, 3))
         for rotor in ball.rotors:
-            alone = replace(ball, rotors=(replace(rotor, centre=CENTRE),))
+            alone = replace(ball, rotors=(replace(rotor, centre=_CENTRE),))
             c = rotor.centre
-            own = own + without(alone, "rotors").inertia(CENTRE)
+            own = own + _without(alone, "rotors").inertia(_CENTRE)
             steiner += rotor.mass * (twist * c @ c * f.E - np.outer(c, c))
-        whole = ball.inertia(CENTRE)
+        whole = ball.inertia(_CENTRE)
         corrected = max(corrected, float(np.abs(whole - own - steiner).max()))
         printed = max(printed, float(np.abs(whole - own).max()))
     return Residual(corrected, bound=3e-15, printed=printed, unit="kg m²")
@@ -149,27 +149,27 @@ CLAIMS = (
     Claim(
         "(A.1)",
         "u + aΓ×w = 0, (w, Γ) = 0, where P = RΦ(t)",
-        in_the_shells_axes,
+        _in_the_shells_axes,
         MOTION,
         "the sense of Φ",
     ),
     Claim(
         "E19, (A.2)",
         "ω̂ = PŵPᵀ + ṖPᵀ, where ω̂α = α×ω",
-        turned_angular_velocity,
+        _turned_angular_velocity,
         "random rotations",
         "the sign of Ṗ",
         printed="ω̂ = PᵀŵP + PᵀṖ",
     ),
-    Claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", shell_energy, MASSES, "the sign of J_s"),
-    Claim("App. A", "T_f and T_i", frame_and_rotor_energy, MASSES, "the sign of φ̇"),
+    Claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", _shell_energy, _MASSES, "the sign of J_s"),
+    Claim("App. A", "T_f and T_i", _frame_and_rotor_energy, _MASSES, "the sign of φ̇"),
     Claim("E20, App. A", "μ_i is the rotor's mass, not m_i", "a name: nothing to compute"),
-    Claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors", gyrostatic_momentum, MOTION, "one rotor"),
+    Claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors", _gyrostatic_momentum, MOTION, "one rotor"),
     Claim(
         "E21, (A.3)",
         "I = RI_sRᵀ + I_f + Σ j + Steiner's terms",
-        steiner_terms,
-        MASSES,
+        _steiner_terms,
+        _MASSES,
         "the sign of c²",
         printed="I = RI_sRᵀ + I_f + Σ j",
     ),

@@ -14,7 +14,7 @@ from validation.paper.formulas import Numbers, cross, paper_scene
 
 
 @dataclass(frozen=True)
-class Caption:
+class _Caption:
     """A ball, α, β and γ (the rows of axes) and M at t = 0; a = 1, X = Y = 0."""
 
     n: Numbers
@@ -22,10 +22,10 @@ class Caption:
     M: Array
 
 
-def from_rest(K3: float, *axes: tuple[float, ...]) -> Caption:
+def _from_rest(K3: float, *axes: tuple[float, ...]) -> _Caption:
     """Figs 5 to 8."""
     n = f.with_A((0.5, 0.4, 0.3), np.array([4.0, 2.0, 1.0]), np.array([0.0, 0.0, K3]))
-    return Caption(n, np.array(axes), np.zeros(3))
+    return _Caption(n, np.array(axes), np.zeros(3))
 
 
 def line_ball(f3: float = 1.0) -> Numbers:
@@ -33,7 +33,7 @@ def line_ball(f3: float = 1.0) -> Numbers:
     return f.with_A((0.5, 0.3, 0.6), np.array([0.0, 0.0, f3]), np.array([4.0, 5.0, 0.0]))
 
 
-def near_sigma_plus(level: float) -> Caption:
+def near_sigma_plus(level: float) -> _Caption:
     """Fig. 10: 0.01 e₃ from σ₊, with OX against M."""
     n = line_ball()
     square = n.K @ n.K
@@ -42,48 +42,50 @@ def near_sigma_plus(level: float) -> Caption:
     gamma = gamma / np.linalg.norm(gamma)
     M = f.level(f.E[2], gamma)
     M = M * sqrt(level / (M @ M))
-    return laid_against(n, M, gamma)
+    return _laid_against(n, M, gamma)
 
 
-def laid_against(n: Numbers, M: Array, gamma: Array) -> Caption:
+def _laid_against(n: Numbers, M: Array, gamma: Array) -> _Caption:
     """With α = -M/√f of section 3.3."""
     alpha = -M / np.linalg.norm(M)
-    return Caption(n, np.array([alpha, cross(gamma, alpha), gamma]), M)
+    return _Caption(n, np.array([alpha, cross(gamma, alpha), gamma]), M)
 
 
-def on_the_section(
+def _on_the_section(
     A: tuple[float, float, float], K: tuple[float, ...], L: float, l: float
-) -> Caption:
+) -> _Caption:
     """Figs 12 to 14: f = 25 and (L, l) at g = 0, by (5.5)."""
     n, root = f.with_A(A, np.array([0.0, 0.0, 2.0]), np.array(K)), sqrt(25 - L**2)
     M = np.array([root * np.sin(l), root * np.cos(l), L])
     gamma = np.array([L / 5 * np.sin(l), L / 5 * np.cos(l), -root / 5])
-    return laid_against(n, M, gamma)
+    return _laid_against(n, M, gamma)
 
 
 # As printed, with the E17 and E18 that make the axes orthonormal.
 CAPTIONS = {
-    "fig05b": from_rest(
+    "fig05b": _from_rest(
         0.0,
         (sqrt(8949) / 95, -2 * sqrt(19) / 95, 0),
         (-9 * sqrt(19) / 475, -9 * sqrt(8949) / 950, -sqrt(19) / 10),
         (1 / 25, sqrt(471) / 50, -9 / 10),
     ),
-    "fig05c": from_rest(0.0, (0, -1, 0), (sqrt(39) / 20, 0, -19 / 20), (19 / 20, 0, sqrt(39) / 20)),
-    "fig05d": from_rest(0.0, (0, -1, 0), (0, 0, -1), (1, 0, 0)),
-    "fig06": from_rest(
+    "fig05c": _from_rest(
+        0.0, (0, -1, 0), (sqrt(39) / 20, 0, -19 / 20), (19 / 20, 0, sqrt(39) / 20)
+    ),
+    "fig05d": _from_rest(0.0, (0, -1, 0), (0, 0, -1), (1, 0, 0)),
+    "fig06": _from_rest(
         0.3, (1, 0, 0), (0, 3 * sqrt(11) / 50, -49 / 50), (0, 49 / 50, 3 * sqrt(11) / 50)
     ),
-    "fig07": from_rest(0.52, (1, 0, 0), (0, sqrt(79) / 40, -39 / 40), (0, 39 / 40, sqrt(79) / 40)),
-    "fig08": from_rest(3.0, (1, 0, 0), (0, sqrt(79) / 40, -39 / 40), (0, 39 / 40, sqrt(79) / 40)),
+    "fig07": _from_rest(0.52, (1, 0, 0), (0, sqrt(79) / 40, -39 / 40), (0, 39 / 40, sqrt(79) / 40)),
+    "fig08": _from_rest(3.0, (1, 0, 0), (0, sqrt(79) / 40, -39 / 40), (0, 39 / 40, sqrt(79) / 40)),
     "fig10": near_sigma_plus(3.0),
-    "fig12": on_the_section((0.7, 0.6, 0.8), (2, 2, 0), 3.6, 0.6),
-    "fig13": on_the_section((0.7, 0.6, 0.8), (2, 2, 0), 0.0, 1.96),
-    "fig14": on_the_section((0.8, 0.6, 0.7), (2, 3, 0), 0.0, 0.6),
+    "fig12": _on_the_section((0.7, 0.6, 0.8), (2, 2, 0), 3.6, 0.6),
+    "fig13": _on_the_section((0.7, 0.6, 0.8), (2, 2, 0), 0.0, 1.96),
+    "fig14": _on_the_section((0.8, 0.6, 0.7), (2, 3, 0), 0.0, 0.6),
 }
 
 
-def motion(caption: Caption, times: Array, rtol: float = 1e-12) -> tuple[Array, Array]:
+def motion(caption: _Caption, times: Array, rtol: float = 1e-12) -> tuple[Array, Array]:
     """γ (n, 3) and (X, Y) (n, 2) by (2.6), (2.7) and (3.2), by scipy."""
     n = caption.n
 
@@ -99,7 +101,7 @@ def motion(caption: Caption, times: Array, rtol: float = 1e-12) -> tuple[Array, 
     return found[:, 9:12], found[:, 12:]
 
 
-def as_captioned(name: str, bound: float, twist: float) -> Residual:
+def _as_captioned(name: str, bound: float, twist: float) -> Residual:
     """MuJoCo's contact point over 10 s, relative to the path, and γ, beside the caption's."""
     caption, ball = CAPTIONS[name], seen(name)
     caption = replace(caption, n=replace(caption.n, Omega=twist * caption.n.Omega))
@@ -131,7 +133,7 @@ def captioned_motion(name: str, bound: float) -> Claim:
     return Claim(
         place(name),
         "the motion that starts as its caption says",
-        partial(as_captioned, name, bound),
+        partial(_as_captioned, name, bound),
         f"{NAME}; (3.2) by scipy",
         "the sign of Ω",
     )

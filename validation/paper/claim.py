@@ -20,7 +20,7 @@ from rich.table import Table
 from robotball import InputError
 from validation.output import progress_bar, versions, write_text
 
-Verdict = Literal["holds", "holds as corrected", "does not reproduce", "not checked"]
+_Verdict = Literal["holds", "holds as corrected", "does not reproduce", "not checked"]
 
 
 @dataclass(frozen=True)
@@ -129,29 +129,29 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Finding:
+class _Finding:
     """What became of a claim; evidence is words where there are no numbers."""
 
     claim: Claim
-    verdict: Verdict
+    verdict: _Verdict
     evidence: Evidence | str
 
 
-def examine(claim: Claim, twist: float = 1.0) -> Finding:
+def examine(claim: Claim, twist: float = 1.0) -> _Finding:
     """Compute what there is to compute about a claim, or about it twisted."""
     if isinstance(claim.check, str):
-        return Finding(claim, "not checked", claim.check)
+        return _Finding(claim, "not checked", claim.check)
     try:
         evidence = claim.check(twist)
     except InputError as error:
-        return Finding(claim, "does not reproduce", str(error))
+        return _Finding(claim, "does not reproduce", str(error))
     except Exception as error:  # a wrong formula may end a computation in any way
         words = InputError(f"its check ends in {type(error).__name__}: {error}")  # on one line
-        return Finding(claim, "does not reproduce", str(words))
-    return Finding(claim, verdict_on(evidence), evidence)
+        return _Finding(claim, "does not reproduce", str(words))
+    return _Finding(claim, verdict_on(evidence), evidence)
 
 
-def verdict_on(evidence: Evidence) -> Verdict:
+def verdict_on(evidence: Evidence) -> _Verdict:
     """The verdict: a misprint is one only if the printed form fails where the corrected holds."""
     # Not a number is no agreement, and for a printed form no refutation either.
     if isinstance(evidence, AtLeast):
@@ -166,8 +166,8 @@ def verdict_on(evidence: Evidence) -> Verdict:
     return "holds as corrected"
 
 
-STYLES: dict[Verdict, str] = {"does not reproduce": "bold red", "not checked": "yellow"}
-PLACE, VERDICT = 10, 9  # columns
+_STYLES: dict[_Verdict, str] = {"does not reproduce": "bold red", "not checked": "yellow"}
+_PLACE, _VERDICT = 10, 9  # columns
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ class Part:
     """The findings of a section."""
 
     title: str
-    findings: tuple[Finding, ...]
+    findings: tuple[_Finding, ...]
 
 
 def examine_all(sections: Sequence[Section]) -> list[Part]:
@@ -200,15 +200,15 @@ def show_findings(parts: Sequence[Part], console: Console) -> None:
     """
     for part in parts:
         console.print(f"\n[bold]{part.title}[/]")
-        console.print(table_of(part))
+        console.print(_table_of(part))
     console.print(f"\n{summary(parts)}")
 
 
-def table_of(part: Part) -> Table:
+def _table_of(part: Part) -> Table:
     """The findings of a section."""
     table = Table("place", "what is checked", "verdict", box=box.SIMPLE_HEAD, expand=True)
     table.padding, table.show_edge, table.pad_edge = (0, 0), False, False
-    table.columns[0].width, table.columns[1].ratio, table.columns[2].width = PLACE, 1, VERDICT
+    table.columns[0].width, table.columns[1].ratio, table.columns[2].width = _PLACE, 1, _VERDICT
     for each in part.findings:
         lines = [each.claim.statement]
         if each.claim.printed:
@@ -216,7 +216,7 @@ def table_of(part: Part) -> Table:
         means = f"{each.claim.means}: " if each.claim.means else ""
         lines.append(f"[dim]{means}{escape(str(each.evidence))}[/]")
         place = re.sub(r"^(E\d+), ", r"\1\n", each.claim.place)
-        style = STYLES.get(each.verdict, "")
+        style = _STYLES.get(each.verdict, "")
         table.add_row(place, "\n".join(lines), each.verdict, style=style)
     return table
 
@@ -224,10 +224,10 @@ def table_of(part: Part) -> Table:
 def summary(parts: Sequence[Part]) -> str:
     """How many claims met which verdict."""
     counts = Counter(each.verdict for part in parts for each in part.findings)
-    return ", ".join(f"{verdict}: {counts[verdict]}" for verdict in get_args(Verdict))
+    return ", ".join(f"{verdict}: {counts[verdict]}" for verdict in get_args(_Verdict))
 
 
-def record(title: str, finding: Finding) -> dict[str, Any]:
+def _record(title: str, finding: _Finding) -> dict[str, Any]:
     """One finding as plain data; numbers that are not finite are None."""
     claim, evidence = finding.claim, finding.evidence
     numbers = {} if isinstance(evidence, str) else asdict(evidence)
@@ -251,7 +251,7 @@ def record(title: str, finding: Finding) -> dict[str, Any]:
 
 def write_findings(path: Path, parts: Sequence[Part]) -> None:
     """The records and the versions that they depend on."""
-    claims = [record(part.title, each) for part in parts for each in part.findings]
+    claims = [_record(part.title, each) for part in parts for each in part.findings]
     content = {"versions": versions(), "claims": claims}
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
     write_text(path, text + "\n")

@@ -14,7 +14,7 @@ from validation.paper.formulas import Numbers, numbers, paper_scene
 
 NAME = LABEL.name
 MOTION = f"{NAME}'s motion"
-INTERVAL = 0.005  # s between samples: each step of "balanced"
+_INTERVAL = 0.005  # s between samples: each step of "balanced"
 RUBBER, CLASSICAL, DRIVEN = "fig12", "classical_chaotic", "wobbling_drive"
 EACH = (RUBBER, CLASSICAL, DRIVEN)
 INNER = slice(2, -2)  # the samples at which `rate` is known
@@ -79,18 +79,18 @@ def long(name: str, duration: float) -> Seen:
     return seen_of(paper_scene(name), duration, 0.05)
 
 
-def seen_of(scene: Scene, duration: float, interval: float = INTERVAL) -> Seen:
+def seen_of(scene: Scene, duration: float, interval: float = _INTERVAL) -> Seen:
     """A scene, rolled by MuJoCo at "balanced" for a duration [s]."""
     motion = simulate(scene, sample_times(duration, interval))
     return Seen(
         motion=motion,
         axes=rotation_matrix(motion.attitude) @ scene.principal_axes,
-        numbers=tuple(numbers_at(scene, motion.times)),
+        numbers=tuple(_numbers_at(scene, motion.times)),
         omega=motion.angular_velocity @ scene.principal_axes,
     )
 
 
-def numbers_at(scene: Scene, times: Array) -> list[Numbers]:
+def _numbers_at(scene: Scene, times: Array) -> list[Numbers]:
     """The ball's numbers at n times, with their rates."""
     if scene.steady:
         return [numbers(scene.parameters)] * len(times)
@@ -111,4 +111,4 @@ def largest(rows: Array) -> float:
 def rate(samples: Array) -> Array:
     """d/dt (n - 4, …) of samples (n, …) at INTERVAL, by differences of fourth order."""
     ahead, behind = samples[3:-1] - samples[1:-3], samples[4:] - samples[:-4]
-    return (8 * ahead - behind) / (12 * INTERVAL)
+    return (8 * ahead - behind) / (12 * _INTERVAL)

@@ -245,7 +245,7 @@ def sphere(count: int) -> Array:
 
 
 @dataclass(frozen=True)
-class State:
+class _State:
     """A ball with any numbers, its rates changing too, and a moment of its motion."""
 
     n: Numbers
@@ -254,14 +254,14 @@ class State:
     M: Array
 
 
-def states(seed: int, count: int = 100) -> Iterator[State]:
+def states(seed: int, count: int = 100) -> Iterator[_State]:
     """Random ones: I of a body, Ω and K of either sign; ω and M any, (M, γ) ≠ 0."""
     random = np.random.default_rng(seed)
     for _ in range(count):
         Omega, K, Omega_rate, k_rate, omega, M, gamma = random.normal(size=(7, 3))
         I = np.diag(random.uniform(0.5, 1.0, 3))
         n = Numbers(I, random.uniform(0.2, 2.0), Omega, K, 1.0, Omega_rate, k_rate)
-        yield State(n, omega, gamma / np.linalg.norm(gamma), M)
+        yield _State(n, omega, gamma / np.linalg.norm(gamma), M)
 
 
 def still(n: Numbers) -> Numbers:

@@ -41,14 +41,14 @@ from validation.paper.section_5_3 import LONG, chaotic, regular, settled, starts
 # Balances and symmetries ---------------------------------------------------------------------
 
 
-def turned_momentum(twist: float) -> Residual:
+def _turned_momentum(twist: float) -> Residual:
     """M×γ, M from MuJoCo's bodies, beside the horizontal part of L = Ĩω + K + d(Ω,γ)γ."""
     ball = seen(RUBBER)
     L = ball.of(lambda n, w, g: f.level(f.contact_inertia(n, g) @ w + n.K, g))
     return Residual(largest(twist * np.cross(ball.momentum, ball.gamma) - L), 2e-7, unit=MOMENTUM)
 
 
-def energy_balance(name: str, bound: float, twist: float) -> Residual:
+def _energy_balance(name: str, bound: float, twist: float) -> Residual:
     """E(t) - E(0) along MuJoCo's motion, beside ∫ -(Ω, (A⁻¹ω + K)×ω) dt."""
     ball = seen(name)
 
@@ -61,7 +61,7 @@ def energy_balance(name: str, bound: float, twist: float) -> Residual:
     return Residual(float(np.abs(E - E[0] - work).max()), bound, unit="J")
 
 
-def full_rates(n: Numbers, velocity: Velocity, M: Array, gamma: Array) -> Array:
+def _full_rates(n: Numbers, velocity: Velocity, M: Array, gamma: Array) -> Array:
     """dM/dt, dγ/dt and (Ẋ, Ẏ) of section 3.3 (8,)."""
     omega, c = velocity(n, M, gamma), M @ gamma
     size = np.sqrt(M @ M - c * c)
@@ -70,7 +70,7 @@ def full_rates(n: Numbers, velocity: Velocity, M: Array, gamma: Array) -> Array:
     return np.concatenate([cross(M, omega), cross(gamma, omega), path])
 
 
-def reversal(classical: bool, twist: float) -> Residual:
+def _reversal(classical: bool, twist: float) -> Residual:
     """The rates at (Dγ, ∓DM), beside minus the images of those at (γ, M), if Ωᵢ = Kᵢ = 0."""
     worst, sign = 0.0, 1.0 if classical else -1.0
     velocity = f.classical_velocity if classical else f.rubber_velocity
@@ -78,26 +78,26 @@ def reversal(classical: bool, twist: float) -> Residual:
     for state in f.states(91):
         n = replace(f.still(state.n), Omega=state.n.Omega * [1, 0, 1], K=state.n.K * [1, 0, 1])
         M = state.M if classical else f.level(state.M, state.gamma)
-        here = full_rates(n, velocity, M, state.gamma)
-        there = full_rates(n, velocity, sign * D * M, D * state.gamma)
+        here = _full_rates(n, velocity, M, state.gamma)
+        there = _full_rates(n, velocity, sign * D * M, D * state.gamma)
         off = np.concatenate([there[:3] + sign * D * here[:3], there[3:6] + D * here[3:6]])
         worst = max(worst, float(np.abs(off).max()))
     return Residual(worst, bound=1e-14)
 
 
-def mirror(twist: float) -> Residual:
+def _mirror(twist: float) -> Residual:
     """The rates at (-γ, -M): those of M, γ turned round, Ẋ the same and Ẏ turned round."""
     worst = 0.0
     for state in f.states(92):
         n, M = f.still(state.n), f.level(state.M, state.gamma)
-        here = full_rates(n, f.rubber_velocity, M, state.gamma)
-        there = full_rates(n, f.rubber_velocity, -M, -state.gamma)
+        here = _full_rates(n, f.rubber_velocity, M, state.gamma)
+        there = _full_rates(n, f.rubber_velocity, -M, -state.gamma)
         image = here * [*[-1.0] * 6, 1.0, -twist]
         worst = max(worst, float(np.abs(there - image).max()))
     return Residual(worst, bound=1e-14)
 
 
-def own_mirror_image(twist: float) -> Residual:
+def _own_mirror_image(twist: float) -> Residual:
     """How far -γ, -M of Fig. 11a's cycle are from it: they cross g = π where γ, M cross g = 0."""
     cycle = settled()[0]
     away = nearest(-twist * points(cycle), points(cycle, g=np.pi if twist == 1 else 0.3))
@@ -110,14 +110,14 @@ def points(cycle: Cycle, g: float = 0.0) -> Array:
     return level_points(through.attitudes, cycle.momentum[None])[0]
 
 
-def sum_on_a_cycle(twist: float) -> Residual:
+def _sum_on_a_cycle(twist: float) -> Residual:
     """ln det of the monodromy of Fig. 11a's cycle, beside ∫ -(Aγ, γ×Ω)/(Aγ,γ) dt."""
     cycle = settled()[0]
     _, monodromy, volume = monodromy_of(regular(), cycle.attitude, cycle.momentum, cycle.period)
     return Residual(float(np.log(np.linalg.det(monodromy))) - twist * volume, bound=2e-13)
 
 
-def sum_on_straight_lines(twist: float) -> Residual:
+def _sum_on_straight_lines(twist: float) -> Residual:
     """The eigenvalues near classical motions with ω = 0, beside (Aγ, γ×Ω)/(1/d - (Aγ,γ))."""
     ball, off = paper_scene(CLASSICAL).parameters, 0.0
     n = f.numbers(ball)
@@ -129,7 +129,7 @@ def sum_on_straight_lines(twist: float) -> Residual:
     return Residual(off, bound=2e-14, unit="1/s")
 
 
-def straight_classical(twist: float) -> Residual:
+def _straight_classical(twist: float) -> Residual:
     """Where MuJoCo's classical ball, from M = K + d(Ω,γ)γ, is after 5 s, beside a|γ×Ω|t."""
     scene, gamma = paper_scene(CLASSICAL), np.array([0.6, 0.48, 0.64])
     n = f.numbers(scene.parameters)
@@ -140,7 +140,7 @@ def straight_classical(twist: float) -> Residual:
     return Residual(float(np.linalg.norm(path[-1])) - far, bound=2e-12, unit="m")
 
 
-def one_way(twist: float) -> Residual:
+def _one_way(twist: float) -> Residual:
     """How many of 64 orbits of Fig. 11b cross g = 0 in one direction only, in 1000 crossings.
 
     An orbit may keep to one direction for a while: two of these do for 50 crossings. Twisted, in
@@ -152,7 +152,7 @@ def one_way(twist: float) -> Residual:
     return Residual(int(np.count_nonzero(~both)), bound=0, unit="of 64 do not")
 
 
-def without_angles(twist: float) -> Residual:
+def _without_angles(twist: float) -> Residual:
     """(M×γ)₃ beside -√(f - L²) sin g, by (5.5) at random L, l and g."""
     random, worst = np.random.default_rng(94), 0.0
     for _ in range(100):
@@ -163,87 +163,91 @@ def without_angles(twist: float) -> Residual:
 
 
 CLAIMS_OURS = (
-    Claim("3.1", "M×γ is the horizontal part of L", turned_momentum, MOTION, "the sign of M"),
+    Claim("3.1", "M×γ is the horizontal part of L", _turned_momentum, MOTION, "the sign of M"),
     Claim(
         "3.1",
         "dE/dt = -(Ω, (A⁻¹ω + K)×ω)",
-        partial(energy_balance, RUBBER, 1.5e-6),
+        partial(_energy_balance, RUBBER, 1.5e-6),
         MOTION,
         "sign of K",
     ),
     Claim(
-        "3.2", "dE/dt: classical", partial(energy_balance, CLASSICAL, 1e-5), MOTION, "the sign of K"
+        "3.2",
+        "dE/dt: classical",
+        partial(_energy_balance, CLASSICAL, 1e-5),
+        MOTION,
+        "the sign of K",
     ),
     Claim(
         "3.1",
         "Ωᵢ = Kᵢ = 0: (γ, M, t) → (Dγ, -DM, -t)",
-        partial(reversal, False),
+        partial(_reversal, False),
         "(3.2) at random states",
         "D by another axis too",
     ),
     Claim(
         "3.2",
         "classical: (γ, M, t) → (Dγ, DM, -t)",
-        partial(reversal, True),
+        partial(_reversal, True),
         "(3.3) at random states",
         "D by another axis too",
     ),
     Claim(
         "3.2",
         "classical: M = K + d(Ω,γ)γ rolls straight at a|γ×Ω|",
-        straight_classical,
+        _straight_classical,
         MOTION,
         "the sign of d",
     ),
     Claim(
-        "5.2", "(M×γ)₃ = -√(f - L²) sin g", without_angles, "(5.5) at random L, l, g", "the sign"
+        "5.2", "(M×γ)₃ = -√(f - L²) sin g", _without_angles, "(5.5) at random L, l, g", "the sign"
     ),
     Claim(
-        "5.2", "each orbit crosses g = 0 in both directions", one_way, "the section", "5 crossings"
+        "5.2", "each orbit crosses g = 0 in both directions", _one_way, "the section", "5 crossings"
     ),
     Claim(
         "5.3",
         "(γ, M) → (-γ, -M) reverses dY/dt alone",
-        mirror,
+        _mirror,
         "(3.2) and (3.3) at random states",
         "the sign of Ẏ",
     ),
     Claim(
         "Fig. 11a",
         "the periodic motion is its own image by that",
-        own_mirror_image,
+        _own_mirror_image,
         "the section",
         "g, sign",
     ),
     Claim(
         "5.3",
         "rubber: the exponents' sum is the mean divergence",
-        sum_on_a_cycle,
+        _sum_on_a_cycle,
         "the monodromy",
         "the sign",
     ),
     Claim(
-        "5.3", "classical: the same, where ω = 0", sum_on_straight_lines, "eigenvalues", "the sign"
+        "5.3", "classical: the same, where ω = 0", _sum_on_straight_lines, "eigenvalues", "the sign"
     ),
 )
 
 
-BUILDABLE = ("fig12", "fig13", "fig14")
-UNBUILDABLE = ("fig05b", "fig05c", "fig05d", "fig06", "fig07", "fig08", "fig10", "fig10_stable")
+_BUILDABLE = ("fig12", "fig13", "fig14")
+_UNBUILDABLE = ("fig05b", "fig05c", "fig05d", "fig06", "fig07", "fig08", "fig10", "fig10_stable")
 
 
-def triangle_inequality(twist: float) -> Residual:
+def _triangle_inequality(twist: float) -> Residual:
     """d ≤ Σb - 2 max b, b = 1/a, says for how many of 1000 I = b - d wrongly if a body has it."""
     random = np.random.default_rng(5)
     wrong = 0
     for _ in range(1000):
         b = random.uniform(1.0, 3.0, 3)
         d = random.uniform(0.0, b.min())
-        wrong += (d <= b.sum() - 2 * twist * b.max()) != is_an_inertia(np.diag(b - d))
+        wrong += (d <= b.sum() - 2 * twist * b.max()) != _is_an_inertia(np.diag(b - d))
     return Residual(wrong, bound=0, unit="of 1000 wrong")
 
 
-def is_an_inertia(tensor: Array) -> bool:
+def _is_an_inertia(tensor: Array) -> bool:
     """Whether a rigid body can have the inertia (3, 3)."""
     try:
         check_inertia("body", tensor)
@@ -252,7 +256,7 @@ def is_an_inertia(tensor: Array) -> bool:
     return True
 
 
-def mass_inside(twist: float) -> Residual:
+def _mass_inside(twist: float) -> Residual:
     """d ≥ Σb/5 and max b ≤ (2/5) Σb: for how many of 1000 clouds of masses within a not so."""
     random = np.random.default_rng(6)
     wrong = 0
@@ -275,15 +279,15 @@ def limits(name: str, share: float, least: float, most: float, twist: float) -> 
     return Residual(float(np.abs(found / stated - 1).max()), bound=3e-5)
 
 
-def buildable(twist: float) -> Residual:
+def _buildable(twist: float) -> Residual:
     """Of how many of the catalog's balls it is wrong which can be built."""
-    inside, outside = (BUILDABLE, UNBUILDABLE) if twist == 1 else (UNBUILDABLE, BUILDABLE)
+    inside, outside = (_BUILDABLE, _UNBUILDABLE) if twist == 1 else (_UNBUILDABLE, _BUILDABLE)
     wrong = sum(bool(beyond_the_shell(paper_scene(name).ball)) for name in inside)
     wrong += sum(not beyond_the_shell(paper_scene(name).ball) for name in outside)
     return Residual(wrong, bound=0, unit="of 11 wrong")
 
 
-def one_rotor(twist: float) -> Residual:
+def _one_rotor(twist: float) -> Residual:
     """K by Σ r×mu of balls with one rotor along K + (J_s + d)Ω at |K + (J_s + d)Ω|/j, beside K."""
     random, worst = np.random.default_rng(7), 0.0
     for moment in moments(93, rotors=0):
@@ -302,7 +306,7 @@ def one_rotor(twist: float) -> Residual:
     return Residual(worst, bound=1e-14, unit=MOMENTUM)
 
 
-def limited(name: str, place: str, statement: str, *numbers: float) -> Claim:
+def _limited(name: str, place: str, statement: str, *numbers: float) -> Claim:
     """A row of a figure's limits."""
     return Claim(
         place,
@@ -318,47 +322,49 @@ CLAIMS_BALLS = (
     Claim(
         "App. A",
         "b = 1/a: a body has I iff d ≤ Σb - 2 max b",
-        triangle_inequality,
+        _triangle_inequality,
         "random bodies",
         "the sign of max b",
     ),
     Claim(
         "App. A",
         "mass inside needs d ≥ Σb/5, max b ≤ (2/5)Σb",
-        mass_inside,
+        _mass_inside,
         "random clouds",
         "1/5, to 2/5",
         control=0.5,
     ),
-    limited(
+    _limited(
         "fig14", "Figs 11-14", "max b = 0.3836 Σb; 0.869 ≤ m ≤ 1.012", 0.38356, 0.86905, 1.0119
     ),
-    limited("fig06", "Figs 5-8", "max b = 0.4255 Σb; m ≤ 7/6, below Σb/5", 0.42553, 1.56667, 7 / 6),
-    limited("fig10", "Figs 9-10", "max b = 0.4762 Σb; m ≤ 1/3, below Σb/5", 0.47619, 1.4, 1 / 3),
+    _limited(
+        "fig06", "Figs 5-8", "max b = 0.4255 Σb; m ≤ 7/6, below Σb/5", 0.42553, 1.56667, 7 / 6
+    ),
+    _limited("fig10", "Figs 9-10", "max b = 0.4762 Σb; m ≤ 1/3, below Σb/5", 0.47619, 1.4, 1 / 3),
     Claim(
         "Figs 5-14",
         "only the balls of 11 to 14 can be built",
-        buildable,
+        _buildable,
         "their bodies",
         "the other ones",
     ),
     Claim(
         "(A.3)",
         "one rotor along K + (J_s + d)Ω gives any K",
-        one_rotor,
+        _one_rotor,
         "point masses",
         "the sign of d",
     ),
 )
 
 
-def vanishing(K3: float, more: int, twist: float) -> Residual:
+def _vanishing(K3: float, more: int, twist: float) -> Residual:
     """How far the numbers of fixed points 1e-4 below and above K₃ are from `more` and four less."""
     counts = [len(f.zeros(f.from_rest(with_K3(twist * K3 + side)), 200)) for side in (-1e-4, 1e-4)]
     return Residual(abs(counts[0] - more) + abs(counts[1] - more + 4), bound=0, unit="points off")
 
 
-def cycle_period(K3: float, stated: float, twist: float) -> Value:
+def _cycle_period(K3: float, stated: float, twist: float) -> Value:
     """The period of the only limit cycle of a figure."""
     found = cycle(K3, 2 * stated)
     period = found.period if found else float("nan")
@@ -367,7 +373,7 @@ def cycle_period(K3: float, stated: float, twist: float) -> Value:
     )
 
 
-def saddle_foci(twist: float) -> Residual:
+def _saddle_foci(twist: float) -> Residual:
     """How many of the four lines at f = 3 are no saddle-foci: a real rate, a pair of other sign.
 
     Twisted, at f = 2.
@@ -380,7 +386,7 @@ def saddle_foci(twist: float) -> Residual:
     return Residual(off, bound=0, unit="of 4 off")
 
 
-def limit_for_any_turning(twist: float) -> Residual:
+def _limit_for_any_turning(twist: float) -> Residual:
     """Whether σ₋ is stable below and unstable above 16/7.69, at Ω₃ = 0.5, 1, 2 and 4."""
     wrong = 0
     for Omega3 in (0.5, 1.0, 2.0, 4.0):
@@ -396,7 +402,7 @@ def period(twist: float) -> Value:
     return Value(float(settled()[0].period), twist * 8.74326, bound=1e-5, unit="s")
 
 
-def multiplier(twist: float) -> Value:
+def _multiplier(twist: float) -> Value:
     """The modulus of its multipliers, a complex pair."""
     found = float(np.abs(settled()[0].multipliers).max())
     return Value(found, twist * 0.92816, bound=1e-5)
@@ -408,7 +414,7 @@ def reached() -> Basins:
     return basins(regular(), *starts(64))
 
 
-def attracting_cycles(twist: float) -> Value:
+def _attracting_cycles(twist: float) -> Value:
     """How many periodic orbits attract, of 64 starts; what else attracts must be a torus.
 
     Twisted, of 8 starts of Fig. 11b.
@@ -418,7 +424,7 @@ def attracting_cycles(twist: float) -> Value:
     return Value(number, corrected=1, bound=0, unit="cycle")
 
 
-def one_torus(twist: float) -> Residual:
+def _one_torus(twist: float) -> Residual:
     """How far the mean velocities of all starts that reach a torus are apart; twisted, of all."""
     attitudes, momenta = starts(64)
     chosen = reached().labels == TORUS if twist == 1 else slice(None)
@@ -427,7 +433,7 @@ def one_torus(twist: float) -> Residual:
     return Residual(float(np.ptp(along[:, 0])), bound=1e-3, unit="m/s")
 
 
-def classical_exponent(twist: float) -> Value:
+def _classical_exponent(twist: float) -> Value:
     """λ₁ of the classical ball with Fig. 14's numbers and c = 3; twisted, of the rubber one."""
     ball = paper_scene(CLASSICAL).parameters if twist == 1 else chaotic()
     found = exponents(ball, *starts(16, c=3.0 if twist == 1 else 0.0), 1e4)
@@ -435,7 +441,7 @@ def classical_exponent(twist: float) -> Value:
 
 
 @cache
-def drift_of(name: str) -> Drift:
+def _drift_of(name: str) -> Drift:
     """The mean motion of a figure's contact point; of Fig. 12 over whole periods."""
     if name == "fig14":
         return drift(chaotic(), *starts(16), LONG)
@@ -443,15 +449,15 @@ def drift_of(name: str) -> Drift:
     return drift(*kernel_start(paper_scene(name)), duration, 3000.0)
 
 
-def drift_along(name: str, stated: float, bound: float, twist: float) -> Value:
+def _drift_along(name: str, stated: float, bound: float, twist: float) -> Value:
     """Along OX = -M/√f."""
-    return Value(float(drift_of(name).mean[0]), twist * stated, bound=bound, unit="m/s")
+    return Value(float(_drift_of(name).mean[0]), twist * stated, bound=bound, unit="m/s")
 
 
-def drift_across(twist: float) -> Residual:
+def _drift_across(twist: float) -> Residual:
     """Along OY, in Figs 12, 13 and 14, the largest; twisted, along OX."""
     index = 1 if twist == 1 else 0
-    across = [float(drift_of(name).mean[index]) for name in ("fig12", "fig13", "fig14")]
+    across = [float(_drift_of(name).mean[index]) for name in ("fig12", "fig13", "fig14")]
     # Fig. 14's is a mean of chaos: the standard error is 1.3e-3.
     return Residual(max(across, key=abs), bound=8e-3, unit="m/s")
 
@@ -465,50 +471,52 @@ CLAIMS_NUMBERS = (
     number(
         "4.2",
         "|κ₁| = 1 at K₃ = 0.51503: Δ disappears",
-        partial(vanishing, 0.51503, 10),
+        partial(_vanishing, 0.51503, 10),
         "search",
     ),
     number(
-        "4.2", "|κ₂| = 1 at K₃ = 2.08207: Θ disappears", partial(vanishing, 2.08207, 6), "search"
+        "4.2", "|κ₂| = 1 at K₃ = 2.08207: Θ disappears", partial(_vanishing, 2.08207, 6), "search"
     ),
     number(
-        "Fig. 7", "the period of its limit cycle", partial(cycle_period, 0.52, 60.0086), "Newton"
+        "Fig. 7", "the period of its limit cycle", partial(_cycle_period, 0.52, 60.0086), "Newton"
     ),
     number(
-        "Fig. 8", "the period of its limit cycle", partial(cycle_period, 3.0, 6.09094), "Newton"
+        "Fig. 8", "the period of its limit cycle", partial(_cycle_period, 3.0, 6.09094), "Newton"
     ),
     Claim(
         "Fig. 10",
         "16/7.69 does not depend on Ω₃",
-        limit_for_any_turning,
+        _limit_for_any_turning,
         "eigenvalues",
         "K₁, by a tenth",
         control=1.1,
     ),
-    Claim("Fig. 10", "at f = 3 all four are saddle-foci", saddle_foci, "eigenvalues", "f = 2"),
+    Claim("Fig. 10", "at f = 3 all four are saddle-foci", _saddle_foci, "eigenvalues", "f = 2"),
     number("Fig. 11a", "the period of its periodic orbit", period, "Newton"),
-    number("Fig. 11a", "|multiplier|", multiplier, "the monodromy"),
+    number("Fig. 11a", "|multiplier|", _multiplier, "the monodromy"),
     Claim(
         "Fig. 11a",
         "one periodic orbit attracts, and else a torus",
-        attracting_cycles,
+        _attracting_cycles,
         "64 starts",
         "Fig. 11b",
     ),
-    Claim("Fig. 11a", "one torus: all on it have the same drift", one_torus, "2e4 s", "all starts"),
+    Claim(
+        "Fig. 11a", "one torus: all on it have the same drift", _one_torus, "2e4 s", "all starts"
+    ),
     Claim(
         "5.3",
         "the classical ball is chaotic too: λ₁",
-        classical_exponent,
+        _classical_exponent,
         "16 runs of 1e4 s",
         "rubber",
     ),
     number(
-        "Fig. 12", "drift along X", partial(drift_along, "fig12", 3.65907, 1e-5), "1000 periods"
+        "Fig. 12", "drift along X", partial(_drift_along, "fig12", 3.65907, 1e-5), "1000 periods"
     ),
-    number("Fig. 13", "drift along X", partial(drift_along, "fig13", 3.665, 1e-3), "1e5 s"),
+    number("Fig. 13", "drift along X", partial(_drift_along, "fig13", 3.665, 1e-3), "1e5 s"),
     number(
-        "Fig. 14", "drift along X", partial(drift_along, "fig14", 3.276, 1e-2), "16 runs of 1e5 s"
+        "Fig. 14", "drift along X", partial(_drift_along, "fig14", 3.276, 1e-2), "16 runs of 1e5 s"
     ),
-    Claim("Figs 12-14", "no drift along Y", drift_across, "1e5 s", "along OX"),
+    Claim("Figs 12-14", "no drift along Y", _drift_across, "1e5 s", "along OX"),
 )

@@ -12,7 +12,7 @@ import numpy as np
 from robotball.rotations import Array
 from validation.paper.formulas import Numbers, across, cross
 
-RING = 6  # points: three and more make it dynamically symmetric
+_RING = 6  # points: three and more make it dynamically symmetric
 
 
 @dataclass(frozen=True)
@@ -167,11 +167,11 @@ def moments(seed: int, count: int = 20, rotors: int = 2, centred: bool = False) 
     random = np.random.default_rng(seed)
     for _ in range(count):
         omega, gamma, v = random.normal(size=(3, 3))
-        ball = some_ball(random, rotors, 0.0 if centred else 0.3)
+        ball = _some_ball(random, rotors, 0.0 if centred else 0.3)
         yield Moment(ball, omega, gamma / np.linalg.norm(gamma), v)
 
 
-def some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> Ball:
+def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> Ball:
     """A random ball, its rotors so far off centre."""
     turning = [
         ring(random, 0.2, random.normal(size=3) * off_centre, random.normal(size=2) * [30.0, 10.0])
@@ -195,7 +195,7 @@ def ring(random: np.random.Generator, radius: float, centre: Array, rates: Array
     """A ring of points about a random axis."""
     axis = random.normal(size=3)
     axis /= np.linalg.norm(axis)
-    angles = np.linspace(0.0, 2 * np.pi, RING, endpoint=False)
+    angles = np.linspace(0.0, 2 * np.pi, _RING, endpoint=False)
     points = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ across(axis)
-    masses = np.full(RING, random.uniform(0.01, 0.05))
+    masses = np.full(_RING, random.uniform(0.01, 0.05))
     return Body(masses, points, centre, axis, float(rates[0]), float(rates[1]))

@@ -11,8 +11,8 @@ from validation.paper.claim import Claim, Residual
 from validation.paper.engine import DRIVEN, NAME, RUBBER, largest, seen, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
 
-TIMES = np.linspace(0.0, 20.0, 201)
-GAMMA = np.array([0.6, 0.48, 0.64])
+_TIMES = np.linspace(0.0, 20.0, 201)
+_GAMMA = np.array([0.6, 0.48, 0.64])
 
 
 def chaplygin(A: tuple[float, float, float] = (0.8, 0.6, 0.7)) -> Numbers:
@@ -27,29 +27,29 @@ def rolling(n: Numbers, omega: Array, gamma: Array, rubber: bool) -> tuple[Array
         spin = f.spin_torque(n, x[:3], x[3:]) if rubber else 0.0
         return np.concatenate([f.acceleration(n, x[:3], x[3:], spin), cross(x[3:], x[:3])])
 
-    found = f.followed(rate, np.concatenate([omega, gamma]), TIMES)
+    found = f.followed(rate, np.concatenate([omega, gamma]), _TIMES)
     return found[:, :3], found[:, 3:]
 
 
-def kept_energy(twist: float) -> Residual:
+def _kept_energy(twist: float) -> Residual:
     """T = (ω, Iω)/2 + mv²/2 with v = -aγ×ω of a classical ball; d = ma²."""
     n = chaplygin()
-    omega, gamma = rolling(n, np.array([3.0, -2.0, 1.0]), GAMMA, rubber=False)
+    omega, gamma = rolling(n, np.array([3.0, -2.0, 1.0]), _GAMMA, rubber=False)
     v = np.cross(gamma, omega)
     T = (omega @ n.I * omega).sum(axis=1) / 2 + twist * n.d * (v * v).sum(axis=1) / 2
     return Residual(float(np.ptp(T) / T[0]), bound=1e-10)
 
 
-def invariant_measure(twist: float) -> Residual:
+def _invariant_measure(twist: float) -> Residual:
     """The divergence of ρ times (3.3) for Ω = K = 0, where ρ = (1/d - (Aγ,γ))^(-1/2)."""
     worst = 0.0
     for state in f.states(11):
         n = replace(f.still(state.n), Omega=np.zeros(3), K=np.zeros(3))
-        worst = max(worst, abs(divergence(n, state.M, state.gamma, -0.5 * twist)))
+        worst = max(worst, abs(_divergence(n, state.M, state.gamma, -0.5 * twist)))
     return Residual(worst, bound=1e-14, unit="1/s")
 
 
-def divergence(n: Numbers, M: Array, gamma: Array, power: float) -> float:
+def _divergence(n: Numbers, M: Array, gamma: Array, power: float) -> float:
     """Σ ∂(ρ dx/dt)/∂x / ρ of (3.3), with ρ a power of 1/d - (Aγ,γ)."""
 
     def density(x: Array) -> Array:
@@ -61,32 +61,32 @@ def divergence(n: Numbers, M: Array, gamma: Array, power: float) -> float:
     return float(np.trace(linear) / density(state))
 
 
-def euler(twist: float) -> Residual:
+def _euler(twist: float) -> Residual:
     """M = cγ: γ of (2.4) beside Euler's γ' = γ×Aγ in the time ct/(1 - d(Aγ,γ)), c = 3."""
     n, c = chaplygin(), 3.0
-    omega = np.linalg.solve(f.contact_inertia(n, GAMMA), c * GAMMA).astype(float)
-    _, gamma = rolling(n, omega, GAMMA, rubber=False)
-    speed = c / (1 - twist * n.d * (n.A @ GAMMA @ GAMMA))
-    top = f.followed(lambda x: speed * cross(x, n.A @ x), GAMMA, TIMES)
+    omega = np.linalg.solve(f.contact_inertia(n, _GAMMA), c * _GAMMA).astype(float)
+    _, gamma = rolling(n, omega, _GAMMA, rubber=False)
+    speed = c / (1 - twist * n.d * (n.A @ _GAMMA @ _GAMMA))
+    top = f.followed(lambda x: speed * cross(x, n.A @ x), _GAMMA, _TIMES)
     return Residual(largest(gamma - top), bound=4e-11)
 
 
-def rubber_energy(twist: float) -> Residual:
+def _rubber_energy(twist: float) -> Residual:
     """(ω, A⁻¹ω)/2 of a rubber ball, for which (ω, γ) = 0."""
     n = chaplygin()
-    omega, _ = rolling(n, f.level(np.array([3.0, -2.0, 1.0]), GAMMA), GAMMA, rubber=True)
+    omega, _ = rolling(n, f.level(np.array([3.0, -2.0, 1.0]), _GAMMA), _GAMMA, rubber=True)
     T = (omega @ (n.I + twist * n.d * f.E) * omega).sum(axis=1) / 2
     return Residual(float(np.ptp(T) / T[0]), bound=1e-11)
 
 
-def same_tori(twist: float) -> Residual:
+def _same_tori(twist: float) -> Residual:
     """The energy of a classical ball, (M, γ) = 0, along the motion of the rubber ball of E/d - A.
 
     At equal γ and M, the rubber ball's being M×γ turned back: both then run on the same tori.
     """
     n = chaplygin()
     other = f.with_A(tuple(1 / n.d - twist * n.moments), np.zeros(3), np.zeros(3))
-    omega, gamma = rolling(other, f.level(np.array([3.0, -2.0, 1.0]), GAMMA), GAMMA, rubber=True)
+    omega, gamma = rolling(other, f.level(np.array([3.0, -2.0, 1.0]), _GAMMA), _GAMMA, rubber=True)
     E = []
     for w, vertical in zip(omega, gamma, strict=True):
         L = f.level(f.contact_inertia(other, vertical) @ w, vertical)
@@ -94,7 +94,7 @@ def same_tori(twist: float) -> Residual:
     return Residual(float(np.ptp(E) / abs(E[0])), bound=4e-11)
 
 
-def autonomous(twist: float) -> Residual:
+def _autonomous(twist: float) -> Residual:
     """γ of MuJoCo's ball from 3 s on, beside γ of one started there with its hinges at zero."""
     scene = paper_scene(RUBBER if twist == 1 else DRIVEN)
     whole = seen(scene.name, 10.0)
@@ -110,35 +110,35 @@ CLAIMS = (
     Claim(
         "1, par. 2",
         "Chaplygin's ball keeps its energy",
-        kept_energy,
+        _kept_energy,
         "(2.4) by scipy",
         "the sign of d",
     ),
     Claim(
         "1, par. 2",
         "it keeps the measure (1/d - (Aγ,γ))^(-1/2) dM dγ",
-        invariant_measure,
+        _invariant_measure,
         "divergence of (3.3)",
         "the exponent",
     ),
     Claim(
         "1, par. 2",
         "with M vertical Chaplygin's ball moves as Euler's top",
-        euler,
+        _euler,
         "(2.4) and Euler by scipy",
         "the sign of d",
     ),
     Claim(
         "1, par. 3",
         "the rubber Chaplygin ball keeps (ω, A⁻¹ω)/2",
-        rubber_energy,
+        _rubber_energy,
         "(2.4)-(2.5) by scipy",
         "the sign of d",
     ),
     Claim(
         "1, par. 3",
         "of E/d - A it runs on the tori of the classical ball of A",
-        same_tori,
+        _same_tori,
         "(2.4)-(2.5) by scipy",
         "the sign of A",
     ),
@@ -146,7 +146,7 @@ CLAIMS = (
     Claim(
         "1, par. 5",
         "constant rates: the motion does not depend on the time",
-        autonomous,
+        _autonomous,
         f"{NAME}, from 3 s on",
         "rates that change",
     ),

@@ -37,13 +37,13 @@ from validation.paper.engine import (
 from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import Moment, Rolled, moments, rolled
 
-MASSES = "point masses"
+_MASSES = "point masses"
 
 
 # The system ----------------------------------------------------------------------------------
 
 
-def mass_distribution(twist: float) -> Residual:
+def _mass_distribution(twist: float) -> Residual:
     """The inertia of the point masses as shell and rotors turn on, in the axes of the frame."""
     worst = 0.0
     for moment in moments(21):
@@ -55,7 +55,7 @@ def mass_distribution(twist: float) -> Residual:
     return Residual(worst, bound=3e-15, unit="kg m²")
 
 
-def orthonormal(twist: float) -> Residual:
+def _orthonormal(twist: float) -> Residual:
     """SSᵀ = E after 10 s of (2.6) and dγ/dt = γ×ω, each integrated by itself, ω(t) any."""
     swing = np.array([3.0, -2.0, 1.0])
 
@@ -69,7 +69,7 @@ def orthonormal(twist: float) -> Residual:
     return Residual(float(np.abs(S @ S.T - f.E).max()), bound=1e-11)
 
 
-def quasi_velocities(twist: float) -> Residual:
+def _quasi_velocities(twist: float) -> Residual:
     """dS/dt Sᵀ by differences of MuJoCo's attitude, beside its ω."""
     ball = seen(RUBBER)
     S = ball.axes.transpose(0, 2, 1)
@@ -81,7 +81,7 @@ def quasi_velocities(twist: float) -> Residual:
 # Constraints ---------------------------------------------------------------------------------
 
 
-def no_slip(twist: float) -> Residual:
+def _no_slip(twist: float) -> Residual:
     """(2.1): v + aγ×(ω - Ω)."""
     worst = 0.0
     for ball in map(seen, EACH):
@@ -90,7 +90,7 @@ def no_slip(twist: float) -> Residual:
     return Residual(worst, bound=6e-6, unit="m/s")
 
 
-def no_spin(twist: float) -> Residual:
+def _no_spin(twist: float) -> Residual:
     """(2.2): (ω - Ω, γ)."""
     off = [seen(name).of(lambda n, w, g: (w - twist * n.Omega) @ g) for name in (RUBBER, DRIVEN)]
     return Residual(float(np.abs(off).max()), bound=1e-7, unit="rad/s")
@@ -99,7 +99,7 @@ def no_spin(twist: float) -> Residual:
 # Energy ------------------------------------------------------------------------------------
 
 
-def kinetic_energy(twist: float) -> Residual:
+def _kinetic_energy(twist: float) -> Residual:
     """Σ mu²/2 beside mv²/2 + (ω, Iω)/2 + (k, ω), less its value where v = ω = 0."""
     worst = 0.0
     for moment in moments(22):
@@ -110,7 +110,7 @@ def kinetic_energy(twist: float) -> Residual:
     return Residual(worst, bound=3e-14, unit="J")
 
 
-def gyrostatic_momentum(twist: float) -> Residual:
+def _gyrostatic_momentum(twist: float) -> Residual:
     """Σ r×mu beside Iω + k, where k = Σ jφ̇n - J_sΩ."""
     worst = 0.0
     for moment in moments(23):
@@ -127,34 +127,34 @@ CLAIMS_KINEMATICS = (
     Claim(
         "2",
         "the inertia does not change in the frame's axes",
-        mass_distribution,
-        MASSES,
+        _mass_distribution,
+        _MASSES,
         "the axes: the shell's",
     ),
-    Claim("Remark 1", "α, β and γ stay orthonormal", orthonormal, "scipy", "the sign of dβ/dt"),
-    Claim("2", "ω̂ = dS/dt Sᵀ", quasi_velocities, MOTION, "the sign of ω̂"),
-    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", no_slip, MOTION, "the sign of Ω"),
-    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", no_spin, MOTION, "the sign of Ω"),
-    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", kinetic_energy, MASSES, "the sign of k"),
-    Claim("2", "k = Σ jφ̇n - J_sΩ", gyrostatic_momentum, MASSES, "the sign of J_s"),
+    Claim("Remark 1", "α, β and γ stay orthonormal", _orthonormal, "scipy", "the sign of dβ/dt"),
+    Claim("2", "ω̂ = dS/dt Sᵀ", _quasi_velocities, MOTION, "the sign of ω̂"),
+    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", _no_slip, MOTION, "the sign of Ω"),
+    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", _no_spin, MOTION, "the sign of Ω"),
+    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", _kinetic_energy, _MASSES, "the sign of k"),
+    Claim("2", "k = Σ jφ̇n - J_sΩ", _gyrostatic_momentum, _MASSES, "the sign of J_s"),
 )
 
 
-BY_MASSES = "point masses"
+_BY_MASSES = "point masses"
 
 
-def plane_force(ball: Seen) -> Array:
+def _plane_force(ball: Seen) -> Array:
     """λ (n, 3) of MuJoCo's contact, without the part that carries the weight, in frame axes."""
     in_space = ball.motion.loads.contact_force.copy()
     in_space[:, 2] = 0.0  # the centre stays at its height, so λ has no vertical part
     return np.einsum("nij,ni->nj", ball.axes, in_space)
 
 
-def poincare_suslov(twist: float) -> Residual:
+def _poincare_suslov(twist: float) -> Residual:
     """(2.3), both lines: the rates of Iω + k and mv against MuJoCo's λ at -aγ and λ₀ about γ."""
     worst = 0.0
     for ball in map(seen, EACH):
-        n, force = ball.numbers[0], plane_force(ball)
+        n, force = ball.numbers[0], _plane_force(ball)
         mass, a = n.d / n.a**2, n.a
         v, turning = mass * ball.centre_velocity, ball.of(lambda n, w, _: n.I @ w + n.k)
         push = rate(v) + np.cross(ball.omega[INNER][INNER], v[INNER]) - force[INNER][INNER]
@@ -165,7 +165,7 @@ def poincare_suslov(twist: float) -> Residual:
     return Residual(worst, bound=2e-4, unit="N, N m")
 
 
-def without_gravity(twist: float) -> Residual:
+def _without_gravity(twist: float) -> Residual:
     """MuJoCo's path at 9.81 and at 3.7 m/s²; twisted, of a ball whose centre of mass is off."""
     scene = paper_scene(RUBBER)
     if twist != 1:
@@ -177,7 +177,7 @@ def without_gravity(twist: float) -> Residual:
     return Residual(largest(paths[0] - paths[1]), bound=1e-11, unit="m")
 
 
-def reaction(twist: float) -> Residual:
+def _reaction(twist: float) -> Residual:
     """λ after (2.3), with dω/dt by differences, beside MuJoCo's contact force."""
     worst = 0.0
     for ball in map(seen, EACH):
@@ -193,11 +193,11 @@ def reaction(twist: float) -> Residual:
                 - ma * cross(gamma_rate, shell)
                 - twist * ma * cross(w, cross(gamma, shell))
             )
-        worst = max(worst, largest(np.array(found) - plane_force(ball)[INNER]))
+        worst = max(worst, largest(np.array(found) - _plane_force(ball)[INNER]))
     return Residual(worst, bound=3e-5, unit="N")
 
 
-def by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array, Rolled]]:
+def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array, Rolled]]:
     """Random point-mass balls, their numbers, ω with (2.2) if `rubber`, and how they roll."""
     for moment in moments(seed):
         n, omega = moment.ball.numbers, moment.omega
@@ -206,10 +206,10 @@ def by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array,
         yield moment, n, omega, rolled(moment.ball, omega, moment.gamma, rubber)
 
 
-def full_equations(rubber: bool, twist: float) -> Residual:
+def _full_equations(rubber: bool, twist: float) -> Residual:
     """dω/dt of (2.4), with the λ₀ that Newton and Euler give."""
     worst = 0.0
-    for moment, n, omega, expected in by_masses(24, rubber):
+    for moment, n, omega, expected in _by_masses(24, rubber):
         torque = f.gyroscopic_torque(n, omega, moment.gamma)
         torque = torque + expected.spin_torque * moment.gamma
         torque = torque + twist * f.drive_torque(n, omega, moment.gamma)
@@ -218,7 +218,7 @@ def full_equations(rubber: bool, twist: float) -> Residual:
     return Residual(worst, bound=2e-13, unit="rad/s²")
 
 
-def driven_equations(twist: float) -> Residual:
+def _driven_equations(twist: float) -> Residual:
     """dω/dt of (2.4)-(2.5) beside differences of MuJoCo's ω, while the rates swing."""
     ball = seen(DRIVEN)
 
@@ -228,24 +228,24 @@ def driven_equations(twist: float) -> Residual:
     return Residual(largest(rate(ball.omega) - ball.of(formula)[INNER]), 3e-5, unit="rad/s²")
 
 
-def multiplier(twist: float) -> Residual:
+def _multiplier(twist: float) -> Residual:
     """λ₀ of (2.5) beside the spin torque of Newton and Euler's equations."""
     worst = 0.0
-    for moment, n, omega, expected in by_masses(25, rubber=True):
+    for moment, n, omega, expected in _by_masses(25, rubber=True):
         change = twist * n.Omega_rate
         found = f.spin_torque(replace(n, Omega_rate=change), omega, moment.gamma)
         worst = max(worst, abs(found - expected.spin_torque))
     return Residual(worst, bound=4e-14, unit="N m")
 
 
-def contact_torque(twist: float) -> Residual:
+def _contact_torque(twist: float) -> Residual:
     """λ₀ of (2.5) beside the torque that MuJoCo's contact feels, while the rates swing."""
     ball = seen(DRIVEN)
     off = twist * ball.of(f.spin_torque) - ball.motion.loads.spin_torque
     return Residual(largest(off), bound=6e-8, unit="N m")
 
 
-def contact_inertia(twist: float) -> Residual:
+def _contact_inertia(twist: float) -> Residual:
     """Ĩ, beside Σ m(r²E - r⊗r) about the contact point; as printed, γ² from each of its entries."""
     corrected = printed = 0.0
     for moment in moments(26):
@@ -258,12 +258,12 @@ def contact_inertia(twist: float) -> Residual:
     return Residual(corrected, bound=1e-14, printed=printed, unit="kg m²")
 
 
-def constraint_rate(twist: float) -> Residual:
+def _constraint_rate(twist: float) -> Residual:
     """(Ĩω̇, Ĩ⁻¹γ) - (Ω, γ×ω) - (Ω̇, γ) of rubber balls of point masses, and + (Ω̇, γ)."""
 
     def off(sign: float) -> float:
         worst = 0.0
-        for moment, n, omega, expected in by_masses(27, rubber=True):
+        for moment, n, omega, expected in _by_masses(27, rubber=True):
             tilde, gamma = f.contact_inertia(n, moment.gamma), moment.gamma
             first = tilde @ expected.omega_rate @ np.linalg.solve(tilde, gamma)
             rest = first - n.Omega @ cross(gamma, omega)
@@ -273,7 +273,7 @@ def constraint_rate(twist: float) -> Residual:
     return Residual(off(-twist), bound=4e-14, printed=off(+1.0), unit="rad/s²")
 
 
-def reconstruction(twist: float) -> Residual:
+def _reconstruction(twist: float) -> Residual:
     """(2.6): the rates of α and β by differences of MuJoCo's attitude, beside α×ω and β×ω."""
     worst = 0.0
     for ball in map(seen, EACH):
@@ -294,7 +294,7 @@ def contact_point(twist: float) -> Residual:
     return Residual(worst, bound=6e-6, unit="m/s")
 
 
-def plane_symmetry(twist: float) -> Residual:
+def _plane_symmetry(twist: float) -> Residual:
     """ω, γ and the path of MuJoCo's ball turned by 0.7 rad about OZ; twisted, about OX."""
     worst = 0.0
     for name in (RUBBER, CLASSICAL):
@@ -314,34 +314,40 @@ def plane_symmetry(twist: float) -> Residual:
 
 CLAIMS_EQUATIONS = (
     Claim(
-        "(2.3)", "both lines, with the contact's λ and λ₀", poincare_suslov, MOTION, "sign of ∂f/∂ω"
+        "(2.3)",
+        "both lines, with the contact's λ and λ₀",
+        _poincare_suslov,
+        MOTION,
+        "sign of ∂f/∂ω",
     ),
-    Claim("Remark 3", "gravity has no part", without_gravity, MOTION, "the centre of mass"),
-    Claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", reaction, MOTION, "the sign of its last term"),
-    Claim("(2.4)", "classical: dω/dt", partial(full_equations, False), BY_MASSES, "the sign of W"),
-    Claim("(2.4)", "rubber: dω/dt", partial(full_equations, True), BY_MASSES, "the sign of W"),
-    Claim("(2.4)", "dω/dt while Ω and k change", driven_equations, MOTION, "the sign of λ₀"),
+    Claim("Remark 3", "gravity has no part", _without_gravity, MOTION, "the centre of mass"),
+    Claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", _reaction, MOTION, "the sign of its last term"),
+    Claim(
+        "(2.4)", "classical: dω/dt", partial(_full_equations, False), _BY_MASSES, "the sign of W"
+    ),
+    Claim("(2.4)", "rubber: dω/dt", partial(_full_equations, True), _BY_MASSES, "the sign of W"),
+    Claim("(2.4)", "dω/dt while Ω and k change", _driven_equations, MOTION, "the sign of λ₀"),
     Claim(
         "E4, (2.4)",
         "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point",
-        contact_inertia,
-        BY_MASSES,
+        _contact_inertia,
+        _BY_MASSES,
         "the sign of γ²",
         printed="ma²(γ² - γ⊗γ), where I is …",
     ),
-    Claim("(2.5)", "λ₀, with Ω and k changing", multiplier, BY_MASSES, "the sign of Ω̇"),
-    Claim("(2.5)", "λ₀ is the torque of the contact", contact_torque, MOTION, "the sign of λ₀"),
+    Claim("(2.5)", "λ₀, with Ω and k changing", _multiplier, _BY_MASSES, "the sign of Ω̇"),
+    Claim("(2.5)", "λ₀ is the torque of the contact", _contact_torque, MOTION, "the sign of λ₀"),
     Claim(
         "E3, (2.5)",
         "the rate of (2.2): … - (Ω̇, γ) = 0",
-        constraint_rate,
-        BY_MASSES,
+        _constraint_rate,
+        _BY_MASSES,
         "the sign of (Ω̇, γ)",
         printed="… + (Ω̇, γ) = 0",
     ),
-    Claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω", reconstruction, MOTION, "the sign of both"),
+    Claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω", _reconstruction, MOTION, "the sign of both"),
     Claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)", contact_point, MOTION, "the sign of Ẏ"),
     Claim(
-        "Remark 4", "turned about OZ, ω and γ stay the same", plane_symmetry, MOTION, "OX for OZ"
+        "Remark 4", "turned about OZ, ω and γ stay the same", _plane_symmetry, MOTION, "OX for OZ"
     ),
 )

@@ -35,7 +35,7 @@ def momentum(n: Numbers, omega: Array, gamma: Array, sign: float = 1.0) -> Array
 
 
 @cache
-def driven() -> Seen:
+def _driven() -> Seen:
     """The ball of Fig. 12 in the classical model, while its rates swing; (M, γ) = 3."""
     scene = paper_scene(DRIVEN)
     axes = scene.principal_axes
@@ -44,7 +44,7 @@ def driven() -> Seen:
     return seen_of(replace(scene, rolling="classical", start=start), 10.0)
 
 
-def kept_momentum(twist: float) -> Residual:
+def _kept_momentum(twist: float) -> Residual:
     """How far M moves in space, with the last term as corrected and as printed."""
     ball = seen(CLASSICAL)
     corrected = ball.of(lambda n, omega, gamma: momentum(n, omega, gamma, twist))
@@ -52,23 +52,23 @@ def kept_momentum(twist: float) -> Residual:
     return Residual(ball.drift(corrected), 4e-6, ball.drift(printed), MOMENTUM)
 
 
-def momentum_of_the_bodies(twist: float) -> Residual:
+def _momentum_of_the_bodies(twist: float) -> Residual:
     """M beside that of MuJoCo's bodies, while Ω and K change."""
-    formula = driven().of(lambda n, w, gamma: momentum(replace(n, d=twist * n.d), w, gamma))
-    return Residual(largest(formula - driven().momentum), bound=4e-6, unit=MOMENTUM)
+    formula = _driven().of(lambda n, w, gamma: momentum(replace(n, d=twist * n.d), w, gamma))
+    return Residual(largest(formula - _driven().momentum), bound=4e-6, unit=MOMENTUM)
 
 
-def under_changing_rates(twist: float) -> Residual:
+def _under_changing_rates(twist: float) -> Residual:
     """How far M moves in space while Ω and K change; twisted, with the K of the start."""
-    first = driven().numbers[0].K
+    first = _driven().numbers[0].K
 
     def formula(n: Numbers, omega: Array, gamma: Array) -> Array:
         return momentum(n if twist == 1 else replace(n, K=first), omega, gamma)
 
-    return Residual(driven().drift(driven().of(formula)), bound=4e-6, unit=MOMENTUM)
+    return Residual(_driven().drift(_driven().of(formula)), bound=4e-6, unit=MOMENTUM)
 
 
-def inverse(twist: float) -> Residual:
+def _inverse(twist: float) -> Residual:
     """ω of (3.3) beside the solution of M = Ĩω + K + d(Ω,γ)γ, linear in ω."""
     worst = 0.0
     for state in f.states(34):
@@ -82,7 +82,7 @@ def inverse(twist: float) -> Residual:
 
 def velocity(twist: float) -> Residual:
     """ω of (3.3), and of (3.2), with the M that the motion starts with, beside MuJoCo's ω."""
-    ball = driven()
+    ball = _driven()
     states = list(zip(ball.numbers, ball.carried(ball.momentum), ball.gamma, strict=True))
     corrected = [f.classical_velocity(n, twist * M, gamma) for n, M, gamma in states]
     printed = [f.rubber_velocity(n, M, gamma) for n, M, gamma in states]
@@ -94,7 +94,7 @@ def velocity(twist: float) -> Residual:
     )
 
 
-def classical_integrals(twist: float) -> Residual:
+def _classical_integrals(twist: float) -> Residual:
     """Those of Fig. 14's ball with (M, γ) = 3."""
     gamma, M = section_state(0.0, 0.6, 0.0, 25.0, c=3.0)
     n = f.numbers(paper_scene(CLASSICAL).parameters)
@@ -105,18 +105,22 @@ CLAIMS_3_2 = (
     Claim(
         "E2, 3.2",
         "M = Ĩω + K + d(Ω,γ)γ stays in space",
-        kept_momentum,
+        _kept_momentum,
         MOTION,
         "the sign of the last term",
         printed="M = Ĩω + K - d(Ω,γ)γ",
     ),
     Claim(
-        "3.2", "M is the momentum of the bodies", momentum_of_the_bodies, MOTION, "the sign of d"
+        "3.2", "M is the momentum of the bodies", _momentum_of_the_bodies, MOTION, "the sign of d"
     ),
     Claim(
-        "3.2", "M stays while Ω and K change in time", under_changing_rates, MOTION, "K as it began"
+        "3.2",
+        "M stays while Ω and K change in time",
+        _under_changing_rates,
+        MOTION,
+        "K as it began",
     ),
-    Claim("(3.3)", "ω(M, γ) solves M = Ĩω + …", inverse, "linear equations", "the sign of Ω"),
+    Claim("(3.3)", "ω(M, γ) solves M = Ĩω + …", _inverse, "linear equations", "the sign of Ω"),
     Claim(
         "E5, 3.2",
         "the reduced system is (3.3)",
@@ -126,7 +130,7 @@ CLAIMS_3_2 = (
         printed='"the autonomous system of equations (3.2)"',
     ),
     Claim(
-        "3.2", "F₀, F₁ ≠ 0 and F₂ stay", classical_integrals, "(3.3) by scipy", "the sign of dM/dt"
+        "3.2", "F₀, F₁ ≠ 0 and F₂ stay", _classical_integrals, "(3.3) by scipy", "the sign of dM/dt"
     ),
     Claim(
         "3.2",
@@ -148,7 +152,7 @@ def horizontal(ball: Seen, twist: float = 1.0) -> tuple[Array, Array, Array]:
     return M, M - twist * c[:, None] * gamma, np.sqrt((M * M).sum(axis=1) - c * c)
 
 
-def space_axes(twist: float) -> Residual:
+def _space_axes(twist: float) -> Residual:
     """α = -(M - cγ)/√(f - c²) and β = M×γ/√(f - c²), beside MuJoCo's, where OX is laid so."""
     ball = seen(CLASSICAL)
     M, level, size = horizontal(ball)
@@ -169,7 +173,7 @@ def path(name: str, bound: float, twist: float) -> Residual:
     return Residual(largest(np.stack([X, Y], axis=1)[INNER] - found), bound, unit="m/s")
 
 
-def bounded(name: str, twist: float) -> Residual:
+def _bounded(name: str, twist: float) -> Residual:
     """|ω - Ω| over 2000 s, relative to its maximum over all γ, M with the same f.
 
     c is 0; twisted, of a motion with more M.
@@ -198,7 +202,9 @@ def bounded(name: str, twist: float) -> Residual:
 
 
 CLAIMS_3_3 = (
-    Claim("3.3", "α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²)", space_axes, MOTION, "the sign of α"),
+    Claim(
+        "3.3", "α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²)", _space_axes, MOTION, "the sign of α"
+    ),
     Claim("3.3", "Ẋ, Ẏ by M and γ; rubber", partial(path, RUBBER, 1.5e-6), MOTION, "the sign of Ẏ"),
     Claim(
         "3.3", "Ẋ, Ẏ by M and γ; classical", partial(path, CLASSICAL, 6e-6), MOTION, "the sign of Ẏ"
@@ -206,7 +212,7 @@ CLAIMS_3_3 = (
     Claim(
         "3.3",
         "the shell's speed is bounded by f; rubber",
-        partial(bounded, "fig14"),
+        partial(_bounded, "fig14"),
         "maximum over the level",
         "the size of M",
         control=4.0,
@@ -214,7 +220,7 @@ CLAIMS_3_3 = (
     Claim(
         "3.3",
         "the shell's speed is bounded by f; classical",
-        partial(bounded, "classical_regular"),
+        partial(_bounded, "classical_regular"),
         "maximum over the level",
         "the size of M",
         control=4.0,

@@ -23,7 +23,7 @@ from validation.paper.engine import (
 from validation.paper.formulas import Numbers, cross, paper_scene
 
 MOMENTUM = "kg m²/s"
-ROUTH = "routh_sphere"
+_ROUTH = "routh_sphere"
 
 
 # The momentum --------------------------------------------------------------------------------
@@ -34,7 +34,7 @@ def momentum(n: Numbers, omega: Array, gamma: Array, sign: float = 1.0) -> Array
     return cross(gamma, f.contact_inertia(n, gamma) @ omega + sign * n.K)
 
 
-def kept_momentum(twist: float) -> Residual:
+def _kept_momentum(twist: float) -> Residual:
     """How far M moves in space, with K as corrected and as printed."""
     ball = seen(RUBBER)
     corrected = ball.of(lambda n, omega, gamma: momentum(n, omega, gamma, twist))
@@ -42,14 +42,14 @@ def kept_momentum(twist: float) -> Residual:
     return Residual(ball.drift(corrected), 2e-7, ball.drift(printed), MOMENTUM)
 
 
-def momentum_of_the_bodies(twist: float) -> Residual:
+def _momentum_of_the_bodies(twist: float) -> Residual:
     """M of (3.1) beside that of MuJoCo's bodies, of which it takes momentum and spin."""
     ball = seen(DRIVEN)
     formula = ball.of(lambda n, omega, gamma: momentum(replace(n, d=twist * n.d), omega, gamma))
     return Residual(largest(formula - ball.momentum), bound=2e-7, unit=MOMENTUM)
 
 
-def under_changing_rates(twist: float) -> Residual:
+def _under_changing_rates(twist: float) -> Residual:
     """How far M moves in space while Ω and K change; twisted, with the K of the start."""
     ball = seen(DRIVEN)
     first = ball.numbers[0].K
@@ -63,7 +63,7 @@ def under_changing_rates(twist: float) -> Residual:
 # The reduced equations -----------------------------------------------------------------------
 
 
-def inverse(twist: float) -> Residual:
+def _inverse(twist: float) -> Residual:
     """ω of (3.2) beside the ω that (3.1) and (2.2), linear in it, give for M and γ."""
     worst = 0.0
     for state in f.states(31):
@@ -100,7 +100,7 @@ def kept_integrals(
     return Residual(float(np.ptp(kept, axis=1).max()), bound=1e-10)
 
 
-def rubber_integrals(twist: float) -> Residual:
+def _rubber_integrals(twist: float) -> Residual:
     """Those of Fig. 14's ball."""
     gamma, M = section_state(0.0, 0.6, 0.0, 25.0)
     n = f.numbers(paper_scene("fig14").parameters)
@@ -137,7 +137,7 @@ def energies(ball: Seen, classical: bool, twist: float = 1.0) -> Array:
     return ball.of(energy)
 
 
-def no_energy(twist: float) -> AtLeast:
+def _no_energy(twist: float) -> AtLeast:
     """The change of E of Fig. 12's ball; twisted, of Routh's sphere."""
     ball = seen(RUBBER) if twist == 1 else routh(rubber=True)
     E = energies(ball, classical=False)
@@ -147,24 +147,24 @@ def no_energy(twist: float) -> AtLeast:
 @cache
 def routh(rubber: bool) -> Seen:
     """Routh's sphere, all turning on its axis of symmetry, in either model."""
-    scene = paper_scene(ROUTH)
-    return seen(ROUTH) if not rubber else seen_of(as_rubber(scene), 10.0)
+    scene = paper_scene(_ROUTH)
+    return seen(_ROUTH) if not rubber else seen_of(_as_rubber(scene), 10.0)
 
 
-def as_rubber(scene: Scene) -> Scene:
+def _as_rubber(scene: Scene) -> Scene:
     """The same ball without spinning, from (L, l) = (3, 0.6) at g = 0 with f = 25."""
     gamma, M = section_state(3.0, 0.6, 0.0, 25.0)
     axes = scene.principal_axes
     return replace(scene, rolling="rubber", start=along_momentum(axes @ gamma, axes @ M))
 
 
-def routh_energy(rubber: bool, twist: float) -> Residual:
+def _routh_energy(rubber: bool, twist: float) -> Residual:
     """The change of E of Routh's sphere."""
     E = energies(routh(rubber), not rubber, twist)
     return Residual(float(np.ptp(E)), bound=2e-6, unit="J")
 
 
-def measure(classical: bool, twist: float) -> Residual:
+def _measure(classical: bool, twist: float) -> Residual:
     """The divergence of ρ times (3.2) or (3.3) for random Routh spheres.
 
     ρ is (Aγ,γ)^(-1/2), or (1/d - (Aγ,γ))^(-1/2) if classical.
@@ -173,7 +173,7 @@ def measure(classical: bool, twist: float) -> Residual:
     for state in f.states(33):
         n = symmetric(state.n)
         M = state.M if classical else f.level(state.M, state.gamma)
-        worst = max(worst, abs(divergence(n, M, state.gamma, classical, -0.5 * twist)))
+        worst = max(worst, abs(_divergence(n, M, state.gamma, classical, -0.5 * twist)))
     return Residual(worst, bound=5e-15, unit="1/s")
 
 
@@ -183,7 +183,7 @@ def symmetric(n: Numbers) -> Numbers:
     return replace(f.still(n), I=I, Omega=n.Omega * f.E[2], K=n.K * f.E[2])
 
 
-def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float) -> float:
+def _divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float) -> float:
     """Σ ∂(ρ dx/dt)/∂x / ρ at a state x = (M, γ)."""
 
     def weight(x: Array) -> Array:
@@ -195,19 +195,19 @@ def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float
     return float(np.trace(f.jacobian(lambda x: weight(x) * rate(x), state)) / weight(state))
 
 
-def no_measure(twist: float) -> AtLeast:
+def _no_measure(twist: float) -> AtLeast:
     """How far the volume near a cycle of Fig. 11a is from coming back: |ln det| over a period.
 
     With a continuous density it would. Twisted, near a motion of Routh's sphere, which has one.
     """
-    scene = paper_scene(RUBBER) if twist == 1 else as_rubber(paper_scene(ROUTH))
+    scene = paper_scene(RUBBER) if twist == 1 else _as_rubber(paper_scene(_ROUTH))
     n, period = f.numbers(scene.parameters), 8.74326
     # Fig. 12's motion is on the cycle after 600 s, to 1e-9.
     times = np.append(0.0, 600.0 + np.linspace(0.0, period, 201))
     parameters, attitude, momentum = kernel_start(scene)
     attitudes, _ = orbit(parameters, attitude[0], momentum[0], times)
     axes = rotation_matrix(attitudes[1:-1])
-    growth = [divergence(n, momentum[0] @ S, S[2], False, -0.5) for S in axes]
+    growth = [_divergence(n, momentum[0] @ S, S[2], False, -0.5) for S in axes]
     return AtLeast(abs(float(np.mean(growth))) * period, bound=0.1)
 
 
@@ -215,20 +215,24 @@ CLAIMS = (
     Claim(
         "E1, (3.1)",
         "M = γ×(Ĩω + K), K = k - ma²Ω, stays in space",
-        kept_momentum,
+        _kept_momentum,
         MOTION,
         "the sign of K",
         printed="M = γ×(Ĩω - K)",
     ),
     Claim(
-        "(3.1)", "M is the momentum of the bodies", momentum_of_the_bodies, MOTION, "the sign of d"
+        "(3.1)", "M is the momentum of the bodies", _momentum_of_the_bodies, MOTION, "the sign of d"
     ),
     Claim(
-        "3.1", "M stays while Ω and K change in time", under_changing_rates, MOTION, "K as it began"
+        "3.1",
+        "M stays while Ω and K change in time",
+        _under_changing_rates,
+        MOTION,
+        "K as it began",
     ),
-    Claim("(3.2)", "ω(M, γ) solves (3.1) and (2.2)", inverse, "linear equations", "the sign of Ω"),
+    Claim("(3.2)", "ω(M, γ) solves (3.1) and (2.2)", _inverse, "linear equations", "the sign of Ω"),
     Claim("(3.2)", "ω(M, γ) of the rubber ball", velocity, MOTION, "the sign of M"),
-    Claim("3.1", "F₀, F₁ and F₂ stay", rubber_integrals, "(3.2) by scipy", "the sign of dM/dt"),
+    Claim("3.1", "F₀, F₁ and F₂ stay", _rubber_integrals, "(3.2) by scipy", "the sign of dM/dt"),
     Claim(
         "3.1",
         "the level of F₀, F₁, F₂ has three dimensions",
@@ -236,39 +240,39 @@ CLAIMS = (
         "rank of the gradients",
         "M = 0",
     ),
-    Claim("Remark 5", "in general E is no integral", no_energy, MOTION, "A, Ω, K on one axis"),
+    Claim("Remark 5", "in general E is no integral", _no_energy, MOTION, "A, Ω, K on one axis"),
     Claim(
         "Remark 5",
         "A, Ω, K on one axis: E stays; rubber",
-        partial(routh_energy, True),
+        partial(_routh_energy, True),
         MOTION,
         "the sign of (Ω, A⁻¹ω)",
     ),
     Claim(
         "Remark 5",
         "A, Ω, K on one axis: E stays; classical",
-        partial(routh_energy, False),
+        partial(_routh_energy, False),
         MOTION,
         "the sign of (Ω, A⁻¹ω)",
     ),
     Claim(
         "Remark 5",
         "and (Aγ,γ)^(-1/2) dM dγ is kept; rubber",
-        partial(measure, False),
+        partial(_measure, False),
         "divergence of (3.2)",
         "the exponent",
     ),
     Claim(
         "Remark 5",
         "and (1/d - (Aγ,γ))^(-1/2) dM dγ; classical",
-        partial(measure, True),
+        partial(_measure, True),
         "divergence of (3.3)",
         "the exponent",
     ),
     Claim(
         "3.1",
         "in general no measure with continuous density",
-        no_measure,
+        _no_measure,
         "volume around a cycle",
         "A, Ω, K on one axis",
     ),

@@ -23,26 +23,26 @@ from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import moments
 from validation.paper.section_3_1 import MOMENTUM
 
-SPIN_UP = "spin_up_from_rest"
+_SPIN_UP = "spin_up_from_rest"
 
 
-def stays_at_rest(twist: float) -> Residual:
+def _stays_at_rest(twist: float) -> Residual:
     """|M| of MuJoCo's bodies, while Ω and K ramp up from 0; twisted, the classical M."""
-    ball = seen(SPIN_UP)
+    ball = seen(_SPIN_UP)
     M = ball.momentum
     if twist != 1:
         M = ball.of(lambda n, omega, gamma: f.contact_inertia(n, gamma) @ omega + n.K)
     return Residual(largest(M), bound=2e-7, unit=MOMENTUM)
 
 
-def field_on_the_sphere(twist: float) -> Residual:
+def _field_on_the_sphere(twist: float) -> Residual:
     """dγ/dt by differences of MuJoCo's γ, beside (4.1)."""
     ball = seen("fig06")
     found = ball.of(lambda n, _, gamma: f.from_rest(replace(n, K=twist * n.K))(gamma))
     return Residual(largest(rate(ball.gamma) - found[INNER]), bound=2e-7, unit="1/s")
 
 
-def path_from_rest(twist: float) -> Residual:
+def _path_from_rest(twist: float) -> Residual:
     """dα/dt, dβ/dt, Ẋ and Ẏ of (4.2), with ω = A(Zγ - K), by differences of MuJoCo's motion."""
     ball = seen("fig06")
 
@@ -63,7 +63,7 @@ def path_from_rest(twist: float) -> Residual:
 # Ω = 0 -------------------------------------------------------------------------------------
 
 
-def gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
+def _gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
     """Five random balls with Ω = 0, and a γ each."""
     zero = np.zeros(3)
     return [
@@ -72,10 +72,10 @@ def gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
     ]
 
 
-def integral_without_turning(twist: float) -> Residual:
+def _integral_without_turning(twist: float) -> Residual:
     """The change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which know no M and no (4.1)."""
     worst = 0.0
-    for n, gamma in gyrostats(41):
+    for n, gamma in _gyrostats(41):
 
         def rate_of(x: Array, n: Numbers = n) -> Array:
             spin = f.spin_torque(n, x[:3], x[3:])
@@ -91,7 +91,7 @@ def integral_without_turning(twist: float) -> Residual:
 def closed(twist: float) -> Residual:
     """How near γ of (4.1) comes back to its start in 60 s, for Ω = 0; twisted, for Ω ≠ 0."""
     worst = 0.0
-    for (n, gamma), other in zip(gyrostats(42), f.states(43), strict=False):
+    for (n, gamma), other in zip(_gyrostats(42), f.states(43), strict=False):
         n = n if twist == 1 else replace(n, Omega=other.n.Omega)
         field = f.from_rest(n)
         passed = f.returns(field, gamma, field(gamma), 60.0, rtol=1e-11)
@@ -100,7 +100,7 @@ def closed(twist: float) -> Residual:
     return Residual(worst, bound=2e-11)
 
 
-def opposite_points(twist: float) -> Residual:
+def _opposite_points(twist: float) -> Residual:
     """dγ/dt at -γ is minus that at γ; twisted, at γ with one part reversed."""
     worst = 0.0
     for state in f.states(44):
@@ -111,19 +111,19 @@ def opposite_points(twist: float) -> Residual:
 
 
 CLAIMS_4 = (
-    Claim("4", "from rest M stays 0 as Ω and K grow", stays_at_rest, MOTION, "γ× of (3.1)"),
-    Claim("(4.1)", "dγ/dt = γ×A(Zγ - K)", field_on_the_sphere, MOTION, "the sign of K"),
-    Claim("(4.2)", "dα/dt, dβ/dt, Ẋ and Ẏ", path_from_rest, MOTION, "the sign of K"),
+    Claim("4", "from rest M stays 0 as Ω and K grow", _stays_at_rest, MOTION, "γ× of (3.1)"),
+    Claim("(4.1)", "dγ/dt = γ×A(Zγ - K)", _field_on_the_sphere, MOTION, "the sign of K"),
+    Claim("(4.2)", "dα/dt, dβ/dt, Ẋ and Ẏ", _path_from_rest, MOTION, "the sign of K"),
     Claim("4", "(4.1) has no chaos", "a theorem: two dimensions have none"),
     Claim(
         "4",
         "Ω = 0: (AK,γ)²/(Aγ,γ) stays",
-        integral_without_turning,
+        _integral_without_turning,
         "(2.4)-(2.5) by scipy",
         "the power of (Aγ,γ)",
     ),
     Claim("4", "Ω = 0: all trajectories are closed", closed, "(4.1) by scipy", "Ω ≠ 0"),
-    Claim("Remark 6", "γ → -γ is a symmetry", opposite_points, "(4.1) at random γ", "one index"),
+    Claim("Remark 6", "γ → -γ is a symmetry", _opposite_points, "(4.1) at random γ", "one index"),
 )
 
 
@@ -137,7 +137,7 @@ def integral(twist: float) -> Residual:
     return Residual(float(np.ptp(kept, axis=1).max()), bound=3e-8)
 
 
-def needs_momentum(twist: float) -> Residual:
+def _needs_momentum(twist: float) -> Residual:
     """K of point-mass balls without rotors, from Σ r×mu at ω = 0, beside -(J_s + d)Ω."""
     worst = 0.0
     for moment in moments(45, rotors=0):
@@ -148,7 +148,7 @@ def needs_momentum(twist: float) -> Residual:
     return Residual(worst, bound=4e-15, unit="kg m²/s")
 
 
-def euler_case(twist: float) -> Residual:
+def _euler_case(twist: float) -> Residual:
     """MuJoCo's γ of Fig. 5c beside Euler's top in the time ∫(Ω,γ)/(Aγ,γ) dt, by Jacobi's functions.
 
     γ' = γ×Aγ with a₁ > a₂ > a₃ and γ closer to the first axis.
@@ -180,7 +180,7 @@ def balls(seed: int, count: int = 200) -> list[Numbers]:
     return found
 
 
-def six_points(twist: float) -> Residual:
+def _six_points(twist: float) -> Residual:
     """Of the zeros of (4.1), but those with (Ω,γ) = 0: how many are not (4.4), or of it missing."""
     wrong = 0
     axes = np.concatenate([f.E, -f.E])
@@ -192,7 +192,7 @@ def six_points(twist: float) -> Residual:
     return Residual(wrong, bound=0, unit="of 30 off")
 
 
-def stability(twist: float) -> Residual:
+def _stability(twist: float) -> Residual:
     """How many of Γ₁…Γ₆ are not as Prop. 1 has it: Γ₃,₄ with a growing direction, at the others
     imaginary eigenvalues and (Aγ,γ) least or greatest.
     """
@@ -209,7 +209,7 @@ def stability(twist: float) -> Residual:
 
 
 @cache
-def on_circle(index: int) -> Seen:
+def _on_circle(index: int) -> Seen:
     """Fig. 5's ball, started at Γ₁ or Γ₅ with α = -e₂ or e₂, rolled by MuJoCo."""
     scene = paper_scene("fig05d")
     gamma, alpha = f.E[index], -f.E[1] if index == 0 else f.E[1]
@@ -217,9 +217,9 @@ def on_circle(index: int) -> Seen:
     return seen_of(replace(scene, start=Start(attitude, np.zeros(3))), 10.0)
 
 
-def axes_at_5(twist: float) -> Residual:
+def _axes_at_5(twist: float) -> Residual:
     """α = (sin, cos, 0) and β = (-cos, sin, 0) of Ω₃t + φ₀ at Γ₅, beside MuJoCo's."""
-    ball = on_circle(2)
+    ball = _on_circle(2)
     phase, zero = twist * FIG5.Omega[2] * ball.motion.times, 0 * ball.motion.times  # φ₀ = 0
     alpha = np.stack([np.sin(phase), np.cos(phase), zero], axis=1)
     beta = np.stack([-np.cos(phase), np.sin(phase), zero], axis=1)
@@ -228,9 +228,9 @@ def axes_at_5(twist: float) -> Residual:
     )
 
 
-def velocity_at_5(twist: float) -> Residual:
+def _velocity_at_5(twist: float) -> Residual:
     """Ẋ = aΩ₁cos - aΩ₂sin and Ẏ = aΩ₂cos + aΩ₁sin of Ω₃t + φ₀ at Γ₅, beside MuJoCo's."""
-    ball = on_circle(2)
+    ball = _on_circle(2)
     Omega1, Omega2, Omega3 = FIG5.Omega
     phase = Omega3 * ball.motion.times[INNER]
     X = Omega1 * np.cos(phase) - twist * Omega2 * np.sin(phase)
@@ -243,7 +243,7 @@ def circle(index: int, bound: float, twist: float) -> Residual:
 
     The centre is that of the circle that fits best.
     """
-    ball = on_circle(index)
+    ball = _on_circle(index)
     path, (one, other) = ball.motion.contact_point, np.delete(FIG5.Omega, index)
     radius = sqrt(one**2 + twist * other**2) / abs(FIG5.Omega[index])
     table = np.column_stack([2 * path, np.ones(len(path))])
@@ -255,46 +255,46 @@ def circle(index: int, bound: float, twist: float) -> Residual:
 # The circle Σ¹ -------------------------------------------------------------------------------
 
 
-def on_sigma(n: Numbers, angle: float) -> Array:
+def _on_sigma(n: Numbers, angle: float) -> Array:
     """γ with (Ω,γ) = 0."""
     first, second = f.across(n.Omega / np.linalg.norm(n.Omega))
     return np.cos(angle) * first + np.sin(angle) * second
 
 
-def side(n: Numbers, gamma: Array) -> float:
+def _side(n: Numbers, gamma: Array) -> float:
     """(Aγ, γ×Ω): positive on Σ_s, negative on Σ_u."""
     return float(n.A @ gamma @ cross(gamma, n.Omega))
 
 
-def filled_circle(twist: float) -> Residual:
+def _filled_circle(twist: float) -> Residual:
     """dγ/dt of (4.1) on (Ω,γ) = 0; twisted, with K."""
     worst = 0.0
     for i, n in enumerate(balls(48)):
-        at = on_sigma(n, float(i))
+        at = _on_sigma(n, float(i))
         n = n if twist == 1 else replace(n, K=f.E[2])
         worst = max(worst, float(np.abs(f.from_rest(n)(at)).max()))
     return Residual(worst, bound=1e-15, unit="1/s")
 
 
-def sides(twist: float) -> Residual:
+def _sides(twist: float) -> Residual:
     """Of how many points of Σ¹ the eigenvalue across has not the sign opposite to (Aγ, γ×Ω)."""
     wrong = 0
     for i, n in enumerate(balls(49)):
-        gamma = on_sigma(n, float(i))
+        gamma = _on_sigma(n, float(i))
         values = f.eigenvalues(f.from_rest(n), gamma).real
         across = values[np.argmax(np.abs(values))]  # along the circle it is 0
-        wrong += bool(across * twist * side(n, gamma) >= 0)
+        wrong += bool(across * twist * _side(n, gamma) >= 0)
     return Residual(wrong, bound=0, unit="of 200 wrong")
 
 
-def straight(twist: float) -> Residual:
+def _straight(twist: float) -> Residual:
     """MuJoCo's ball of Fig. 5 on Σ_s: how far its path is from a straight one at a|Ω|.
 
     And how far its frame turns; twisted, with γ 0.01 rad off.
     """
     scene = paper_scene("fig05b")
-    angle = next(x for x in np.linspace(0, 6, 13) if side(FIG5, on_sigma(FIG5, x)) > 0.1)
-    gamma = on_sigma(FIG5, angle)
+    angle = next(x for x in np.linspace(0, 6, 13) if _side(FIG5, _on_sigma(FIG5, x)) > 0.1)
+    gamma = _on_sigma(FIG5, angle)
     if twist != 1:
         gamma = f.turned_about(f.across(gamma)[0], 0.01) @ gamma
     alpha = f.across(gamma)[0]
@@ -311,17 +311,17 @@ CLAIMS_4_1 = (
     Claim(
         "Remark 7",
         "without a rotor K = -(J_s + d)Ω, not 0",
-        needs_momentum,
+        _needs_momentum,
         "point masses",
         "the sign of J_s",
     ),
-    Claim("(4.3)", "in its time γ moves as Euler's top", euler_case, MOTION, "dt, upside down"),
-    Claim("(4.4)", "six isolated fixed points, ±e₁, ±e₂, ±e₃", six_points, "search", "K ≠ 0"),
+    Claim("(4.3)", "in its time γ moves as Euler's top", _euler_case, MOTION, "dt, upside down"),
+    Claim("(4.4)", "six isolated fixed points, ±e₁, ±e₂, ±e₃", _six_points, "search", "K ≠ 0"),
     Claim(
-        "Prop. 1", "Γ₃,₄ unstable, Γ₁,₂ and Γ₅,₆ stable", stability, "eigenvalues", "the indices"
+        "Prop. 1", "Γ₃,₄ unstable, Γ₁,₂ and Γ₅,₆ stable", _stability, "eigenvalues", "the indices"
     ),
-    Claim("Prop. 1", "α and β at Γ₅", axes_at_5, MOTION, "the sign of Ω₃"),
-    Claim("Prop. 1", "Ẋ and Ẏ at Γ₅", velocity_at_5, MOTION, "the sign of Ω₂"),
+    Claim("Prop. 1", "α and β at Γ₅", _axes_at_5, MOTION, "the sign of Ω₃"),
+    Claim("Prop. 1", "Ẋ and Ẏ at Γ₅", _velocity_at_5, MOTION, "the sign of Ω₂"),
     Claim(
         "Prop. 1",
         "a circle of radius a√(Ω₁² + Ω₂²)/|Ω₃|",
@@ -329,9 +329,9 @@ CLAIMS_4_1 = (
         MOTION,
         "the sign of Ω₂²",
     ),
-    Claim("4.1", "Σ¹ is a circle of fixed points", filled_circle, "(4.1)", "K ≠ 0"),
-    Claim("4.1", "stable where (Aγ, γ×Ω) > 0, unstable < 0", sides, "eigenvalues", "the sign"),
-    Claim("4.1", "on Σ¹ the frame rests, the path is straight", straight, MOTION, "γ, by 0.01"),
+    Claim("4.1", "Σ¹ is a circle of fixed points", _filled_circle, "(4.1)", "K ≠ 0"),
+    Claim("4.1", "stable where (Aγ, γ×Ω) > 0, unstable < 0", _sides, "eigenvalues", "the sign"),
+    Claim("4.1", "on Σ¹ the frame rests, the path is straight", _straight, MOTION, "γ, by 0.01"),
 )
 
 
@@ -343,20 +343,20 @@ def ends(twist: float) -> Residual:
     ball, start = long("fig05b", 60.0), CAPTIONS["fig05b"].axes[2]
 
     def off_curve(angle: float) -> float:
-        gamma = on_sigma(FIG5, angle)
+        gamma = _on_sigma(FIG5, angle)
         return float(FIG5.A @ gamma @ gamma - FIG5.A @ start @ start)
 
     angles = np.linspace(0.0, 2 * np.pi, 201)
     crossings = [(x, y) for x, y in pairwise(angles) if off_curve(x) * off_curve(y) < 0]
-    meeting = [on_sigma(FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
-    stable = [gamma for gamma in meeting if twist * side(FIG5, gamma) > 0]
-    all_over = [gamma for x in angles if side(FIG5, gamma := on_sigma(FIG5, x)) > 0]
+    meeting = [_on_sigma(FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
+    stable = [gamma for gamma in meeting if twist * _side(FIG5, gamma) > 0]
+    all_over = [gamma for x in angles if _side(FIG5, gamma := _on_sigma(FIG5, x)) > 0]
     near = min(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in stable)
     far = max(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in all_over)
     return Residual(float(near), bound=1e-6, printed=float(far))
 
 
-def periodic(twist: float) -> Residual:
+def _periodic(twist: float) -> Residual:
     """How far beside its start MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, comes back.
 
     Twisted, of Fig. 5b.
@@ -372,7 +372,7 @@ def periodic(twist: float) -> Residual:
     return Residual(float(np.linalg.norm(beside)), bound=4e-6)
 
 
-def misprint(name: str, row: int, printed: tuple[float, ...], twist: float) -> Residual:
+def _misprint(name: str, row: int, printed: tuple[float, ...], twist: float) -> Residual:
     """The largest entry of SSᵀ - E of a caption, corrected and printed."""
     axes = CAPTIONS[name].axes.copy()
     axes[row] = printed
@@ -380,7 +380,7 @@ def misprint(name: str, row: int, printed: tuple[float, ...], twist: float) -> R
 
 
 CLAIMS_4_1_ORBITS = (
-    Claim("4.1", "ζ that misses Σ¹ is periodic", periodic, MOTION, "ζ that meets Σ¹"),
+    Claim("4.1", "ζ that misses Σ¹ is periodic", _periodic, MOTION, "ζ that meets Σ¹"),
     Claim(
         "E24, 4.1",
         "ζ that meets Σ¹ ends on Σ_s ∩ ζ",
@@ -392,7 +392,7 @@ CLAIMS_4_1_ORBITS = (
     Claim(
         "E17, Fig. 5b",
         "α₂(0) = -2√19/95: α, β, γ are orthonormal",
-        partial(misprint, "fig05b", 0, (sqrt(8949) / 95, 2 * sqrt(19) / 95, 0)),
+        partial(_misprint, "fig05b", 0, (sqrt(8949) / 95, 2 * sqrt(19) / 95, 0)),
         "arithmetic",
         "the sign of γ₁",
         printed="α₂(0) = 2√19/95",
@@ -400,7 +400,7 @@ CLAIMS_4_1_ORBITS = (
     Claim(
         "E18, Fig. 5c",
         "γ₃(0) = √39/20: α, β, γ are orthonormal",
-        partial(misprint, "fig05c", 2, (19 / 20, 0, sqrt(33) / 20)),
+        partial(_misprint, "fig05c", 2, (19 / 20, 0, sqrt(33) / 20)),
         "arithmetic",
         "the sign of γ₁",
         printed="γ₃(0) = √33/20",

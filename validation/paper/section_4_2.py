@@ -28,13 +28,13 @@ def balls() -> tuple[Numbers, ...]:
     return tuple(found)
 
 
-def A1_A2(n: Numbers) -> tuple[float, float]:
+def _A1_A2(n: Numbers) -> tuple[float, float]:
     """a₁a₃K₃ + (a₁ - a₃)Ω₃ and a₂a₃K₃ + (a₂ - a₃)Ω₃ of Prop. 2."""
     (a1, a2, a3), K3, Omega3 = n.moments, n.K[2], n.Omega[2]
     return a1 * a3 * K3 + (a1 - a3) * Omega3, a2 * a3 * K3 + (a2 - a3) * Omega3
 
 
-def preserved(twist: float) -> Residual:
+def _preserved(twist: float) -> Residual:
     """Of how many of the six points (4.4) it is wrong that those with γ₃ = ±1 stay, and only they.
 
     Twisted, with K along e₁.
@@ -51,7 +51,7 @@ def preserved(twist: float) -> Residual:
 # Near Γ₅ and Γ₆ ------------------------------------------------------------------------------
 
 
-def taylor(n: Numbers, top: float) -> Array:
+def _taylor(n: Numbers, top: float) -> Array:
     """Coefficients (2, 3, 3) of γ₁ⁱγ₂ʲ in dγ₁/dt and dγ₂/dt where γ₃ = top √(1 - γ₁² - γ₂²).
 
     By Cauchy's integrals: the mean over circles of complex γ₁ and γ₂.
@@ -69,10 +69,10 @@ def taylor(n: Numbers, top: float) -> Array:
     return np.moveaxis(np.fft.fft2(values, axes=(0, 1))[:3, :3] / count**2, 2, 0).real / powers
 
 
-def expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False) -> Array:
+def _expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False) -> Array:
     """Prop. 2's dγ₁/dt and dγ₂/dt to second order (2, 3, 3); its quadratic signs turn with γ₃."""
     (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
-    A1, A2 = A1_A2(n)
+    A1, A2 = _A1_A2(n)
     terms = np.zeros((2, 3, 3))
     terms[0, 0, 1] = -A2 / a3
     terms[0, 1, 1], terms[0, 0, 2] = -(a2 - a3) * Omega1 / a3, -(a2 - a3) * Omega2 / a3
@@ -86,40 +86,40 @@ def expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False)
     return terms
 
 
-SECOND_ORDER = np.add.outer(np.arange(3), np.arange(3)) <= 2
+_SECOND_ORDER = np.add.outer(np.arange(3), np.arange(3)) <= 2
 
 
-def off_expansion(component: int, top: float, twist: float, printed: bool = False) -> float:
+def _off_expansion(component: int, top: float, twist: float, printed: bool = False) -> float:
     """The largest difference of a component's expansion from Taylor's, over 20 balls."""
     return max(
         float(
             np.abs(
-                (taylor(n, top) - expansion(n, top, twist, printed))[component][SECOND_ORDER]
+                (_taylor(n, top) - _expansion(n, top, twist, printed))[component][_SECOND_ORDER]
             ).max()
         )
         for n in balls()[:20]
     )
 
 
-def first_component(twist: float) -> Residual:
+def _first_component(twist: float) -> Residual:
     """dγ₁/dt = -A₂γ₂/a₃ - (a₂-a₃)(Ω₁γ₁γ₂ + Ω₂γ₂²)/a₃ at Γ₅."""
-    return Residual(off_expansion(0, 1.0, twist), bound=2e-14, unit="1/s")
+    return Residual(_off_expansion(0, 1.0, twist), bound=2e-14, unit="1/s")
 
 
-def second_component(twist: float) -> Residual:
+def _second_component(twist: float) -> Residual:
     """dγ₂/dt = A₁γ₁/a₃ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²)/a₃ at Γ₅, and as printed."""
     return Residual(
-        off_expansion(1, 1.0, twist),
+        _off_expansion(1, 1.0, twist),
         bound=2e-14,
-        printed=off_expansion(1, 1.0, 1.0, printed=True),
+        printed=_off_expansion(1, 1.0, 1.0, printed=True),
         unit="1/s",
     )
 
 
-def signs_at_6(twist: float) -> Residual:
+def _signs_at_6(twist: float) -> Residual:
     """Both at Γ₆, where the quadratic terms have the other sign, and with those printed for Γ₆."""
-    corrected = max(off_expansion(i, -1.0, twist) for i in (0, 1))
-    printed = max(off_expansion(i, -1.0, -1.0) for i in (0, 1))
+    corrected = max(_off_expansion(i, -1.0, twist) for i in (0, 1))
+    printed = max(_off_expansion(i, -1.0, -1.0) for i in (0, 1))
     return Residual(corrected, bound=2e-14, printed=printed, unit="1/s")
 
 
@@ -130,7 +130,7 @@ def kinds(twist: float) -> Residual:
     wrong = 0
     for n in balls():
         values = f.eigenvalues(f.from_rest(n), f.E[2])
-        A1, A2 = A1_A2(n)
+        A1, A2 = _A1_A2(n)
         saddle = values[0].real < 0 < values[1].real and abs(values.imag).max() == 0
         centre = abs(values.real).max() < 1e-12 * abs(values.imag).max()
         wrong += not (saddle if twist * A1 * A2 < 0 else centre)
@@ -138,7 +138,7 @@ def kinds(twist: float) -> Residual:
 
 
 @dataclass(frozen=True)
-class Focus:
+class _Focus:
     """A ball with A₁A₂ > 0, and by how much r grows in a turn about Γ₅ from r = 0.01."""
 
     n: Numbers
@@ -147,20 +147,20 @@ class Focus:
     def criterion(self, twist: float = 1.0) -> float:
         """B/A₁, with B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²); twisted, with another sign in it."""
         (a1, a2, a3), (Omega1, Omega2, _) = self.n.moments, self.n.Omega
-        A1, A2 = A1_A2(self.n)
+        A1, A2 = _A1_A2(self.n)
         B = Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - twist * (a1 - a3) ** 2 * A2**2)
         return float(B / A1)
 
 
 @cache
-def foci() -> tuple[Focus, ...]:
+def _foci() -> tuple[_Focus, ...]:
     """Those of 100 balls with A₁A₂ > 0.01 whose r changes by over 1e-10, by scipy."""
     found = []
     for n in balls()[:100]:
-        A1, A2 = A1_A2(n)
+        A1, A2 = _A1_A2(n)
         growth = growth_in_a_turn(n, 0.01) if A1 * A2 > 0.01 else 0.0
         if abs(growth) > 1e-10:
-            found.append(Focus(n, growth))
+            found.append(_Focus(n, growth))
     return tuple(found)
 
 
@@ -169,39 +169,39 @@ def growth_in_a_turn(n: Numbers, r: float) -> float:
     field = f.from_rest(n)
     start = np.array([r, 0.0, sqrt(1 - r * r)])
     # In a little more than the period of the linear part.
-    A1, A2 = A1_A2(n)
+    A1, A2 = _A1_A2(n)
     duration = 1.1 * 2 * np.pi * n.moments[2] / sqrt(A1 * A2)
     side = np.sign(field(start)[1]) * f.E[1]
     passed = f.returns(field, start, side, duration, rtol=1e-13)
     return float(passed[0][0] - r) if len(passed) else 0.0
 
 
-def wrong(criterion: Callable[[Focus], float]) -> int:
+def wrong(criterion: Callable[[_Focus], float]) -> int:
     """How many of the foci shrink in a turn where it is not negative, or the other way round."""
-    return sum((criterion(each) < 0) != (each.growth < 0) for each in foci())
+    return sum((criterion(each) < 0) != (each.growth < 0) for each in _foci())
 
 
-def stable_foci(twist: float) -> Residual:
+def _stable_foci(twist: float) -> Residual:
     """The focus is stable iff B/A₁ < 0, and > 0 as printed."""
     corrected = wrong(lambda each: twist * each.criterion())
     printed = wrong(lambda each: -each.criterion())
-    return Residual(corrected, 0, printed, unit=f"of {len(foci())} wrong")
+    return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
 
 
-def B_of_the_foci(twist: float) -> Residual:
+def _B_of_the_foci(twist: float) -> Residual:
     """With B as corrected, and with the factor K₃ as printed."""
     corrected = wrong(lambda each: each.criterion(twist))
     printed = wrong(lambda each: each.n.K[2] * each.criterion())
-    return Residual(corrected, 0, printed, unit=f"of {len(foci())} wrong")
+    return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
 
 
-def scaled(twist: float) -> Residual:
+def _scaled(twist: float) -> Residual:
     """x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂), beside Taylor's at Γ₅."""
     worst = 0.0
-    for focus in foci()[:20]:
+    for focus in _foci()[:20]:
         n = focus.n
         (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
-        A1, A2 = A1_A2(n)
+        A1, A2 = _A1_A2(n)
         root = sqrt(A1 * A2)
         terms = np.zeros((2, 3, 3))
         terms[0, 0, 1], terms[1, 1, 0] = -1.0, 1.0
@@ -209,13 +209,13 @@ def scaled(twist: float) -> Residual:
         terms[1, 1, 1] = (a1 - a3) * Omega2 / A1
         terms[1, 2, 0] = twist * (a1 - a3) * Omega1 * A2 / (root * A1)
         # x = γ₁A₁/root, so γ₁ⁱ brings (root/A₁)ⁱ.
-        found = taylor(n, 1.0) * (root / A1) ** np.arange(3)[:, None] * a3 / root
+        found = _taylor(n, 1.0) * (root / A1) ** np.arange(3)[:, None] * a3 / root
         found[0] *= A1 / root
-        worst = max(worst, float(np.abs(found - terms)[:, SECOND_ORDER].max()))
+        worst = max(worst, float(np.abs(found - terms)[:, _SECOND_ORDER].max()))
     return Residual(worst, bound=2e-14)
 
 
-def no_circle(twist: float) -> AtLeast:
+def _no_circle(twist: float) -> AtLeast:
     """The fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
     n = FIG6 if twist == 1 else CAPTIONS["fig05b"].n
     first, second = f.across(n.Omega / np.linalg.norm(n.Omega))
@@ -225,12 +225,12 @@ def no_circle(twist: float) -> AtLeast:
 
 
 CLAIMS = (
-    Claim("(4.6)", "K = (0, 0, K₃): of (4.4) only Γ₅,₆ stay", preserved, "(4.1)", "K along e₁"),
+    Claim("(4.6)", "K = (0, 0, K₃): of (4.4) only Γ₅,₆ stay", _preserved, "(4.1)", "K along e₁"),
     Claim("Prop. 2", "A₁A₂ < 0: a saddle; > 0: a weak focus", kinds, "eigenvalues", "sign of A₁A₂"),
     Claim(
         "E6, Prop. 2",
         "the focus is stable iff B/A₁ < 0",
-        stable_foci,
+        _stable_foci,
         "a turn about Γ₅ by scipy",
         "the sign of B/A₁",
         printed="stable if B/A₁ > 0",
@@ -238,7 +238,7 @@ CLAIMS = (
     Claim(
         "E7, Prop. 2",
         "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)",
-        B_of_the_foci,
+        _B_of_the_foci,
         "a turn about Γ₅ by scipy",
         "the sign in B",
         printed="B = K₃Ω₁Ω₂(…)",
@@ -246,14 +246,14 @@ CLAIMS = (
     Claim(
         "Prop. 2",
         "dγ₁/dt = -A₂γ₂/a₃ - … at Γ₅",
-        first_component,
+        _first_component,
         "Cauchy's integrals",
         "the quadratic signs",
     ),
     Claim(
         "E8, Prop. 2",
         "dγ₂/dt = (A₁γ₁ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²))/a₃",
-        second_component,
+        _second_component,
         "Cauchy's integrals",
         "the quadratic signs",
         printed="A₁γ₂ + (a₁-a₃)(Ω₁γ₁γ₂ + Ω₂γ₁²)",
@@ -261,11 +261,11 @@ CLAIMS = (
     Claim(
         "E9, Prop. 2",
         "at Γ₆ the quadratic signs are the other ones",
-        signs_at_6,
+        _signs_at_6,
         "Cauchy's integrals",
         "the quadratic signs",
         printed="Γ₅'s signs, for Γ₆",
     ),
-    Claim("Prop. 2", "x' and y', scaled", scaled, "Cauchy's integrals", "the sign of x² in y'"),
-    Claim("4.2", "K₃ ≠ 0: (Ω,γ) = 0 is no circle of fixed points", no_circle, "(4.1)", "K₃ = 0"),
+    Claim("Prop. 2", "x' and y', scaled", _scaled, "Cauchy's integrals", "the sign of x² in y'"),
+    Claim("4.2", "K₃ ≠ 0: (Ω,γ) = 0 is no circle of fixed points", _no_circle, "(4.1)", "K₃ = 0"),
 )

@@ -15,7 +15,7 @@ from validation.paper.claim import AtLeast, Claim, Evidence, Residual, Value
 from validation.paper.formulas import Numbers, paper_scene
 from validation.paper.section_4_2 import FIG6, balls, growth_in_a_turn
 
-DELTA, THETA = 1, 0  # the index j of the γⱼ that is not zero, beside γ₃
+_DELTA, _THETA = 1, 0  # the index j of the γⱼ that is not zero, beside γ₃
 
 
 def with_K3(K3: float) -> Numbers:
@@ -23,85 +23,85 @@ def with_K3(K3: float) -> Numbers:
     return f.with_A((0.5, 0.4, 0.3), FIG6.Omega, np.array([0.0, 0.0, K3]))
 
 
-def kappa(n: Numbers, j: int, twist: float = 1.0) -> float:
+def _kappa(n: Numbers, j: int, twist: float = 1.0) -> float:
     """κ₁ (j = 1) or κ₂ (j = 0)."""
     a, a3, Omega3 = n.moments[j], n.moments[2], n.Omega[2]
     root = sqrt(n.Omega[j] ** 2 + Omega3**2)
     return float(((a - a3) * Omega3 + twist * 2 * a * a3 * n.K[2]) / (root * (a3 - a)))
 
 
-def nu(n: Numbers, j: int) -> float:
+def _nu(n: Numbers, j: int) -> float:
     """ν₁ or ν₂ by E10: atan2(Ω₃, Ωⱼ)."""
     return float(arctan2(n.Omega[2], n.Omega[j]))
 
 
-def printed_nu(n: Numbers, j: int) -> float:
+def _printed_nu(n: Numbers, j: int) -> float:
     """arcsin(Ω₃²/√(Ωⱼ² + Ω₃²))."""
     return float(arcsin(n.Omega[2] ** 2 / sqrt(n.Omega[j] ** 2 + n.Omega[2] ** 2)))
 
 
-def angles(arc: float, shift: float) -> list[float]:
+def _angles(arc: float, shift: float) -> list[float]:
     """φ of δ₁ to δ₄ or θ₁ to θ₄, with E11, where arc = arcsin κ and shift = ν."""
     one, other = (arc - shift) / 2, -(arc + shift) / 2
     return [one, one + pi, other + pi / 2, other + 3 * pi / 2]
 
 
-def point(j: int, phi: float) -> Array:
+def _point(j: int, phi: float) -> Array:
     """γⱼ = sin φ, γ₃ = cos φ."""
     gamma = np.zeros(3)
     gamma[j], gamma[2] = np.sin(phi), np.cos(phi)
     return gamma
 
 
-def speed(n: Numbers, j: int, phi: float) -> float:
+def _speed(n: Numbers, j: int, phi: float) -> float:
     """|dγ/dt| of (4.1)."""
-    return float(np.linalg.norm(f.from_rest(n)(point(j, phi))))
+    return float(np.linalg.norm(f.from_rest(n)(_point(j, phi))))
 
 
-def at_rest(j: int, twist: float) -> Residual:
+def _at_rest(j: int, twist: float) -> Residual:
     """The largest dγ/dt at δ₁ to δ₄, or θ₁ to θ₄, of random balls, with ν as printed too."""
     corrected = printed = 0.0
     for n in balls():
-        k, with_twist = kappa(n, j), kappa(n, j, twist)
+        k, with_twist = _kappa(n, j), _kappa(n, j, twist)
         if abs(k) < 1 and abs(with_twist) < 1:
-            for phi in angles(arcsin(with_twist), nu(n, j)):
-                corrected = max(corrected, speed(n, j, phi))
-            for phi in angles(arcsin(k), printed_nu(n, j)):
-                printed = max(printed, speed(n, j, phi))
+            for phi in _angles(arcsin(with_twist), _nu(n, j)):
+                corrected = max(corrected, _speed(n, j, phi))
+            for phi in _angles(arcsin(k), _printed_nu(n, j)):
+                printed = max(printed, _speed(n, j, phi))
     return Residual(corrected, bound=3e-14, printed=printed, unit="1/s")
 
 
-def theta_3(twist: float) -> Residual:
+def _theta_3(twist: float) -> Residual:
     """The largest dγ/dt at θ₃, for -(arcsin κ₂ + ν₂)/2 + π/2, and times π as printed."""
     corrected = printed = 0.0
     for n in balls():
-        if abs(kappa(n, THETA)) < 1:
-            half = -(arcsin(kappa(n, THETA)) + nu(n, THETA)) / 2
-            corrected = max(corrected, speed(n, THETA, half + twist * pi / 2))
-            printed = max(printed, speed(n, THETA, half * pi))
+        if abs(_kappa(n, _THETA)) < 1:
+            half = -(arcsin(_kappa(n, _THETA)) + _nu(n, _THETA)) / 2
+            corrected = max(corrected, _speed(n, _THETA, half + twist * pi / 2))
+            printed = max(printed, _speed(n, _THETA, half * pi))
     return Residual(corrected, bound=3e-14, printed=printed, unit="1/s")
 
 
 # Figs 6 to 8 -------------------------------------------------------------------------------
 
 
-def named(n: Numbers = FIG6) -> dict[str, Array]:
+def _named(n: Numbers = FIG6) -> dict[str, Array]:
     """The fixed points of Fig. 6 by their names."""
     found = {"Γ₅": f.E[2], "Γ₆": -f.E[2]}
-    for letter, j in (("δ", DELTA), ("θ", THETA)):
-        for index, phi in zip("₁₂₃₄", angles(arcsin(kappa(n, j)), nu(n, j)), strict=True):
-            found[letter + index] = point(j, phi)
+    for letter, j in (("δ", _DELTA), ("θ", _THETA)):
+        for index, phi in zip("₁₂₃₄", _angles(arcsin(_kappa(n, j)), _nu(n, j)), strict=True):
+            found[letter + index] = _point(j, phi)
     return found
 
 
-def existence(twist: float) -> Residual:
+def _existence(twist: float) -> Residual:
     """2 + 4[|κ₁| < 1] + 4[|κ₂| < 1] fixed points, or [0 < κ < 1] as printed, by a search."""
     wrong = printed = 0
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
         n = with_K3(K3)
         number = len(f.zeros(f.from_rest(n), 150))
-        wrong += number != 2 + 4 * sum(abs(kappa(n, j, twist)) < 1 for j in (DELTA, THETA))
-        printed += number != 2 + 4 * sum(0 < kappa(n, j) < 1 for j in (DELTA, THETA))
+        wrong += number != 2 + 4 * sum(abs(_kappa(n, j, twist)) < 1 for j in (_DELTA, _THETA))
+        printed += number != 2 + 4 * sum(0 < _kappa(n, j) < 1 for j in (_DELTA, _THETA))
     return Residual(wrong, bound=0, printed=printed, unit="of 8 wrong")
 
 
@@ -117,7 +117,7 @@ def kind(n: Numbers, gamma: Array) -> str:
     return "stable focus" if values[1].real < 0 else "unstable focus"
 
 
-KINDS = {
+_KINDS = {
     "saddle": ("θ₁", "θ₂", "δ₃", "δ₄"),
     "stable focus": ("θ₃", "θ₄"),
     "unstable node": ("δ₁", "δ₂"),
@@ -125,32 +125,32 @@ KINDS = {
 }
 
 
-def types(twist: float) -> Residual:
+def _types(twist: float) -> Residual:
     """How many of the ten points of Fig. 6 are of another type, or not found by a search."""
-    points, found = named(), f.zeros(f.from_rest(FIG6))
+    points, found = _named(), f.zeros(f.from_rest(FIG6))
     if twist != 1:  # the names of Δ and Θ exchanged
         points = {name.translate(str.maketrans("δθ", "θδ")): at for name, at in points.items()}
     off = abs(len(found) - 10)
     for name, at in points.items():
         seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
-        off += not (seen and name in KINDS.get(kind(FIG6, at), ()))
+        off += not (seen and name in _KINDS.get(kind(FIG6, at), ()))
     return Residual(off, bound=0, unit="of 10 off")
 
 
-def contour(twist: float) -> Residual:
+def _contour(twist: float) -> Residual:
     """How many branches of the saddles δ₃ and δ₄ do not end at the nodes δ₁ and δ₂.
 
     The stable manifolds, followed back; as printed the unstable ones too; twisted, those alone.
     """
-    stable, unstable = branches_off(-1.0), branches_off(1.0)
+    stable, unstable = _branches_off(-1.0), _branches_off(1.0)
     return Residual(
         stable if twist == 1 else unstable, bound=0, printed=stable + unstable, unit="of 4, 8 off"
     )
 
 
-def branches_off(sense: float) -> int:
+def _branches_off(sense: float) -> int:
     """Of the four branches that leave δ₃ and δ₄ in a sense of time, how many end elsewhere."""
-    field, points, off = f.from_rest(FIG6), named(), 0
+    field, points, off = f.from_rest(FIG6), _named(), 0
     for saddle in (points["δ₃"], points["δ₄"]):
         basis = f.across(saddle)
         values, vectors = np.linalg.eig(basis @ f.jacobian(field, saddle) @ basis.T)
@@ -177,7 +177,7 @@ def cycle(K3: float, longest: float) -> Cycle | None:
     return found[0] if len(found) == 1 else None
 
 
-def unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
+def _unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
     """By what a neighbour's distance grows in a period of (4.1), by scipy, if that closes.
 
     Followed back in time, in which it shrinks. Twisted, with Fig. 6's K₃.
@@ -196,9 +196,9 @@ def unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
     return AtLeast(1 / abs(shrinking) if closes else float("nan"), bound=1.01)
 
 
-def vanishing(j: int, K3: float, more: int, twist: float) -> Residual:
+def _vanishing(j: int, K3: float, more: int, twist: float) -> Residual:
     """At the K₃ where |κⱼ| = 1: how far the numbers of fixed points on either side are off."""
-    at = brentq(lambda x: abs(kappa(with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
+    at = brentq(lambda x: abs(_kappa(with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
     counts = [len(f.zeros(f.from_rest(with_K3(at + side)), 150)) for side in (-0.01, 0.01)]
     return Residual(abs(counts[0] - more) + abs(counts[1] - more + 4), bound=0, unit="points off")
 
@@ -207,7 +207,7 @@ CLAIMS = (
     Claim(
         "E10, 4.2",
         "Δ: φ by κ₁ and ν₁ = atan2(Ω₃, Ω₂)",
-        partial(at_rest, DELTA),
+        partial(_at_rest, _DELTA),
         "(4.1)",
         "the sign of K₃",
         printed="ν₁ = arcsin(Ω₃²/√(Ω₂² + Ω₃²))",
@@ -215,7 +215,7 @@ CLAIMS = (
     Claim(
         "E10, 4.2",
         "Θ: φ by κ₂ and ν₂ = atan2(Ω₃, Ω₁)",
-        partial(at_rest, THETA),
+        partial(_at_rest, _THETA),
         "(4.1)",
         "the sign of K₃",
         printed="ν₂ = arcsin(Ω₃²/√(Ω₁² + Ω₃²))",
@@ -223,7 +223,7 @@ CLAIMS = (
     Claim(
         "E11, 4.2",
         "θ₃: φ = -(arcsin κ₂ + ν₂)/2 + π/2",
-        theta_3,
+        _theta_3,
         "(4.1)",
         "π/2, by a half",
         control=0.5,
@@ -232,7 +232,7 @@ CLAIMS = (
     Claim(
         "E12, 4.2",
         "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1",
-        existence,
+        _existence,
         "search",
         "the sign of K₃",
         printed="0 < κ₂ < κ₁ < 1 and so on",
@@ -240,14 +240,14 @@ CLAIMS = (
     Claim(
         "Fig. 6",
         "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂",
-        types,
+        _types,
         "search, eigenvalues",
         "δ, θ",
     ),
     Claim(
         "Fig. 6",
         "stable manifolds of δ₃,₄ and δ₁,₂: a closed contour",
-        contour,
+        _contour,
         "(4.1) by scipy",
         "unstable for stable",
         printed="unstable and stable manifolds",
@@ -257,7 +257,7 @@ CLAIMS = (
     Claim(
         "4.2",
         "Δ disappears where |κ₁| = 1",
-        partial(vanishing, DELTA, 0.5, 10),
+        partial(_vanishing, _DELTA, 0.5, 10),
         "search",
         "the factor of K₃",
         control=0.9,
@@ -268,7 +268,7 @@ CLAIMS = (
     Claim(
         "Fig. 7",
         "an unstable limit cycle: growth in a period",
-        partial(unstable_cycle, 0.52, 120.0),
+        partial(_unstable_cycle, 0.52, 120.0),
         "(4.1) by scipy",
         "K₃ of Fig. 6",
     ),
@@ -277,7 +277,7 @@ CLAIMS = (
     Claim(
         "4.2",
         "Θ disappears where |κ₂| = 1",
-        partial(vanishing, THETA, 2.0, 6),
+        partial(_vanishing, _THETA, 2.0, 6),
         "search",
         "the factor of K₃",
         control=0.9,
@@ -286,7 +286,7 @@ CLAIMS = (
     Claim(
         "Fig. 8",
         "an unstable limit cycle: growth in a period",
-        partial(unstable_cycle, 3.0, 12.0),
+        partial(_unstable_cycle, 3.0, 12.0),
         "(4.1) by scipy",
         "K₃ of Fig. 6",
     ),

@@ -12,8 +12,8 @@ from validation.paper.claim import Claim, Residual
 from validation.paper.engine import MOTION, Seen, largest, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
 
-BALL = "fig10"
-Polynomial = Callable[[Numbers, Array], Array]
+_BALL = "fig10"
+_Polynomial = Callable[[Numbers, Array], Array]
 
 
 # The family ----------------------------------------------------------------------------------
@@ -21,7 +21,7 @@ Polynomial = Callable[[Numbers, Array], Array]
 
 def started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
     """MuJoCo's ball of Fig. 10 from γ and M, with OX against M."""
-    scene = paper_scene(BALL)
+    scene = paper_scene(_BALL)
     alpha = -M / np.linalg.norm(M)
     attitude = from_matrix(np.array([alpha, cross(gamma, alpha), gamma]))
     start = Start(attitude, np.array([-np.linalg.norm(M), 0.0, 0.0]))
@@ -31,7 +31,7 @@ def started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
 def equilibria(twist: float) -> Residual:
     """|ω| of MuJoCo's ball from M = γ₀×K and (Ω,γ₀) = 0, and how far its path is from straight."""
     worst = 0.0
-    n = f.numbers(paper_scene(BALL).parameters)
+    n = f.numbers(paper_scene(_BALL).parameters)
     for angle in (0.3, 2.0, 4.0):
         gamma = np.array([np.cos(angle), np.sin(angle), 0.0])
         ball = started(gamma, twist * cross(gamma, n.K))
@@ -74,14 +74,14 @@ def P3(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
     return np.array([1.0, n.A @ gamma @ turned / N, D * middle / N, twist * D * free / N])
 
 
-def P2(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
+def _P2(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
     """The coefficients (3,) of P₂, for K along Ω."""
     N, D = n.A @ gamma @ gamma, np.linalg.det(n.A)
     last = n.K @ np.linalg.inv(n.A) @ n.Omega
     return np.array([1.0, n.A @ gamma @ cross(gamma, n.Omega) / N, -twist * D * last / N])
 
 
-def worst_polynomial(kind: str, seed: int, power: int, coefficients: Polynomial) -> float:
+def _worst_polynomial(kind: str, seed: int, power: int, coefficients: _Polynomial) -> float:
     """det(λ - ∂(3.2)) of 200 balls beside λ to a power times a polynomial, at six λ; relative."""
     worst = 0.0
     for n, gamma in random_lines(seed, 200, kind):
@@ -94,24 +94,24 @@ def worst_polynomial(kind: str, seed: int, power: int, coefficients: Polynomial)
     return worst
 
 
-def characteristic(twist: float) -> Residual:
+def _characteristic(twist: float) -> Residual:
     """λ³P₃(λ) of (5.2), with any K."""
-    return Residual(worst_polynomial("any", 61, 3, lambda n, g: P3(n, g, twist)), bound=1e-12)
+    return Residual(_worst_polynomial("any", 61, 3, lambda n, g: P3(n, g, twist)), bound=1e-12)
 
 
-def characteristic_along(twist: float) -> Residual:
+def _characteristic_along(twist: float) -> Residual:
     """λ⁴P₂(λ), with K along Ω."""
-    return Residual(worst_polynomial("along", 62, 4, lambda n, g: P2(n, g, twist)), bound=1e-12)
+    return Residual(_worst_polynomial("along", 62, 4, lambda n, g: _P2(n, g, twist)), bound=1e-12)
 
 
-def one_level(twist: float) -> Residual:
+def _one_level(twist: float) -> Residual:
     """M² = (γ₀×K)² beside K², for K along Ω; twisted, for any K."""
     lines = random_lines(63, 100, "along" if twist == 1 else "any")
     off = [cross(g, n.K) @ cross(g, n.K) / (n.K @ n.K) - 1 for n, g in lines]
     return Residual(float(np.abs(off).max()), bound=4e-15)
 
 
-def transverse(twist: float) -> Residual:
+def _transverse(twist: float) -> Residual:
     """df/ds along Σ¹ by differences, beside -2(K,γ₀)(K, γ₀×Ω)/|Ω|, the last term of P₃ but for
     a factor that is never 0; relative to K².
     """
@@ -138,19 +138,19 @@ CLAIMS = (
         "the sign of M",
     ),
     Claim("Remark 8", "segways are stabilised like this", "of other machines"),
-    Claim("(5.2)", "λ³P₃(λ), any K", characteristic, "determinants of (3.2)", "the free term"),
+    Claim("(5.2)", "λ³P₃(λ), any K", _characteristic, "determinants of (3.2)", "the free term"),
     Claim(
         "5.1",
         "K along Ω: λ⁴P₂(λ)",
-        characteristic_along,
+        _characteristic_along,
         "determinants of (3.2)",
         "the free term",
     ),
-    Claim("5.1", "K along Ω: all of Σ¹ has f = K²", one_level, "(5.1)", "any K"),
+    Claim("5.1", "K along Ω: all of Σ¹ has f = K²", _one_level, "(5.1)", "any K"),
     Claim(
         "5.1",
         "Σ¹ crosses the levels of f where P₃(0) ≠ 0",
-        transverse,
+        _transverse,
         "finite differences",
         "the sign",
     ),

@@ -15,11 +15,11 @@ from validation.paper.engine import MOTION, long
 from validation.paper.formulas import Numbers, cross
 from validation.paper.section_5_1 import P3, linear, random_lines, started, unit
 
-SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)}
+_SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)}
 
 
 @dataclass(frozen=True)
-class Line:
+class _Line:
     """A straight-line motion of a ball with K ⊥ Ω: γ₀ = c₁K + c₂K×Ω (5.3)."""
 
     n: Numbers
@@ -51,11 +51,11 @@ class Line:
         return bool(self.rates.real.max() < 0)
 
 
-def line(n: Numbers, level: float, name: str) -> Line:
+def line(n: Numbers, level: float, name: str) -> _Line:
     """σ₊, σ₋, δ₊ or δ₋ of Prop. 3 at f = level."""
-    square, Omega2, (s1, s2) = float(n.K @ n.K), float(n.Omega @ n.Omega), SIGNS[name]
+    square, Omega2, (s1, s2) = float(n.K @ n.K), float(n.Omega @ n.Omega), _SIGNS[name]
     c1, c2 = sqrt(square - level) / square, sqrt(level) / (square * sqrt(Omega2))
-    return Line(n, float(s1 * c1), float(s2 * c2))
+    return _Line(n, float(s1 * c1), float(s2 * c2))
 
 
 @cache
@@ -69,12 +69,12 @@ def balls(count: int = 500) -> tuple[tuple[Numbers, float], ...]:
 # Propositions 3 and 4 ------------------------------------------------------------------------
 
 
-def combination(twist: float) -> Residual:
+def _combination(twist: float) -> Residual:
     """γ² = K²(c₁² + c₂²Ω²) and M² = c₂²K⁴Ω² of (5.3) with any c₁ and c₂, and (Ω,γ) = 0."""
     random, worst = np.random.default_rng(67), 0.0
     for n, _ in balls():
         c1, c2 = random.normal(size=2).tolist()
-        each = Line(n, c1, c2)
+        each = _Line(n, c1, c2)
         K2, Omega2 = n.K @ n.K, n.Omega @ n.Omega
         square = each.gamma @ each.gamma - K2 * (each.c1**2 + twist * each.c2**2 * Omega2)
         level = each.M @ each.M - each.c2**2 * K2**2 * Omega2
@@ -83,11 +83,11 @@ def combination(twist: float) -> Residual:
     return Residual(worst, bound=3e-13)
 
 
-def coefficients(twist: float) -> Residual:
+def _coefficients(twist: float) -> Residual:
     """γ² = 1, M² = f and ω = 0 at Prop. 3's four; relative to K²."""
     worst = 0.0
     for n, level in balls():
-        for name in SIGNS:
+        for name in _SIGNS:
             each = line(n, level, name)
             each = replace(each, c2=twist * each.c2) if twist != 1 else each
             M, gamma = each.M, each.gamma
@@ -97,7 +97,7 @@ def coefficients(twist: float) -> Residual:
     return Residual(worst, bound=5e-14)
 
 
-def number_of_lines(twist: float) -> Residual:
+def _number_of_lines(twist: float) -> Residual:
     """How often Σ¹, followed round, does not meet f < K² four times, f > K² never, and touch
     f = K² twice; twisted, for K that is not across Ω.
     """
@@ -117,24 +117,24 @@ def number_of_lines(twist: float) -> Residual:
     return Residual(wrong, bound=0, unit="of 50 wrong")
 
 
-def free_coefficient(twist: float) -> Residual:
+def _free_coefficient(twist: float) -> Residual:
     """P₃(0) > 0 iff c₁c₂ < 0: how often not."""
     wrong = 0
     for n, level in balls():
-        for name in SIGNS:
+        for name in _SIGNS:
             each = line(n, level, name)
             wrong += bool((P3(n, each.gamma)[3] > 0) != (twist * each.c1 * each.c2 < 0))
     return Residual(wrong, bound=0, unit="of 2000 wrong")
 
 
-def always_unstable(twist: float) -> Residual:
+def _always_unstable(twist: float) -> Residual:
     """How many of σ₊ and δ₋ are stable; twisted, of σ₋ and δ₊."""
     names = ("σ₊", "δ₋") if twist == 1 else ("σ₋", "δ₊")
     stable = sum(line(n, level, name).stable for n, level in balls() for name in names)
     return Residual(stable, bound=0, unit="of 1000 stable")
 
 
-def conditions(each: Line, bracket: float = 1.0, square: bool = True) -> bool:
+def _conditions(each: _Line, bracket: float = 1.0, square: bool = True) -> bool:
     """(5.4) at σ₋ or δ₊, with c₁K×Ω - c₂Ω²K times `bracket`; c₁²K⁴, or c₁K⁴ if not `square`."""
     n, c1, c2 = each.n, each.c1, each.c2
     K2, Omega2 = n.K @ n.K, n.Omega @ n.Omega
@@ -146,25 +146,25 @@ def conditions(each: Line, bracket: float = 1.0, square: bool = True) -> bool:
 
 
 @cache
-def candidates() -> tuple[tuple[Line, bool], ...]:
+def _candidates() -> tuple[tuple[_Line, bool], ...]:
     """σ₋ and δ₊ of the balls, and whether their eigenvalues say that they are stable."""
     lines = [line(n, level, name) for n, level in balls(1000) for name in ("σ₋", "δ₊")]
     return tuple((each, each.stable) for each in lines)
 
 
-def wrongly(bracket: float = 1.0, square: bool = True) -> int:
+def _wrongly(bracket: float = 1.0, square: bool = True) -> int:
     """How often (5.4) and the eigenvalues do not agree."""
-    return sum(conditions(each, bracket, square) != stable for each, stable in candidates())
+    return sum(_conditions(each, bracket, square) != stable for each, stable in _candidates())
 
 
-def second_bracket(twist: float) -> Residual:
+def _second_bracket(twist: float) -> Residual:
     """With c₁K×Ω - c₂Ω²K; as printed, c₁Ω×K + c₂Ω², with the K that would make it a vector."""
-    return Residual(wrongly(bracket=twist), 0, wrongly(bracket=-1.0), "of 2000 wrong")
+    return Residual(_wrongly(bracket=twist), 0, _wrongly(bracket=-1.0), "of 2000 wrong")
 
 
-def third_bracket(twist: float) -> Residual:
+def _third_bracket(twist: float) -> Residual:
     """With c₁²K⁴; and c₁K⁴ as printed."""
-    return Residual(wrongly(square=twist == 1), 0, wrongly(square=False), "of 2000 wrong")
+    return Residual(_wrongly(square=twist == 1), 0, _wrongly(square=False), "of 2000 wrong")
 
 
 # Figs 9 and 10 -------------------------------------------------------------------------------
@@ -183,20 +183,20 @@ def limit(twist: float) -> Value:
     return Value(found, corrected=16 / 7.69, bound=1e-9, printed=3.0, unit="(kg m²/s)²")
 
 
-def arrives(twist: float) -> Residual:
+def _arrives(twist: float) -> Residual:
     """How far MuJoCo's γ, from near σ₊ at f = 2, is from δ₊ after 200 s; twisted, from σ₋."""
     target = line(line_ball(), 2.0, "δ₊" if twist == 1 else "σ₋").gamma
     end = long("fig10_stable", 200.0).gamma[-1]
     return Residual(float(np.linalg.norm(end - target)), bound=1e-4)
 
 
-def directions(twist: float) -> Residual:
+def _directions(twist: float) -> Residual:
     """X and Y of MuJoCo's ball after 1 s on each line at f = 2, beside 0 and ∓a|Ω|.
 
     - for σ and + for δ; as printed the reverse.
     """
     corrected = printed = 0.0
-    for name in SIGNS:
+    for name in _SIGNS:
         each = line(line_ball(), 2.0, name)
         end = started(each.gamma, each.M, duration=1.0).motion.contact_point[-1]
         speed = (-1.0 if name.startswith("σ") else 1.0) * each.n.a * np.linalg.norm(each.n.Omega)
@@ -209,14 +209,14 @@ CLAIMS = (
     Claim(
         "(5.3)",
         "γ₀ = c₁K + c₂K×Ω: γ², M² by c₁, c₂",
-        combination,
+        _combination,
         "at random c₁, c₂",
         "the sign of c₂²Ω²",
     ),
     Claim(
         "Prop. 3",
         "c₁, c₂ of σ₊, σ₋, δ₊, δ₋",
-        coefficients,
+        _coefficients,
         "(3.2)",
         "c₂, by a tenth",
         control=1.1,
@@ -224,18 +224,18 @@ CLAIMS = (
     Claim(
         "Prop. 3",
         "four of them for f < K², two for f = K²",
-        number_of_lines,
+        _number_of_lines,
         "all round Σ¹",
         "K not ⊥ Ω",
     ),
     Claim(
-        "5.1", "P₃(0) > 0 iff c₁c₂ < 0", free_coefficient, "P₃ at random balls", "the sign of c₁c₂"
+        "5.1", "P₃(0) > 0 iff c₁c₂ < 0", _free_coefficient, "P₃ at random balls", "the sign of c₁c₂"
     ),
-    Claim("Prop. 4", "σ₊ and δ₋ are unstable", always_unstable, "eigenvalues", "σ₋ and δ₊"),
+    Claim("Prop. 4", "σ₊ and δ₋ are unstable", _always_unstable, "eigenvalues", "σ₋ and δ₊"),
     Claim(
         "E13, (5.4)",
         "the second bracket is c₁K×Ω - c₂Ω²K",
-        second_bracket,
+        _second_bracket,
         "eigenvalues",
         "the sign of the bracket",
         printed="c₁Ω×K + c₂Ω², a number to a vector",
@@ -243,7 +243,7 @@ CLAIMS = (
     Claim(
         "E14, (5.4)",
         "the third bracket is c₁²K⁴ - (K, A⁻¹Ω)",
-        third_bracket,
+        _third_bracket,
         "eigenvalues",
         "the power of c₁",
         printed="c₁K⁴ - (K, A⁻¹Ω)",
@@ -259,11 +259,11 @@ CLAIMS = (
         printed="stable at f = 3",
     ),
     captioned_motion("fig10", 2e-10),
-    Claim("Fig. 10", "at f = 2 it goes from σ₊ to δ₊", arrives, MOTION, "σ₋ for δ₊"),
+    Claim("Fig. 10", "at f = 2 it goes from σ₊ to δ₊", _arrives, MOTION, "σ₋ for δ₊"),
     Claim(
         "E15, 5.1",
         "X = x₀, Y = -a|Ω|t + y₀ for σ, + for δ",
-        directions,
+        _directions,
         MOTION,
         "the sign of Y",
         printed="+ for σ, - for δ",

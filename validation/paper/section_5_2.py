@@ -32,7 +32,7 @@ def andoyer(L: float, l: float, g: float, level: float = F) -> tuple[Array, Arra
     return M, gamma
 
 
-def no_lines(twist: float) -> AtLeast:
+def _no_lines(twist: float) -> AtLeast:
     """By how much f exceeds (γ×K)² on all of (Ω,γ) = 0, in Figs 11a and 11b; twisted, f = 5."""
     level, least = F if twist == 1 else 5.0, np.inf
     for name in ("fig12", "fig14"):
@@ -44,7 +44,7 @@ def no_lines(twist: float) -> AtLeast:
     return AtLeast(float(least), bound=1.0, unit="(kg m²/s)²")
 
 
-def on_the_level(twist: float) -> Residual:
+def _on_the_level(twist: float) -> Residual:
     """γ² = 1, (M, γ) = 0 and M² = f by (5.5), and that robotball.scene has the same M and γ."""
     random, worst = np.random.default_rng(71), 0.0
     for _ in range(100):
@@ -57,14 +57,14 @@ def on_the_level(twist: float) -> Residual:
     return Residual(worst, bound=1e-14)
 
 
-def angle_g(M: Array, gamma: Array) -> float:
+def _angle_g(M: Array, gamma: Array) -> float:
     """g by (5.5): sin g = γ₁cos l - γ₂sin l, cos g = -γ₃/√(1 - L²/f)."""
     across = np.hypot(M[0], M[1])
     sine = (gamma[0] * M[1] - gamma[1] * M[0]) / across
     return float(np.arctan2(sine, -gamma[2] * np.linalg.norm(M) / across))
 
 
-def crossings(twist: float) -> Residual:
+def _crossings(twist: float) -> Residual:
     """(l, L) where MuJoCo's ball of Fig. 12 has g = 0 by (5.5), beside robotball's section.
 
     Between samples by splines; twisted, where it has g = π.
@@ -72,12 +72,12 @@ def crossings(twist: float) -> Residual:
     scene, ball = paper_scene(RUBBER), seen(RUBBER)
     times = ball.motion.times
     M, gamma = CubicSpline(times, ball.momentum), CubicSpline(times, ball.gamma)
-    angles = np.array([angle_g(*each) for each in zip(ball.momentum, ball.gamma, strict=True)])
+    angles = np.array([_angle_g(*each) for each in zip(ball.momentum, ball.gamma, strict=True)])
     angles = np.mod(angles + (0.0 if twist == 1 else np.pi) + np.pi, 2 * np.pi) - np.pi
     passing = np.flatnonzero((angles[1:] * angles[:-1] < 0) & (np.abs(np.diff(angles)) < 1.0))
     found = []
     for i in passing:
-        at = brentq(lambda t: np.sin(angle_g(M(t), gamma(t))), times[i], times[i + 1], xtol=1e-12)
+        at = brentq(lambda t: np.sin(_angle_g(M(t), gamma(t))), times[i], times[i + 1], xtol=1e-12)
         found.append([np.arctan2(*M(at)[:2]), M(at)[2]])
     parameters, attitudes, momenta = kernel_start(scene)
     expected = section(parameters, attitudes, momenta, count=len(found))
@@ -97,12 +97,12 @@ CLAIMS = (
     Claim(
         "5.2",
         "f > K², Figs 11a, b: no straight line on the level",
-        no_lines,
+        _no_lines,
         "all round Σ¹",
         "f < K²",
     ),
-    Claim("(5.5)", "γ² = 1, (M, γ) = 0, M² = f", on_the_level, "at random L, l, g", "sign of γ₂"),
-    Claim("(5.6)", "the crossings (l, L) of g = 0", crossings, f"{MOTION} and (5.5)", "g₀ = π"),
+    Claim("(5.5)", "γ² = 1, (M, γ) = 0, M² = f", _on_the_level, "at random L, l, g", "sign of γ₂"),
+    Claim("(5.6)", "the crossings (l, L) of g = 0", _crossings, f"{MOTION} and (5.5)", "g₀ = π"),
     Claim(
         "E25, 5.2",
         "(l, L/√f) is on an annulus: at L = √f γ depends on l",

@@ -36,20 +36,20 @@ from validation.paper.engine import MOTION, NAME, long
 from validation.paper.formulas import Numbers, paper_scene
 from validation.paper.section_5_2 import F
 
-STEP = 0.01  # s, of Runge and Kutta's classical method
-STEPS_PER_QR = 20
+_STEP = 0.01  # s, of Runge and Kutta's classical method
+_STEPS_PER_QR = 20
 
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def compiled(function: Function) -> Function:
+def _compiled(function: Function) -> Function:
     """Numba's njit, with its type kept."""
     result: Function = numba.njit(cache=True)(function)
     return result
 
 
-@compiled
+@_compiled
 def rate(x: Array, a: Array, Omega: Array, K: Array) -> Array:
     """d/dt of (M, γ) by (3.2); x (6,) may be complex."""
     M, gamma = x[:3], x[3:]
@@ -70,23 +70,23 @@ def rate(x: Array, a: Array, Omega: Array, K: Array) -> Array:
     return found
 
 
-@compiled
-def growths(start: Array, a: Array, Omega: Array, K: Array, rounds: int) -> Array:
+@_compiled
+def _growths(start: Array, a: Array, Omega: Array, K: Array, rounds: int) -> Array:
     """Σ ln of the six neighbours' growths (6,) over rounds of STEPS_PER_QR steps."""
     tiny = 1e-30
     bundle = np.eye(6)
     state, total = start.copy(), np.zeros(6)
     for _ in range(rounds):
-        for _ in range(STEPS_PER_QR):
+        for _ in range(_STEPS_PER_QR):
             moved = np.empty((6, 6))
             end = state
             for i in range(6):
                 x = state + 1j * tiny * np.ascontiguousarray(bundle[:, i])
                 k1 = rate(x, a, Omega, K)
-                k2 = rate(x + STEP / 2 * k1, a, Omega, K)
-                k3 = rate(x + STEP / 2 * k2, a, Omega, K)
-                k4 = rate(x + STEP * k3, a, Omega, K)
-                new = x + STEP / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+                k2 = rate(x + _STEP / 2 * k1, a, Omega, K)
+                k3 = rate(x + _STEP / 2 * k2, a, Omega, K)
+                k4 = rate(x + _STEP * k3, a, Omega, K)
+                new = x + _STEP / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
                 moved[:, i] = new.imag / tiny
                 end = new.real
             bundle, state = moved, end
@@ -96,13 +96,13 @@ def growths(start: Array, a: Array, Omega: Array, K: Array, rounds: int) -> Arra
     return total
 
 
-def six_exponents(n: Numbers, M: Array, gamma: Array, duration: float) -> Array:
+def _six_exponents(n: Numbers, M: Array, gamma: Array, duration: float) -> Array:
     """The exponents (6,) over a duration [s] after a tenth of it, largest first [1/s]."""
-    rounds = int(duration / (STEP * STEPS_PER_QR))
+    rounds = int(duration / (_STEP * _STEPS_PER_QR))
     a, start = np.ascontiguousarray(n.moments), np.concatenate([M, gamma])
-    early = growths(start, a, n.Omega, n.K, rounds // 10)
-    whole = growths(start, a, n.Omega, n.K, rounds + rounds // 10)
-    return np.sort((whole - early) / (rounds * STEP * STEPS_PER_QR))[::-1]
+    early = _growths(start, a, n.Omega, n.K, rounds // 10)
+    whole = _growths(start, a, n.Omega, n.K, rounds + rounds // 10)
+    return np.sort((whole - early) / (rounds * _STEP * _STEPS_PER_QR))[::-1]
 
 
 LONG = 1e5  # s
@@ -140,20 +140,20 @@ def settled() -> tuple[Cycle, Array]:
     return cycle, np.concatenate([cycle.momentum @ axes, axes[:, 2]], axis=1)
 
 
-def flow(twist: float = 1.0) -> f.Field:
+def _flow(twist: float = 1.0) -> f.Field:
     """d/dt of (M, γ) of Fig. 11a's ball; twisted, back in time."""
     rate = f.reduced(f.rubber_velocity, f.numbers(regular()))
     return lambda x: twist * rate(x)
 
 
-def one_periodic_motion(twist: float) -> Residual:
+def _one_periodic_motion(twist: float) -> Residual:
     """From one concentration (3.2) leads to the other, and after a period back to the first.
 
     Twisted, after half as long.
     """
     cycle, (one, other, again) = settled()
     times = np.linspace(0.0, cycle.period * (1.0 if twist == 1 else 0.5), 401)
-    path = f.followed(flow(), one, times)
+    path = f.followed(_flow(), one, times)
     reach = np.linalg.norm(path - other, axis=1).min()
     spacing = np.linalg.norm(np.diff(path, axis=0), axis=1).max()
     back = np.linalg.norm(path[-1] - one) + np.linalg.norm(again - one)
@@ -161,7 +161,7 @@ def one_periodic_motion(twist: float) -> Residual:
     return Residual(float(back) + missed, bound=1e-10)
 
 
-def attracts(twist: float) -> Residual:
+def _attracts(twist: float) -> Residual:
     """What is left of a neighbour's distance from that motion after ten periods of (3.2).
 
     Twisted, back in time.
@@ -171,29 +171,29 @@ def attracts(twist: float) -> Residual:
     turn = f.turned_about(f.across(gamma)[0], 1e-4)  # of both, which keeps f and (M, γ)
     times = np.array([0.0, 10 * cycle.period])
     ends = [
-        f.followed(flow(twist), np.concatenate([S @ M, S @ gamma]), times, 1e-9)[-1]
+        f.followed(_flow(twist), np.concatenate([S @ M, S @ gamma]), times, 1e-9)[-1]
         for S in (f.E, turn)
     ]
     # Along the motion a neighbour stays as far ahead; that part does not count.
-    direction = flow()(one) / np.linalg.norm(flow()(one))
+    direction = _flow()(one) / np.linalg.norm(_flow()(one))
     away = ends[1] - ends[0]
     aside = away - (away @ direction) * direction
     return Residual(float(np.linalg.norm(aside)) / (1e-4 * np.sqrt(F)), bound=0.8)
 
 
 @cache
-def torus_points(L: float, l: float) -> Array:
+def _torus_points(L: float, l: float) -> Array:
     """(l, L/√f) (n, 2) of 2000 crossings of g = 0 after as many, with 0 ≤ l < 2π."""
     found = section(regular(), *section_starts(L, l, F), count=4000)
     return np.stack([found.l[0, 2000:] % (2 * np.pi), found.L[0, 2000:] / np.sqrt(F)], axis=1)
 
 
-def parts_of_the_curve(twist: float) -> Value:
+def _parts_of_the_curve(twist: float) -> Value:
     """How many pieces Fig. 13's crossings make, where those within 0.2 are joined.
 
     Twisted, with l to be counted from the middle of a piece.
     """
-    points = torus_points(0.0, 1.96).copy()
+    points = _torus_points(0.0, 1.96).copy()
     if twist != 1:
         points[:, 0] = (points[:, 0] - 1.05) % (2 * np.pi)
     tree = cKDTree(points)
@@ -201,10 +201,10 @@ def parts_of_the_curve(twist: float) -> Value:
     return Value(int(pieces), corrected=2, bound=0)
 
 
-def limit_torus(twist: float) -> Residual:
+def _limit_torus(twist: float) -> Residual:
     """How far from Fig. 13's crossings those of another start settle; twisted, of Fig. 12's."""
-    other = torus_points(0.3, 1.8) if twist == 1 else torus_points(3.6, 0.6)
-    return Residual(float(np.max(cKDTree(torus_points(0.0, 1.96)).query(other)[0])), bound=0.05)
+    other = _torus_points(0.3, 1.8) if twist == 1 else _torus_points(3.6, 0.6)
+    return Residual(float(np.max(cKDTree(_torus_points(0.0, 1.96)).query(other)[0])), bound=0.05)
 
 
 # Fig. 11b: exponents -------------------------------------------------------------------------
@@ -214,16 +214,16 @@ def limit_torus(twist: float) -> Residual:
 def six() -> Array:
     """Λ₁ to Λ₆ of Fig. 14's motion over 6000 s."""
     caption = CAPTIONS["fig14"]
-    return six_exponents(caption.n, caption.M, caption.axes[2], 6000.0)
+    return _six_exponents(caption.n, caption.M, caption.axes[2], 6000.0)
 
 
-def four_zeros(twist: float) -> Residual:
+def _four_zeros(twist: float) -> Residual:
     """Λ₂ to Λ₅; twisted, Λ₁ to Λ₄."""
     four = six()[1:5] if twist == 1 else six()[:4]
     return Residual(float(np.abs(four).max()), bound=4e-3, unit="1/s")
 
 
-def outer_two(twist: float) -> Residual:
+def _outer_two(twist: float) -> Residual:
     """How far Λ₁ and Λ₆ are from 0.116 and -0.139; the bound is 5 standard errors at 6000 s."""
     off = six()[[0, 5]] - [0.116, -0.139 * twist]
     return Residual(float(np.abs(off).max()), bound=0.02, unit="1/s")
@@ -235,26 +235,26 @@ def ensemble() -> Exponents:
     return exponents(chaotic(), *starts(16), duration=LONG)
 
 
-def largest_exponent(twist: float) -> Value:
+def _largest_exponent(twist: float) -> Value:
     """λ₁ of Fig. 11b; twisted, λ₆."""
     index = 0 if twist == 1 else 1
     return Value(ensemble().mean[index], corrected=0.116, bound=2e-3, printed=0.11, unit="1/s")
 
 
-def smallest_exponent(twist: float) -> Value:
+def _smallest_exponent(twist: float) -> Value:
     """λ₆ of Fig. 11b; twisted, λ₁."""
     index = 1 if twist == 1 else 0
     return Value(ensemble().mean[index], corrected=-0.139, bound=2e-3, printed=-0.13, unit="1/s")
 
 
-def dimension(twist: float) -> Value:
+def _dimension(twist: float) -> Value:
     """D = 1 + Λ₁/|Λ₆|."""
     first, last = ensemble().mean
     found = 1 + twist * first / abs(last)
     return Value(found, corrected=1.832, bound=5.5e-3, printed=1.84)
 
 
-def strange(twist: float) -> Value:
+def _strange(twist: float) -> Value:
     """The rate at which MuJoCo's neighbours part, twelve times 20 s on from Fig. 14's start.
 
     By ln of the distance's growth; that of a limit cycle's neighbours is 0 or less. Twisted, on
@@ -284,33 +284,37 @@ CLAIMS_5_3 = (
     Claim(
         "E23, Fig. 11a",
         "the two concentrations are one periodic motion",
-        one_periodic_motion,
+        _one_periodic_motion,
         "(3.2) by scipy",
         "half the period",
     ),
     Claim(
-        "Fig. 11a", "that periodic motion attracts", attracts, "(3.2) by scipy", "the sense of time"
+        "Fig. 11a",
+        "that periodic motion attracts",
+        _attracts,
+        "(3.2) by scipy",
+        "the sense of time",
     ),
     Claim(
         "Fig. 11a",
         "a limit torus: another start settles on it",
-        limit_torus,
+        _limit_torus,
         "the section",
         "Fig. 12's start",
     ),
     Claim(
         "Fig. 11a",
         "the torus's curve: two parts on the involute",
-        parts_of_the_curve,
+        _parts_of_the_curve,
         "the section",
         "another cut",
     ),
-    Claim("5.3", "Λ₁ ≈ 0.11 and Λ₆ ≈ -0.13", outer_two, "six neighbours", "the sign of Λ₆"),
-    Claim("5.3", "Λ₂ ≈ Λ₃ ≈ Λ₄ ≈ Λ₅ ≈ 0", four_zeros, "six neighbours", "Λ₁ to Λ₄"),
+    Claim("5.3", "Λ₁ ≈ 0.11 and Λ₆ ≈ -0.13", _outer_two, "six neighbours", "the sign of Λ₆"),
+    Claim("5.3", "Λ₂ ≈ Λ₃ ≈ Λ₄ ≈ Λ₅ ≈ 0", _four_zeros, "six neighbours", "Λ₁ to Λ₄"),
     Claim(
         "E26, 5.3",
         "the largest exponent Λ₁",
-        largest_exponent,
+        _largest_exponent,
         "16 runs of 1e5 s",
         "Λ₆ for Λ₁",
         printed="Λ₁ ≈ 0.11",
@@ -318,7 +322,7 @@ CLAIMS_5_3 = (
     Claim(
         "E26, 5.3",
         "the smallest exponent Λ₆",
-        smallest_exponent,
+        _smallest_exponent,
         "16 runs of 1e5 s",
         "Λ₁ for Λ₆",
         printed="Λ₆ ≈ -0.13",
@@ -326,7 +330,7 @@ CLAIMS_5_3 = (
     Claim(
         "E26, 5.3",
         "D = 1 + Λ₁/|Λ₆|",
-        dimension,
+        _dimension,
         "16 runs of 1e5 s",
         "the sign of Λ₁",
         printed="D ≈ 1.84",
@@ -334,7 +338,7 @@ CLAIMS_5_3 = (
     Claim(
         "E22, Fig. 14",
         "a strange attractor: neighbours part",
-        strange,
+        _strange,
         f"{NAME}'s neighbours",
         "Fig. 12's start",
         printed='"the stable limit cycle" in Fig. 11b',
@@ -342,19 +346,19 @@ CLAIMS_5_3 = (
 )
 
 
-def mean_motion(name: str, twist: float) -> AtLeast:
+def _mean_motion(name: str, twist: float) -> AtLeast:
     """X of MuJoCo's contact point after 150 s, over the time; twisted, Y."""
     end = long(name, 150.0).motion.contact_point[-1]
     return AtLeast(abs(float(end[0 if twist == 1 else 1])) / 150.0, bound=1.0, unit="m/s")
 
 
-def bounded_across(name: str, twist: float) -> Residual:
+def _bounded_across(name: str, twist: float) -> Residual:
     """The range of Y in 150 s of MuJoCo's motion over that in half of it; twisted, of Fig. 14."""
     Y = long(name if twist == 1 else "fig14", 150.0).motion.contact_point[:, 1]
     return Residual(float(np.ptp(Y) / np.ptp(Y[: len(Y) // 2])), bound=1.03)
 
 
-def grows_across(twist: float) -> AtLeast:
+def _grows_across(twist: float) -> AtLeast:
     """The range of Y in 4000 s of Fig. 14's motion by (3.2) over that in 100 s; twisted, of 13."""
     parameters, attitude, momentum = kernel_start(paper_scene("fig14" if twist == 1 else "fig13"))
     times = np.arange(0.0, 4000.0, 0.05)
@@ -367,18 +371,18 @@ CLAIMS_5_3_PATHS = (
     captioned_motion("fig13", 4e-7),
     captioned_motion("fig14", 1e-6),
     *(
-        Claim(place(name), "mean motion along OX", partial(mean_motion, name), MOTION, "OY for OX")
+        Claim(place(name), "mean motion along OX", partial(_mean_motion, name), MOTION, "OY for OX")
         for name in ("fig12", "fig13", "fig14")
     ),
     *(
         Claim(
             place(name),
             "along OY it stays bounded",
-            partial(bounded_across, name),
+            partial(_bounded_across, name),
             MOTION,
             "Fig. 14",
         )
         for name in ("fig12", "fig13")
     ),
-    Claim("Fig. 14", "along OY its deviation grows", grows_across, "(3.2), 4000 s", "Fig. 13"),
+    Claim("Fig. 14", "along OY its deviation grows", _grows_across, "(3.2), 4000 s", "Fig. 13"),
 )

@@ -15,8 +15,8 @@ import numpy as np
 from robotball.rotations import Array
 
 POINTS = 400  # of a line at most, since a screen shows no more
-LEFT, RIGHT, TOP, BOTTOM = 68, 16, 10, 44  # px around the axes
-DIGITS = 5  # of a value shown under the pointer
+_LEFT, _RIGHT, _TOP, _BOTTOM = 68, 16, 10, 44  # px around the axes
+_DIGITS = 5  # of a value shown under the pointer
 LEAST_LOG = 1e-17  # a zero on a logarithmic axis is drawn here, below the rounding of 1
 
 
@@ -56,20 +56,20 @@ def chart(
     x0, x1 = _range(np.concatenate([line.x for line in thin]))
     y = np.concatenate([line.y for line in thin])
     y0, y1 = _log_range(y) if log else _range(y)
-    width = size[0] - LEFT - RIGHT
+    width = size[0] - _LEFT - _RIGHT
     if equal:
-        flat = width * (y1 - y0) / (x1 - x0) + TOP + BOTTOM
+        flat = width * (y1 - y0) / (x1 - x0) + _TOP + _BOTTOM
         size = size[0], round(min(size[1], max(flat, size[1] / 2)))
-    height = size[1] - TOP - BOTTOM
+    height = size[1] - _TOP - _BOTTOM
     if equal:
         x0, x1, y0, y1 = _equal_ranges(x0, x1, y0, y1, width / height)
 
     def px(x: Array) -> Array:
-        return LEFT + (np.asarray(x) - x0) / (x1 - x0) * width
+        return _LEFT + (np.asarray(x) - x0) / (x1 - x0) * width
 
     def py(y: Array) -> Array:
         shown = np.log10(np.maximum(y, LEAST_LOG)) if log else np.asarray(y)
-        return TOP + (y1 - np.maximum(shown, y0)) / (y1 - y0) * height
+        return _TOP + (y1 - np.maximum(shown, y0)) / (y1 - y0) * height
 
     parts = [_frame(width, height)]
     for tick in ticks(x0, x1):
@@ -155,7 +155,7 @@ def _equal_ranges(
 
 def _frame(width: float, height: float) -> str:
     return (
-        f'<rect x="{LEFT}" y="{TOP}" width="{width}" height="{height}" fill="none" '
+        f'<rect x="{_LEFT}" y="{_TOP}" width="{width}" height="{height}" fill="none" '
         'stroke="currentColor" stroke-opacity=".45"/>'
     )
 
@@ -168,22 +168,22 @@ def _grid(x1: float, y1: float, x2: float, y2: float) -> str:
 
 
 def _x_tick(x: float, height: float, text: str) -> str:
-    below = TOP + height
-    return _grid(x, TOP, x, below) + (
+    below = _TOP + height
+    return _grid(x, _TOP, x, below) + (
         f'<text x="{x:.1f}" y="{below + 16:.0f}" text-anchor="middle">{text}</text>'
     )
 
 
 def _y_tick(y: float, width: float, text: str) -> str:
-    return _grid(LEFT, y, LEFT + width, y) + (
-        f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
+    return _grid(_LEFT, y, _LEFT + width, y) + (
+        f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
     )
 
 
 def _labels(x_label: str, y_label: str, width: float, height: float) -> str:
-    middle = TOP + height / 2
+    middle = _TOP + height / 2
     return (
-        f'<text x="{LEFT + width / 2:.0f}" y="{TOP + height + 36:.0f}" '
+        f'<text x="{_LEFT + width / 2:.0f}" y="{_TOP + height + 36:.0f}" '
         f'text-anchor="middle">{escape(x_label)}</text>'
         f'<text transform="translate(14 {middle:.0f}) rotate(-90)" '
         f'text-anchor="middle">{escape(y_label)}</text>'
@@ -214,5 +214,5 @@ def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
 
 def _digits(values: Array) -> list[float | None]:
     return [
-        float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None for value in values.tolist()
+        float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None for value in values.tolist()
     ]

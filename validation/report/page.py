@@ -8,15 +8,15 @@ from typing import Any
 
 from validation.report.chart import Line, chart, legend
 
-HERE = Path(__file__).parent
-ROWS = 21  # of the table beside a plot
-HINT = "Point at the plot, or use the arrow keys, for values."
-NUMBER = set("0123456789.e+- ")
+_HERE = Path(__file__).parent
+_ROWS = 21  # of the table beside a plot
+_HINT = "Point at the plot, or use the arrow keys, for values."
+_NUMBER = set("0123456789.e+- ")
 
 
 def page(title: str, body: Iterable[str], head: str = "") -> str:
     """Return a whole HTML page, self-contained."""
-    style, script = ((HERE / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    style, script = ((_HERE / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -50,7 +50,7 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str =
 def _data(cell: object) -> str:
     """Return a cell; on paper the lines of words are broken, and a number stays whole."""
     words = text(cell)
-    return f'<td class="number">{words}</td>' if set(words) <= NUMBER else f"<td>{words}</td>"
+    return f'<td class="number">{words}</td>' if set(words) <= _NUMBER else f"<td>{words}</td>"
 
 
 def folded(summary: str, inside: str, short: bool = False) -> str:
@@ -79,7 +79,7 @@ def plot(
     words = f'<p class="faint">{text(note)}</p>' if note else ""
     return (
         f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"
-        f'<div class="told" aria-live="polite">{HINT}</div>{words}'
+        f'<div class="told" aria-live="polite">{_HINT}</div>{words}'
         f"{folded('Values', _values(lines, x_label, y_label))}</figure>"
     )
 
@@ -88,7 +88,7 @@ def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
     """Return a table of each line at a few places."""
     first, path = lines[0], lines[0].times is not None
     count = len(first.x)
-    places = sorted({round(i * (count - 1) / (ROWS - 1)) for i in range(ROWS)})
+    places = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
     headings = ["t [s]" if path else x_label]
     for line in lines:
         axes = (f"{x_label}, {line.name}", f"{y_label}, {line.name}")

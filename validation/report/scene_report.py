@@ -17,8 +17,8 @@ from validation.report.chart import Line
 from validation.report.page import embedded, folded, page, paragraph, plain, plot, table
 from validation.results import needs
 
-DASHES = ("", "7 4", "2 3", "10 3 2 3")  # of lines in SVG: they differ without colour, too
-ERRORS = {
+_DASHES = ("", "7 4", "2 3", "10 3 2 3")  # of lines in SVG: they differ without colour, too
+_ERRORS = {
     "path error": "the largest distance of the two contact points, over the path's length",
     "γ error": "the largest angle between the two verticals [rad]",
     "attitude error": "the largest angle between the two attitudes [rad]",
@@ -123,8 +123,8 @@ def _numbers(group: Sequence[Agreement]) -> str:
         )
         for each in group
     ]
-    headings = ("preset", "step [ms]", *ERRORS, "tolerance")
-    words = "; ".join(f"{name}: {meaning}" for name, meaning in ERRORS.items())
+    headings = ("preset", "step [ms]", *_ERRORS, "tolerance")
+    words = "; ".join(f"{name}: {meaning}" for name, meaning in _ERRORS.items())
     own = group[0].reference_error
     if own is not None:
         words += f". The reference's own path error is {scientific(own)}"
@@ -140,7 +140,7 @@ def _plots(group: Sequence[Agreement]) -> list[str]:
             each.engine.colour,
             each.contact_point[:, 0],
             each.contact_point[:, 1],
-            dash=DASHES[i % len(DASHES)],
+            dash=_DASHES[i % len(_DASHES)],
             width=1.8 if i else 4,  # the equations' path is wide below the others
             times=each.times,
         )
@@ -176,7 +176,7 @@ def _over_time(group: Sequence[Agreement], values: Sequence[Array]) -> list[Line
             each.motion.engine.colour,
             each.motion.times[1:],
             np.abs(value[1:]),
-            dash=DASHES[i % len(DASHES)],
+            dash=_DASHES[i % len(_DASHES)],
         )
         for i, (each, value) in enumerate(zip(group, values, strict=True))
         if len(value) > 1

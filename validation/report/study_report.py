@@ -11,7 +11,7 @@ from robotball.files import contents
 from validation.report.page import embedded, folded, page, paragraph, plain, table, text
 
 LONGEST = 60  # rows of a table; the file has the others
-WIDEST = 60  # characters of a cell
+_WIDEST = 60  # characters of a cell
 
 
 def study_report(source: Path) -> str:
@@ -80,4 +80,4 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     words = str(value)
-    return words if len(words) <= WIDEST else f"{words[: WIDEST - 1]}…"
+    return words if len(words) <= _WIDEST else f"{words[: _WIDEST - 1]}…"

@@ -35,12 +35,12 @@ from validation.results import record
 from validation.studies.timing import Cost, measure_costs, simulated_second
 from validation.study import Column, Row, Study, table_of
 
-TIMED = 2.0  # s of the motion over which cost is measured; it hardly changes along the way
-ROUNDS = 5  # of timing, all variants in turn
+_TIMED = 2.0  # s of the motion over which cost is measured; it hardly changes along the way
+_ROUNDS = 5  # of timing, all variants in turn
 
 
 @dataclass(frozen=True)
-class Choice:
+class _Choice:
     """A modelling choice: the fields of Settings that make it, and its description."""
 
     name: str
@@ -51,20 +51,20 @@ class Choice:
 # Choices without which nothing rolls come first, so that the smaller errors behind them are seen.
 CHOICES = (
     # The solver's tolerances are relative to inertia; beside a huge one it would stop at once.
-    Choice("drive", ("drive", "tolerance", "ls_tolerance"), "huge inertias, not servos"),
-    Choice("friction", ("sliding_friction", "torsional_friction"), "more than the motion needs"),
-    Choice("cone", ("cone",), "elliptic, not a pyramid"),
-    Choice("root", ("root",), "the shell has the free joint, not the frame"),
-    Choice("integrator", ("integrator",), "RK4, not Euler"),
-    Choice("start", ("start_in_equilibrium",), "at the depth that carries the weight"),
-    Choice("softness", ("solref", "solimp", "solreffriction", "softness"), "a stiff contact"),
-    Choice("noslip", ("noslip_iterations", "noslip_tolerance"), "slip is solved for"),
-    Choice(
+    _Choice("drive", ("drive", "tolerance", "ls_tolerance"), "huge inertias, not servos"),
+    _Choice("friction", ("sliding_friction", "torsional_friction"), "more than the motion needs"),
+    _Choice("cone", ("cone",), "elliptic, not a pyramid"),
+    _Choice("root", ("root",), "the shell has the free joint, not the frame"),
+    _Choice("integrator", ("integrator",), "RK4, not Euler"),
+    _Choice("start", ("start_in_equilibrium",), "at the depth that carries the weight"),
+    _Choice("softness", ("solref", "solimp", "solreffriction", "softness"), "a stiff contact"),
+    _Choice("noslip", ("noslip_iterations", "noslip_tolerance"), "slip is solved for"),
+    _Choice(
         "solver",
         ("solver", "jacobian", "iterations", "warmstart", "island"),
         "PGS and few iterations",
     ),
-    Choice("timestep", ("timestep",), "shorter than the engine's own"),
+    _Choice("timestep", ("timestep",), "shorter than the engine's own"),
 )
 # A newcomer hangs the shell on the body that it is built around. At both ends a faulty run goes
 # on, so that there is an error to report, and slip is a fault from the same size on.
@@ -72,14 +72,14 @@ BOTTOM = replace(NAIVE, root="frame", stop_at_fault=False)
 TOP = replace(preset("accurate"), error_tolerance=NAIVE.error_tolerance, stop_at_fault=False)
 
 
-def adopt(settings: Settings, choice: Choice, of: Settings = TOP) -> Settings:
+def _adopt(settings: Settings, choice: _Choice, of: Settings = TOP) -> Settings:
     """Return `settings` with the choice as it is made in `of`."""
     return replace(settings, **{name: getattr(of, name) for name in choice.fields})
 
 
-def undo(settings: Settings, choice: Choice) -> Settings:
+def _undo(settings: Settings, choice: _Choice) -> Settings:
     """Return `settings` with the choice as a newcomer makes it."""
-    return adopt(settings, choice, BOTTOM)
+    return _adopt(settings, choice, BOTTOM)
 
 
 def without(settings: Settings, names: Iterable[str]) -> Settings:
@@ -91,7 +91,7 @@ def without(settings: Settings, names: Iterable[str]) -> Settings:
     for name in names:
         if name not in known:
             raise unknown("choice", name, known)
-        settings = replace(undo(settings, known[name]), name=f"{settings.name} - {name}")
+        settings = replace(_undo(settings, known[name]), name=f"{settings.name} - {name}")
     return settings
 
 
@@ -99,31 +99,31 @@ def built_up() -> tuple[Settings, ...]:
     """Return the naive model, then settings that each make one choice more, named after it."""
     variants = [BOTTOM]
     for choice in CHOICES:
-        variants.append(replace(adopt(variants[-1], choice), name=choice.name))
+        variants.append(replace(_adopt(variants[-1], choice), name=choice.name))
     return tuple(variants)
 
 
 def each_undone() -> tuple[Settings, ...]:
     """Return the recipe, then the recipe with each choice alone undone, named after it."""
-    return TOP, *(replace(undo(TOP, choice), name=choice.name) for choice in CHOICES)
+    return TOP, *(replace(_undo(TOP, choice), name=choice.name) for choice in CHOICES)
 
 
-BUILT_UP, UNDONE = "built up", "undone"  # directions
-SIGNS = {BUILT_UP: "+ ", UNDONE: "- "}
-WORDS = {
-    BUILT_UP: "Built up, every choice made so far: the worst to come hides what is done.",
-    UNDONE: "The recipe with one choice undone: what it is worth by itself.",
+_BUILT_UP, _UNDONE = "built up", "undone"  # directions
+_SIGNS = {_BUILT_UP: "+ ", _UNDONE: "- "}
+_WORDS = {
+    _BUILT_UP: "Built up, every choice made so far: the worst to come hides what is done.",
+    _UNDONE: "The recipe with one choice undone: what it is worth by itself.",
 }
-SEPARATOR = "; "  # between faults
-NOTE = (
+_SEPARATOR = "; "  # between faults
+_NOTE = (
     "slip: sliding velocity, root mean square, over the rolling speed.\n"
     "CPU: of a simulated second. × naive: median of rounds, ± the farthest from it.\n"
     "A run with a fault is no rolling ball, whatever its numbers."
 )
-INCHES = (11.0, 6.2)
-ERROR_AT, COST_AT = 6, 58  # points right of a panel, where its numbers stand
-SOUND, FAULTY, HATCH = LABEL.colour, "white", "////"
-DIAMOND: dict[str, Any] = {
+_INCHES = (11.0, 6.2)
+_ERROR_AT, _COST_AT = 6, 58  # points right of a panel, where its numbers stand
+_SOUND, _FAULTY, _HATCH = LABEL.colour, "white", "////"
+_DIAMOND: dict[str, Any] = {
     "marker": "D",
     "color": INK,
     "markerfacecolor": "w",
@@ -135,7 +135,7 @@ DIAMOND: dict[str, Any] = {
 def measure_ablation(
     scene: Scene,
     times: Array | None = None,
-    rounds: int = ROUNDS,
+    rounds: int = _ROUNDS,
     show: Show | None = None,
 ) -> Study:
     """Run and time all variants of a scene over `times` (n,) [s] from 0, the scene's own if None.
@@ -145,14 +145,17 @@ def measure_ablation(
     """
     show = show or (lambda part, what: None)
     theory = integrate(scene, times)
-    directions = [*((BUILT_UP, each) for each in built_up()), *((UNDONE, e) for e in each_undone())]
+    directions = [
+        *((_BUILT_UP, each) for each in built_up()),
+        *((_UNDONE, e) for e in each_undone()),
+    ]
     models = [build(scene, settings) for _, settings in directions]
     agreements = []
     total = len(models) * (rounds + 2)
     for i, model in enumerate(models):
         show(i / total, f"{scene.name}: {model.settings.name}")
         agreements.append(Agreement(theory, run(model, theory.times), MUJOCO))
-    timed = theory.times[: max(2, int(np.searchsorted(theory.times, TIMED)))]
+    timed = theory.times[: max(2, int(np.searchsorted(theory.times, _TIMED)))]
     costs = measure_costs(
         [simulated_second(model, timed) for model in models],
         rounds,
@@ -172,7 +175,7 @@ def measure_ablation(
             "variants": variants,
         },
         shown=(f"[bold]{escape(heading)}[/]", *_shown(rows)),
-        picture=ablation_picture(heading, rows),
+        picture=_ablation_picture(heading, rows),
     )  # fmt: skip
 
 
@@ -190,7 +193,7 @@ def _row(direction: str, agreement: Agreement, cost: Cost, naive: Cost) -> dict[
         "times_naive": ratio.ratio,
         "times_naive_least": ratio.spread[0],
         "times_naive_most": ratio.spread[1],
-        "faults": SEPARATOR.join(map(str, agreement.faults)),
+        "faults": _SEPARATOR.join(map(str, agreement.faults)),
     }
 
 
@@ -199,16 +202,16 @@ def _of(rows: Sequence[Row], direction: str) -> list[Row]:
 
 
 def _shown(rows: Sequence[Row]) -> Iterator[Table | str]:
-    for direction, words in WORDS.items():
+    for direction, words in _WORDS.items():
         yield words
         yield table_of(COLUMNS, _of(rows, direction), lambda row: row["faults"])
-    yield NOTE
+    yield _NOTE
 
 
 def _name(row: Row) -> str:
     """Return the choice and its sign; the ends, naive model and recipe, have none."""
     ends = BOTTOM.name, TOP.name
-    return row["choice"] if row["choice"] in ends else f"{SIGNS[row['direction']]}{row['choice']}"
+    return row["choice"] if row["choice"] in ends else f"{_SIGNS[row['direction']]}{row['choice']}"
 
 
 def _times_naive(row: Row) -> str:
@@ -218,7 +221,7 @@ def _times_naive(row: Row) -> str:
 
 def _first_fault(row: Row) -> str:
     """Return the first fault of a variant, and how many more there are."""
-    first, *others = row["faults"].split(SEPARATOR)
+    first, *others = row["faults"].split(_SEPARATOR)
     return f"{first} (+{len(others)})" if others else first
 
 
@@ -233,14 +236,14 @@ COLUMNS = (
 )
 
 
-def ablation_picture(heading: str, rows: Sequence[Row]) -> Figure:
+def _ablation_picture(heading: str, rows: Sequence[Row]) -> Figure:
     """Draw path error (bars) and momentum error (diamonds) of every variant, its cost beside."""
-    figure = Figure(figsize=INCHES, layout="constrained")
+    figure = Figure(figsize=_INCHES, layout="constrained")
     title(figure, heading)
     left, right = figure.subplots(1, 2, sharex=True)
-    _panel(left, _of(rows, BUILT_UP))
-    _panel(right, _of(rows, UNDONE))
-    best = _of(rows, UNDONE)[0]["path_error"]
+    _panel(left, _of(rows, _BUILT_UP))
+    _panel(right, _of(rows, _UNDONE))
+    best = _of(rows, _UNDONE)[0]["path_error"]
     if best is not None:
         for axes in (left, right):
             axes.axvline(best, color=INK, linestyle=":")
@@ -249,9 +252,9 @@ def ablation_picture(heading: str, rows: Sequence[Row]) -> Figure:
     drawn = [row[error] for row in rows for error in ("path_error", "momentum_error") if row[error]]
     left.set_xlim(min(drawn) / 20, max(drawn) * 20)  # with room beyond all; bars begin at the left
     handles: list[Artist] = [
-        Patch(facecolor=SOUND, edgecolor=INK, label="path error"),
-        Patch(facecolor=FAULTY, edgecolor=INK, hatch=HATCH, label="path error, faulty run"),
-        Line2D([], [], **DIAMOND, label="momentum error"),
+        Patch(facecolor=_SOUND, edgecolor=INK, label="path error"),
+        Patch(facecolor=_FAULTY, edgecolor=INK, hatch=_HATCH, label="path error, faulty run"),
+        Line2D([], [], **_DIAMOND, label="momentum error"),
         Line2D([], [], color=INK, linestyle=":", label="path error of the recipe"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
@@ -269,14 +272,14 @@ def _panel(axes: Axes, rows: Sequence[Row]) -> None:
         if error is not None:
             axes.barh(
                 i, error, height=0.62, edgecolor=INK,
-                color=FAULTY if faulty else SOUND, hatch=HATCH if faulty else None,
+                color=_FAULTY if faulty else _SOUND, hatch=_HATCH if faulty else None,
             )  # fmt: skip
         if off is not None:
-            axes.plot([off], [i], **DIAMOND)
-        _beside(axes, i, "broke off" if error is None else scientific(error), ERROR_AT)
-        _beside(axes, i, f"{row['times_naive']:.1f}", COST_AT)
-    _beside(axes, -1, "path\nerror", ERROR_AT)
-    _beside(axes, -1, "CPU,\n× naive", COST_AT)
+            axes.plot([off], [i], **_DIAMOND)
+        _beside(axes, i, "broke off" if error is None else scientific(error), _ERROR_AT)
+        _beside(axes, i, f"{row['times_naive']:.1f}", _COST_AT)
+    _beside(axes, -1, "path\nerror", _ERROR_AT)
+    _beside(axes, -1, "CPU,\n× naive", _COST_AT)
 
 
 def _beside(axes: Axes, row: float, text: str, place: float) -> None:
@@ -303,5 +306,5 @@ class Ablation:
         scene = load_scene(self.scene)
         times = self.study.times(scene)
         with progress_bar(1) as show:
-            study = measure_ablation(scene, times, 2 if self.study.quick else ROUNDS, show)
+            study = measure_ablation(scene, times, 2 if self.study.quick else _ROUNDS, show)
         return self.study.present(study)

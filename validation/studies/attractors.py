@@ -41,20 +41,20 @@ from validation.studies.contact_sections import (
 )
 from validation.studies.lyapunov import contact_exponent, growth_by_equations
 
-F = 25.0  # of Figs 11 to 14, (kg m²/s)²
+_F = 25.0  # of Figs 11 to 14, (kg m²/s)²
 # The curve by 192,000 points, the contact model's by 50: at most 1e-6 is lost to the spacing.
-TORUS = Torus(L=0.0, l=1.96, spread=0.2, f=F, starts=64, skipped=250, count=3000)
-TORUS_BY_CONTACT = Torus(L=0.0, l=1.96, spread=0.0, f=F, starts=1, skipped=100, count=50)
-CLOUD = Recipe(f=F, starts=50, skipped=20, count=40)  # 2000 points
-PEERS = 199
-PAIRS = Recipe(f=F, starts=16, skipped=0, count=0)
-PAIR_SECONDS = 4000.0  # of each: 1 % of sampling error over all
-EXPONENT = 0.1160  # of Fig. 11b, 1/s: the equations', ±0.0001 by 64 starts over 1e5 s
-DRIFTS = {"fig12": 3.65907, "fig13": 3.665, "fig14": 3.276}  # m/s along OX
+TORUS = Torus(L=0.0, l=1.96, spread=0.2, f=_F, starts=64, skipped=250, count=3000)
+TORUS_BY_CONTACT = Torus(L=0.0, l=1.96, spread=0.0, f=_F, starts=1, skipped=100, count=50)
+_CLOUD = Recipe(f=_F, starts=50, skipped=20, count=40)  # 2000 points
+_PEERS = 199
+_PAIRS = Recipe(f=_F, starts=16, skipped=0, count=0)
+_PAIR_SECONDS = 4000.0  # of each: 1 % of sampling error over all
+_EXPONENT = 0.1160  # of Fig. 11b, 1/s: the equations', ±0.0001 by 64 starts over 1e5 s
+_DRIFTS = {"fig12": 3.65907, "fig13": 3.665, "fig14": 3.276}  # m/s along OX
 
 
 @dataclass(frozen=True)
-class Measurement:
+class _Measurement:
     """One quantity by both engines.
 
     apart, bound: their difference and what it may be at most; error: the sampling's, at one
@@ -73,14 +73,14 @@ class Measurement:
         return bool(self.apart <= self.bound)
 
 
-def measure_cycle(show: Show) -> Iterator[Measurement]:
+def _measure_cycle(show: Show) -> Iterator[_Measurement]:
     """Measure Fig. 11a's periodic orbit: period, fixed point, multiplier, drift."""
     show(0, "Fig. 11a: periodic orbit")
     scene = load_scene("fig12")
-    cycle = fixed_point(scene.parameters, 3.6, 0.6, F)
-    L, l = crossing_of(cycle, scene.parameters)
+    cycle = fixed_point(scene.parameters, 3.6, 0.6, _F)
+    L, l = _crossing_of(cycle, scene.parameters)
     model = build(scene, preset("balanced"))
-    contact = contact_cycle(model, L, l + 0.01, F, cycle.period, direction=-1)
+    contact = contact_cycle(model, L, l + 0.01, _F, cycle.period, direction=-1)
     size, ours = abs(cycle.multipliers[0]), abs(contact.multipliers[0])
     for claim, a, b in (
         ("11a: period [s]", contact.period, cycle.period),
@@ -88,90 +88,92 @@ def measure_cycle(show: Show) -> Iterator[Measurement]:
         ("11a: l of it [rad]", contact.l, l),
         ("11a: |multiplier|", ours, size),
     ):
-        yield Measurement(claim, a, b, abs(a - b), 1e-6)
+        yield _Measurement(claim, a, b, abs(a - b), 1e-6)
     start = own_start(scene, cycle.attitude, cycle.momentum)
     moved = run(model, sample_times(cycle.period, 5e-3), start=start).contact_point[-1]
-    yield measure_drift("fig12", -float(moved @ cycle.momentum[:2]) / 5 / cycle.period, 0.0, 1e-5)
+    yield _measure_drift("fig12", -float(moved @ cycle.momentum[:2]) / 5 / cycle.period, 0.0, 1e-5)
 
 
-def crossing_of(cycle: Cycle, parameters: Parameters) -> tuple[float, float]:
+def _crossing_of(cycle: Cycle, parameters: Parameters) -> tuple[float, float]:
     """Return (L, l) where a periodic orbit crosses g = 0 with g falling."""
     found = section(parameters, cycle.attitude[None], cycle.momentum[None], 1, direction=-1)
     return float(found.L[0, 0]), float(found.l[0, 0])
 
 
-def measure_torus(show: Show) -> Iterator[Measurement]:
+def _measure_torus(show: Show) -> Iterator[_Measurement]:
     """Measure Fig. 11a's limit torus: how far MuJoCo's section points are from the curve."""
     show(1, "Fig. 11a: limit torus")
     scene = load_scene("fig13")
     curve = cloud_by_equations(scene.parameters, TORUS, seed=0)
     contact = cloud_by_contact(build(scene, preset("balanced")), TORUS_BY_CONTACT, seed=0)
     apart = distance_to_curve(contact.states, curve.states)
-    yield Measurement("11a: off the torus", apart.max(), 0.0, apart.max(), 5e-6)
+    yield _Measurement("11a: off the torus", apart.max(), 0.0, apart.max(), 5e-6)
     # The mean over 1200 s misses that of all time by a swing of the path, some metres, over that.
-    yield measure_drift("fig13", float(contact.velocities[0, 0]), 0.0, 5e-3)
+    yield _measure_drift("fig13", float(contact.velocities[0, 0]), 0.0, 5e-3)
 
 
-def measure_clouds(show: Show) -> Iterator[Measurement]:
+def _measure_clouds(show: Show) -> Iterator[_Measurement]:
     """Measure Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
     contact = cloud_by_contact(
         build(scene, COARSE),
-        CLOUD,
+        _CLOUD,
         seed=0,
         progress=lambda part: show(2 + part, "Fig. 11b: cloud"),
     )
     show(3, "Fig. 11b: clouds of the equations")
     reference, *peers = (
-        cloud_by_equations(scene.parameters, CLOUD, seed).states for seed in range(1, PEERS + 2)
+        cloud_by_equations(scene.parameters, _CLOUD, seed).states for seed in range(1, _PEERS + 2)
     )
     probability = rank_probability(contact.states, peers, reference)
     # Of right clouds 1 - p is even between 0 and 1, 0.5 in the mean; over 0.99 is refused.
-    yield Measurement("11b: 1 - p of the cloud", 1 - probability, 0.5, 1 - probability, 0.99)
+    yield _Measurement("11b: 1 - p of the cloud", 1 - probability, 0.5, 1 - probability, 0.99)
     mean = contact.velocities.mean(axis=0)
-    error = contact.velocities.std(axis=0, ddof=1) / np.sqrt(CLOUD.starts)
-    yield measure_drift("fig14", float(mean[0]), float(error[0]), 3 * float(error[0]))
+    error = contact.velocities.std(axis=0, ddof=1) / np.sqrt(_CLOUD.starts)
+    yield _measure_drift("fig14", float(mean[0]), float(error[0]), 3 * float(error[0]))
 
 
-def measure_exponents(show: Show) -> Iterator[Measurement]:
+def _measure_exponents(show: Show) -> Iterator[_Measurement]:
     """Measure Fig. 11b's largest exponent, and the growth of both engines along one motion."""
     scene = load_scene("fig14")
     contact = contact_exponent(
         build(scene, COARSE),
-        *PAIRS.points(seed=0),
-        PAIR_SECONDS,
+        *_PAIRS.points(seed=0),
+        _PAIR_SECONDS,
         interval=10.0,
         progress=lambda part: show(4 + 4 * part, "Fig. 11b: exponent"),
     )
-    apart = abs(contact.mean - EXPONENT)
-    yield Measurement(
+    apart = abs(contact.mean - _EXPONENT)
+    yield _Measurement(
         "11b: λ₁ [1/s]",
         contact.mean,
-        EXPONENT,
+        _EXPONENT,
         apart,
-        0.03 * EXPONENT,
+        0.03 * _EXPONENT,
         contact.error,
     )
     alongside = float(growth_by_equations(scene.parameters, contact).mean() / contact.interval)
-    yield Measurement(
+    yield _Measurement(
         "11b: along one motion", contact.mean, alongside,
         abs(contact.mean - alongside), 1e-4,
     )  # fmt: skip
 
 
-def measure_drift(scene: str, velocity: float, error: float, bound: float) -> Measurement:
-    theirs = DRIFTS[scene]
+def _measure_drift(scene: str, velocity: float, error: float, bound: float) -> _Measurement:
+    theirs = _DRIFTS[scene]
     claim = f"{scene[3:]}: drift [m/s]"
-    return Measurement(claim, velocity, theirs, abs(velocity - theirs), bound, error)
+    return _Measurement(claim, velocity, theirs, abs(velocity - theirs), bound, error)
 
 
-def measure_attractors(show: Show, quick: bool = False) -> list[Measurement]:
+def _measure_attractors(show: Show, quick: bool = False) -> list[_Measurement]:
     """Make all measurements, or if `quick` the periodic orbit's; show: called with 0 to 8 parts."""
-    studies = (measure_cycle, measure_torus, measure_clouds, measure_exponents)[: 1 if quick else 4]
+    studies = (_measure_cycle, _measure_torus, _measure_clouds, _measure_exponents)[
+        : 1 if quick else 4
+    ]
     return [measurement for study in studies for measurement in study(show)]
 
 
-def show_attractors(measurements: Sequence[Measurement], console: Console) -> None:
+def _show_attractors(measurements: Sequence[_Measurement], console: Console) -> None:
     """Print a row a measurement; σ is the sampling's standard error."""
     table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
     table.add_column("", no_wrap=True)
@@ -189,7 +191,7 @@ def show_attractors(measurements: Sequence[Measurement], console: Console) -> No
     print_whole(table, console)
 
 
-def record(measurements: Sequence[Measurement]) -> dict[str, Any]:
+def _record(measurements: Sequence[_Measurement]) -> dict[str, Any]:
     """Return the measurements as plain data."""
     return {"measurements": [{**asdict(each), "holds": each.holds} for each in measurements]}
 
@@ -211,9 +213,9 @@ class Attractors:
     def run(self) -> int:
         check_files(self.json)
         with progress_bar(8) as show:
-            measurements = measure_attractors(show, self.quick)
-        show_attractors(measurements, Console())
-        write_record(self.json, record(measurements))
+            measurements = _measure_attractors(show, self.quick)
+        _show_attractors(measurements, Console())
+        write_record(self.json, _record(measurements))
         return AGREES if all(each.holds for each in measurements) else DISAGREES
 
 

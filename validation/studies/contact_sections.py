@@ -41,15 +41,15 @@ from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
 from validation.output import progress_bar, title, writable_folder, write_picture, write_record
 from validation.results import changed, file_name
 
-STRETCH = 100.0  # s; in it M drifts by a few millionths at most
-NO_RETURN = 100  # stretches without enough crossings, after which a run is given up
-NEAR = 1e-4  # of √f and of a radian: how far apart the map is looked at for its derivative
-ITERATIONS = 12
-CLOSED = 1e-9  # of √f and of a radian; the map itself repeats to rounding
+_STRETCH = 100.0  # s; in it M drifts by a few millionths at most
+_NO_RETURN = 100  # stretches without enough crossings, after which a run is given up
+_NEAR = 1e-4  # of √f and of a radian: how far apart the map is looked at for its derivative
+_ITERATIONS = 12
+_CLOSED = 1e-9  # of √f and of a radian; the map itself repeats to rounding
 
 
 @dataclass(frozen=True)
-class ContactCycle:
+class _ContactCycle:
     """A periodic motion of the contact model: where it crosses g = 0, period s, multipliers."""
 
     L: float
@@ -58,7 +58,7 @@ class ContactCycle:
     multipliers: Array
 
 
-def start_at(model: Model, L: float, l: float, f: float) -> Start:
+def _start_at(model: Model, L: float, l: float, f: float) -> Start:
     """Return the start of the model's ball at (L, l) of g = 0, in its frame's own axes."""
     attitudes, momenta = section_starts(np.array([L]), np.array([l]), f)
     return own_start(model.scene, attitudes[0], momenta[0])
@@ -69,7 +69,7 @@ def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
     return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
 
 
-def sound_run(model: Model, start: Start, duration: float) -> Motion:
+def _sound_run(model: Model, start: Start, duration: float) -> Motion:
     """Return the motion sampled at every step. Raises InputError where it has a fault."""
     motion = run(model, sample_times(duration, model.compiled.opt.timestep), start=start)
     if motion.report.faults:
@@ -77,7 +77,7 @@ def sound_run(model: Model, start: Start, duration: float) -> Motion:
     return motion
 
 
-def returns(
+def _returns(
     model: Model, start: Start, count: int, direction: int = 1
 ) -> tuple[Crossings, float, Array]:
     """Return the first `count` crossings of g = 0 in a direction (0: in both).
@@ -87,20 +87,20 @@ def returns(
     """
     found: list[Crossings] = []
     moved, at = np.zeros(2), start
-    for stretch in range(NO_RETURN * count):
-        motion = sound_run(model, at, STRETCH)
+    for stretch in range(_NO_RETURN * count):
+        motion = _sound_run(model, at, _STRETCH)
         some = crossings_of_motion(motion, model.scene).only(direction)
-        found.append(some.later(stretch * STRETCH))
+        found.append(some.later(stretch * _STRETCH))
         moved = moved + motion.contact_point[-1]
         at = Start(motion.attitude[-1], start.momentum)
         if sum(len(each.times) for each in found) >= count:
-            return joined(found)[:count], (stretch + 1) * STRETCH, moved
+            return joined(found)[:count], (stretch + 1) * _STRETCH, moved
     raise InputError(f"{LABEL.name}'s ball does not come back to the section")
 
 
 def contact_cycle(
     model: Model, L: float, l: float, f: float, period: float, direction: int = 1
-) -> ContactCycle:
+) -> _ContactCycle:
     """Find the periodic motion that crosses g = 0 near (L, l), once in about `period` [s].
 
     By Newton's method on MuJoCo's own map, whose derivative comes from runs started a little apart.
@@ -108,23 +108,23 @@ def contact_cycle(
     """
 
     def mapped(point: Array) -> tuple[Array, float]:
-        motion = sound_run(model, start_at(model, point[0], point[1], f), 1.2 * period)
+        motion = _sound_run(model, _start_at(model, point[0], point[1], f), 1.2 * period)
         next_one = crossings_of_motion(motion, model.scene).only(direction)
         if len(next_one.times) == 0:
             raise InputError(f"{LABEL.name}'s ball does not come back within {1.2 * period:g} s")
         return np.array([next_one.L[0], next_one.l[0]]), float(next_one.times[0])
 
     scale, point = np.array([np.sqrt(f), 1.0]), np.array([L, l])
-    for _ in range(ITERATIONS):
+    for _ in range(_ITERATIONS):
         image, time = mapped(point)
         derivative = np.empty((2, 2))
-        for i, step in enumerate(np.diag(NEAR * scale)):
+        for i, step in enumerate(np.diag(_NEAR * scale)):
             apart = mapped(point + step)[0] - mapped(point - step)[0]
             derivative[:, i] = _short(apart) / (2 * step[i])
         gap = _short(image - point)
-        if np.abs(gap / scale).max() < CLOSED:
+        if np.abs(gap / scale).max() < _CLOSED:
             multipliers = np.linalg.eigvals(derivative).astype(complex)
-            return ContactCycle(float(point[0]), float(point[1]), time, multipliers)
+            return _ContactCycle(float(point[0]), float(point[1]), time, multipliers)
         point = point - np.linalg.solve(derivative - np.eye(2), gap)
     raise InputError("no periodic motion of the contact model found near the start")
 
@@ -190,7 +190,7 @@ def attracted_scene(name: str, purpose: str) -> Scene:
     return scene
 
 
-def may_come_to_rest(scene: Scene) -> bool:
+def _may_come_to_rest(scene: Scene) -> bool:
     """Return whether a straight-line motion with the scene's M² attracts: motions may end there."""
     ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
     if ball.rolling != "rubber" or not np.any(ball.Omega):
@@ -284,7 +284,7 @@ def cloud_by_contact(
     parts, velocities = [], []
     for i, (attitude, momentum) in enumerate(zip(*recipe.points(seed), strict=True)):
         start = own_start(model.scene, attitude, momentum)
-        found, duration, moved = returns(
+        found, duration, moved = _returns(
             model, start, recipe.skipped + recipe.count, recipe.direction
         )
         parts.append(found[recipe.skipped :])
@@ -298,7 +298,7 @@ def cloud_by_contact(
     )  # fmt: skip
 
 
-NEIGHBOURS = 8
+_NEIGHBOURS = 8
 
 
 def states(gamma: Array, momenta: Array) -> Array:
@@ -335,7 +335,7 @@ def distance_to_curve(points: Array, curve: Array) -> Array:
     The distance is to the straight line that fits the nearest few best. It misses a curve of
     curvature κ by κs²/2 where those few reach s along it.
     """
-    _, nearest = cKDTree(curve).query(points, k=NEIGHBOURS)
+    _, nearest = cKDTree(curve).query(points, k=_NEIGHBOURS)
     near = curve[nearest]
     middle = near.mean(axis=1, keepdims=True)
     along = np.linalg.svd(near - middle, full_matrices=False)[2][:, 0]
@@ -364,7 +364,7 @@ class Points:
         )
 
 
-def section_by_equations(
+def _section_by_equations(
     scene: Scene, attitudes: Array, momenta: Array, count: int, g: float
 ) -> Points:
     """Return the first `count` crossings of g = `g` of each of n starts, (n, count)."""
@@ -374,14 +374,14 @@ def section_by_equations(
     return Points(found.times, found.l, found.L, found.directions)
 
 
-def section_by_contact(scene: Scene, settings: Settings, duration: float, g: float) -> Points:
+def _section_by_contact(scene: Scene, settings: Settings, duration: float, g: float) -> Points:
     """Return MuJoCo's crossings (m,) from the scene's own start over a duration [s]."""
     model = build(scene, settings)
-    found = crossings_of_motion(sound_run(model, scene.start, duration), scene, g)
+    found = crossings_of_motion(_sound_run(model, scene.start, duration), scene, g)
     return Points(found.times, found.l, found.L, found.directions)
 
 
-def draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) -> Figure:
+def _draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) -> Figure:
     """Draw the section's points on the annulus; filled where g grows, paler where it falls."""
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
@@ -444,20 +444,20 @@ class Section:
         total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
         with progress_bar(1 if settings is None else 2) as show:
             show(0, f"{scene.name}: equations")
-            points = section_by_equations(scene, attitudes, momenta, total, self.g)
+            points = _section_by_equations(scene, attitudes, momenta, total, self.g)
             engine = None
             if settings is not None:
                 show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
                 duration = float(points.times[0, -1])
-                engine = section_by_contact(scene, settings, duration, self.g).late(self.skip)
+                engine = _section_by_contact(scene, settings, duration, self.g).late(self.skip)
             points = points.late(self.skip)
-            write_picture(path, draw_section(scene, points, engine, self.g))
+            write_picture(path, _draw_section(scene, points, engine, self.g))
         drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
         for name, each in drawn.items():
             growing = int(np.count_nonzero(each.directions == 1))
             total = len(each.directions)
             print(f"{name}: {total} crossings, {growing} with g growing, {total - growing} falling")
-        if may_come_to_rest(scene):
+        if _may_come_to_rest(scene):
             print("a straight-line motion with this M² attracts: what ends there crosses only by")
             print(f"rounding; 'robotball equilibria {self.scene}' lists it")
         print(path)

@@ -54,9 +54,9 @@ from validation.studies.ablation import without
 from validation.study import Column, Row, Study, table_of
 
 LEAST = 3  # points that make an order
-STALLED = 0.5  # a fall with less than this power of the step is none
-CLEAR = 5.0  # times the error at which they stall, from where on errors are taken for the line
-STRAIGHT = 0.04  # distance from a line that passes for one, in ln(step), root mean square
+_STALLED = 0.5  # a fall with less than this power of the step is none
+_CLEAR = 5.0  # times the error at which they stall, from where on errors are taken for the line
+_STRAIGHT = 0.04  # distance from a line that passes for one, in ln(step), root mean square
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def fit_order(
     errors are known to, at least. Among parts of one length the one at shorter steps is taken.
     """
     h, e = _sound(steps, errors)
-    clear = e > max(floor, CLEAR * (stalled_at(steps, errors) or 0.0))
+    clear = e > max(floor, _CLEAR * (stalled_at(steps, errors) or 0.0))
     x, y = np.log(h[clear]), np.log(e[clear])
     for length in range(len(x), LEAST - 1, -1):
         for begin in range(len(x) - length, -1, -1):
@@ -103,7 +103,7 @@ def stalled_at(steps: Sequence[float], errors: Sequence[float | None]) -> float 
     """Return the least error where errors fall no more with the step; None if all fall."""
     h, e = _sound(steps, errors)
     for i in range(len(h) - 1):
-        if np.all(e[i + 1 :] > e[i] * (h[i + 1 :] / h[i]) ** STALLED):
+        if np.all(e[i + 1 :] > e[i] * (h[i + 1 :] / h[i]) ** _STALLED):
             return float(e[i:].min())
     return None
 
@@ -123,7 +123,7 @@ def _line(x: Array, y: Array) -> Order | None:
     spread = float((deviation**2).sum())
     slope = float((deviation * y).sum()) / spread
     residual = y - y.mean() - slope * deviation
-    if slope < STALLED or np.sqrt(np.mean(residual**2)) > STRAIGHT * slope:
+    if slope < _STALLED or np.sqrt(np.mean(residual**2)) > _STRAIGHT * slope:
         return None
     stderr = np.sqrt((residual**2).sum() / (len(x) - 2) / spread)
     ends = float(np.exp(x.min())), float(np.exp(x.max()))
@@ -134,24 +134,24 @@ FIXED = f"{ADAPTIVE} fixed"
 # The order that theory claims for a smooth motion.
 ORDERS = {name: INTEGRATORS[name].order for name in OWN} | {FIXED: INTEGRATORS[ADAPTIVE].order}
 
-Reference = Literal["own", "equations"]
-REFERENCES: tuple[Reference, ...] = ("own", "equations")
+_Reference = Literal["own", "equations"]
+_REFERENCES: tuple[_Reference, ...] = ("own", "equations")
 
-HALVINGS = 8  # of the sample interval, for MuJoCo's shortest step
-LONGEST, SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
-TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # of DOP853 with steps of its own
-LIMITS = (
+_HALVINGS = 8  # of the sample interval, for MuJoCo's shortest step
+LONGEST, _SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
+_TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # of DOP853 with steps of its own
+_LIMITS = (
     LEAST_RTOL,
     1e-13,
     1e-11,
     1e-9,
 )  # its tolerances for the limit: the first that comes to its end
-ANY = 1.0  # a tolerance that lets every step pass
-PATIENCE, LEAST_PATIENCE = 600, 64  # steps a second, and besides, before DOP853 is given up
+_ANY = 1.0  # a tolerance that lets every step pass
+_PATIENCE, _LEAST_PATIENCE = 600, 64  # steps a second, and besides, before DOP853 is given up
 
 
 @dataclass(frozen=True)
-class Method:
+class _Method:
     """An integrator at a step [s], or at a tolerance with the steps that it takes to keep it."""
 
     integrator: str
@@ -178,7 +178,7 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Trial:
+class _Trial:
     """One run: path errors over the path's length, None if it did not come to its end.
 
     step: s, the mean step of a run that chooses its own. own: against the contact model's own
@@ -186,23 +186,23 @@ class Trial:
     step says of `own`, without either reference.
     """
 
-    method: Method
+    method: _Method
     step: float | None
     own: float | None = None
     equations: float | None = None
     richardson: float | None = None
 
-    def error(self, against: Reference) -> float | None:
+    def error(self, against: _Reference) -> float | None:
         return self.own if against == "own" else self.equations
 
 
 @dataclass(frozen=True)
-class OwnLimit:
+class _OwnLimit:
     """The limit that the contact model tends to: the run it is taken from, how well it is known and
     how far it is from the equations, both over the path's length.
     """
 
-    method: Method
+    method: _Method
     motion: Motion
     known_to: float
     model_error: float
@@ -215,25 +215,25 @@ class Runs:
     scene: Scene
     settings: Settings
     duration: float
-    limit: OwnLimit
-    trials: tuple[Trial, ...]
+    limit: _OwnLimit
+    trials: tuple[_Trial, ...]
 
     @cached_property
-    def by_name(self) -> dict[str, list[Trial]]:
+    def by_name(self) -> dict[str, list[_Trial]]:
         """Return the trials of each integrator."""
         names = dict.fromkeys(trial.method.name for trial in self.trials)
         return {name: [p for p in self.trials if p.method.name == name] for name in names}
 
-    def order(self, name: str, against: Reference) -> Order | None:
+    def order(self, name: str, against: _Reference) -> Order | None:
         """Return the power of the step, or of DOP853's tolerance, with which its errors fall."""
         known_to = self.limit.known_to if against == "own" else 0.0
         return fit_order(*self._series(name, against), known_to)
 
-    def stalled_at(self, name: str, against: Reference) -> float | None:
+    def stalled_at(self, name: str, against: _Reference) -> float | None:
         """Return the error at which an integrator's errors stop falling, if they do."""
         return stalled_at(*self._series(name, against))
 
-    def _series(self, name: str, against: Reference) -> tuple[list[float], list[float | None]]:
+    def _series(self, name: str, against: _Reference) -> tuple[list[float], list[float | None]]:
         trials = self.by_name[name]
         return [trial.method.size for trial in trials], [trial.error(against) for trial in trials]
 
@@ -242,7 +242,7 @@ def measure_convergence(
     scene: Scene,
     settings: Settings,
     times: Array | None = None,
-    halvings: int = HALVINGS,
+    halvings: int = _HALVINGS,
     show: Show | None = None,
 ) -> Runs:
     """Run every integrator at many steps on the contact model of `settings`.
@@ -253,7 +253,7 @@ def measure_convergence(
     """
     theory = integrate(scene, times)
     interval = float(theory.times[1])
-    finest = Method("RK4", interval / 2**halvings)
+    finest = _Method("RK4", interval / 2**halvings)
     contact = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
     model = build(scene, replace(contact, integrator="RK4", timestep=finest.step, rtol=None))
     methods = _methods(model, interval, halvings)
@@ -266,17 +266,17 @@ def measure_convergence(
     return Runs(scene, settings, float(theory.times[-1]), limit, tuple(trials))
 
 
-def _methods(model: Model, interval: float, halvings: int) -> list[Method]:
+def _methods(model: Model, interval: float, halvings: int) -> list[_Method]:
     """Return all integrators at all steps and tolerances, the longest step of each first."""
     timeconst = float(model.compiled.pair_solref[0, 0])
     guarded = timeconst / 2 if timeconst > 0 else np.inf
     steps = [interval / 2**n for n in range(halvings)]
     allowed = [step for step in steps if step <= guarded * (1 + 1e-9)]
-    count = int(np.log2(LONGEST / SHORTEST) * 2) + 1
+    count = int(np.log2(LONGEST / _SHORTEST) * 2) + 1
     return [
-        *(Method(name, step) for name in OWN for step in allowed),
-        *(Method(ADAPTIVE, LONGEST / 2 ** (n / 2), ANY) for n in range(count)),
-        *(Method(ADAPTIVE, None, rtol) for rtol in TOLERANCES),
+        *(_Method(name, step) for name in OWN for step in allowed),
+        *(_Method(ADAPTIVE, LONGEST / 2 ** (n / 2), _ANY) for n in range(count)),
+        *(_Method(ADAPTIVE, None, rtol) for rtol in _TOLERANCES),
     ]
 
 
@@ -288,9 +288,9 @@ class _Runner:
     theory: Motion
     total: int
     show: Show
-    made: dict[Method, ContactMotion | None] = field(default_factory=dict)
+    made: dict[_Method, ContactMotion | None] = field(default_factory=dict)
 
-    def of(self, method: Method) -> ContactMotion | None:
+    def of(self, method: _Method) -> ContactMotion | None:
         """Return the run of a method; None if it broke off or would not end."""
         if method not in self.made:
             part = len(self.made) / self.total
@@ -298,20 +298,20 @@ class _Runner:
             self.made[method] = self._run(method)
         return self.made[method]
 
-    def _run(self, method: Method) -> ContactMotion | None:
+    def _run(self, method: _Method) -> ContactMotion | None:
         times = self.theory.times
         with np.errstate(all="ignore"):  # a run that diverges says so itself
             motion = run(_stepped(self.model, method, float(times[-1])), times)
         return motion if len(motion.times) == len(times) else None
 
 
-def _stepped(model: Model, method: Method, duration: float) -> Model:
+def _stepped(model: Model, method: _Method, duration: float) -> Model:
     """Compile the model's MJCF afresh, under another integrator."""
     settings = replace(
         model.settings, integrator=method.integrator, timestep=method.step, rtol=method.rtol
     )
     if settings.adaptive:
-        patience = LEAST_PATIENCE + int(PATIENCE * duration)
+        patience = _LEAST_PATIENCE + int(_PATIENCE * duration)
         return replace(model, settings=replace(settings, max_steps=patience))
     assert method.step is not None
     same = replace(model, settings=settings)
@@ -321,12 +321,12 @@ def _stepped(model: Model, method: Method, duration: float) -> Model:
     return same
 
 
-def _limit(runs: _Runner, finest: Method) -> OwnLimit:
+def _limit(runs: _Runner, finest: _Method) -> _OwnLimit:
     """Return the limit of short steps, by DOP853 where the motion is smooth enough, or RK4."""
     assert finest.step is not None
     # What ten times the tolerance, or twice the step, changes is more than what is still wrong.
     candidates = [
-        *((Method(ADAPTIVE, None, rtol), Method(ADAPTIVE, None, 10 * rtol)) for rtol in LIMITS),
+        *((_Method(ADAPTIVE, None, rtol), _Method(ADAPTIVE, None, 10 * rtol)) for rtol in _LIMITS),
         (finest, replace(finest, step=2 * finest.step)),
     ]
     for method, coarser in candidates:
@@ -334,18 +334,18 @@ def _limit(runs: _Runner, finest: Method) -> OwnLimit:
         if best is not None and near is not None:
             known_to = path_error(near, best)
             off = path_error(best, runs.theory)
-            return OwnLimit(method, best, known_to, off)
+            return _OwnLimit(method, best, known_to, off)
     raise InputError(
         f"{runs.model.scene.name}: the contact model breaks off even at steps of "
         f"{finest.step:g} s; there is no limit to converge to"
     )
 
 
-def _trial(runs: _Runner, limit: OwnLimit, before: Method | None, method: Method) -> Trial:
+def _trial(runs: _Runner, limit: _OwnLimit, before: _Method | None, method: _Method) -> _Trial:
     """Compare the run of a method with both references, and with the one before it."""
     found = runs.of(method)
     if found is None:
-        return Trial(method, method.step)
+        return _Trial(method, method.step)
     step, estimate = _step_of(method, found), None
     if before is not None and before.name == method.name and method.name in ORDERS:
         longer = runs.of(before)
@@ -353,43 +353,43 @@ def _trial(runs: _Runner, limit: OwnLimit, before: Method | None, method: Method
             fall = (_step_of(before, longer) / step) ** ORDERS[method.name]
             estimate = path_error(longer, found) / (fall - 1)
     own, equations = path_error(found, limit.motion), path_error(found, runs.theory)
-    return Trial(method, step, own, equations, estimate)
+    return _Trial(method, step, own, equations, estimate)
 
 
-def _step_of(method: Method, motion: ContactMotion) -> float:
+def _step_of(method: _Method, motion: ContactMotion) -> float:
     """Return the step of a run [s], the mean if it chose its steps."""
     return method.step or float(motion.times[-1]) / motion.report.steps
 
 
-NOTE = (
+_NOTE = (
     "Errors are of the path, over its length. own limit: what the contact model\n"
     "tends to as steps shrink. Richardson: an estimate of that error from a run and\n"
     "the one at the next longer step. equations: that error and the model's own.\n"
     "points: of the line. stalls: where shorter steps make no smaller error.\n"
     "DOP853 alone chooses its steps: the order is its power of rtol."
 )
-INCHES = (11.0, 6.6)
-TITLES: dict[Reference, str] = {
+_INCHES = (11.0, 6.6)
+_TITLES: dict[_Reference, str] = {
     "own": "against the contact model's own limit",
     "equations": "against the reduced equations",
 }
-NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
+_NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
-def convergence_study(study: Runs) -> Study:
+def _convergence_study(study: Runs) -> Study:
     """Return every run, the orders, and the distance of the two references."""
     limit, name = study.limit, escape(f"{study.scene.name}, {study.settings.name}")
     runs = rows(study)
     return Study(
-        study.scene.name, LABEL, [study.settings.name, "convergence"], runs, record(study),
+        study.scene.name, LABEL, [study.settings.name, "convergence"], runs, _record(study),
         shown=(
-            table_of(RUNS, runs, section="integrator"),
-            table_of(ORDER_COLUMNS, [_orders(study, each) for each in study.by_name]),
-            NOTE,
+            table_of(_RUNS, runs, section="integrator"),
+            table_of(_ORDER_COLUMNS, [_orders(study, each) for each in study.by_name]),
+            _NOTE,
             f"{name}: the own limit is {limit.model_error:.1e} of the path off the equations;\n"
             f"it is by {limit.method}, and known to {limit.known_to:.1e}.",
         ),
-        picture=convergence_picture(study),
+        picture=_convergence_picture(study),
     )  # fmt: skip
 
 
@@ -405,7 +405,7 @@ def _richardson(row: Row) -> str:
     return "" if row["richardson"] is None else scientific(row["richardson"])
 
 
-RUNS = (
+_RUNS = (
     Column("integrator", itemgetter("integrator"), words=True),
     Column("step", _step_text, "ms"),
     Column("rtol", _rtol),
@@ -418,9 +418,9 @@ RUNS = (
 def _orders(study: Runs, name: str) -> Row:
     """Return the texts of an integrator's orders, against each reference."""
     row = {"integrator": name, "claim": f"{ORDERS[name]}" if name in ORDERS else "rtol"}
-    for against in REFERENCES:
+    for against in _REFERENCES:
         order, stall = study.order(name, against), study.stalled_at(name, against)
-        row[against] = order_text(order)
+        row[against] = _order_text(order)
         row[f"{against} points"] = f"{order.points}" if order else ""
         row[f"{against} stalls"] = "" if stall is None else scientific(stall)
     return row
@@ -429,35 +429,35 @@ def _orders(study: Runs, name: str) -> Row:
 def _order_columns() -> Iterator[Column]:
     yield Column("integrator", itemgetter("integrator"), words=True)
     yield Column("claim", itemgetter("claim"))
-    for against, header in zip(REFERENCES, ("own limit", "equations"), strict=True):
+    for against, header in zip(_REFERENCES, ("own limit", "equations"), strict=True):
         yield Column(header, itemgetter(against))
         for name in ("points", "stalls"):
             yield Column(name, itemgetter(f"{against} {name}"))
 
 
-ORDER_COLUMNS = tuple(_order_columns())
+_ORDER_COLUMNS = tuple(_order_columns())
 
 
-def order_text(order: Order | None) -> str:
+def _order_text(order: Order | None) -> str:
     """Return the order with its standard error; a dash where there is none."""
     return "-" if order is None else f"{order.order:.2f} ± {order.stderr:.2f}"
 
 
-def convergence_picture(study: Runs) -> Figure:
+def _convergence_picture(study: Runs) -> Figure:
     """Draw path error over step, the fitted slopes and their lower ends, for each reference."""
-    figure = Figure(figsize=INCHES, layout="constrained")
+    figure = Figure(figsize=_INCHES, layout="constrained")
     title = f"{study.scene.name}, {study.settings.name}: {study.duration:g} s"
     figure.suptitle(in_picture(title))
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     limit = study.limit
-    lines: tuple[tuple[Reference, float, str], ...] = (
+    lines: tuple[tuple[_Reference, float, str], ...] = (
         ("own", limit.known_to, "the limit is known to this"),
         ("equations", limit.model_error, "the limit is this far off"),
     )
     for axes, (against, level, words) in zip(panels, lines, strict=True):
         _draw(axes, study, against)
         axes.axhline(level, color=EQUATIONS.colour, linestyle=":", linewidth=2, label=words)
-        axes.set_title(TITLES[against], loc="left", fontsize=11)
+        axes.set_title(_TITLES[against], loc="left", fontsize=11)
         axes.set(xscale="log", yscale="log", xlabel="step, or its mean [ms]")
         axes.grid(alpha=0.3)
         handles, labels = axes.get_legend_handles_labels()
@@ -469,13 +469,13 @@ def convergence_picture(study: Runs) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, study: Runs, against: Reference) -> None:
+def _draw(axes: Axes, study: Runs, against: _Reference) -> None:
     labelled: list[Order] = []
     for name, trials in study.by_name.items():
         order = study.order(name, against)
         drawn = [(p.step * 1e3, e) for p in trials if p.step and (e := p.error(against))]
         words = f"{name}, of rtol" if name == ADAPTIVE else name
-        label = f"{words}: {order_text(order)}" if order else f"{name}: no order"
+        label = f"{words}: {_order_text(order)}" if order else f"{name}: no order"
         axes.plot(
             *np.array(drawn).reshape(-1, 2).T,
             linestyle="", markerfacecolor="none", label=label, **_mark(name),
@@ -506,7 +506,7 @@ def _mark(name: str) -> dict[str, Any]:
 
 def _near(order: Order, other: Order) -> bool:
     apart = (order.ln_step - other.ln_step, order.ln_error - other.ln_error)
-    return max(map(abs, apart)) < NEAR
+    return max(map(abs, apart)) < _NEAR
 
 
 def rows(study: Runs) -> list[dict[str, Any]]:
@@ -524,7 +524,7 @@ def rows(study: Runs) -> list[dict[str, Any]]:
     ]
 
 
-def record(study: Runs) -> dict[str, Any]:
+def _record(study: Runs) -> dict[str, Any]:
     """Return the study as plain data; an order or a stall that there is not is None."""
     orders = {
         name: {
@@ -532,7 +532,7 @@ def record(study: Runs) -> dict[str, Any]:
                 "order": asdict(order) if (order := study.order(name, against)) else None,
                 "stalled_at": study.stalled_at(name, against),
             }
-            for against in REFERENCES
+            for against in _REFERENCES
         }
         for name in study.by_name
     }
@@ -569,7 +569,7 @@ class Convergence:
     def run(self) -> int:
         scene = load_scene(self.scene)
         settings = without(preset(self.preset), listed(self.without))
-        times, halvings = self.study.times(scene), HALVINGS - 2 * self.study.quick
+        times, halvings = self.study.times(scene), _HALVINGS - 2 * self.study.quick
         with progress_bar(1) as show:
             measured = measure_convergence(scene, settings, times, halvings, show)
-        return self.study.present(convergence_study(measured))
+        return self.study.present(_convergence_study(measured))

@@ -34,7 +34,7 @@ from robotball.processes import end_when_closed
 from validation.sensitivity import total_defect
 
 OLDER = "mujoco-3.17"  # before RK4 was of order 4 on free joints
-LINK = "zz_robotball.pth"
+_LINK = "zz_robotball.pth"
 
 
 @dataclass(frozen=True)
@@ -111,12 +111,12 @@ def _link(home: Path) -> None:
 
 def _link_of(home: Path) -> Path:
     own = sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)})
-    return Path(own) / LINK
+    return Path(own) / _LINK
 
 
-ENOUGH = 1.0  # s of processor time after which a run is not timed again
+_ENOUGH = 1.0  # s of processor time after which a run is not timed again
 LOOSEST = 0.3  # that a run is held to at another value than the preset's own, which has no other
-FIXED_WORK = bytes(1 << 23)  # the time of its digest is the speed of the machine at that moment
+_FIXED_WORK = bytes(1 << 23)  # the time of its digest is the speed of the machine at that moment
 
 
 def run(cell: Mapping[str, Any]) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
         warnings.simplefilter("always")
         before = fixed_work()
         motions = [run_request(scene, theory.times, request)]
-        while len(motions) < cell["rounds"] and motions[0].report.seconds < ENOUGH:
+        while len(motions) < cell["rounds"] and motions[0].report.seconds < _ENOUGH:
             motions.append(run_request(scene, theory.times, request))
         speed = (before + fixed_work()) / 2
         defect = None
@@ -144,17 +144,17 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
         "label": engine.label.name,
         "colour": engine.label.colour,
         "version": engine.label.version,
-        "path_error": known(path_error(motion, theory)) if finished else None,
-        "momentum_error": known(momentum_error(motion, theory)) if finished else None,
-        "defect": known(defect),
+        "path_error": _known(path_error(motion, theory)) if finished else None,
+        "momentum_error": _known(momentum_error(motion, theory)) if finished else None,
+        "defect": _known(defect),
         "reached": float(motion.times[-1]),
-        "slip": known(report.slip.max()),
-        "spin": known(abs(report.spin).max()),
-        "hinge_rate_error": known(report.hinge_rate_error.max()),
+        "slip": _known(report.slip.max()),
+        "spin": _known(abs(report.spin).max()),
+        "hinge_rate_error": _known(report.hinge_rate_error.max()),
         "steps": report.steps,
         "longest_step": report.timestep,
         "seconds": statistics.median(each.report.seconds for each in motions),
-        "python_seconds": known(python[0]),
+        "python_seconds": _known(python[0]),
         "fixed_work": speed,
         "faults": [str(fault) for fault in report.faults],
         "lacks": sorted({str(each.message) for each in said}),
@@ -171,7 +171,7 @@ def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSetti
     return replace(preset, **changes)
 
 
-def known(value: float | None) -> float | None:
+def _known(value: float | None) -> float | None:
     """Return the number, or None where JSON has none for it."""
     return float(value) if value is not None and math.isfinite(value) else None
 
@@ -179,11 +179,11 @@ def known(value: float | None) -> float | None:
 def fixed_work() -> float:
     """Measure the processor time of a piece of work in which no package takes part [s]."""
     began = time.process_time()
-    hashlib.sha256(FIXED_WORK).digest()
+    hashlib.sha256(_FIXED_WORK).digest()
     return time.process_time() - began
 
 
-def main() -> None:
+def _main() -> None:
     """Read a cell, write its record, and end when the reader does."""
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # what engines print
@@ -199,4 +199,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    _main()

@@ -45,9 +45,9 @@ from validation.studies.tradeoff import pareto_front
 from validation.study import Column, Row, Study, scene_cell, table_of
 from validation.sweeps import Cell, Result, rows_of
 
-LIMIT = 300.0  # s that a run may take
-ROUNDS = 3  # of timing
-CANCELLED = 100.0  # a path so much better than M is one whose errors cancelled
+_LIMIT = 300.0  # s that a run may take
+_ROUNDS = 3  # of timing
+_CANCELLED = 100.0  # a path so much better than M is one whose errors cancelled
 
 
 def cells_of(
@@ -102,7 +102,7 @@ def measure(cell: Cell) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class EngineStudy:
+class _EngineStudy:
     """All runs of a scene.
 
     runs        a row of plain data each, that of its cell and its record and besides
@@ -146,7 +146,7 @@ class EngineStudy:
         return found
 
 
-def study_of(scene: Scene, results: Sequence[Result]) -> EngineStudy:
+def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
     """Return the study of a scene's results."""
     works = [result.record["fixed_work"] for result in results if result.record]
     speed = statistics.median(works) if works else 1.0
@@ -173,12 +173,12 @@ def study_of(scene: Scene, results: Sequence[Result]) -> EngineStudy:
                 ),
             }
         )  # fmt: skip
-    return EngineStudy(scene, by_defects, tuple(runs), (*broken, *failed))
+    return _EngineStudy(scene, by_defects, tuple(runs), (*broken, *failed))
 
 
 def _usable(run: Row) -> bool:
     """Return whether the error says how well it rolls."""
-    honest = run["momentum_error"] < CANCELLED * max(run["error"], LEAST)
+    honest = run["momentum_error"] < _CANCELLED * max(run["error"], _LEAST)
     return run["error"] < process.LOOSEST and honest and "diverged" not in " ".join(run["faults"])
 
 
@@ -186,31 +186,31 @@ def _name(run: Row) -> str:
     return f"{run['label']} {run['version']}"
 
 
-INCHES = (10.0, 7.2)
-MARKERS = "osD^vPX*<>hp"
-STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
-LEAST = 1e-15  # below it errors cannot be distinguished
-NOTE = (
+_INCHES = (10.0, 7.2)
+_MARKERS = "osD^vPX*<>hp"
+_STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
+_LEAST = 1e-15  # below it errors cannot be distinguished
+_NOTE = (
     "CPU: processor time of a simulated second, set-up excluded. Python: the part of it\n"
     "that Python takes at every step. * on the Pareto front: nothing is both cheaper and better."
 )
 
 
-def engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]) -> Study:
+def _engines_study(scene: Scene, results: Sequence[Result], words: Sequence[str]) -> Study:
     """Return every run, those that gave none, and the front; words: of the files' names."""
     study = study_of(scene, results)
     return Study(
-        scene.name, None, ["engines", *words], rows_of(results), record(study),
+        scene.name, None, ["engines", *words], rows_of(results), _record(study),
         shown=(
-            f"[bold]{escape(scene.name)} ({scene.rolling}): {what(study)}[/]",
+            f"[bold]{escape(scene.name)} ({scene.rolling}): {_what(study)}[/]",
             table_of(COLUMNS, _shown(study), lambda row: not row["usable"]),
-            NOTE,
+            _NOTE,
         ),
-        picture=engines_picture(study),
+        picture=_engines_picture(study),
     )  # fmt: skip
 
 
-def _shown(study: EngineStudy) -> list[Row]:
+def _shown(study: _EngineStudy) -> list[Row]:
     """Return the rows of the table, those of runs without an answer last."""
     rows = [
         {
@@ -258,18 +258,18 @@ COLUMNS = (
 )
 
 
-def what(study: EngineStudy) -> str:
+def _what(study: _EngineStudy) -> str:
     """Return a description of the errors."""
     if study.by_defects:
         return "chaotic, so errors are the sum of defects over short stretches"
     return "path errors"
 
 
-def engines_picture(study: EngineStudy) -> Figure:
+def _engines_picture(study: _EngineStudy) -> Figure:
     """Draw every engine's error against its cost: filled at its best, hollow as it comes."""
-    figure = Figure(figsize=INCHES, layout="constrained")
+    figure = Figure(figsize=_INCHES, layout="constrained")
     name = in_picture(study.scene.name)
-    figure.suptitle(f"{name} ({study.scene.rolling}): {what(study)}")
+    figure.suptitle(f"{name} ({study.scene.rolling}): {_what(study)}")
     axes = figure.subplots()
     axes.set(xscale="log", yscale="log", xlabel="error, relative to the path's length")
     axes.set_ylabel("processor time of a simulated second [s]")
@@ -280,10 +280,10 @@ def engines_picture(study: EngineStudy) -> Figure:
         order, first = study.orders.get((contestant, preset)), runs[0]
         label = f"{_name(first)}, {preset}" + (f" (order {order.order:.1f})" if order else "")
         axes.plot(
-            [min(max(run["error"], LEAST), 10.0) for run in runs],
+            [min(max(run["error"], _LEAST), 10.0) for run in runs],
             [run["cost"] for run in runs],
-            marker=MARKERS[engines.index(contestant) % len(MARKERS)],
-            linestyle=STYLES[drawn[contestant] % len(STYLES)],
+            marker=_MARKERS[engines.index(contestant) % len(_MARKERS)],
+            linestyle=_STYLES[drawn[contestant] % len(_STYLES)],
             color=first["colour"],
             markerfacecolor="none" if first["newcomer"] else first["colour"],
             markersize=6,
@@ -294,20 +294,20 @@ def engines_picture(study: EngineStudy) -> Figure:
         drawn[contestant] += 1
     front = study.pareto_front
     axes.plot(
-        [max(run["error"], LEAST) for run in front], [run["cost"] for run in front],
+        [max(run["error"], _LEAST) for run in front], [run["cost"] for run in front],
         color=INK, linewidth=1.4, zorder=1, label="Pareto front",
     )  # fmt: skip
     figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=8)
     return figure
 
 
-def record(study: EngineStudy) -> dict[str, Any]:
+def _record(study: _EngineStudy) -> dict[str, Any]:
     """Return the study as plain data: all settings, versions, faults and costs."""
     front = study.pareto_front
     return {
         "scene": study.scene.name,
         "rolling": study.scene.rolling,
-        "errors": what(study),
+        "errors": _what(study),
         "runs": [{**run, "on_the_pareto_front": run in front} for run in study.runs],
         "orders": [
             {"contestant": contestant, "preset": preset, **asdict(order)}
@@ -353,9 +353,9 @@ class Engines:
     def _study(self, name: str, chosen: Sequence[Contestant]) -> None:
         scene, quick = load_scene(name), self.sweep.quick
         seconds = seconds_of(self.duration, quick, scene)
-        cells = cells_of(name, chosen, self.environments, seconds, 1 if quick else ROUNDS)
-        results = self.sweep.results(measure, cells, f"{scene.name}-engines", LIMIT)
-        study = engines_study(scene, results, listed(self.only))
+        cells = cells_of(name, chosen, self.environments, seconds, 1 if quick else _ROUNDS)
+        results = self.sweep.results(measure, cells, f"{scene.name}-engines", _LIMIT)
+        study = _engines_study(scene, results, listed(self.only))
         self.sweep.present(study, *changed(self, "duration"))
 
 

@@ -18,18 +18,18 @@ from robotball.rotations import Array
 from robotball.scene import Start
 from validation.sweeps import Cell
 
-SCENES = {"rubber": "fig12", "classical": "classical_regular"}
+_SCENES = {"rubber": "fig12", "classical": "classical_regular"}
 TIMESTEP = 2e-3  # s, MuJoCo's default, on maps that do not vary it
-RTOL = 1e-8  # of the adaptive integrator's steps, where it is not varied
+_RTOL = 1e-8  # of the adaptive integrator's steps, where it is not varied
 DURATION = 3.0  # s, on maps that do not vary it: a few turns of the ball
 ACCURATE = 1e-4  # largest error of an accurate run, relative; the recipe's coarsest keeps 1e-6
 ERROR_TOLERANCE = 1e-2  # the error that a cell is held to
 WRONG = 0.1  # an error above it is no result at all
-ADAPTIVE_STEPS = 2000  # at most; of the cells that end well none takes 1800
-COUNT = 8  # values of an axis, if no other number is given
-QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
-QUICK_COUNT = 3  # values of an axis
-QUICK_DURATION = 10.0  # s, at most
+_ADAPTIVE_STEPS = 2000  # at most; of the cells that end well none takes 1800
+_COUNT = 8  # values of an axis, if no other number is given
+_QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
+_QUICK_COUNT = 3  # values of an axis
+_QUICK_DURATION = 10.0  # s, at most
 
 OneBody = TypeVar("OneBody", Shell, Frame, Rotor)
 
@@ -118,25 +118,25 @@ def scaled_body(body: OneBody, mass: float, length: float = 1.0) -> OneBody:
 
 
 @dataclass(frozen=True)
-class Axis:
+class _Axis:
     """A quantity, with its unit in the label, and its values."""
 
     label: str
     values: tuple[float, ...]
 
 
-def _decades(low: float, high: float, count: int = COUNT) -> tuple[float, ...]:
+def _decades(low: float, high: float, count: int = _COUNT) -> tuple[float, ...]:
     """Return values evenly spaced in their logarithm, to three digits."""
     return tuple(float(f"{v:.3g}") for v in np.geomspace(low, high, count))
 
 
-TIMESTEPS = Axis("timestep [s]", _decades(2e-4, 0.2))
-LONG_TIMESTEPS = Axis("timestep [s]", (0.02, 0.05, 0.1, 0.2))
+TIMESTEPS = _Axis("timestep [s]", _decades(2e-4, 0.2))
+_LONG_TIMESTEPS = _Axis("timestep [s]", (0.02, 0.05, 0.1, 0.2))
 # The adaptive integrator has no timestep: its rtol varies instead.
-ADAPTIVE_AXES = {
-    TIMESTEPS: Axis("rtol of a step", _decades(1e-13, 0.1)),
+_ADAPTIVE_AXES = {
+    TIMESTEPS: _Axis("rtol of a step", _decades(1e-13, 0.1)),
     # A day's motion takes it minutes, whatever its rtol.
-    LONG_TIMESTEPS: Axis("rtol of a step", (1e-6,)),
+    _LONG_TIMESTEPS: _Axis("rtol of a step", (1e-6,)),
 }
 
 
@@ -154,18 +154,18 @@ class Map:
     name: str
     title: str
     held: str
-    x: Axis
-    y: Axis
+    x: _Axis
+    y: _Axis
     ball: Callable[[Scene, float, float], Scene] = lambda scene, x, y: scene
     options: Callable[[Scene, float, float], dict[str, Any]] = lambda scene, x, y: {}
     ample: bool = True
     lasting: bool = False
-    rollings: tuple[str, ...] = tuple(SCENES)
+    rollings: tuple[str, ...] = tuple(_SCENES)
     limit: float = 60.0
 
-    def x_of(self, integrator: str) -> Axis:
+    def x_of(self, integrator: str) -> _Axis:
         """Return the first axis as an integrator has it."""
-        return ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
+        return _ADAPTIVE_AXES.get(self.x, self.x) if integrator == ADAPTIVE else self.x
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class CellRun:
 def cell_run(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> CellRun:
     """Return the run of a cell. Raises InputError where there is no such ball."""
     scene = base(rolling)
-    settings = _settings(integrator, x if chosen.x in ADAPTIVE_AXES else None)
+    settings = _settings(integrator, x if chosen.x in _ADAPTIVE_AXES else None)
     return CellRun(
         chosen.ball(scene, x, y),
         replace(settings, **chosen.options(scene, x, y)),
@@ -193,14 +193,14 @@ def cell_run(chosen: Map, rolling: str, integrator: str, x: float, y: float) -> 
 @cache
 def base(rolling: str) -> Scene:
     """Return the scene that the maps of a rolling model start from."""
-    return load_scene(SCENES[rolling])
+    return load_scene(_SCENES[rolling])
 
 
 def _settings(integrator: str, step: float | None) -> Settings:
     """Return the recipe with an integrator and its timestep [s], or rtol if it is adaptive."""
     if integrator == ADAPTIVE:
-        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=ADAPTIVE, rtol=step or RTOL)
-        chosen = replace(chosen, max_steps=ADAPTIVE_STEPS)
+        chosen = recipe(integrator, ERROR_TOLERANCE, integrator=ADAPTIVE, rtol=step or _RTOL)
+        chosen = replace(chosen, max_steps=_ADAPTIVE_STEPS)
     else:
         timestep = step or TIMESTEP
         chosen = recipe(integrator, ERROR_TOLERANCE, integrator=integrator, timestep=timestep)
@@ -224,7 +224,7 @@ MAPS: dict[str, Map] = {
             "timestep × momentum |K|",
             "A, Ω, M and the direction of K; the rotor's rate and axis give K",
             TIMESTEPS,
-            Axis("|K| [kg m²/s]", _decades(0.1, 1e4, 9)),
+            _Axis("|K| [kg m²/s]", _decades(0.1, 1e4, 9)),
             lambda scene, _, size: _with_momentum(scene, size),
         ),
         Map(
@@ -232,7 +232,7 @@ MAPS: dict[str, Map] = {
             "timestep × frame's rate |Ω|",
             "A, K and M; the rotor's rate and axis make up for the frame's",
             TIMESTEPS,
-            Axis("|Ω| [rad/s]", _decades(0.01, 1e4, 9)),
+            _Axis("|Ω| [rad/s]", _decades(0.01, 1e4, 9)),
             lambda scene, _, rate: gyrostat(scene, frame_rate=rate),
         ),
         Map(
@@ -240,31 +240,31 @@ MAPS: dict[str, Map] = {
             "timestep × rotor's speed at fixed K",
             "A, Ω, K and M: the faster the rotor, the smaller its inertia",
             TIMESTEPS,
-            Axis("rotor's speed [rad/s]", _decades(10, 1e11, 9)),
+            _Axis("rotor's speed [rad/s]", _decades(10, 1e11, 9)),
             lambda scene, _, rate: gyrostat(scene, rotor_rate=rate),
         ),
         Map(
             "masses",
             "mass of rotor : frame : shell",
             "total mass, shapes of the bodies, their rates, M",
-            Axis("frame's mass / shell's", _decades(1e-6, 1e6, 9)),
-            Axis("rotor's mass / frame's", _decades(1e-6, 1e6, 9)),
+            _Axis("frame's mass / shell's", _decades(1e-6, 1e6, 9)),
+            _Axis("rotor's mass / frame's", _decades(1e-6, 1e6, 9)),
             lambda scene, x, y: redistributed(scene, frame_to_shell=x, rotor_to_frame=y),
         ),
         Map(
             "scale",
             "scale of mass × scale of length",
             "rates and times: M goes with mass·length², gravity with length",
-            Axis("masses × ", _decades(1e-9, 1e9, 9)),
-            Axis("lengths × ", _decades(1e-9, 1e9, 9)),
+            _Axis("masses × ", _decades(1e-9, 1e9, 9)),
+            _Axis("lengths × ", _decades(1e-9, 1e9, 9)),
             lambda scene, mass, length: scaled(scene, mass=mass, length=length),
         ),
         Map(
             "friction",
             "sliding friction × gravity",
             "the ball and its start; torsional friction 1e6 m",
-            Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
-            Axis("gravity [m/s²]", _decades(1e-3, 1e3, 7)),
+            _Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
+            _Axis("gravity [m/s²]", _decades(1e-3, 1e3, 7)),
             lambda scene, _, gravity: replace(scene, gravity=gravity),
             lambda _, sliding, __: {"sliding_friction": sliding, "torsional_friction": 1e6},
             ample=False,
@@ -273,8 +273,8 @@ MAPS: dict[str, Map] = {
             "torsion",
             "sliding × torsional friction",
             "the ball, its start and gravity, 9.81 m/s²",
-            Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
-            Axis("coefficient of torsional friction [m]", _decades(1e-3, 1e6, 10)),
+            _Axis("coefficient of sliding friction", _decades(1e-3, 1e6, 10)),
+            _Axis("coefficient of torsional friction [m]", _decades(1e-3, 1e6, 10)),
             options=lambda _, sliding, torsional: {
                 "sliding_friction": sliding, "torsional_friction": torsional,
             },
@@ -285,8 +285,8 @@ MAPS: dict[str, Map] = {
             "gravity",
             "gravity × time constant of the contact",
             "the ball and its start; the margin carries the weight, at whatever depth",
-            Axis("gravity [m/s²]", _decades(1e-9, 1e6, 11)),
-            Axis("solref's time constant [s]", _decades(0.01, 10, 9)),
+            _Axis("gravity [m/s²]", _decades(1e-9, 1e6, 11)),
+            _Axis("solref's time constant [s]", _decades(0.01, 10, 9)),
             lambda scene, gravity, _: replace(scene, gravity=gravity),
             lambda _, __, constant: {"solref": (constant, 1.0)},
         ),
@@ -294,8 +294,8 @@ MAPS: dict[str, Map] = {
             "contact",
             "stiffness × friction damping of the contact",
             "the ball and its start; damping ratio 1, in solref's direct form",
-            Axis("time constant of the contact [s]", _decades(1e-5, 10, 9)),
-            Axis("solreffriction's damping b [1/s]", _decades(1e-3, 1e6, 10)),
+            _Axis("time constant of the contact [s]", _decades(1e-5, 10, 9)),
+            _Axis("solreffriction's damping b [1/s]", _decades(1e-3, 1e6, 10)),
             # MuJoCo does not soften the direct form of a contact to fit the timestep.
             options=lambda _, constant, rate: {
                 "solref": (-1 / constant**2, -2 / constant), "solreffriction": (-1.0, -rate),
@@ -306,7 +306,7 @@ MAPS: dict[str, Map] = {
             "timestep × servo gain",
             "the ball and its start; the same gain kv on both hinges, j of the rotor",
             TIMESTEPS,
-            Axis("kv/j [1/s]", _decades(0.1, 1e7, 9)),
+            _Axis("kv/j [1/s]", _decades(0.1, 1e7, 9)),
             options=lambda scene, _, rate: {
                 "drive": Servo(gain=rate * scene.ball.rotors[0].axial_inertia)
             },
@@ -315,8 +315,8 @@ MAPS: dict[str, Map] = {
             "duration",
             "timestep × duration",
             "the ball and its start; a limit cycle or a regular motion, so not chaos",
-            LONG_TIMESTEPS,
-            Axis("duration [s]", _decades(0.1, 1e5, 7)),
+            _LONG_TIMESTEPS,
+            _Axis("duration [s]", _decades(0.1, 1e5, 7)),
             options=lambda *_: {"max_steps": MOST_STEPS},
             lasting=True,
             limit=1800.0,
@@ -332,18 +332,18 @@ class Cut:
     integrators: tuple[str, ...] = tuple(INTEGRATORS)
     count: int | None = None
 
-    def values(self, axis: Axis) -> tuple[float, ...]:
+    def values(self, axis: _Axis) -> tuple[float, ...]:
         """Return those of the axis that are in the cut, its ends among them."""
         values = axis.values
         if self.count is None or self.count >= len(values):
             return values
         if "duration" in axis.label:
-            values = tuple(v for v in values if v <= QUICK_DURATION)
+            values = tuple(v for v in values if v <= _QUICK_DURATION)
         kept = np.linspace(0, len(values) - 1, self.count).round().astype(int)
         return tuple(values[i] for i in np.unique(kept))
 
 
-WHOLE, QUICK = Cut(), Cut(QUICK_INTEGRATORS, QUICK_COUNT)
+WHOLE, QUICK = Cut(), Cut(_QUICK_INTEGRATORS, _QUICK_COUNT)
 
 
 def cells_of(chosen: Map, cut: Cut = WHOLE) -> list[Cell]:

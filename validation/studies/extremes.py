@@ -74,7 +74,7 @@ class Outcome(Enum):
 
 
 # Any other kind of fault leaves no state.
-OF_KIND = {
+_OF_KIND = {
     FaultKind.OUT_OF_STEPS: Outcome.UNFINISHED,
     FaultKind.CONTACT_LOST: Outcome.LOST_CONTACT,
     FaultKind.CONE_SATURATED: Outcome.SLIPPED,
@@ -84,10 +84,10 @@ OF_KIND = {
     FaultKind.MOMENTUM_OFF: Outcome.WRONG,
 }
 # What these cost is in the error, and may be little.
-BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
+_BY_ERROR = (Outcome.OFF_RATE, Outcome.WRONG)
 
 
-def largest_error(record: Mapping[str, Any]) -> float | None:
+def _largest_error(record: Mapping[str, Any]) -> float | None:
     """Return the larger of path error and momentum error; None where the run has none."""
     errors = [record.get(name) for name in ("path_error", "momentum_error")]
     known = [error for error in errors if error is not None]
@@ -100,12 +100,12 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
     The error is None where the run broke off. One that goes on is called by its first fault, from
     which the others follow: a ball that slips may well lose its contact later.
     """
-    kinds = [OF_KIND.get(fault.kind, Outcome.DIVERGED) for fault in faults]
+    kinds = [_OF_KIND.get(fault.kind, Outcome.DIVERGED) for fault in faults]
     if Outcome.DIVERGED in kinds or (error is None and Outcome.UNFINISHED not in kinds):
         return Outcome.DIVERGED
     if error is None:
         return Outcome.UNFINISHED
-    grave = [kind for kind in kinds if kind not in BY_ERROR]
+    grave = [kind for kind in kinds if kind not in _BY_ERROR]
     if error > WRONG:
         first = [kind for kind in kinds if kind is not Outcome.WRONG]
         return first[0] if first else Outcome.WRONG
@@ -114,10 +114,10 @@ def classify(faults: Sequence[Fault], error: float | None) -> Outcome:
     return Outcome.ACCURATE if error <= ACCURATE else Outcome.DEGRADED
 
 
-TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
-STEPS = 50  # at least, for an instability to grow in
-SAMPLES = 100  # at most, at which the two motions are compared
-AMPLE = 3.0  # times the motion's demand
+_TURNING = 200.0  # rad: no cell that turns fast needs more to show its error
+_STEPS = 50  # at least, for an instability to grow in
+_SAMPLES = 100  # at most, at which the two motions are compared
+_AMPLE = 3.0  # times the motion's demand
 
 
 def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
@@ -142,11 +142,11 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 def _measured(this: CellRun) -> dict[str, Any]:
     scene, times = this.scene, sample_times(this)
     theory = reference(scene, times)
-    settings = ample(this.settings, theory) if this.ample else this.settings
+    settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(scene, settings), times)
-    errors = errors_of(Agreement(theory, motion))
+    errors = _errors_of(Agreement(theory, motion))
     return {
-        "outcome": classify(motion.report.faults, largest_error(errors)).name,
+        "outcome": classify(motion.report.faults, _largest_error(errors)).name,
         **errors,
         "faults": [str(fault) for fault in motion.report.faults],
         # What a user reads before the run, who does not know the motion yet.
@@ -156,7 +156,7 @@ def _measured(this: CellRun) -> dict[str, Any]:
     }
 
 
-def errors_of(agreement: Agreement) -> dict[str, float | None]:
+def _errors_of(agreement: Agreement) -> dict[str, float | None]:
     """Return the errors of a record, by their names; None where there is no number."""
     names = ("path_error", "momentum_error", "gamma_error")
     errors = {name: getattr(agreement, name) for name in names}
@@ -188,7 +188,7 @@ def reference(scene: Scene, times: Array) -> Motion:
     return motion_of(scene, times, compiled_states(scene, times))
 
 
-def speed_scale(scene: Scene) -> float:
+def _speed_scale(scene: Scene) -> float:
     """Estimate how fast the ball turns: A(|M| + |K|) + |Ω| [rad/s]."""
     numbers = scene.parameters
     size = np.linalg.norm(scene.start.momentum) + np.linalg.norm(numbers.K)
@@ -202,31 +202,31 @@ def sample_times(this: CellRun) -> Array:
     length.
     """
     step = this.settings.timestep or TIMESTEP
-    duration = this.duration or min(DURATION, TURNING / speed_scale(this.scene))
+    duration = this.duration or min(DURATION, _TURNING / _speed_scale(this.scene))
     if not this.settings.adaptive and this.duration is None:
-        duration = max(duration, STEPS * step)
-    interval = step * max(1.0, np.ceil(duration / step / SAMPLES))
+        duration = max(duration, _STEPS * step)
+    interval = step * max(1.0, np.ceil(duration / step / _SAMPLES))
     if this.settings.adaptive:
-        interval = duration / SAMPLES
+        interval = duration / _SAMPLES
     return interval * np.arange(max(2, round(duration / interval) + 1))
 
 
-def ample(settings: Settings, theory: Motion) -> Settings:
+def _ample(settings: Settings, theory: Motion) -> Settings:
     """Return the settings with friction AMPLE times the motion's demand, where it is less."""
     settings, loads = for_load(settings, theory.scene), theory.loads
     spin = settings.torsional_friction_of(theory.scene.ball.radius)
     return replace(
         settings,
-        sliding_friction=max(settings.sliding_friction, AMPLE * loads.sliding_friction.max()),
-        torsional_friction=max(spin, AMPLE * loads.torsional_friction.max()),
+        sliding_friction=max(settings.sliding_friction, _AMPLE * loads.sliding_friction.max()),
+        torsional_friction=max(spin, _AMPLE * loads.torsional_friction.max()),
     )
 
 
 # Beyond these a step makes the state grow, and a run soon has none.
-STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
+_STABILITY = ("rotation", "friction_damping", "contact_spring", "servo_gain")
 
 
-def outcome_of(result: Result) -> Outcome:
+def _outcome_of(result: Result) -> Outcome:
     """Return the outcome of a cell, also of one that the sweep had to give up."""
     if result.record is not None:
         return Outcome[result.record["outcome"]]
@@ -244,19 +244,19 @@ def noticed(result: Result) -> bool:
     return bool(result.record and result.record.get("faults"))
 
 
-def error_of(result: Result) -> float | None:
+def _error_of(result: Result) -> float | None:
     """Return the larger of path error and momentum error; None where there is none."""
-    return largest_error(result.record or {})
+    return _largest_error(result.record or {})
 
 
 def missed(result: Result) -> bool:
     """Return whether a run is wrong, and neither the precheck nor the monitor said so."""
-    error = error_of(result)
+    error = _error_of(result)
     return error is not None and error > WRONG and not (foretold(result) or noticed(result))
 
 
 @dataclass(frozen=True)
-class Measured:
+class _Measured:
     """A predicted limit beside the measured one, both in parts of the predicted one.
 
     kept: the farthest that a run went without breaking; broken: the nearest at which one broke and
@@ -273,14 +273,14 @@ class Measured:
     cells: int
 
 
-def measured_limits(results: Sequence[Result]) -> Iterator[Measured]:
+def measured_limits(results: Sequence[Result]) -> Iterator[_Measured]:
     """Yield the limits that some of the cells are beyond, as those cells show them."""
     known = [(each, _nearness(each)) for each in results if each.record]
     for name in dict.fromkeys(name for _, nearness in known for name in nearness):
         beyond = sum(nearness.get(name, 0.0) > 1 for _, nearness in known)
         if not beyond:
             continue
-        stability = name in STABILITY
+        stability = name in _STABILITY
         broke = _blew_up if stability else _broke
         mine = [(each, nearness) for each, nearness in known if name in nearness]
         kept = [nearness[name] for each, nearness in mine if not broke(each)]
@@ -289,19 +289,19 @@ def measured_limits(results: Sequence[Result]) -> Iterator[Measured]:
             for each, nearness in mine
             if broke(each) and nearness[name] == _nearest(nearness, stability)
         ]
-        yield Measured(name, max(kept, default=0.0), min(broken, default=None), beyond)
+        yield _Measured(name, max(kept, default=0.0), min(broken, default=None), beyond)
 
 
 def _nearest(nearness: Mapping[str, float], stability: bool) -> float:
-    return max(value for name, value in nearness.items() if not stability or name in STABILITY)
+    return max(value for name, value in nearness.items() if not stability or name in _STABILITY)
 
 
 def _blew_up(result: Result) -> bool:
-    return outcome_of(result) in (Outcome.DIVERGED, Outcome.LOST_CONTACT)
+    return _outcome_of(result) in (Outcome.DIVERGED, Outcome.LOST_CONTACT)
 
 
 def _broke(result: Result) -> bool:
-    error = error_of(result)
+    error = _error_of(result)
     return error is None or error > ERROR_TOLERANCE or noticed(result)
 
 
@@ -317,7 +317,7 @@ def summary(found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
     for name, results in found.items():
         for integrator in dict.fromkeys(each.cell["integrator"] for each in results):
             mine = [each for each in results if each.cell["integrator"] == integrator]
-            counts = Counter(map(outcome_of, mine))
+            counts = Counter(map(_outcome_of, mine))
             records.append(
                 {
                     "map": name,
@@ -338,13 +338,15 @@ def totals(results: Sequence[Result]) -> dict[str, int]:
     those of them that ended in a state which is no number; alarms: accurate, but warned of or
     noticed.
     """
-    ran = [each for each in results if outcome_of(each) is not Outcome.REFUSED]
-    wrong = [each for each in ran if (error := error_of(each)) is None or error > WRONG]
-    accurate = [each for each in ran if (error := error_of(each)) is not None and error <= ACCURATE]
+    ran = [each for each in results if _outcome_of(each) is not Outcome.REFUSED]
+    wrong = [each for each in ran if (error := _error_of(each)) is None or error > WRONG]
+    accurate = [
+        each for each in ran if (error := _error_of(each)) is not None and error <= ACCURATE
+    ]
     return {
         "runs": len(results),
         "wrong": len(wrong),
-        "reported_by_engine": sum(outcome_of(each) is Outcome.DIVERGED for each in wrong),
+        "reported_by_engine": sum(_outcome_of(each) is Outcome.DIVERGED for each in wrong),
         "foretold": sum(map(foretold, wrong)),
         "noticed": sum(map(noticed, wrong)),
         "missed": sum(not (foretold(each) or noticed(each)) for each in wrong),
@@ -355,12 +357,12 @@ def totals(results: Sequence[Result]) -> dict[str, int]:
 
 def shown(records: Sequence[Row]) -> Iterator[Table | str]:
     """Yield how many cells have which outcome, then the limits as predicted and as measured."""
-    yield table_of(OUTCOME_COLUMNS, records)
+    yield table_of(_OUTCOME_COLUMNS, records)
     for kind in Outcome:
         yield f"  {kind.sign or '='}  {kind.sentence}"
     yield "  missed: wrong, with neither a warning before the run nor a fault in it\n"
     limits = [{**each, **limit} for each in records for limit in each["limits"]]
-    yield table_of(LIMIT_COLUMNS, limits)
+    yield table_of(_LIMIT_COLUMNS, limits)
     yield "kept up to, broken from: in parts of the predicted limit; beyond: cells past it"
 
 
@@ -372,17 +374,17 @@ def _part(header: str, key: str) -> Column:
     return Column(header, lambda row: f"{row[key]:.2g}" if row[key] else "-")
 
 
-PLACE = (
+_PLACE = (
     Column("map", lambda row: row["map"], words=True),
     Column("integrator", lambda row: row["integrator"], words=True),
 )
-OUTCOME_COLUMNS = (
-    *PLACE,
+_OUTCOME_COLUMNS = (
+    *_PLACE,
     *map(_count, Outcome),
     Column("missed", lambda row: str(row["missed"] or "")),
 )
-LIMIT_COLUMNS = (
-    *PLACE,
+_LIMIT_COLUMNS = (
+    *_PLACE,
     Column("predicted limit", lambda row: row["name"], words=True),
     _part("kept up to", "kept"),
     _part("broken from", "broken"),
@@ -390,7 +392,7 @@ LIMIT_COLUMNS = (
 )
 
 
-GREYS = {
+_GREYS = {
     Outcome.ACCURATE: 1.0,
     Outcome.DEGRADED: 0.92,
     Outcome.WRONG: 0.1,
@@ -402,27 +404,27 @@ GREYS = {
     Outcome.UNFINISHED: 1.0,
     Outcome.FAILED: 0.1,
 }
-WIDE, PANEL, LINE = 9.0, 3.5, 0.19  # inches: the picture; a panel's height; a legend's line
-TICKS = 4  # at most, on an axis
-ACROSS = 3  # panels side by side: their letters are read at a page's width
-LINES = [
+_WIDE, _PANEL, _LINE = 9.0, 3.5, 0.19  # inches: the picture; a panel's height; a legend's line
+_TICKS = 4  # at most, on an axis
+_ACROSS = 3  # panels side by side: their letters are read at a page's width
+_LINES = [
     (colour, dashes)
     for dashes in ("-", (0, (5, 2)), (0, (1.2, 1.2)), (0, (5, 1.5, 1, 1.5)))
     for colour in (ACCENT, LABEL.colour, INK)
 ]
-SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
+_SENTENCES = {predict.__name__: law for predict, law in LAWS.items()}
 
 
-def picture(of: Map, results: Sequence[Result]) -> Figure:
+def _picture(of: Map, results: Sequence[Result]) -> Figure:
     """Draw the panels of a map, rolling models below each other, integrators three in a row."""
     rollings = list(dict.fromkeys(each.cell["rolling"] for each in results))
     integrators = list(dict.fromkeys(each.cell["integrator"] for each in results))
     exceeded = _exceeded(results)
-    styles = dict(zip(exceeded, LINES * (1 + len(exceeded) // len(LINES)), strict=False))
-    across = min(ACROSS, len(integrators))
+    styles = dict(zip(exceeded, _LINES * (1 + len(exceeded) // len(_LINES)), strict=False))
+    across = min(_ACROSS, len(integrators))
     rows = -(-len(integrators) // across)
-    height = PANEL * len(rollings) * rows + LINE * (len(exceeded) + len(Outcome))
-    figure = Figure(figsize=(WIDE, height), layout="constrained")
+    height = _PANEL * len(rollings) * rows + _LINE * (len(exceeded) + len(Outcome))
+    figure = Figure(figsize=(_WIDE, height), layout="constrained")
     panels = figure.subplots(len(rollings) * rows, across, squeeze=False)
     for block, rolling in enumerate(rollings):
         for place in range(rows * across):
@@ -459,7 +461,7 @@ def _exceeded(results: Sequence[Result]) -> list[str]:
         for name, value in (each.record or {}).get("nearness", {}).items():
             sides.setdefault((name, *panel), set()).add(value is None or value > 1)
     exceeded = {name for (name, *_), both in sides.items() if len(both) == 2}
-    return [name for name in SENTENCES if name in exceeded]
+    return [name for name in _SENTENCES if name in exceeded]
 
 
 def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> None:
@@ -478,8 +480,8 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
 
 
 def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
-    outcome = outcome_of(result)
-    grey = GREYS[outcome]
+    outcome = _outcome_of(result)
+    grey = _GREYS[outcome]
     ink = "white" if grey < 0.4 else INK
     axes.add_patch(
         Rectangle((i - 0.5, j - 0.5), 1, 1, facecolor=str(grey), edgecolor="0.75", linewidth=0.4)
@@ -540,22 +542,22 @@ def round_ticks(values: Sequence[float]) -> tuple[list[float], list[str]]:
     if least > 0:
         logs = np.log10(values)
         decades = np.arange(np.ceil(logs[0] - 1e-9), np.floor(logs[-1] + 1e-9) + 1)
-        decades = decades[:: max(1, -(-len(decades) // TICKS))]
+        decades = decades[:: max(1, -(-len(decades) // _TICKS))]
         if len(decades) > 1:
             places = np.interp(decades, logs, np.arange(len(values))).tolist()
             return places, [f"$10^{{{decade:.0f}}}$" for decade in decades]
-    cells = range(0, len(values), max(1, -(-(len(values) - 1) // (TICKS - 1))))
+    cells = range(0, len(values), max(1, -(-(len(values) - 1) // (_TICKS - 1))))
     return [float(cell) for cell in cells], [f"{values[cell]:.2g}" for cell in cells]
 
 
-def _sentence(limit: Measured) -> str:
+def _sentence(limit: _Measured) -> str:
     """Return the prediction, and what was measured of it."""
-    words = f"{SENTENCES[limit.name]}; kept to {limit.kept:.2g}"
+    words = f"{_SENTENCES[limit.name]}; kept to {limit.kept:.2g}"
     return words if limit.broken is None else f"{words}, broken from {limit.broken:.2g} of it"
 
 
 def _legends(
-    figure: Figure, of: Map, styles: Mapping[str, Any], measured: Mapping[str, Measured]
+    figure: Figure, of: Map, styles: Mapping[str, Any], measured: Mapping[str, _Measured]
 ) -> None:
     """Write the title and the meaning of the lines above, that of cells and dots below."""
     limits = [
@@ -564,7 +566,7 @@ def _legends(
     ]
     outcomes = [
         Patch(
-            facecolor=str(GREYS[each]),
+            facecolor=str(_GREYS[each]),
             edgecolor="0.5",
             label=f"{each.sign or ' '}   {each.sentence}",
         )
@@ -625,7 +627,7 @@ class Extremes:
         records = summary(found)
         show(shown(records))
         for each, results in zip(maps, found.values(), strict=True):
-            rows, drawn = rows_of(results), picture(each, results)
+            rows, drawn = rows_of(results), _picture(each, results)
             self.sweep.present(Study("extremes", None, [each.name], rows, picture=drawn))
         all_maps = totals([each for results in found.values() for each in results])
         write_record(self.json, {"quick": self.sweep.quick, "totals": all_maps, "summary": records})

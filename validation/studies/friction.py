@@ -23,17 +23,17 @@ from validation.output import in_picture
 from validation.study import Study, reference, scene_cell
 from validation.sweeps import Cell, Result, rows_of
 
-RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # no error is a fault
+_RECIPE = recipe("recipe", 1.0, timestep=PRESETS["balanced"].timestep)  # no error is a fault
 ROLLING, TORSIONAL = "rolling", "torsional"
-ROLLING_LENGTHS = (1e-6, 1.0)  # m, the ends of the study
-TORSIONAL_LENGTHS = (5e-3, 1e3)  # m; the first is MuJoCo's default
-PER_DECADE = {False: 4, True: 1}  # lengths a decade; of the quick form
-EATEN = 0.1  # of |M|: the rate of loss is read until so much is gone
+_ROLLING_LENGTHS = (1e-6, 1.0)  # m, the ends of the study
+_TORSIONAL_LENGTHS = (5e-3, 1e3)  # m; the first is MuJoCo's default
+_PER_DECADE = {False: 4, True: 1}  # lengths a decade; of the quick form
+_EATEN = 0.1  # of |M|: the rate of loss is read until so much is gone
 LEAST_FRICTION = 1e-5  # m: MuJoCo's own limit from below, next to no friction
 # Rolling rows are softer than the sliding ones by (μ_slide/μ_roll)²: under the recipe they give
 # way long before their limit. So they are studied as stiff as the normal force as well.
 SOFT, HARD = "as in the recipe", "as stiff as the normal force"
-STIFF: dict[str, Any] = {
+_STIFF: dict[str, Any] = {
     "solver": "Newton",
     "iterations": 20,
     "noslip_iterations": None,
@@ -45,15 +45,15 @@ STIFF: dict[str, Any] = {
 
 def friction_cells(scene: str, duration: float, quick: bool = False) -> list[Cell]:
     """Return every run of the study: rolling friction, then torsional."""
-    shared, per_decade = scene_cell(scene, duration), PER_DECADE[quick]
+    shared, per_decade = scene_cell(scene, duration), _PER_DECADE[quick]
     rolling = [
         {**shared, "friction": ROLLING, "rows": rows, "length": length}
         for rows in (SOFT, HARD)
-        for length in _lengths(ROLLING_LENGTHS, per_decade)
+        for length in _lengths(_ROLLING_LENGTHS, per_decade)
     ]
     torsional = [
         {**shared, "friction": TORSIONAL, "rows": SOFT, "length": length}
-        for length in _lengths(TORSIONAL_LENGTHS, per_decade)
+        for length in _lengths(_TORSIONAL_LENGTHS, per_decade)
     ]
     return [*rolling, *torsional]
 
@@ -67,7 +67,7 @@ def _lengths(ends: tuple[float, float], per_decade: int) -> list[float]:
 def friction_run(cell: Cell) -> dict[str, Any]:
     """Run the recipe with the cell's friction; return its errors, and how fast it loses |M|."""
     scene, theory = reference(cell["scene"], cell["duration"], SAMPLE_INTERVAL)
-    settings = friction_settings(scene.rolling, cell)
+    settings = _friction_settings(scene.rolling, cell)
     agreement = Agreement(theory, run(build(scene, settings), theory.times), MUJOCO)
     motion = agreement.motion
     sizes = np.linalg.norm(motion.momentum, axis=1)
@@ -89,15 +89,15 @@ def friction_run(cell: Cell) -> dict[str, Any]:
     }
 
 
-def friction_settings(rolling: Rolling, cell: Cell) -> Settings:
+def _friction_settings(rolling: Rolling, cell: Cell) -> Settings:
     """Return the recipe with the cell's friction; a classical ball still spins freely."""
-    goes_on = replace(RECIPE, stop_at_fault=False)
+    goes_on = replace(_RECIPE, stop_at_fault=False)
     if cell["friction"] == TORSIONAL:
         return replace(goes_on, condim=4, torsional_friction=cell["length"])
     changes: dict[str, Any] = {"condim": 6, "rolling_friction": cell["length"]}
     if rolling == "classical":
         changes["torsional_friction"] = LEAST_FRICTION
-    return replace(goes_on, **changes, **(STIFF if cell["rows"] == HARD else {}))
+    return replace(goes_on, **changes, **(_STIFF if cell["rows"] == HARD else {}))
 
 
 def friction_study(scene: Scene, results: Sequence[Result]) -> Study:
@@ -110,13 +110,13 @@ def friction_study(scene: Scene, results: Sequence[Result]) -> Study:
             "torsional_friction_needed": needed,
             "runs": [asdict(result) for result in results],
         },
-        picture=friction_picture(scene, results, needed),
+        picture=_friction_picture(scene, results, needed),
     )  # fmt: skip
 
 
 def _until(sizes: Array) -> int:
     """Return the last sample before more of |M| (n,) is lost than EATEN; at least the second."""
-    lost = np.flatnonzero(sizes < (1 - EATEN) * sizes[0])
+    lost = np.flatnonzero(sizes < (1 - _EATEN) * sizes[0])
     return max(1, int(lost[0]) - 1) if len(lost) else len(sizes) - 1
 
 
@@ -136,16 +136,16 @@ def _lever(scene: Scene, motion: Motion) -> Array:
     return np.einsum("ni,ni->n", rolling, direction)
 
 
-INCHES = (11.5, 5.6)
-LEAST = 1e-10  # of the right panel: what is below is rounding
+_INCHES = (11.5, 5.6)
+_LEAST = 1e-10  # of the right panel: what is below is rounding
 
 
-def friction_picture(scene: Scene, results: Sequence[Result], needed: float) -> Figure:
+def _friction_picture(scene: Scene, results: Sequence[Result], needed: float) -> Figure:
     """Draw how fast |M| is lost, and the errors and spin over torsional friction.
 
     needed: the torsional friction that the motion demands [m].
     """
-    figure = Figure(figsize=INCHES, layout="constrained")
+    figure = Figure(figsize=_INCHES, layout="constrained")
     figure.suptitle(f"{in_picture(scene.name)}: the recipe with more friction")
     left, right = figure.subplots(1, 2)
     for axes in (left, right):
@@ -193,7 +193,7 @@ def _torsional(axes: Axes, results: Sequence[Result], needed: float | None) -> N
         ("path_error", "o", LABEL.colour, "-", "path error"),
         ("relative_spin", "s", "none", "--", "spin at the contact / |ω|"),
     ):
-        values = [row[key] and max(row[key], LEAST) for row in rows]
+        values = [row[key] and max(row[key], _LEAST) for row in rows]
         axes.plot(
             lengths, values, marker=marker, color=LABEL.colour, markerfacecolor=fill,
             linestyle=style, label=label,

@@ -39,15 +39,15 @@ from validation.studies.convergence import LEAST, fit_order
 from validation.studies.judge_search import Explanation, Lag, Mistake, explain, lag_of, reference_of
 from validation.studies.mistakes import Errors, numbers_of, some_of
 
-TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the attitude in rad
-ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
-ROWS = 20_000  # that are judged, at most, where the frame turns little between them
-TURN = 0.1  # rad
+_TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the attitude in rad
+_ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
+_ROWS = 20_000  # that are judged, at most, where the frame turns little between them
+_TURN = 0.1  # rad
 LONGEST = 100  # times the scene's duration; a longer file is in another unit
 
 
 @dataclass(frozen=True)
-class Beside:
+class _Beside:
     """A trajectory's motion beside the reference's, and the measures of their difference."""
 
     motion: RecordedMotion
@@ -129,9 +129,9 @@ class FileJudgement:
     """
 
     trajectory: Trajectory
-    plain: Beside
+    plain: _Beside
     explanation: Explanation
-    corrected: Beside | None
+    corrected: _Beside | None
     lag: Lag
     timestep: float
     tolerance: float
@@ -160,7 +160,7 @@ class FileJudgement:
         return self.explanation.plain
 
     @property
-    def best(self) -> Beside:
+    def best(self) -> _Beside:
         """Return the trajectory without its mistakes."""
         return self.corrected or self.plain
 
@@ -171,7 +171,7 @@ class FileJudgement:
 
     @property
     def too_short(self) -> bool:
-        return self.covers < ENOUGH * (1 - 1e-9) * self.plain.theory.scene.duration
+        return self.covers < _ENOUGH * (1 - 1e-9) * self.plain.theory.scene.duration
 
     @property
     def within(self) -> bool:
@@ -187,7 +187,7 @@ class FileJudgement:
 
 
 @dataclass(frozen=True)
-class Order:
+class _Order:
     """The order of a measure over several files; None where the errors lie on no straight line."""
 
     measure: str
@@ -201,7 +201,7 @@ class Judgement:
 
     scene: Scene
     files: tuple[FileJudgement, ...]
-    orders: tuple[Order, ...]
+    orders: tuple[_Order, ...]
 
     @property
     def agrees(self) -> bool:
@@ -213,7 +213,7 @@ def judge(
     files: Sequence[Path | str | Trajectory] | Path | str | Trajectory,
     *,
     timesteps: Sequence[float] = (),
-    tolerance: float = TOLERANCE,
+    tolerance: float = _TOLERANCE,
     progress: Callable[[float], None] | None = None,
 ) -> Judgement:
     """Find what is wrong with trajectories of a scene.
@@ -232,7 +232,7 @@ def judge(
     ]
     for each in trajectories:
         _check_end(scene, each)
-    steps = timesteps or [timestep_of(each) for each in trajectories]
+    steps = timesteps or [_timestep_of(each) for each in trajectories]
     judged = []
     for i, (trajectory, timestep) in enumerate(zip(trajectories, steps, strict=True)):
         judged.append(_judged(scene, _thinned(trajectory), timestep, tolerance))
@@ -244,10 +244,10 @@ def judge(
 
 def _thinned(trajectory: Trajectory) -> Trajectory:
     """Return some of the rows of a long trajectory, the first and the last among them."""
-    count, rows = len(trajectory.times), ROWS
+    count, rows = len(trajectory.times), _ROWS
     while rows < count:
         at = np.linspace(0, count - 1, rows).round().astype(int)
-        if derivative.turned_between(trajectory.attitude[at]).max() <= TURN:
+        if derivative.turned_between(trajectory.attitude[at]).max() <= _TURN:
             own = {
                 name: each[at]
                 for name, each in vars(trajectory).items()
@@ -260,7 +260,7 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
     return trajectory
 
 
-def timestep_of(trajectory: Trajectory) -> float:
+def _timestep_of(trajectory: Trajectory) -> float:
     """Return the engine's step of the file's header, or else the interval of its samples [s]."""
     given = (trajectory.header or {}).get("timestep", "")
     try:
@@ -297,12 +297,12 @@ def _judged(
     )
 
 
-def _beside(scene: Scene, trajectory: Trajectory) -> Beside:
+def _beside(scene: Scene, trajectory: Trajectory) -> _Beside:
     motion = recorded(scene, trajectory)
-    return Beside(motion, reference_of(scene, trajectory.times))
+    return _Beside(motion, reference_of(scene, trajectory.times))
 
 
-def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
+def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
     """Yield those of path and attitude, where the files have at least two different steps."""
     steps = [each.timestep for each in judged]
     if len(set(steps)) < 2:
@@ -314,20 +314,20 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[Order]:
     for name, errors in measures.items():
         if len(set(steps)) < LEAST:
             fall = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
-            yield Order(name, float(fall))
+            yield _Order(name, float(fall))
             continue
         found = fit_order(steps, errors)
-        yield Order(name, *((found.order, found.stderr) if found else (None, None)))
+        yield _Order(name, *((found.order, found.stderr) if found else (None, None)))
 
 
-ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
-OFF_HEIGHT = 0.01  # of the radius, by which a centre may be off without a line
+_ON_THE_PLANE = 0.05  # of the radius: a height so near 0 is the contact point's
+_OFF_HEIGHT = 0.01  # of the radius, by which a centre may be off without a line
 SHOWN = 2  # trials of each family
-ROUNDING = 1e-16
-EXACT = 1e-9  # of the radius
+_ROUNDING = 1e-16
+_EXACT = 1e-9  # of the radius
 
 
-def show(judgement: Judgement, console: Console, every: bool = False) -> None:
+def _show(judgement: Judgement, console: Console, every: bool = False) -> None:
     """Print each file's errors, what is wrong with it and what was tried; then the orders.
 
     every: all trials, in place of the best of each kind.
@@ -392,14 +392,14 @@ def lines(judged: FileJudgement) -> list[str]:
     return found
 
 
-def _momentum(beside: Beside) -> str:
+def _momentum(beside: _Beside) -> str:
     known = beside.momentum_known_to
     if beside.momentum_error is None:
         return "not known"
     return f"{beside.momentum_error:.1e}" + (f" (known to {known:.0e})" if known else "")
 
 
-def _contact(beside: Beside) -> list[str]:
+def _contact(beside: _Beside) -> list[str]:
     if beside.slip is None or beside.spin is None:
         return []
     (slip, slip_error), (spin, spin_error) = beside.slip, beside.spin
@@ -418,12 +418,12 @@ def _height(judged: FileJudgement) -> list[str]:
     height, radius = judged.best.motion.height, judged.plain.theory.scene.ball.radius
     if not np.isfinite(height).all():
         return []
-    if np.abs(height).max() < ON_THE_PLANE * radius:
+    if np.abs(height).max() < _ON_THE_PLANE * radius:
         return ["z is the contact point's, and says nothing of the contact"]
     depth = radius - height
-    if np.abs(depth).max() < OFF_HEIGHT * radius:
+    if np.abs(depth).max() < _OFF_HEIGHT * radius:
         least, most = -depth.max() / radius, -depth.min() / radius
-        if np.abs(depth).max() < EXACT * radius:
+        if np.abs(depth).max() < _EXACT * radius:
             return []
         return [f"z is off the radius by {least:.0e} to {most:.0e} of it"]
     return [
@@ -439,7 +439,7 @@ def _verdict(judged: FileJudgement) -> str:
     limit = f"{judged.tolerance:g}"
     bound = f"within {limit} in path and momentum, and {limit} rad in attitude,"
     if judged.within and judged.too_short:
-        return f"verdict: too short to judge, with less than {ENOUGH:.0%}; {bound} {part}"
+        return f"verdict: too short to judge, with less than {_ENOUGH:.0%}; {bound} {part}"
     return f"verdict: {'agrees' if judged.within else 'off; it is not'} {bound} {part}"
 
 
@@ -456,7 +456,7 @@ def _table(judged: FileJudgement, every: bool) -> Table:
         # The best of each name; those that change nothing say nothing of the file.
         own = [each for each in trials if each.family == family and each.name not in named]
         own = [each for each in own if not _same(each.errors, judged.plain_errors)]
-        own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, ROUNDING)).sum()))
+        own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, _ROUNDING)).sum()))
         unique = list({each.name: each for each in reversed(own)}.values())[::-1]
         unique = unique if every else unique[:SHOWN]
         rows += [(each.name, each.errors, "") for each in unique]
@@ -474,7 +474,7 @@ def _cells(errors: Errors) -> tuple[str, ...]:
     return f"{errors.path:.1e}", f"{errors.attitude:.1e}", rate
 
 
-def record(judgement: Judgement) -> dict[str, Any]:
+def _record(judgement: Judgement) -> dict[str, Any]:
     """Return the judgement as plain data; numbers that are not known are None."""
     return {
         "scene": judgement.scene.name,
@@ -506,7 +506,7 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
     }
 
 
-def _measures(beside: Beside) -> dict[str, Any]:
+def _measures(beside: _Beside) -> dict[str, Any]:
     unknown = (None, None)
     slip, slip_error = beside.slip or unknown
     spin, spin_error = beside.spin or unknown
@@ -546,7 +546,7 @@ class Judge:
     timestep: UseAppendAction[Annotated[tuple[str, ...], arg(metavar="SECONDS,…")]] = ()
     """The engine's step in each file; else the one in its header, or the interval of its
     samples."""
-    tolerance: Annotated[float, arg(metavar="ERROR")] = TOLERANCE
+    tolerance: Annotated[float, arg(metavar="ERROR")] = _TOLERANCE
     """The errors that agree: of path, momentum and hinges' rates, relative; of attitude [rad]."""
     every: bool = False
     """Show every mistake that was tried, not the two best of each kind."""
@@ -567,8 +567,8 @@ class Judge:
                 tolerance=self.tolerance,
                 progress=lambda part: bar(part, f"{scene.name}: judging"),
             )
-        write_record(self.json, record(judgement))
-        show(judgement, Console(), self.every)
+        write_record(self.json, _record(judgement))
+        _show(judgement, Console(), self.every)
         return AGREES if judgement.agrees else DISAGREES
 
     def _timesteps(self) -> list[float]:

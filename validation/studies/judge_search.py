@@ -32,8 +32,8 @@ from validation.studies.mistakes import (
     typical,
 )
 
-SHIFT_EXPLAINS = 3.0  # times less error, from where on a shift is reported
-SHIFTS = 400  # that are tried, at most, before the best is found among its neighbours
+_SHIFT_EXPLAINS = 3.0  # times less error, from where on a shift is reported
+_SHIFTS = 400  # that are tried, at most, before the best is found among its neighbours
 LONGEST = 0.1  # of the time, that a trajectory is shifted by, or stretched
 
 
@@ -50,7 +50,7 @@ class Lag:
 
     @property
     def explains(self) -> bool:
-        return self.after * SHIFT_EXPLAINS < self.before
+        return self.after * _SHIFT_EXPLAINS < self.before
 
 
 def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
@@ -71,7 +71,7 @@ def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
         return float(np.sqrt(np.mean(apart + 2 * (1 - np.minimum(cosine, 1.0)))))
 
     most = min(LONGEST * end, end - float(times[0]))
-    step = max(2 * most / SHIFTS, min(most, float(np.median(np.diff(times)))) / 4)
+    step = max(2 * most / _SHIFTS, min(most, float(np.median(np.diff(times)))) / 4)
     tried = np.arange(-most, most + step / 2, step)
     best = float(min(tried, key=error))
     found = minimize_scalar(
@@ -80,7 +80,7 @@ def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
     return Lag(float(found.x), error(0.0), float(found.fun))
 
 
-def stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
+def _stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
     """Return the factor by which the times of the numbers seem too long.
 
     It lessens their errors most. reference: the motion of the truth, in fine samples, until after
@@ -95,7 +95,7 @@ def stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
         other = replace(truth, contact_point=path(at), attitude=q)
         return float(typical(errors_at(replace(numbers, rate=None), other), truth.times).sum())
 
-    tried = np.linspace(1 - LONGEST, 1 + LONGEST, SHIFTS + 1)
+    tried = np.linspace(1 - LONGEST, 1 + LONGEST, _SHIFTS + 1)
     best, step = float(min(tried, key=error)), float(tried[1] - tried[0])
     found = minimize_scalar(
         error, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-7}
@@ -113,24 +113,24 @@ def _between(reference: Motion) -> tuple[CubicHermiteSpline, CubicHermiteSpline]
     )
 
 
-LESSENS = np.log(5.0)  # by how much a mistake must lessen one of the errors
+_LESSENS = np.log(5.0)  # by how much a mistake must lessen one of the errors
 # Times less of all errors together, typical and mean square, that is most of them: 1.008 by chance,
 # and at least 2.9 and 1.28 where a planted mistake is undone.
-MOST = (2.0, 1.1)
-SPOILS = np.log(3.0)  # by how much it may worsen another one, which is wrong anyway
-AS_GOOD = np.log(1.5)  # two mistakes so near explain as much as each other
-SOUND = 1e-3  # errors of path and attitude, below which no other scene is tried
-CLEAR = np.log(1e-2)  # typical errors, below which a convention is the whole explanation
-MOST_MISTAKES = 4  # that are looked for in one file
-TRIED = 1e-9  # of a step, of a mistaken scene's motion: far below what explains anything
-SCENE, TIME, RATE = "scene", "time", "angular velocity"
-NOT_THE_RATE = "the angular velocity is not the attitude's rate"
-ASTRAY = 1e-2  # of ω, relative; one that is sampled half a step away is less off
-FINE = 4000  # samples of a motion that is asked between them
+_MOST = (2.0, 1.1)
+_SPOILS = np.log(3.0)  # by how much it may worsen another one, which is wrong anyway
+_AS_GOOD = np.log(1.5)  # two mistakes so near explain as much as each other
+_SOUND = 1e-3  # errors of path and attitude, below which no other scene is tried
+_CLEAR = np.log(1e-2)  # typical errors, below which a convention is the whole explanation
+_MOST_MISTAKES = 4  # that are looked for in one file
+_TRIED = 1e-9  # of a step, of a mistaken scene's motion: far below what explains anything
+_SCENE, _TIME, _RATE = "scene", "time", "angular velocity"
+_NOT_THE_RATE = "the angular velocity is not the attitude's rate"
+_ASTRAY = 1e-2  # of ω, relative; one that is sampled half a step away is less off
+_FINE = 4000  # samples of a motion that is asked between them
 
 
 @dataclass(frozen=True)
-class Trial:
+class _Trial:
     """A mistake that was tried on a file, and the errors if it was made."""
 
     family: str
@@ -159,7 +159,7 @@ class Explanation:
 
     plain: Errors
     mistakes: tuple[Mistake, ...]
-    trials: tuple[Trial, ...]
+    trials: tuple[_Trial, ...]
     scene: Scene
     trajectory: Trajectory
 
@@ -208,7 +208,7 @@ class _Search:
         self.at = some_of(len(trajectory.times))
         self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
         self.numbers = numbers_of(trajectory, self.at)
-        self.trials: list[Trial] = []
+        self.trials: list[_Trial] = []
         self.found: list[_Option] = []
         self._others: list[tuple[str, Scene, Truth]] | None = None
 
@@ -224,7 +224,7 @@ class _Search:
         for mistake in self._lessening():
             tried.append(mistake)
             left.append(_total(self.found[-1].errors, self.truth))
-        explain = [np.all(left[k] * MOST < left[:k]) for k in range(1, len(left))]
+        explain = [np.all(left[k] * _MOST < left[:k]) for k in range(1, len(left))]
         count = max((k for k, each in enumerate(explain, start=1) if each), default=0)
         self.found = self.found[:count]
         self.scene = self.found[-1].scene if self.found else meant
@@ -232,22 +232,22 @@ class _Search:
 
     def _lessening(self) -> Iterator[Mistake]:
         """Yield mistakes that lessen an error; the next has to explain what each left."""
-        for _ in range(MOST_MISTAKES):
+        for _ in range(_MOST_MISTAKES):
             before = errors_at(self.numbers, self.truth)
             families = {each.family for each in self.found}
             options = [each for each in self._conventions(before) if each.family not in families]
             best = _best(options, before)
-            wrong = max(largest(before).path, largest(before).attitude) > SOUND
-            if wrong and not {SCENE, TIME} & families and not (best and _is_clear(best[0])):
+            wrong = max(largest(before).path, largest(before).attitude) > _SOUND
+            if wrong and not {_SCENE, _TIME} & families and not (best and _is_clear(best[0])):
                 options += [*self._scenes(before), *self._stretched(before)]
                 best = _best(options, before)
-            if RATE not in families and (largest(before).rate or 0.0) > ASTRAY:
+            if _RATE not in families and (largest(before).rate or 0.0) > _ASTRAY:
                 own = _best([self._rate_of_attitude(before)], before)
                 if own and (best is None or _is_closer(own[0], best[0])):
                     best = own
             if not self.found:
                 self.trials = [
-                    Trial(each.family, each.name, largest(each.errors))
+                    _Trial(each.family, each.name, largest(each.errors))
                     for each in options
                     if each.parts == 1
                 ]
@@ -267,7 +267,7 @@ class _Search:
         numbers = numbers_of(self.trajectory, slice(None))
         truth = self._truth(reference_of(self.scene, times), 1)
         undo = {each.name: each.undo for each in conventions(truth, self._has_height)}
-        undo[NOT_THE_RATE] = partial(_with_own_rate, times)
+        undo[_NOT_THE_RATE] = partial(_with_own_rate, times)
         for each in self.found:
             if each.name in undo:
                 numbers = undo[each.name](numbers)
@@ -291,7 +291,7 @@ class _Search:
     def _conventions(self, before: tuple[Array, ...]) -> Iterator[_Option]:
         base = (self.numbers, self.truth, before)
         for each in conventions(self.truth, self._has_height):
-            if each.family == RATE and self.numbers.rate is None:
+            if each.family == _RATE and self.numbers.rate is None:
                 continue
             numbers = each.undo(self.numbers)
             yield _Option(each.family, each.name, each.parts, numbers, self.truth, self.scene, base)
@@ -302,7 +302,7 @@ class _Search:
             self._others = list(self._integrated())
         base = (self.numbers, self.truth, before)
         return [
-            _Option(SCENE, name, 1, self.numbers, truth, scene, base)
+            _Option(_SCENE, name, 1, self.numbers, truth, scene, base)
             for name, scene, truth in self._others
         ]
 
@@ -311,7 +311,7 @@ class _Search:
         for name, scenes in mistaken_scenes(self.scene, self.rolling_radius):
             for scene in scenes:
                 try:
-                    theory = integrate(scene, times, rtol=TRIED)
+                    theory = integrate(scene, times, rtol=_TRIED)
                 except InputError:  # a ball that nobody can have simulated
                     continue
                 yield name, scene, self._truth(theory, 1)
@@ -319,21 +319,21 @@ class _Search:
     def _stretched(self, before: tuple[Array, ...]) -> Iterator[_Option]:
         """Yield the scene's own motion, at times that are not the file's."""
         times, base = self.truth.times, (self.numbers, self.truth, before)
-        later = np.linspace(0, times[-1] / (1 - LONGEST), FINE)
+        later = np.linspace(0, times[-1] / (1 - LONGEST), _FINE)
         with contextlib.suppress(InputError):  # of a drive that ends before
-            fine = integrate(self.scene, later, rtol=TRIED)
-            stretch = stretch_of(self.numbers, self.truth, fine)
-            theory = integrate(self.scene, _from_zero(times / stretch), rtol=TRIED)
+            fine = integrate(self.scene, later, rtol=_TRIED)
+            stretch = _stretch_of(self.numbers, self.truth, fine)
+            theory = integrate(self.scene, _from_zero(times / stretch), rtol=_TRIED)
             name = f"the times are {stretch:.5g} times what they should be"
             truth = self._truth(theory, 1)
-            yield _Option(TIME, name, 1, self.numbers, truth, self.scene, base, stretch)
+            yield _Option(_TIME, name, 1, self.numbers, truth, self.scene, base, stretch)
 
     def _rate_of_attitude(self, before: tuple[Array, ...]) -> _Option:
         file = self.corrected()
         rate = _with_own_rate(file.times, numbers_of(file, slice(None))).rate
         numbers = self.numbers.changed(rate=None if rate is None else rate[self.at])
         base = (self.numbers, self.truth, before)
-        return _Option(RATE, NOT_THE_RATE, 1, numbers, self.truth, self.scene, base)
+        return _Option(_RATE, _NOT_THE_RATE, 1, numbers, self.truth, self.scene, base)
 
 
 def _with_own_rate(times: Array, numbers: Numbers) -> Numbers:
@@ -352,11 +352,11 @@ def _from_zero(times: Array) -> Array:
 
 def _is_closer(own: _Option, best: _Option) -> bool:
     """Return whether the attitude's rate is far nearer to ω than the file's by a convention."""
-    return best.family == RATE and bool(best.typical[2] - own.typical[2] > LESSENS)
+    return best.family == _RATE and bool(best.typical[2] - own.typical[2] > _LESSENS)
 
 
 def _is_clear(option: _Option) -> bool:
-    return bool(np.all(option.typical[:2] < CLEAR))
+    return bool(np.all(option.typical[:2] < _CLEAR))
 
 
 def _best(
@@ -367,13 +367,13 @@ def _best(
     before = typical(errors, options[0].truth.times)
     for option in options:
         gain = before - option.typical
-        if gain.max() >= LESSENS and gain.min() >= -SPOILS:
+        if gain.max() >= _LESSENS and gain.min() >= -_SPOILS:
             gains.append((float(gain.sum()), option))
     if not gains:
         return None
     most = max(gain for gain, _ in gains)
     good = sorted(
-        (option for gain, option in gains if gain > most - AS_GOOD), key=lambda each: each.parts
+        (option for gain, option in gains if gain > most - _AS_GOOD), key=lambda each: each.parts
     )
     chosen = good[0]
     as_well = {

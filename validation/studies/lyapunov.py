@@ -29,12 +29,12 @@ from validation.options import AGREES, File, Preset, SceneName, Threads
 from validation.output import print_whole, progress_bar, write_record
 from validation.studies.contact_sections import level_starts, moving_scene, own_start
 
-SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it
-PAIR_TOLERANCE = 1e-11  # of a step of the equations alongside
+_SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it
+_PAIR_TOLERANCE = 1e-11  # of a step of the equations alongside
 
 
 @dataclass(frozen=True)
-class ContactExponent:
+class _ContactExponent:
     """How n pairs of motions of the contact model came apart, in k intervals each.
 
     growth (n, k): the logarithm of the distance's growth in each interval; interval s; attitudes
@@ -72,7 +72,7 @@ def contact_exponent(
     transient: float = 100.0,
     interval: float = 5.0,
     progress: Callable[[float], None] | None = None,
-) -> ContactExponent:
+) -> _ContactExponent:
     """Measure λ₁ of the motions from n starts, each over `duration` after a `transient` [s].
 
     attitudes (n, 4), momenta (n, 3): in principal axes, as `qualitative.long_run` takes them.
@@ -85,19 +85,21 @@ def contact_exponent(
         turn = np.array([0.6, 0.48, 0.64])
         for k in range(skipped + kept):
             origins[i, k], turns[i, k] = q, turn
-            beside = multiply(q, Rotation.from_rotvec(SEPARATION * turn).as_quat(scalar_first=True))
-            q, other = (rolled(model, each, M, interval) for each in (q, beside))
+            beside = multiply(
+                q, Rotation.from_rotvec(_SEPARATION * turn).as_quat(scalar_first=True)
+            )
+            q, other = (_rolled(model, each, M, interval) for each in (q, beside))
             apart = multiply(conjugate(q), other)
             turn = Rotation.from_quat(apart, scalar_first=True).as_rotvec()
             distance = float(np.linalg.norm(turn))
-            growth[i, k], turn = np.log(distance / SEPARATION), turn / distance
+            growth[i, k], turn = np.log(distance / _SEPARATION), turn / distance
             if progress is not None:
                 progress((i * growth.shape[1] + k + 1) / growth.size)
     late = slice(skipped, None)
-    return ContactExponent(growth[:, late], interval, origins[:, late], turns[:, late], momenta)
+    return _ContactExponent(growth[:, late], interval, origins[:, late], turns[:, late], momenta)
 
 
-def rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
+def _rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
     """Return the attitude (4,), principal axes, to which MuJoCo rolls the ball in `duration` s."""
     motion = run(model, np.array([0.0, duration]), start=own_start(model.scene, attitude, momentum))
     if motion.report.faults:
@@ -105,18 +107,18 @@ def rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> A
     return multiply(motion.attitude[-1], model.scene.principal_quaternion)
 
 
-def growth_by_equations(parameters: Parameters, contact: ContactExponent) -> Array:
+def growth_by_equations(parameters: Parameters, contact: _ContactExponent) -> Array:
     """Return `growth` (n, k) by the equations, from the same starts in the same directions."""
     n, k = contact.growth.shape
     starts = Starts(
         parameters, contact.attitudes.reshape(-1, 4), np.repeat(contact.momenta, k, axis=0)
     )
     rest = np.concatenate([contact.turns.reshape(-1, 3), np.zeros((n * k, 2))], axis=1)
-    states, _ = starts.march(DEVIATION, rest, np.array([contact.interval]), PAIR_TOLERANCE)
+    states, _ = starts.march(DEVIATION, rest, np.array([contact.interval]), _PAIR_TOLERANCE)
     return states[:, 0, 7].reshape(n, k)
 
 
-BATCH = 16  # starts a core followed at once, between two moves of the progress bar
+_BATCH = 16  # starts a core followed at once, between two moves of the progress bar
 
 
 @dataclass(frozen=True)
@@ -148,7 +150,7 @@ class Lyapunov:
         attitudes, momenta = level_starts(scene, self.starts, self.seed)
         record: dict[str, object] = {"scene": scene.name, "starts": self.starts, "seed": self.seed}
         with progress_bar(self.starts * (1 if settings is None else 2)) as show:
-            parts, together = [], BATCH * allowed()
+            parts, together = [], _BATCH * allowed()
             for i in range(0, self.starts, together):
                 show(i, f"{scene.name}: equations")
                 batch = slice(i, i + together)

@@ -22,8 +22,8 @@ from robotball.robot import Ball, Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 from robotball.scene import Start
 
-FLOOR = 1e-6  # an error below it explains as little as none
-MOST = 400  # samples that a convention is tried on
+_FLOOR = 1e-6  # an error below it explains as little as none
+_MOST = 400  # samples that a convention is tried on
 
 
 @dataclass(frozen=True)
@@ -101,13 +101,13 @@ def truth_of(motion: Motion, at: slice) -> Truth:
 
 def some_of(count: int) -> slice:
     """Select some of `count` samples, the first among them, at equal distances."""
-    return slice(None, None, max(1, count // MOST))
+    return slice(None, None, max(1, count // _MOST))
 
 
-Base = tuple[Numbers, Truth, tuple[Array, ...]]
+_Base = tuple[Numbers, Truth, tuple[Array, ...]]
 
 
-def errors_at(numbers: Numbers, truth: Truth, base: Base | None = None) -> tuple[Array, ...]:
+def errors_at(numbers: Numbers, truth: Truth, base: _Base | None = None) -> tuple[Array, ...]:
     """Return the errors of path, attitude and, if known, ω: (n,) each, in the units of `Errors`.
 
     base: numbers, truth and their errors, of which those are taken that have not changed.
@@ -150,28 +150,28 @@ def typical(errors: tuple[Array, ...], times: Array) -> Array:
     """
     weights = 1 / (times - times[0] + times[1] - times[0])
     return np.array(
-        [np.average(np.log(np.maximum(each, FLOOR)), weights=weights) for each in errors]
+        [np.average(np.log(np.maximum(each, _FLOOR)), weights=weights) for each in errors]
     )
 
 
-Change = Callable[[Numbers], Numbers]
-Part = tuple[str, Change]  # "" changes nothing
-XYZ = "x, y, z"
-SPELT = {"in": "inches", "ft": "feet", "um": "µm"}
-NEAR = 1.3  # a factor of length so near 1 may be an engine's error, and is no unit
+_Change = Callable[[Numbers], Numbers]
+_Part = tuple[str, _Change]  # "" changes nothing
+_XYZ = "x, y, z"
+_SPELT = {"in": "inches", "ft": "feet", "um": "µm"}
+_NEAR = 1.3  # a factor of length so near 1 may be an engine's error, and is no unit
 
 
 @dataclass(frozen=True)
-class Convention:
+class _Convention:
     """A mistake: its name, what undoes it, and of how many single ones it is made."""
 
     family: str
     name: str
-    undo: Change
+    undo: _Change
     parts: int
 
 
-def conventions(truth: Truth, has_height: bool) -> Iterator[Convention]:
+def conventions(truth: Truth, has_height: bool) -> Iterator[_Convention]:
     """Yield all that are tried on a trajectory of the reference's motion.
 
     has_height: whether its z is known. Without it only worlds with the same vertical are tried.
@@ -179,33 +179,33 @@ def conventions(truth: Truth, has_height: bool) -> Iterator[Convention]:
     yield from _combined("attitude", _attitudes(truth))
     yield from _combined("position", _positions(truth))
     yield from _combined("angular velocity", _rates(truth))
-    yield from (Convention("world", *part, 1) for part in _worlds(has_height))
+    yield from (_Convention("world", *part, 1) for part in _worlds(has_height))
 
 
-def _combined(family: str, parts: Sequence[Sequence[Part]]) -> Iterator[Convention]:
+def _combined(family: str, parts: Sequence[Sequence[_Part]]) -> Iterator[_Convention]:
     """Yield all combinations with at most one of each kind of part."""
     for chosen in product(*([("", lambda numbers: numbers), *each] for each in parts)):
         names = [name for name, _ in chosen if name]
         if names:
-            yield Convention(family, "; ".join(names), _all([f for _, f in chosen]), len(names))
+            yield _Convention(family, "; ".join(names), _all([f for _, f in chosen]), len(names))
 
 
-def _all(changes: Sequence[Change]) -> Change:
+def _all(changes: Sequence[_Change]) -> _Change:
     return lambda numbers: reduce(lambda some, change: change(some), changes, numbers)
 
 
 # Attitude ----------------------------------------------------------------------------------
 
 
-def _turned(change: Callable[[Array], Array]) -> Change:
+def _turned(change: Callable[[Array], Array]) -> _Change:
     return lambda numbers: numbers.changed(attitude=change(numbers.attitude))
 
 
-def _right(q: Array) -> Change:
+def _right(q: Array) -> _Change:
     return _turned(lambda attitude: multiply(attitude, np.broadcast_to(q, attitude.shape)))
 
 
-def _attitudes(truth: Truth) -> list[list[Part]]:
+def _attitudes(truth: Truth) -> list[list[_Part]]:
     """Return orders of a quaternion's numbers, its senses, and frames of which it may be."""
     scene, start = truth.motion.scene, truth.motion.scene.start.attitude
     counted = "the attitude is counted from the start, in"
@@ -224,7 +224,7 @@ def _attitudes(truth: Truth) -> list[list[Part]]:
         (f"{counted} frame axes", _turned(lambda q: multiply(start, q))),
         *(
             (
-                f"the frame's axes are others: the file's {XYZ} are the scene's {_text(S)}",
+                f"the frame's axes are others: the file's {_XYZ} are the scene's {_text(S)}",
                 _right(from_matrix(S)),
             )
             for S in _rotations()
@@ -242,7 +242,7 @@ def _in_shell(truth: Truth, sense: int) -> Array:
 # Position ----------------------------------------------------------------------------------
 
 
-def _moved(change: Callable[[Array], Array]) -> Change:
+def _moved(change: Callable[[Array], Array]) -> _Change:
     """Return what undoes a change of the horizontal part (n, 2)."""
 
     def undo(numbers: Numbers) -> Numbers:
@@ -253,20 +253,20 @@ def _moved(change: Callable[[Array], Array]) -> Change:
     return undo
 
 
-def _resized(size: float) -> Change:
+def _resized(size: float) -> _Change:
     return lambda numbers: numbers.changed(position=size * numbers.position)
 
 
-def _positions(truth: Truth) -> list[list[Part]]:
+def _positions(truth: Truth) -> list[list[_Part]]:
     """Return origins, units, axes of the plane, and points of the ball that x, y may be of."""
     a = truth.motion.scene.ball.radius
-    sizes = {SPELT.get(unit, unit): size for unit, size in LENGTHS.items() if unit != "m"}
+    sizes = {_SPELT.get(unit, unit): size for unit, size in LENGTHS.items() if unit != "m"}
     sizes |= {"radii of the ball": a, "diameters": 2 * a}
     origins = [("the path does not start at (0, 0)", _moved(lambda p: p - p[0]))]
     lengths = [
         (f"the positions are in {unit}", _resized(size))
         for unit, size in sizes.items()
-        if not 1 / NEAR < size < NEAR
+        if not 1 / _NEAR < size < _NEAR
     ]
     planes = [
         ("x and y are exchanged", _moved(lambda p: p[:, ::-1])),
@@ -288,7 +288,7 @@ def _positions(truth: Truth) -> list[list[Part]]:
 # Angular velocity --------------------------------------------------------------------------
 
 
-def _rated(change: Callable[[Array, Numbers], Array]) -> Change:
+def _rated(change: Callable[[Array, Numbers], Array]) -> _Change:
     def undo(numbers: Numbers) -> Numbers:
         if numbers.rate is None:
             return numbers
@@ -297,7 +297,7 @@ def _rated(change: Callable[[Array, Numbers], Array]) -> Change:
     return undo
 
 
-def _rates(truth: Truth) -> list[list[Part]]:
+def _rates(truth: Truth) -> list[list[_Part]]:
     """Return units, signs and axes of ω, and the bodies of which it may be."""
     scene, to_frame = truth.motion.scene, _in_shell(truth, -1)
     more = np.outer(truth.frame_rate, scene.ball.shell.axis)
@@ -316,7 +316,7 @@ def _rates(truth: Truth) -> list[list[Part]]:
         ("the angular velocity is in the shell's axes", _rated(lambda w, _: _rotated(w, to_frame))),
         ("the angular velocity is in principal axes", _along(scene.principal_axes.T)),
         *(
-            (f"the angular velocity's {XYZ} are along the scene's {_text(S)}", _along(S))
+            (f"the angular velocity's {_XYZ} are along the scene's {_text(S)}", _along(S))
             for S in _rotations()
         ),
     ]
@@ -326,11 +326,11 @@ def _rates(truth: Truth) -> list[list[Part]]:
     return [units, signs, axes, bodies]
 
 
-def _scaled(size: float) -> Change:
+def _scaled(size: float) -> _Change:
     return _rated(lambda w, _: size * w)
 
 
-def _along(S: Array) -> Change:
+def _along(S: Array) -> _Change:
     return _rated(lambda w, _: w @ S)
 
 
@@ -340,7 +340,7 @@ def _rotated(v: Array, attitude: Array) -> Array:
 
 # World -------------------------------------------------------------------------------------
 
-WORLDS = {
+_WORLDS = {
     "x, z, -y": "Y is up",
     "x, z, y": "Y is up, and the axes are left-handed",
     "x, -y, -z": "Z is down",
@@ -348,21 +348,21 @@ WORLDS = {
 }
 
 
-def _worlds(has_height: bool) -> Iterator[Part]:
+def _worlds(has_height: bool) -> Iterator[_Part]:
     """Yield axes x, y, z of the file other than the world's, and maybe the frame's likewise."""
     for S in _signed_permutations():
         if np.array_equal(S, np.eye(3)) or not (has_height or abs(S[2, 2]) == 1):
             continue
         text = _text(S)
-        known = f" ({WORLDS[text]})" if text in WORLDS else ""
-        axes = f"{XYZ} are the scene's {text}{known}"
+        known = f" ({_WORLDS[text]})" if text in _WORLDS else ""
+        axes = f"{_XYZ} are the scene's {text}{known}"
         proper = np.linalg.det(S) > 0
         if proper:
             yield f"the world's axes are others: the file's {axes}", _seen_from(S, both=False)
         yield f"the world's and the frame's axes are others: the file's {axes}", _seen_from(S)
 
 
-def _seen_from(S: Array, both: bool = True) -> Change:
+def _seen_from(S: Array, both: bool = True) -> _Change:
     """Undoes axes of the world, and of the frame if both, whose i-th is row i of S."""
     proper = S * np.linalg.det(S).round()  # what mirrors, turns vectors of rotation the other way
     turn = from_matrix(proper)
@@ -402,16 +402,16 @@ def _text(S: Array) -> str:
     return ", ".join(names)
 
 
-DEGREES = np.pi / 180
-CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engine's error
-LIKELY = 5.0  # times the radius, or less: any other comes of numbers that mean something else
+_DEGREES = np.pi / 180
+_CLEAR = 1e-3  # relative: a rolling radius nearer to the scene's may be an engine's error
+_LIKELY = 5.0  # times the radius, or less: any other comes of numbers that mean something else
 
 
-MistakenScene = tuple[str, tuple[Scene, ...]]
+_MistakenScene = tuple[str, tuple[Scene, ...]]
 """A mistake in setting up the scene, and the scenes that it may have led to."""
 
 
-def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
+def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[_MistakenScene]:
     """Yield all that are tried; rolling_radius: by the file [m], nan where it is not known."""
     names = [hinge.name for hinge in scene.hinges]
     moving = [i for i, hinge in enumerate(scene.hinges) if _has_rate(scene, i)]
@@ -424,7 +424,7 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[MistakenSce
     for which, what in groups:
         missing = "are" if what == "all rates" else "is"
         yield (f"{what} {missing} zero", _with_rates(scene, which, 0.0))
-        yield (f"{what} {missing} taken in degrees", _with_rates(scene, which, DEGREES))
+        yield (f"{what} {missing} taken in degrees", _with_rates(scene, which, _DEGREES))
     yield from _radii(scene, rolling_radius)
     other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
     flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
@@ -491,10 +491,10 @@ def scaled(rate: Rate, factor: float) -> Rate:
     return factor * float(rate)
 
 
-def _radii(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
+def _radii(scene: Scene, rolling_radius: float) -> Iterator[_MistakenScene]:
     radius = scene.ball.radius
     ratio = rolling_radius / radius
-    if not (abs(ratio - 1) > CLEAR and 1 / LIKELY < ratio < LIKELY):
+    if not (abs(ratio - 1) > _CLEAR and 1 / _LIKELY < ratio < _LIKELY):
         return
     shell = scene.ball.shell
     larger = replace(shell, radius=rolling_radius)
@@ -510,7 +510,7 @@ def _radii(scene: Scene, rolling_radius: float) -> Iterator[MistakenScene]:
     )
 
 
-def _inertias(scene: Scene) -> Iterator[MistakenScene]:
+def _inertias(scene: Scene) -> Iterator[_MistakenScene]:
     """Yield moments that are exchanged, or about another point than the body's centre of mass."""
     for name, body in scene.ball.named_bodies:
         others: dict[str, Body] = {}
@@ -528,7 +528,7 @@ def _inertias(scene: Scene) -> Iterator[MistakenScene]:
                     replace(body, inertia=body.inertia + sign * more)
                 )
         for what, other in others.items():
-            if np.abs(other.inertia - body.inertia).max() > CLEAR * np.abs(body.inertia).max():
+            if np.abs(other.inertia - body.inertia).max() > _CLEAR * np.abs(body.inertia).max():
                 yield (what, _with_body(scene, body, other))
 
 
@@ -548,7 +548,7 @@ def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
     return (*_kept(heavier, scene), heavier)
 
 
-def _starts(scene: Scene) -> Iterator[MistakenScene]:
+def _starts(scene: Scene) -> Iterator[_MistakenScene]:
     start, R = scene.start, rotation_matrix(scene.start.attitude)
     omega, q = _omega(scene), start.attitude
     yield ("the start's angular velocity is set in world axes", _kept(scene, scene, R.T @ omega))

@@ -20,9 +20,9 @@ from validation.studies.friction import LEAST_FRICTION
 from validation.studies.timing import measure_costs, one_step
 from validation.study import Column, Row, Study, table_of
 
-MINIMAL = PRESETS["accurate"]
-SPLIT = 3  # rotors for each of the scene's
-SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc", "frameangacc")
+_MINIMAL = PRESETS["accurate"]
+_SPLIT = 3  # rotors for each of the scene's
+_SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc", "frameangacc")
 
 
 def parts_of(scene: Scene) -> dict[str, mujoco.MjModel]:
@@ -30,23 +30,23 @@ def parts_of(scene: Scene) -> dict[str, mujoco.MjModel]:
     classical = scene.rolling == "classical"
     spin: dict[str, Any] = {"torsional_friction": LEAST_FRICTION} if classical else {}
     roll = {**spin, "condim": 6, "rolling_friction": LEAST_FRICTION}
-    prescribed = any(not hinge.own_motor for hinge in hinges_of(scene, MINIMAL))
+    prescribed = any(not hinge.own_motor for hinge in hinges_of(scene, _MINIMAL))
     servos: dict[str, Any] = {"drive": NAIVE.drive} if prescribed else {}
-    parts = {"minimal": _compiled(scene, MINIMAL)}
+    parts = {"minimal": _compiled(scene, _MINIMAL)}
     if scene.ball.rotors:
-        parts["three rotors for each"] = _compiled(split(scene), MINIMAL)
+        parts["three rotors for each"] = _compiled(split(scene), _MINIMAL)
     if classical:
-        parts["condim 4"] = _compiled(scene, replace(MINIMAL, condim=4, **spin))
-    parts["condim 6"] = _compiled(scene, replace(MINIMAL, **roll))
-    parts["geoms, textures, lights"] = _compiled(scene, MINIMAL, dressed=True)
-    parts["sensors of every body"] = _compiled(scene, MINIMAL, sensors=True)
+        parts["condim 4"] = _compiled(scene, replace(_MINIMAL, condim=4, **spin))
+    parts["condim 6"] = _compiled(scene, replace(_MINIMAL, **roll))
+    parts["geoms, textures, lights"] = _compiled(scene, _MINIMAL, dressed=True)
+    parts["sensors of every body"] = _compiled(scene, _MINIMAL, sensors=True)
     if prescribed:
-        parts["servos for the rates"] = _compiled(scene, replace(MINIMAL, **servos))
-    parts["Newton for PGS"] = _compiled(scene, replace(MINIMAL, solver="Newton"))
-    many = replace(MINIMAL, iterations=DEFAULT_ITERATIONS)
+        parts["servos for the rates"] = _compiled(scene, replace(_MINIMAL, **servos))
+    parts["Newton for PGS"] = _compiled(scene, replace(_MINIMAL, solver="Newton"))
+    many = replace(_MINIMAL, iterations=DEFAULT_ITERATIONS)
     parts[f"{DEFAULT_ITERATIONS} iterations"] = _compiled(scene, many)
     # Without the huge inertias MuJoCo's own tolerance can stop the iterations early.
-    whole = replace(MINIMAL, **roll, **servos, solver="Newton", iterations=None, tolerance=None)
+    whole = replace(_MINIMAL, **roll, **servos, solver="Newton", iterations=None, tolerance=None)
     parts["all of it"] = _compiled(split(scene), whole, dressed=True, sensors=True)
     return parts
 
@@ -91,15 +91,15 @@ COLUMNS = (
 def split(scene: Scene) -> Scene:
     """Return the scene with every rotor made of three about its axis: inertia and K are equal."""
     ball = scene.ball
-    rotors = tuple(scaled_body(rotor, 1 / SPLIT) for rotor in ball.rotors for _ in range(SPLIT))
+    rotors = tuple(scaled_body(rotor, 1 / _SPLIT) for rotor in ball.rotors for _ in range(_SPLIT))
     motors = scene.motors
     if motors:
-        own = [motor and _weaker(motor) for motor in motors[1:] for _ in range(SPLIT)]
+        own = [motor and _weaker(motor) for motor in motors[1:] for _ in range(_SPLIT)]
         motors = (motors[0], *own)
     return replace(
         scene,
         ball=replace(ball, rotors=rotors),
-        rotor_rates=tuple(rate for rate in scene.rotor_rates for _ in range(SPLIT)),
+        rotor_rates=tuple(rate for rate in scene.rotor_rates for _ in range(_SPLIT)),
         motors=motors,
     )
 
@@ -108,7 +108,7 @@ def _weaker(motor: Motor) -> Servo:
     if not isinstance(motor, Servo):
         raise InputError(f"only velocity servos are shared among rotors, not {motor}")
     limit = motor.torque_limit
-    return Servo(motor.gain / SPLIT, None if limit is None else limit / SPLIT)
+    return Servo(motor.gain / _SPLIT, None if limit is None else limit / _SPLIT)
 
 
 def _compiled(
@@ -120,7 +120,7 @@ def _compiled(
         return model.compiled
     spec = mujoco.MjSpec.from_string(model.xml)
     for body in spec.bodies[1:]:
-        for kind in SENSORS:
+        for kind in _SENSORS:
             spec.add_sensor(
                 type=getattr(mujoco.mjtSensor, f"mjSENS_{kind.upper()}"),
                 objtype=mujoco.mjtObj.mjOBJ_BODY,

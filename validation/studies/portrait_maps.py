@@ -28,13 +28,13 @@ from validation.study import Column, Study, show, table_of
 from validation.sweeps import Cell, Result, rows_of
 
 A: Vector = (0.5, 0.4, 0.3)  # of Figs 5 to 8, 1/(kg m²)
-OMEGA: Vector = (4.0, 2.0, 1.0)  # rad/s
-COUNT, QUICK_COUNT = 24, 4  # values of an axis
-LIMIT = 300.0  # s of one cell
+_OMEGA: Vector = (4.0, 2.0, 1.0)  # rad/s
+_COUNT, _QUICK_COUNT = 24, 4  # values of an axis
+_LIMIT = 300.0  # s of one cell
 
 
 @dataclass(frozen=True)
-class Plane:
+class _Plane:
     """A map: K₃ across from -K3 to K3 [kg m²/s]; up is `y`, from `low` to `high`."""
 
     name: str
@@ -59,24 +59,24 @@ class Plane:
         )  # type: ignore[return-value]
 
 
-def turned(degrees: float) -> Vector:
+def _turned(degrees: float) -> Vector:
     """Return OMEGA with its part across e₃ turned to this angle from e₁."""
-    size, angle = np.hypot(OMEGA[0], OMEGA[1]), np.radians(degrees)
-    return (float(size * np.cos(angle)), float(size * np.sin(angle)), OMEGA[2])
+    size, angle = np.hypot(_OMEGA[0], _OMEGA[1]), np.radians(degrees)
+    return (float(size * np.cos(angle)), float(size * np.sin(angle)), _OMEGA[2])
 
 
 PLANES = {
     plane.name: plane
     for plane in (
-        Plane("axial", "Ω₃ [rad/s]", "Ω₁ = 4, Ω₂ = 2 rad/s", 3.0, -4.0, 4.0,
-              lambda y: (OMEGA[0], OMEGA[1], y)),
-        Plane("azimuth", "angle of (Ω₁, Ω₂) from e₁ [degrees]",
-              "√(Ω₁² + Ω₂²) = √20, Ω₃ = 1 rad/s", 3.0, -85.0, 85.0, turned),
+        _Plane("axial", "Ω₃ [rad/s]", "Ω₁ = 4, Ω₂ = 2 rad/s", 3.0, -4.0, 4.0,
+              lambda y: (_OMEGA[0], _OMEGA[1], y)),
+        _Plane("azimuth", "angle of (Ω₁, Ω₂) from e₁ [degrees]",
+              "√(Ω₁² + Ω₂²) = √20, Ω₃ = 1 rad/s", 3.0, -85.0, 85.0, _turned),
     )
 }  # fmt: skip
 
 
-def cells_of(plane: Plane, count: int) -> list[Cell]:
+def cells_of(plane: _Plane, count: int) -> list[Cell]:
     """Return the cells of a map, row by row."""
     across, up = plane.axes(count)
     return [{"map": plane.name, "K3": K3, "y": y} for y in up for K3 in across]
@@ -107,15 +107,15 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-FINE = 70  # values of an axis for the curves
-CURVES: dict[str, tuple[Callable[[Parameters], float], str, Any]] = {
+_FINE = 70  # values of an axis for the curves
+_CURVES: dict[str, tuple[Callable[[Parameters], float], str, Any]] = {
     "|κ₁| = 1": (lambda ball: abs(kappa(ball, 1)) - 1, ACCENT, "-"),
     "|κ₂| = 1": (lambda ball: abs(kappa(ball, 0)) - 1, INK, "-."),
     "A₁A₂ = 0": (lambda ball: np.prod(proposition_2(ball)[:2]), ACCENT, "--"),
     "B = 0": (lambda ball: proposition_2(ball)[2], INK, ":"),
 }
 # Apart in grey, too; the same in every picture.
-COLOURS = {
+_COLOURS = {
     "2 fixed points": "#DADDE1",
     "6 fixed points": "#A9AFB6",
     "10 fixed points": "#FFFFFF",
@@ -132,21 +132,21 @@ COLOURS = {
     "largest basin: θ₁,₂": "#A8C8B4",
     "largest basin: θ₃,₄": "#8F92B8",
 }
-HATCHES = {"largest basin: δ₃,₄": "..", "largest basin: θ₁,₂": "//", "largest basin: θ₃,₄": "\\\\"}
-OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
+_HATCHES = {"largest basin: δ₃,₄": "..", "largest basin: θ₁,₂": "//", "largest basin: θ₃,₄": "\\\\"}
+_OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
 
 
-def number_of_points(record: Mapping[str, Any]) -> str:
+def _number_of_points(record: Mapping[str, Any]) -> str:
     """Return how many fixed points there are, those of index 1 counted with the saddles."""
     return f"{len(record['points'])} fixed points"
 
 
-def type_of_poles(record: Mapping[str, Any]) -> str:
+def _type_of_poles(record: Mapping[str, Any]) -> str:
     """Return the type of Γ₅ and Γ₆, which have the same."""
     return f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}"
 
 
-def kind_of_cycles(record: Mapping[str, Any]) -> str:
+def _kind_of_cycles(record: Mapping[str, Any]) -> str:
     """Return how many limit cycles there are, C and -C as one."""
     stable = sum(abs(cycle["multiplier"]) < 1 for cycle in record["cycles"])
     unstable = len(record["cycles"]) - stable
@@ -156,31 +156,31 @@ def kind_of_cycles(record: Mapping[str, Any]) -> str:
     return f"cycles: {', '.join(parts)}"
 
 
-def largest_basin(record: Mapping[str, Any]) -> str:
+def _largest_basin(record: Mapping[str, Any]) -> str:
     """Return the attractor with the largest basin."""
     name = max(record["basins"], key=lambda each: record["basins"][each])
     return f"largest basin: {'a cycle' if name.startswith('cycle') else name}"
 
 
-PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
-    "how many fixed points": number_of_points,
-    "the type of Γ₅ and Γ₆": type_of_poles,
-    "limit cycles": kind_of_cycles,
-    "whose basin is the largest": largest_basin,
+_PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
+    "how many fixed points": _number_of_points,
+    "the type of Γ₅ and Γ₆": _type_of_poles,
+    "limit cycles": _kind_of_cycles,
+    "whose basin is the largest": _largest_basin,
 }
 
 
-def picture(plane: Plane, results: Sequence[Result]) -> Figure:
+def _picture(plane: _Plane, results: Sequence[Result]) -> Figure:
     """Draw four panels of the same cells, each by one property, with the curves over them."""
     figure = Figure(figsize=(12.5, 11.5), layout="constrained")
     figure.suptitle(
         f"Phase portraits of motion from rest: A = diag{A}, K = (0, 0, K₃), {plane.held}",
         color=INK,
     )
-    panels, curves = figure.subplots(2, 2), curves_of(plane)
-    for axes, (title, property_of) in zip(panels.flat, PANELS.items(), strict=True):
-        draw_cells(axes, results, property_of)
-        for levels, (_, colour, dashes) in zip(curves, CURVES.values(), strict=True):
+    panels, curves = figure.subplots(2, 2), _curves_of(plane)
+    for axes, (title, property_of) in zip(panels.flat, _PANELS.items(), strict=True):
+        _draw_cells(axes, results, property_of)
+        for levels, (_, colour, dashes) in zip(curves, _CURVES.values(), strict=True):
             lines = axes.contour(*levels, levels=[0.0], colors=[colour], linewidths=1.8)
             lines.set_linestyle(dashes)
         axes.set(xlabel="K₃ [kg m²/s]", ylabel=plane.label, title=title)
@@ -191,37 +191,37 @@ def picture(plane: Plane, results: Sequence[Result]) -> Figure:
                           textcoords="offset points", fontsize=8, color=INK, zorder=5,
                           path_effects=halo(), ha=side)  # fmt: skip
     handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
-              for name, (_, colour, dashes) in CURVES.items()]  # fmt: skip
+              for name, (_, colour, dashes) in _CURVES.items()]  # fmt: skip
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False,
                   title="curves by the formulas of section 4.2, corrected")  # fmt: skip
     return figure
 
 
-def draw_cells(
+def _draw_cells(
     axes: Axes, results: Sequence[Result], property_of: Callable[[Mapping[str, Any]], str]
 ) -> None:
     """Draw each cell in the colour of its property, with a legend of what is there."""
     across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
     words = [property_of(each.record) if each.record else "no result" for each in results]
-    order = [*COLOURS]
-    known = sorted(set(words) & set(COLOURS), key=order.index)
-    kinds = [*known, *sorted(set(words) - set(COLOURS) - {"no result"})]
+    order = [*_COLOURS]
+    known = sorted(set(words) & set(_COLOURS), key=order.index)
+    kinds = [*known, *sorted(set(words) - set(_COLOURS) - {"no result"})]
     for each, word in zip(results, words, strict=True):
         x, y = each.cell["K3"], each.cell["y"]
         half = (across[1] - across[0]) / 2, (up[1] - up[0]) / 2
         axes.fill(
             x + half[0] * np.array([-1, 1, 1, -1]),
             y + half[1] * np.array([-1, -1, 1, 1]),
-            facecolor=COLOURS.get(word, OTHER),
-            hatch=HATCHES.get(word),
+            facecolor=_COLOURS.get(word, _OTHER),
+            hatch=_HATCHES.get(word),
             edgecolor="0.5",
             linewidth=0,
         )
     shown = [*kinds, *(["no result"] if "no result" in words else [])]
     handles = [
         Patch(
-            facecolor=COLOURS.get(kind, OTHER),
-            hatch=HATCHES.get(kind),
+            facecolor=_COLOURS.get(kind, _OTHER),
+            hatch=_HATCHES.get(kind),
             edgecolor="0.5",
             label=kind,
         )
@@ -232,18 +232,20 @@ def draw_cells(
     axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))
 
 
-def curves_of(plane: Plane) -> list[tuple[Array, Array, Array]]:
+def _curves_of(plane: _Plane) -> list[tuple[Array, Array, Array]]:
     """Return for each of CURVES K₃ (n,), y (m,) and the function (m, n) whose zeros it is."""
-    across = np.linspace(-plane.K3, plane.K3, FINE)
-    up = np.linspace(plane.low, plane.high, FINE)
+    across = np.linspace(-plane.K3, plane.K3, _FINE)
+    up = np.linspace(plane.low, plane.high, _FINE)
     balls = [[plane.ball(K3, y) for K3 in across] for y in up]
     return [
         (across, up, np.array([[function(ball) for ball in row] for row in balls]))
-        for function, _, _ in CURVES.values()
+        for function, _, _ in _CURVES.values()
     ]
 
 
-def summary(planes: Sequence[Plane], found: Mapping[str, Sequence[Result]]) -> list[dict[str, Any]]:
+def summary(
+    planes: Sequence[_Plane], found: Mapping[str, Sequence[Result]]
+) -> list[dict[str, Any]]:
     """Return a record for each map: how many cells have which portrait, where formulas fail."""
     records = []
     for plane in planes:
@@ -251,7 +253,7 @@ def summary(planes: Sequence[Plane], found: Mapping[str, Sequence[Result]]) -> l
         sound = [(each.cell, each.record) for each in results if each.record is not None]
         counts = {
             title: dict(Counter(property_of(record) for _, record in sound).most_common())
-            for title, property_of in PANELS.items()
+            for title, property_of in _PANELS.items()
         }
         wrong = sum(
             not as_predicted(plane.ball(cell["K3"], cell["y"]), record) for cell, record in sound
@@ -312,15 +314,15 @@ class Portraits:
     def run(self) -> int:
         planes = chosen("map", self.maps, PLANES)
         writable_folder(self.sweep.out)
-        count = QUICK_COUNT if self.sweep.quick else COUNT
+        count = _QUICK_COUNT if self.sweep.quick else _COUNT
         found = {
-            each.name: self.sweep.results(measure, cells_of(each, count), "portraits", LIMIT)
+            each.name: self.sweep.results(measure, cells_of(each, count), "portraits", _LIMIT)
             for each in planes
         }
         records = summary(planes, found)
         show(shown(records))
         for each, results in zip(planes, found.values(), strict=True):
-            rows, drawn = rows_of(results), picture(each, results)
+            rows, drawn = rows_of(results), _picture(each, results)
             self.sweep.present(Study("portraits", None, [each.name], rows, picture=drawn))
         write_record(self.json, {"quick": self.sweep.quick, "summary": records})
         return DISAGREES if any(each["against_the_formulas"] for each in records) else AGREES

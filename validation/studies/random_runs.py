@@ -39,12 +39,12 @@ from validation.agreement import compare
 from validation.output import Show
 from validation.studies.extreme_maps import WRONG, scaled, scaled_body
 
-SEED = 20190501
+_SEED = 20190501
 
 
 def random_scene(number: int) -> Scene:
     """Return a ball of mass points in its shell, 0 to 3 rotors, in axes that are not principal."""
-    rng = np.random.default_rng([SEED, number])
+    rng = np.random.default_rng([_SEED, number])
     radius, mass = rng.uniform(0.5, 1.5), rng.uniform(0.3, 2.0)
 
     def direction() -> Array:
@@ -85,15 +85,15 @@ def random_scene(number: int) -> Scene:
 
 
 LONGEST = 100.0  # s
-STEPS, TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its fastest rotation
-MOST_STEPS = 4000
-SAMPLES = 100
-RECIPES = ("fast", "balanced", "accurate", "adaptive")
-EXTREME_AXES = 3  # at most, of one run
+_STEPS, _TURNS = 3000, 40.0  # a run is cut to so many steps, and radians of its fastest rotation
+_MOST_STEPS = 4000
+_SAMPLES = 100
+_RECIPES = ("fast", "balanced", "accurate", "adaptive")
+_EXTREME_AXES = 3  # at most, of one run
 
 
 @dataclass(frozen=True)
-class RandomRun:
+class _RandomRun:
     """A scene, settings and sample times (n,) [s]; what was made extreme, for the eye."""
 
     scene: Scene
@@ -102,25 +102,25 @@ class RandomRun:
     axes: tuple[str, ...] = ()
 
 
-def ordinary(seed: int, number: int) -> RandomRun:
+def ordinary(seed: int, number: int) -> _RandomRun:
     """Return a catalog ball with rates, momentum and attitude varied, at a preset of the recipe."""
     random = np.random.default_rng([seed, number, 0])
     scene = _varied(_any_scene(random), random)
     duration = float(random.uniform(1.0, 10.0))
-    settings = preset(str(random.choice(RECIPES)))
-    return RandomRun(scene, settings, np.linspace(0.0, duration, SAMPLES + 1))
+    settings = preset(str(random.choice(_RECIPES)))
+    return _RandomRun(scene, settings, np.linspace(0.0, duration, _SAMPLES + 1))
 
 
-def extreme(seed: int, number: int) -> RandomRun:
+def extreme(seed: int, number: int) -> _RandomRun:
     """Return the naive or the recipe's settings on a varied ball, one to three axes far out."""
     random = np.random.default_rng([seed, number, 1])
     scene = _varied(_any_scene(random), random)
     settings = random.choice(np.array([preset("naive"), recipe("recipe", 1e-2, timestep=5e-3)]))
-    settings = replace(settings, stop_at_fault=False, max_steps=MOST_STEPS)
-    chosen = random.choice(list(AXES), random.integers(1, EXTREME_AXES + 1), replace=False)
+    settings = replace(settings, stop_at_fault=False, max_steps=_MOST_STEPS)
+    chosen = random.choice(list(_AXES), random.integers(1, _EXTREME_AXES + 1), replace=False)
     for axis in chosen:
-        scene, settings = AXES[axis](scene, settings, random)
-    return RandomRun(
+        scene, settings = _AXES[axis](scene, settings, random)
+    return _RandomRun(
         scene, settings, _short_times(scene, settings, random), tuple(map(str, chosen))
     )
 
@@ -129,9 +129,9 @@ def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) 
     """Return times that neither the engine nor the equations need long for."""
     plan = planned(scene, settings, scene.duration)
     timestep = plan.timestep if np.isfinite(plan.timestep) else 0.02
-    turns = TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
-    duration = min(max(min(turns, STEPS * timestep, LONGEST), 10 * timestep), LONGEST)
-    return np.linspace(0.0, duration, SAMPLES + 1)
+    turns = _TURNS * random.uniform(0.2, 1.0) / max(plan.rotation_rate, 1e-6)
+    duration = min(max(min(turns, _STEPS * timestep, LONGEST), 10 * timestep), LONGEST)
+    return np.linspace(0.0, duration, _SAMPLES + 1)
 
 
 def _any_scene(random: np.random.Generator) -> Scene:
@@ -183,23 +183,23 @@ def _heavier_part(scene: Scene, factor: float, part: str) -> Scene:
     return replace(scene, ball=heavier)
 
 
-Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
+_Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]
 
 
-def _of_scene(low: float, high: float, change: Callable[[Scene, float], Scene]) -> Axis:
+def _of_scene(low: float, high: float, change: Callable[[Scene, float], Scene]) -> _Axis:
     """Return an axis of the scene, from 10**low to 10**high."""
     return lambda scene, settings, random: (
         change(scene, float(10 ** random.uniform(low, high))), settings,
     )  # fmt: skip
 
 
-def _of_settings(low: float, high: float, change: Callable[[float], dict[str, Any]]) -> Axis:
+def _of_settings(low: float, high: float, change: Callable[[float], dict[str, Any]]) -> _Axis:
     return lambda scene, settings, random: (
         scene, replace(settings, **change(float(10 ** random.uniform(low, high)))),
     )  # fmt: skip
 
 
-def _choice(*choices: dict[str, Any]) -> Axis:
+def _choice(*choices: dict[str, Any]) -> _Axis:
     return lambda scene, settings, random: (
         scene, replace(settings, **choices[int(random.integers(len(choices)))]),
     )  # fmt: skip
@@ -209,7 +209,7 @@ def _start_times(scene: Scene, factor: float) -> Scene:
     return replace(scene, start=replace(scene.start, momentum=scene.start.momentum * factor))
 
 
-AXES: dict[str, Axis] = {
+_AXES: dict[str, _Axis] = {
     "timestep": _of_settings(-4, 0, lambda v: {"timestep": v}),
     "integrator": _choice(*({"integrator": name} for name in OWN)),
     "adaptive": _of_settings(-13, -2, lambda v: {"integrator": ADAPTIVE, "rtol": v}),
@@ -245,18 +245,18 @@ AXES: dict[str, Axis] = {
 }
 
 
-REFERENCE_STEPS = 20_000  # of the equations; runs that need more are not judged
+_REFERENCE_STEPS = 20_000  # of the equations; runs that need more are not judged
 
 
 @dataclass(frozen=True)
-class Judged:
+class _Judged:
     """The outcome of a run: its path error (None where it broke off) and what was reported of it.
 
     within: whether its errors are within its tolerance; warned: by the precheck; refused: why it
     was not run, if it was not.
     """
 
-    run: RandomRun
+    run: _RandomRun
     path_error: float | None
     within: bool
     warned: tuple[str, ...]
@@ -281,18 +281,18 @@ class Judged:
 
 
 @dataclass(frozen=True)
-class Detection:
+class _Detection:
     """The extreme runs, whose failures should be reported, and the ordinary ones."""
 
-    extreme: tuple[Judged, ...]
-    ordinary: tuple[Judged, ...]
+    extreme: tuple[_Judged, ...]
+    ordinary: tuple[_Judged, ...]
 
     @property
-    def missed(self) -> list[Judged]:
+    def missed(self) -> list[_Judged]:
         return [each for each in self.extreme if each.missed]
 
     @property
-    def false_alarms(self) -> list[Judged]:
+    def false_alarms(self) -> list[_Judged]:
         return [each for each in self.ordinary if each.false_alarm]
 
     @property
@@ -327,31 +327,31 @@ class Detection:
         }
 
 
-def measure_detection(count: int, seed: int, show: Show | None = None) -> Detection:
+def measure_detection(count: int, seed: int, show: Show | None = None) -> _Detection:
     """Judge `count` extreme runs and as many ordinary ones."""
     logging.getLogger("absl").setLevel(logging.ERROR)
     show = show or (lambda done, what: None)
-    sets: list[tuple[Judged, ...]] = []
+    sets: list[tuple[_Judged, ...]] = []
     for done, (name, make) in enumerate((("extreme", extreme), ("ordinary", ordinary))):
         judged_runs = []
         for number in range(count):
             show(done * count + number, f"{name} runs")
             judged_runs.append(judged(make(seed, number)))
         sets.append(tuple(judged_runs))
-    return Detection(*sets)
+    return _Detection(*sets)
 
 
-def judged(run: RandomRun) -> Judged:
+def judged(run: _RandomRun) -> _Judged:
     """Run by the engine and by the equations, and return what was reported of it."""
     with warnings.catch_warnings(action="ignore"):
         try:
-            theory = integrate(run.scene, run.times, max_steps=REFERENCE_STEPS)
+            theory = integrate(run.scene, run.times, max_steps=_REFERENCE_STEPS)
             warned = exceeded(run.scene, run.settings, run.times)
             agreement = compare(run.scene, run.settings, theory=theory)
         except InputError as error:
-            return Judged(run, None, False, (), (), str(error))
+            return _Judged(run, None, False, (), (), str(error))
     measured = (agreement.path_error, agreement.momentum_error)
-    return Judged(
+    return _Judged(
         run,
         agreement.path_error,
         all(value is not None and value <= run.settings.error_tolerance for value in measured),
@@ -360,7 +360,7 @@ def judged(run: RandomRun) -> Judged:
     )
 
 
-def _words(of: Judged) -> str:
+def _words(of: _Judged) -> str:
     said = "; ".join((*of.warned, *of.faults, of.refused)).strip("; ")
     axes = ", ".join(of.run.axes)
     return ", ".join(filter(None, (of.run.scene.name, of.run.settings.name, axes, said)))

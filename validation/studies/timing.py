@@ -17,10 +17,10 @@ from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
 from robotball.rotations import Array
 
-BASELINE = ("fig12", "accurate")  # the scene and preset of the bare loop
-STEPS = 250  # of it, at every turn
+_BASELINE = ("fig12", "accurate")  # the scene and preset of the bare loop
+_STEPS = 250  # of it, at every turn
 
-Work = Callable[[], float]
+_Work = Callable[[], float]
 """Does a piece of work, set-up excluded, and returns its processor time [s]."""
 
 
@@ -64,7 +64,7 @@ def bare_loop() -> float:
 
 @cache
 def _baseline_model() -> Model:
-    scene, settings = BASELINE
+    scene, settings = _BASELINE
     return build(load_scene(scene), preset(settings))
 
 
@@ -73,12 +73,12 @@ def one_step(compiled: mujoco.MjModel) -> float:
     data = mujoco.MjData(compiled)
     mujoco.mj_resetDataKeyframe(compiled, data, 0)
     began = time.thread_time()
-    for _ in range(STEPS):
+    for _ in range(_STEPS):
         mujoco.mj_step(compiled, data)
-    return (time.thread_time() - began) / STEPS
+    return (time.thread_time() - began) / _STEPS
 
 
-def simulated_second(model: Model, times: Array) -> Work:
+def simulated_second(model: Model, times: Array) -> _Work:
     """Return the work of a simulated second of a run over `times` (n,) [s]: stepping, reading."""
 
     def work() -> float:
@@ -93,7 +93,7 @@ def simulated_second(model: Model, times: Array) -> Work:
 
 
 def measure_costs(
-    works: Sequence[Work], rounds: int = 5, show: Callable[[int], None] | None = None
+    works: Sequence[_Work], rounds: int = 5, show: Callable[[int], None] | None = None
 ) -> list[Cost]:
     """Measure every work, all in turn, each between two bare loops; one round more warms up.
 

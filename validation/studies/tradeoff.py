@@ -55,31 +55,31 @@ from validation.studies.timing import measure_costs, simulated_second
 from validation.study import Column, Row, Study, reference, scene_cell, table_of
 from validation.sweeps import Cell, Result, rows_of
 
-Options = dict[str, Any]
+_Options = dict[str, Any]
 
-ALL = ("RK4", *FIRST_ORDER)
-NO_TOLERANCE = 1.0  # an error is what is measured here, so none is a fault
-RECIPE = recipe("recipe", NO_TOLERANCE, timestep=PRESETS["balanced"].timestep)
-INTERVAL = 0.1  # s, between samples; no step is longer
+_ALL = ("RK4", *FIRST_ORDER)
+_NO_TOLERANCE = 1.0  # an error is what is measured here, so none is a fault
+_RECIPE = recipe("recipe", _NO_TOLERANCE, timestep=PRESETS["balanced"].timestep)
+_INTERVAL = 0.1  # s, between samples; no step is longer
 
 # s; a power of two apart, so that few make a slope. Nothing is left to gain for RK4 below 1 ms.
-LINE = tuple(INTERVAL / 2**k for k in range(10))
+_LINE = tuple(_INTERVAL / 2**k for k in range(10))
 STEPS = (20e-3, 5e-3, 1e-3)
-FINE_STEPS = (5e-3, 1e-3, 0.2e-3)  # where first order has its slope
-RTOLS = tuple(10.0**-k for k in range(4, 14))
-SAMPLE = 120  # random combinations
-SEED = 4
-LIMIT = 60.0  # s that a run may take
-ROUNDS = 3  # of timing, after one that warms up
+_FINE_STEPS = (5e-3, 1e-3, 0.2e-3)  # where first order has its slope
+_RTOLS = tuple(10.0**-k for k in range(4, 14))
+_SAMPLE = 120  # random combinations
+_SEED = 4
+_LIMIT = 60.0  # s that a run may take
+_ROUNDS = 3  # of timing, after one that warms up
 
 
-def _both(*names: str) -> tuple[Options, Options]:
+def _both(*names: str) -> tuple[_Options, _Options]:
     """Return the recipe's choice and the naive model's, of settings that go together."""
-    return {n: getattr(RECIPE, n) for n in names}, {n: getattr(NAIVE, n) for n in names}
+    return {n: getattr(_RECIPE, n) for n in names}, {n: getattr(NAIVE, n) for n in names}
 
 
 _EXACT = {"tolerance": 0.0, "jacobian": "dense"}  # of any solver with hinges of a huge inertia
-CHOICES: Mapping[str, Sequence[Options]] = {
+_CHOICES: Mapping[str, Sequence[_Options]] = {
     "solver": (
         *_both(
             "solver", "iterations", "tolerance", "ls_tolerance", "jacobian", "warmstart", "island",
@@ -111,16 +111,16 @@ CHOICES: Mapping[str, Sequence[Options]] = {
 def configurations(quick: bool = False) -> list[Settings]:
     """Return the study's settings, each once, presets first; the quick form has a few a kind."""
     if quick:
-        every = [*PRESETS.values(), *_lines((RECIPE,), LINE[3:6], ("RK4", "Euler"))]
-        every += [*_line_of_tolerances(RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
+        every = [*PRESETS.values(), *_lines((_RECIPE,), _LINE[3:6], ("RK4", "Euler"))]
+        every += [*_line_of_tolerances(_RTOLS[2::4]), *_star(NAIVE, STEPS[1:2], ("RK4",))][::4]
     else:
         every = [
             *PRESETS.values(),
-            *_lines((RECIPE, NAIVE), LINE, ALL),
-            *_line_of_tolerances(RTOLS),
-            *_star(RECIPE, STEPS, ("RK4",)),
-            *_star(RECIPE, FINE_STEPS, FIRST_ORDER),
-            *_star(NAIVE, STEPS[1:], ALL),
+            *_lines((_RECIPE, NAIVE), _LINE, _ALL),
+            *_line_of_tolerances(_RTOLS),
+            *_star(_RECIPE, STEPS, ("RK4",)),
+            *_star(_RECIPE, _FINE_STEPS, FIRST_ORDER),
+            *_star(NAIVE, STEPS[1:], _ALL),
             *_sample(),
         ]
     distinct: dict[str, Settings] = {}
@@ -139,31 +139,33 @@ def _lines(
 
 def _line_of_tolerances(rtols: Sequence[float]) -> Iterator[Settings]:
     for rtol in rtols:
-        yield replace(RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol)
+        yield replace(_RECIPE, integrator=ADAPTIVE, timestep=None, rtol=rtol)
 
 
 def _star(base: Settings, steps: Sequence[float], integrators: Sequence[str]) -> Iterator[Settings]:
     """Yield the base with every single choice made otherwise."""
-    for level in chain.from_iterable(CHOICES.values()):
+    for level in chain.from_iterable(_CHOICES.values()):
         if (changed := replace(base, **level)) != base:
             yield from _lines((changed,), steps, integrators)
 
 
 def _sample() -> Iterator[Settings]:
     """Yield random combinations of all choices."""
-    pick = random.Random(SEED).choice
-    for _ in range(SAMPLE):
-        level = {name: value for levels in CHOICES.values() for name, value in pick(levels).items()}
-        yield replace(RECIPE, integrator=pick(ALL), timestep=pick(STEPS), **level)
+    pick = random.Random(_SEED).choice
+    for _ in range(_SAMPLE):
+        level = {
+            name: value for levels in _CHOICES.values() for name, value in pick(levels).items()
+        }
+        yield replace(_RECIPE, integrator=pick(_ALL), timestep=pick(STEPS), **level)
 
 
 _NOT_OPTIONS = ("name", "error_tolerance", "stop_at_fault", "max_steps")  # no options of MuJoCo
 _STEPS = (*_NOT_OPTIONS, "integrator", "timestep", "rtol")
-FEW = 3  # changes that are named
+_FEW = 3  # changes that are named
 _DEFAULTS = {field.name: field.default for field in fields(Settings)}
 
 
-def options_of(settings: Settings) -> Options:
+def options_of(settings: Settings) -> _Options:
     """Return the options that differ from MuJoCo's defaults, as JSON gives them back."""
     return {
         name: value
@@ -175,13 +177,15 @@ def options_of(settings: Settings) -> Options:
 def describe(options: Mapping[str, Any]) -> str:
     """Name the recipe or the naive model, whichever is nearer, and the changes but the steps."""
     name, changes = min(
-        ((base.name, _changes(options, options_of(base))) for base in (RECIPE, NAIVE)),
+        ((base.name, _changes(options, options_of(base))) for base in (_RECIPE, NAIVE)),
         key=lambda each: len(each[1]),
     )
-    return ", ".join([name, *changes]) if len(changes) <= FEW else f"{name}, {len(changes)} changes"
+    return (
+        ", ".join([name, *changes]) if len(changes) <= _FEW else f"{name}, {len(changes)} changes"
+    )
 
 
-def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
+def _changes(options: Mapping[str, Any], base: _Options) -> list[str]:
     """Return a description of each option that differs."""
     changed = []
     for name in _DEFAULTS:
@@ -201,15 +205,15 @@ def _changes(options: Mapping[str, Any], base: Options) -> list[str]:
 def settings_with(options: Mapping[str, Any]) -> Settings:
     """Return settings with these options that go on after a fault; other keys are left out."""
     known = {key: value for key, value in options.items() if key in _DEFAULTS}
-    named = {"name": describe(options), "error_tolerance": NO_TOLERANCE, "stop_at_fault": False}
+    named = {"name": describe(options), "error_tolerance": _NO_TOLERANCE, "stop_at_fault": False}
     return settings_from({**known, **named})
 
 
 TARGET = 1e-6  # the path error at which first order and the front are compared
 # A path so much better than the momentum is one whose errors cancelled; sound ones reach 20.
-CANCELLED = 100
-ORDER = 1.25  # of a line that is taken for first order: the steeper ones cancel as well
-TIMED = 0.05  # s of processor time that is timed at every turn
+_CANCELLED = 100
+_ORDER = 1.25  # of a line that is taken for first order: the steeper ones cancel as well
+_TIMED = 0.05  # s of processor time that is timed at every turn
 
 
 def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: int) -> list[Cell]:
@@ -220,11 +224,11 @@ def cells_of(scene: str, settings: Sequence[Settings], duration: float, rounds: 
 
 def measure(cell: Cell) -> dict[str, Any]:
     """Measure errors against the equations, faults, and the cost of a simulated second."""
-    scene, theory = reference(cell["scene"], cell["duration"], INTERVAL)
+    scene, theory = reference(cell["scene"], cell["duration"], _INTERVAL)
     model = build(scene, settings_with(cell))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times), MUJOCO)
-    timed = _worth(TIMED, agreement.report.seconds, theory.times)
+    timed = _worth(_TIMED, agreement.report.seconds, theory.times)
     (cost,) = measure_costs([simulated_second(model, timed)], cell["rounds"])
     least, most = cost.spread
     return {
@@ -258,7 +262,7 @@ class Configuration:
     Where a run broke off or failed, what it has not is NaN.
     """
 
-    options: Options
+    options: _Options
     error: float
     momentum_error: float
     ratio: float
@@ -269,7 +273,7 @@ class Configuration:
     @property
     def sound(self) -> bool:
         """Return whether it is a result: no trouble, and no path that is good by accident."""
-        return not self.trouble and self.momentum_error <= CANCELLED * self.error
+        return not self.trouble and self.momentum_error <= _CANCELLED * self.error
 
     @property
     def integrator(self) -> str:
@@ -318,7 +322,7 @@ def _configuration(result: Result, baseline: float) -> Configuration:
     )
 
 
-def known(number: float) -> float | None:
+def _known(number: float) -> float | None:
     """Return the number, or None for NaN."""
     return None if math.isnan(number) else number
 
@@ -343,7 +347,7 @@ def sound_pareto_front(configurations: Sequence[Configuration]) -> list[Configur
 
 
 @dataclass(frozen=True)
-class Line:
+class _Line:
     """Configurations that differ in the timestep alone, and the order of their error in it."""
 
     configurations: tuple[Configuration, ...]
@@ -365,7 +369,7 @@ class Line:
         return all(p.error > TARGET for p in self.configurations)
 
 
-def first_order_lines(configurations: Sequence[Configuration]) -> list[Line]:
+def first_order_lines(configurations: Sequence[Configuration]) -> list[_Line]:
     """Return the lines of first-order integrators: sound, and no steeper than their order."""
     groups: dict[str, list[Configuration]] = {}
     for each in configurations:
@@ -375,13 +379,13 @@ def first_order_lines(configurations: Sequence[Configuration]) -> list[Line]:
     lines = []
     for group in groups.values():
         fit = fit_order([p.timestep for p in group], [p.error for p in group])
-        if fit is not None and fit.order <= ORDER:
-            lines.append(Line(tuple(sorted(group, key=lambda p: p.timestep)), fit.order))
+        if fit is not None and fit.order <= _ORDER:
+            lines.append(_Line(tuple(sorted(group, key=lambda p: p.timestep)), fit.order))
     return lines
 
 
 @dataclass(frozen=True)
-class Comparison:
+class _Comparison:
     """The study of one scene: all configurations, their Pareto front, and first order beside it.
 
     baseline: processor time of the bare loop's simulated second [s], by which costs are seconds;
@@ -393,7 +397,7 @@ class Comparison:
     baseline: float
     pareto_front: tuple[Configuration, ...]
     best: Configuration | None
-    first_order: Line | None
+    first_order: _Line | None
 
     @property
     def ratio(self) -> float | None:
@@ -407,7 +411,7 @@ class Comparison:
         return {each.preset: each for each in self.configurations if each.preset}
 
 
-def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Comparison:
+def tradeoff_of(scene: Scene, results: Sequence[Result]) -> _Comparison:
     """Return the comparison that the results of `measure` make."""
     baselines = [result.record["baseline"] for result in results if result.record is not None]
     baseline = float(np.median(baselines)) if baselines else math.nan
@@ -415,7 +419,7 @@ def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Comparison:
     front = sound_pareto_front(configurations)
     good_enough = [each for each in front if each.error <= TARGET]
     lines = first_order_lines(configurations)
-    return Comparison(
+    return _Comparison(
         scene,
         tuple(configurations),
         baseline,
@@ -425,16 +429,16 @@ def tradeoff_of(scene: Scene, results: Sequence[Result]) -> Comparison:
     )
 
 
-NOTE = (
+_NOTE = (
     "CPU: of a simulated second. × bare: the same, relative to a bare loop of mj_step\n"
     "on fig12 at 1 ms, the median of rounds in turn (least-most)."
 )
-INCHES = (10.0, 7.2)
-WILD = 1e3  # a path error from where on a run is not drawn
-ABOVE = ("adaptive",)  # its place is the left end of the front
+_INCHES = (10.0, 7.2)
+_WILD = 1e3  # a path error from where on a run is not drawn
+_ABOVE = ("adaptive",)  # its place is the left end of the front
 
 
-def tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
+def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
     """Return the study of the results of `measure`: the front, the presets, and the ratio."""
     study = tradeoff_of(scene, results)
     failed = sum(not each.sound for each in study.configurations)
@@ -447,14 +451,14 @@ def tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
             _table(study.pareto_front),
             "The presets.",
             _table(sorted(study.presets.values(), key=lambda p: p.title)),
-            NOTE,
+            _NOTE,
             escape(verdict(study)),
         ),
-        picture=tradeoff_picture(study),
+        picture=_tradeoff_picture(study),
     )  # fmt: skip
 
 
-def verdict(study: Comparison) -> str:
+def verdict(study: _Comparison) -> str:
     """Compare the cost of first order at the target with the front's, in words."""
     if study.best is None:
         return f"No configuration reaches a path error of {TARGET:g}."
@@ -492,9 +496,9 @@ COLUMNS = (
 )
 
 
-def tradeoff_picture(study: Comparison) -> Figure:
+def _tradeoff_picture(study: _Comparison) -> Figure:
     """Draw all configurations with an error, the front, the presets, and first order prolonged."""
-    figure = Figure(figsize=INCHES, layout="constrained")
+    figure = Figure(figsize=_INCHES, layout="constrained")
     name = in_picture(study.scene.name)
     figure.suptitle(f"{name}: what accuracy costs, {len(study.configurations)} configurations")
     axes = figure.subplots()
@@ -518,7 +522,7 @@ def tradeoff_picture(study: Comparison) -> Figure:
 
 
 def _scatter(axes: Axes, configurations: Sequence[Configuration]) -> None:
-    faulty = [p for p in configurations if not p.sound and p.error < WILD]
+    faulty = [p for p in configurations if not p.sound and p.error < _WILD]
     axes.plot(
         [p.error for p in faulty],
         [p.cost for p in faulty],
@@ -544,7 +548,7 @@ def _scatter(axes: Axes, configurations: Sequence[Configuration]) -> None:
         )
 
 
-def _prolong(axes: Axes, line: Line) -> None:
+def _prolong(axes: Axes, line: _Line) -> None:
     """Draw the best line of first order, on to the target."""
     configurations = [(p.error, p.cost) for p in line.configurations]
     axes.plot(
@@ -561,7 +565,7 @@ def _prolong(axes: Axes, line: Line) -> None:
         )
 
 
-def _compare(axes: Axes, study: Comparison) -> None:
+def _compare(axes: Axes, study: _Comparison) -> None:
     """Draw the two costs at the target, and their ratio."""
     axes.axvline(TARGET, color=INK, linewidth=0.8, linestyle=":")
     if study.best is None or study.first_order is None or study.ratio is None:
@@ -583,7 +587,7 @@ def _compare(axes: Axes, study: Comparison) -> None:
 
 def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
     """Draw a preset's ring and its name, on the side where nothing else is."""
-    above = name in ABOVE
+    above = name in _ABOVE
     axes.plot(*place, "o", color=INK, markerfacecolor="none", markersize=11, zorder=4)
     axes.annotate(
         name,
@@ -598,7 +602,7 @@ def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
     )
 
 
-def record(study: Comparison) -> dict[str, Any]:
+def record(study: _Comparison) -> dict[str, Any]:
     """Return the study as plain data; what has no number is None."""
     line = study.first_order
     return {
@@ -624,8 +628,8 @@ def _record(of: Configuration) -> dict[str, Any]:
     return {
         "title": of.title,
         "sound": of.sound,
-        **{name: known(getattr(of, name)) for name in names},
-        "spread": [known(end) for end in of.spread],
+        **{name: _known(getattr(of, name)) for name in names},
+        "spread": [_known(end) for end in of.spread],
         "trouble": of.trouble,
         "options": of.options,
     }
@@ -659,13 +663,13 @@ class Tradeoff:
 
     def _front(self, scene: Scene, seconds: float) -> Study:
         quick = self.sweep.quick
-        cells = cells_of(self.scene, configurations(quick), seconds, 2 if quick else ROUNDS)
-        results = self.sweep.results(measure, cells, f"{scene.name}-tradeoff", LIMIT)
-        return tradeoff_study(scene, results)
+        cells = cells_of(self.scene, configurations(quick), seconds, 2 if quick else _ROUNDS)
+        results = self.sweep.results(measure, cells, f"{scene.name}-tradeoff", _LIMIT)
+        return _tradeoff_study(scene, results)
 
     def _friction(self, scene: Scene, seconds: float) -> Study:
         cells = friction_cells(self.scene, seconds, self.sweep.quick)
-        results = self.sweep.results(friction_run, cells, f"{scene.name}-friction", LIMIT)
+        results = self.sweep.results(friction_run, cells, f"{scene.name}-friction", _LIMIT)
         return friction_study(scene, results)
 
     def _parts(self, scene: Scene, _seconds: float) -> Study:

@@ -25,117 +25,117 @@ from robotball.engines.ensembles.orbits import (
 )
 from robotball.engines.ensembles.steppers import ALLOWED, REJECTED, TARGET, TIME, places
 
-RESIDUAL = 1e-13  # of the section function, which is at most 1: some hundred roundings
-ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
+_RESIDUAL = 1e-13  # of the section function, which is at most 1: some hundred roundings
+_ON_SECTION = 1e-12  # a start that near counts as on the section, not as before or behind it
 # How near to zero an estimated turning point is looked at: steps of a radian estimate it to 5e-3.
-NEAR = 0.03
-BEHIND = -0.1  # cos(g - g₀) below that at both ends of a step is below zero all along
-TINY = 1e-300  # a value with a sign and nothing else
+_NEAR = 0.03
+_BEHIND = -0.1  # cos(g - g₀) below that at both ends of a step is below zero all along
+_TINY = 1e-300  # a value with a sign and nothing else
 # Bisection alone ends in some 50 tries, the estimates usually in 4. At a turning point fewer do:
 # only a value of the other sign is looked for there.
-ROOT_TRIES, TURN_TRIES = 60, 3
-STARTING, MARCHING, TO_ROOT, AT_ROOT, TO_TURN = 0, 1, 2, 3, 4  # what a lane is doing
+_ROOT_TRIES, _TURN_TRIES = 60, 3
+_STARTING, _MARCHING, _TO_ROOT, _AT_ROOT, _TO_TURN = 0, 1, 2, 3, 4  # what a lane is doing
 # Places on a lane's track at which the section function is known: where the orbit stands, the ends
 # of the bracket, a turning point between two crossings, and the last try. Each is a time, a value
 # and a rate; times count from where the orbit stands, for a small residual needs all their digits.
-HERE, LOW, HIGH, TURN, SEEN, TRACK = 0, 3, 6, 9, 12, 15
+_HERE, _LOW, _HIGH, _TURN, _SEEN, _TRACK = 0, 3, 6, 9, 12, 15
 
 
 @inlined
-def put(tracks: Any, lane: int, target: int, source: int) -> None:
+def _put(tracks: Any, lane: int, target: int, source: int) -> None:
     """Copy time, value and rate from one place of a lane's track to another."""
     for j in range(3):
         tracks[lane, target + j] = tracks[lane, source + j]
 
 
 @inlined
-def root_estimate(tracks: Any, lane: int) -> float:
+def _root_estimate(tracks: Any, lane: int) -> float:
     """Return the time between LOW and HIGH, of opposite values, where the value may be zero.
 
     It is that of the cubic in the value that has both times and rates, where this is monotonic,
     and else the middle: Newton's method without a bracket diverges here.
     """
-    low, high = tracks[lane, LOW], tracks[lane, HIGH]
-    span, rise = high - low, tracks[lane, HIGH + 1] - tracks[lane, LOW + 1]
+    low, high = tracks[lane, _LOW], tracks[lane, _HIGH]
+    span, rise = high - low, tracks[lane, _HIGH + 1] - tracks[lane, _LOW + 1]
     slope = rise / span
-    from_low, from_high = slope / tracks[lane, LOW + 2], slope / tracks[lane, HIGH + 2]
-    u = -tracks[lane, LOW + 1] / rise
+    from_low, from_high = slope / tracks[lane, _LOW + 2], slope / tracks[lane, _HIGH + 2]
+    u = -tracks[lane, _LOW + 1] / rise
     part = u * u * (3 - 2 * u) + u * (1 - u) * ((1 - u) * from_low - u * from_high)
     monotonic = 0 <= from_low <= 3 and 0 <= from_high <= 3
     return low + span * (part if monotonic and 0 < part < 1 else 0.5)
 
 
 @inlined
-def turning_part(tracks: Any, lane: int) -> float:
+def _turning_part(tracks: Any, lane: int) -> float:
     """Return the part of the way from LOW to HIGH at which the rate may pass zero."""
-    return tracks[lane, LOW + 2] / (tracks[lane, LOW + 2] - tracks[lane, HIGH + 2])
+    return tracks[lane, _LOW + 2] / (tracks[lane, _LOW + 2] - tracks[lane, _HIGH + 2])
 
 
 @inlined
-def may_hide_two(tracks: Any, lane: int) -> bool:
+def _may_hide_two(tracks: Any, lane: int) -> bool:
     """Return whether the value, of one sign at LOW and HIGH, comes near zero or past it between."""
-    low, low_rate = tracks[lane, LOW + 1], tracks[lane, LOW + 2]
-    high, high_rate = tracks[lane, HIGH + 1], tracks[lane, HIGH + 2]
+    low, low_rate = tracks[lane, _LOW + 1], tracks[lane, _LOW + 2]
+    high, high_rate = tracks[lane, _HIGH + 1], tracks[lane, _HIGH + 2]
     if low * low_rate >= 0 or high * high_rate <= 0:
         return False
-    u, span = turning_part(tracks, lane), tracks[lane, HIGH] - tracks[lane, LOW]
+    u, span = _turning_part(tracks, lane), tracks[lane, _HIGH] - tracks[lane, _LOW]
     value = (
         low * (1 + 2 * u) * (1 - u) ** 2
         + high * u * u * (3 - 2 * u)
         + span * u * (1 - u) * (low_rate * (1 - u) - high_rate * u)
     )
-    return abs(value) < NEAR or value * low < 0
+    return abs(value) < _NEAR or value * low < 0
 
 
 @inlined
-def marched(tracks: Any, lane: int, length: float) -> int:
+def _marched(tracks: Any, lane: int, length: float) -> int:
     """Return the mode after a step of a length."""
-    put(tracks, lane, LOW, HERE)
-    tracks[lane, LOW] = -length
-    put(tracks, lane, HERE, SEEN)
-    tracks[lane, HERE] = 0.0
-    if tracks[lane, SEEN + 1] == 0:
-        tracks[lane, HERE + 1] = math.copysign(TINY, tracks[lane, LOW + 1])  # crosses next time
-    put(tracks, lane, HIGH, HERE)
-    if tracks[lane, LOW + 1] * tracks[lane, HIGH + 1] < 0:
-        return TO_ROOT
-    return TO_TURN if may_hide_two(tracks, lane) else MARCHING
+    _put(tracks, lane, _LOW, _HERE)
+    tracks[lane, _LOW] = -length
+    _put(tracks, lane, _HERE, _SEEN)
+    tracks[lane, _HERE] = 0.0
+    if tracks[lane, _SEEN + 1] == 0:
+        tracks[lane, _HERE + 1] = math.copysign(_TINY, tracks[lane, _LOW + 1])  # crosses next time
+    _put(tracks, lane, _HIGH, _HERE)
+    if tracks[lane, _LOW + 1] * tracks[lane, _HIGH + 1] < 0:
+        return _TO_ROOT
+    return _TO_TURN if _may_hide_two(tracks, lane) else _MARCHING
 
 
 @inlined
-def turning_tried(tracks: Any, lane: int, tries: int) -> int:
+def _turning_tried(tracks: Any, lane: int, tries: int) -> int:
     """Return the mode after a try at the turning point; sets TURN if the function crossed there."""
-    value, rate = tracks[lane, SEEN + 1], tracks[lane, SEEN + 2]
-    if value * tracks[lane, LOW + 1] < 0:
-        put(tracks, lane, HIGH, SEEN)
-        put(tracks, lane, TURN, SEEN)
-        return TO_ROOT
-    put(tracks, lane, LOW if value * rate < 0 else HIGH, SEEN)
-    return TO_TURN if tries < TURN_TRIES and may_hide_two(tracks, lane) else MARCHING
+    value, rate = tracks[lane, _SEEN + 1], tracks[lane, _SEEN + 2]
+    if value * tracks[lane, _LOW + 1] < 0:
+        _put(tracks, lane, _HIGH, _SEEN)
+        _put(tracks, lane, _TURN, _SEEN)
+        return _TO_ROOT
+    _put(tracks, lane, _LOW if value * rate < 0 else _HIGH, _SEEN)
+    return _TO_TURN if tries < _TURN_TRIES and _may_hide_two(tracks, lane) else _MARCHING
 
 
 @inlined
-def root_tried(tracks: Any, lane: int, tries: int) -> int:
+def _root_tried(tracks: Any, lane: int, tries: int) -> int:
     """Return the mode after a try at the zero."""
-    value = tracks[lane, SEEN + 1]
-    if abs(value) <= RESIDUAL or tries == ROOT_TRIES:
-        return AT_ROOT
-    put(tracks, lane, LOW if value * tracks[lane, LOW + 1] > 0 else HIGH, SEEN)
-    return TO_ROOT
+    value = tracks[lane, _SEEN + 1]
+    if abs(value) <= _RESIDUAL or tries == _ROOT_TRIES:
+        return _AT_ROOT
+    _put(tracks, lane, _LOW if value * tracks[lane, _LOW + 1] > 0 else _HIGH, _SEEN)
+    return _TO_ROOT
 
 
 @inlined
-def aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
+def _aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
     """Set a lane's target. A look back into an accepted step is shorter and errs less than it."""
-    if mode == MARCHING:
+    if mode == _MARCHING:
         w[TARGET * LANES + lane], w[ALLOWED * LANES + lane] = np.inf, tolerance
         return
     target = 0.0
-    if mode == TO_ROOT:
-        target = root_estimate(tracks, lane)
-    elif mode == TO_TURN:
-        low, high = tracks[lane, LOW], tracks[lane, HIGH]
-        target = low + (high - low) * turning_part(tracks, lane)
+    if mode == _TO_ROOT:
+        target = _root_estimate(tracks, lane)
+    elif mode == _TO_TURN:
+        low, high = tracks[lane, _LOW], tracks[lane, _HIGH]
+        target = low + (high - low) * _turning_part(tracks, lane)
     w[TARGET * LANES + lane], w[ALLOWED * LANES + lane] = target, np.inf
 
 
@@ -169,12 +169,12 @@ def cross(
     w = np.zeros(total * LANES)
     orbit, mode, tries = np.full(LANES, -1), np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     steps, hidden = np.zeros(LANES, np.int64), np.zeros(LANES, np.bool_)
-    tracks, clock, faced = np.zeros((LANES, TRACK)), np.zeros(LANES), np.zeros(LANES)
+    tracks, clock, faced = np.zeros((LANES, _TRACK)), np.zeros(LANES), np.zeros(LANES)
     running = 0
     for lane in range(LANES):
         load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
         running += load_next(w, orbit, lane, queue, rows, lengths, tolerance)
-        aim(w, lane, STARTING, tracks, tolerance)
+        _aim(w, lane, _STARTING, tracks, tolerance)
     while running > 0:
         step(w)
         for lane in range(LANES):
@@ -183,59 +183,59 @@ def cross(
                 continue
             steps[lane] += 1
             tries[lane] += 1
-            tracks[lane, SEEN] = w[TARGET * LANES + lane]
-            tracks[lane, SEEN + 1] = w[(flag + 1) * LANES + lane]
-            tracks[lane, SEEN + 2] = w[(flag + 2) * LANES + lane]
+            tracks[lane, _SEEN] = w[TARGET * LANES + lane]
+            tracks[lane, _SEEN + 1] = w[(flag + 1) * LANES + lane]
+            tracks[lane, _SEEN + 2] = w[(flag + 2) * LANES + lane]
             facing = w[(flag + 3) * LANES + lane]
             rejected = w[flag * LANES + lane] == REJECTED
-            if mode[lane] == TO_TURN:
-                mode[lane] = turning_tried(tracks, lane, tries[lane])
-                if mode[lane] == TO_ROOT:
+            if mode[lane] == _TO_TURN:
+                mode[lane] = _turning_tried(tracks, lane, tries[lane])
+                if mode[lane] == _TO_ROOT:
                     hidden[lane], tries[lane] = True, 0
-            elif mode[lane] == TO_ROOT:
-                mode[lane] = root_tried(tracks, lane, tries[lane])
-            elif mode[lane] == STARTING:
-                put(tracks, lane, HERE, SEEN)
-                if abs(tracks[lane, SEEN + 1]) <= ON_SECTION:
+            elif mode[lane] == _TO_ROOT:
+                mode[lane] = _root_tried(tracks, lane, tries[lane])
+            elif mode[lane] == _STARTING:
+                _put(tracks, lane, _HERE, _SEEN)
+                if abs(tracks[lane, _SEEN + 1]) <= _ON_SECTION:
                     # As if it had crossed just now: no crossing itself, but the next one is.
-                    tracks[lane, HERE + 1] = math.copysign(TINY, tracks[lane, SEEN + 2])
-                faced[lane], mode[lane] = facing, MARCHING
+                    tracks[lane, _HERE + 1] = math.copysign(_TINY, tracks[lane, _SEEN + 2])
+                faced[lane], mode[lane] = facing, _MARCHING
             elif not rejected:
                 length = w[TIME * LANES + lane]
                 w[TIME * LANES + lane] = 0.0
                 clock[lane] += length
-                mode[lane] = marched(tracks, lane, length)
-                if facing < BEHIND and faced[lane] < BEHIND:
-                    mode[lane] = MARCHING  # behind: the other half of the section's circle
+                mode[lane] = _marched(tracks, lane, length)
+                if facing < _BEHIND and faced[lane] < _BEHIND:
+                    mode[lane] = _MARCHING  # behind: the other half of the section's circle
                 faced[lane], tries[lane] = facing, 0
 
-            if mode[lane] == AT_ROOT:
-                crossed = 1 if tracks[lane, SEEN + 2] > 0 else -1
+            if mode[lane] == _AT_ROOT:
+                crossed = 1 if tracks[lane, _SEEN + 2] > 0 else -1
                 if facing > 0 and direction * crossed >= 0:
                     k = found[i]
-                    times[i, k], directions[i, k] = clock[lane] + tracks[lane, SEEN], crossed
+                    times[i, k], directions[i, k] = clock[lane] + tracks[lane, _SEEN], crossed
                     for j in range(size):
                         states[i, k, j] = w[(new + j) * LANES + lane]
                     found[i] += 1
                     steps[lane] = 0
-                mode[lane] = MARCHING
+                mode[lane] = _MARCHING
                 if hidden[lane]:
-                    mode[lane], hidden[lane], tries[lane] = TO_ROOT, False, 0
-                    put(tracks, lane, LOW, TURN)
-                    put(tracks, lane, HIGH, HERE)
-            aim(w, lane, mode[lane], tracks, tolerance)
+                    mode[lane], hidden[lane], tries[lane] = _TO_ROOT, False, 0
+                    _put(tracks, lane, _LOW, _TURN)
+                    _put(tracks, lane, _HIGH, _HERE)
+            _aim(w, lane, mode[lane], tracks, tolerance)
 
             if found[i] == times.shape[1]:
                 status[i] = DONE
-            elif steps[lane] >= step_limit or (mode[lane] == MARCHING and clock[lane] > longest):
+            elif steps[lane] >= step_limit or (mode[lane] == _MARCHING and clock[lane] > longest):
                 status[i] = TOO_MANY_STEPS
             elif rejected and collapsed(w, LANES, lane):
                 status[i] = COLLAPSED
             else:
                 continue
             if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
-                mode[lane], steps[lane] = STARTING, 0
+                mode[lane], steps[lane] = _STARTING, 0
                 clock[lane], hidden[lane] = 0.0, False
-                aim(w, lane, STARTING, tracks, tolerance)
+                _aim(w, lane, _STARTING, tracks, tolerance)
             else:
                 running -= 1

@@ -26,38 +26,38 @@ class Dual:
     __array_ufunc__ = None
 
     def __add__(self, other: Any) -> "Dual":
-        other = dual(other)
+        other = _dual(other)
         return Dual(self.value + other.value, self.slope + other.slope)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> "Dual":
-        other = dual(other)
+        other = _dual(other)
         return Dual(self.value - other.value, self.slope - other.slope)
 
     def __rsub__(self, other: Any) -> "Dual":
-        return dual(other) - self
+        return _dual(other) - self
 
     def __neg__(self) -> "Dual":
         return Dual(-self.value, -self.slope)
 
     def __mul__(self, other: Any) -> "Dual":
-        other = dual(other)
+        other = _dual(other)
         return Dual(self.value * other.value, self.slope * other.value + self.value * other.slope)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> "Dual":
-        other = dual(other)
+        other = _dual(other)
         per_other = 1 / other.value
         ratio = self.value * per_other
         return Dual(ratio, (self.slope - ratio * other.slope) * per_other)
 
     def __rtruediv__(self, other: Any) -> "Dual":
-        return dual(other) / self
+        return _dual(other) / self
 
 
-def dual(x: Any) -> Dual:
+def _dual(x: Any) -> Dual:
     """Return `x`, or the constant x as a dual number."""
     return x if isinstance(x, Dual) else Dual(x, 0.0)
 
@@ -69,7 +69,7 @@ def along(v: Vector, direction: Vector) -> Vector:
 
 def slopes(v: Vector) -> Vector:
     """Return the derivatives of a vector of dual numbers."""
-    return (dual(v[0]).slope, dual(v[1]).slope, dual(v[2]).slope)
+    return (_dual(v[0]).slope, _dual(v[1]).slope, _dual(v[2]).slope)
 
 
 # Doubles in an AVX-512 register; on narrower machines they take several registers.
@@ -113,12 +113,12 @@ class Symbol:
         self.name = name
 
     def __add__(self, other: Any) -> Any:
-        return self if is_number(other, 0) else self._note("+", other, either_way=True)
+        return self if _is_number(other, 0) else self._note("+", other, either_way=True)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
-        return self if is_number(other, 0) else self._note("-", other)
+        return self if _is_number(other, 0) else self._note("-", other)
 
     def __rsub__(self, other: float) -> "Symbol":
         return -self if other == 0 else self.tape.input(f"{text(other)} - {self.name}")
@@ -127,14 +127,14 @@ class Symbol:
         return self.tape.input(f"-{self.name}")
 
     def __mul__(self, other: Any) -> Any:
-        if is_number(other, 0):
+        if _is_number(other, 0):
             return 0.0
-        return self if is_number(other, 1) else self._note("*", other, either_way=True)
+        return self if _is_number(other, 1) else self._note("*", other, either_way=True)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
-        return self * 0.5 if is_number(other, 2) else self._note("/", other)
+        return self * 0.5 if _is_number(other, 2) else self._note("/", other)
 
     def __rtruediv__(self, other: float) -> "Symbol":
         return self.tape.input(f"{text(other)} / {self.name}")
@@ -170,7 +170,7 @@ class Symbol:
         return self.tape.input(f" {operator} ".join(sorted(operands) if either_way else operands))
 
 
-def is_number(operand: Any, value: float) -> bool:
+def _is_number(operand: Any, value: float) -> bool:
     """Return whether the operand is known already, and is `value`."""
     return isinstance(operand, float | int) and operand == value
 

@@ -113,7 +113,7 @@ def collapsed(w: Any, lanes: int, lane: int) -> bool:
 
 
 @compiled(f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
-def march_lanes(
+def _march_lanes(
     step: Any,
     queue: Any,
     rows: Any,
@@ -170,7 +170,7 @@ def march_lanes(
 
 
 @compiled(f"Tuple((i8, f8))({STEP}, f8[::1], f8, f8[::1], f8, i8, f8[:, ::1])")
-def follow(
+def _follow(
     step: Any, row: Any, length: float, times: Any, tolerance: float, step_limit: int, states: Any
 ) -> tuple[int, float]:
     """Write the states (m, size) of one orbit at m times, all after 0 and increasing.
@@ -219,19 +219,19 @@ def follow(
 STEP_TOLERANCE = 1e-14
 # The error of one step where the long run counts: an attractor forgives what a path does not.
 LONG_RUN_TOLERANCE = 1e-9
-STATUS = {
+_STATUS = {
     DONE: "done",
     TOO_MANY_STEPS: "given up: too many steps",
     COLLAPSED: "given up: the step length fell to nothing",
 }
-STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
-MOST_STEPS = 2**62  # what a counter holds
+_STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
+_MOST_STEPS = 2**62  # what a counter holds
 
 Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Orbits:
+class _Orbits:
     """Motions of n starts at m times.
 
     times (m,) s; attitudes (n, m, 4) quaternions, frame to world; contact_points (n, m, 2) m,
@@ -250,7 +250,7 @@ def orbits(
     momenta: Array,
     times: Array,
     tolerance: float = STEP_TOLERANCE,
-) -> Orbits:
+) -> _Orbits:
     """Integrate (3.2) or (3.3) from many starts, on all cores.
 
     attitudes: (n, 4) unit quaternions, frame to world; momenta: (n, 3) kg m²/s, world, horizontal
@@ -262,7 +262,7 @@ def orbits(
     states, status = starts.march(PATH, np.zeros((len(starts.turns), 2)), times[1:], tolerance)
     first = np.concatenate([starts.attitudes, np.zeros((len(states), 2))], axis=1)
     states = np.concatenate([first[:, None], states], axis=1)
-    return Orbits(
+    return _Orbits(
         times=times,
         attitudes=starts.to_world(states[..., :4]),
         contact_points=starts.turned_back(states[..., 4:]),
@@ -303,7 +303,7 @@ def orbit_states(
     length = starts.first_lengths(times[-1], tolerance)[0]
     limit = starts.step_limit(times[-1]) if max_steps is None else max_steps
     step, row = stepper(PATH, parameters.rolling, FEW), starts.rows_of(PATH, np.zeros((1, 2)))[0]
-    status, reached = follow(
+    status, reached = _follow(
         step, row, length, times[1:], tolerance, limit + len(times), states[1:]
     )
     if status == TOO_MANY_STEPS:
@@ -312,7 +312,7 @@ def orbit_states(
         speed = math.hypot(*parameters.angular_velocity(M, gamma))
         raise too_many_steps(limit, reached, times[-1], speed)
     if status != DONE:
-        raise InputError(f"the orbit was {STATUS[status]} at t = {reached:g} s")
+        raise InputError(f"the orbit was {_STATUS[status]} at t = {reached:g} s")
     for piece in pieces(len(times)):
         states[piece, :4] = starts.to_world(states[None, piece, :4])[0]
         states[piece, 4:] = starts.turned_back(states[None, piece, 4:])[0]
@@ -338,14 +338,14 @@ class Starts:
     def __init__(self, parameters: Parameters, attitudes: Array, momenta: Array) -> None:
         attitudes = np.atleast_2d(np.asarray(attitudes, dtype=float))
         momenta = np.atleast_2d(np.asarray(momenta, dtype=float))
-        check_starts(parameters, attitudes, momenta)
+        _check_starts(parameters, attitudes, momenta)
         self.parameters = parameters
         self.size = np.linalg.norm(momenta, axis=1)
         self.fastest = check_speed(parameters, self.size)
         across = np.hypot(momenta[:, 0], momenta[:, 1])
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
         unit = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
-        self.attitudes = turned(-self.turns, unit)
+        self.attitudes = _turned(-self.turns, unit)
         ball = np.array(row_of(parameters))
         level = np.stack([across, momenta[:, 2]], axis=1)
         no_section = np.zeros((len(level), STATE - SECTION))
@@ -377,7 +377,7 @@ class Starts:
         stops, limit = np.ascontiguousarray(times), self.step_limit(times[-1]) + len(times)
 
         def march(queue: Queue) -> None:
-            march_lanes(step, queue, rows, lengths, stops, tolerance, limit, states, status)
+            _march_lanes(step, queue, rows, lengths, stops, tolerance, limit, states, status)
 
         in_threads(march, math.ceil(n / LANES))
         return states, status
@@ -390,11 +390,11 @@ class Starts:
     def step_limit(self, duration: float) -> int:
         """Return more steps than any orbit needs, so that none can hang the others."""
         turns = float(self.fastest.max()) * duration / (2 * np.pi)
-        return int(min(1000 + STEPS_PER_TURN * turns, MOST_STEPS))
+        return int(min(1000 + _STEPS_PER_TURN * turns, _MOST_STEPS))
 
     def to_world(self, attitudes: Array) -> Array:
         """Return attitudes (n, m, 4) in world axes."""
-        return turned(self.turns[:, None], attitudes)
+        return _turned(self.turns[:, None], attitudes)
 
     def turned_back(self, points: Array) -> Array:
         """Return points (n, m, 2) of the plane in world axes."""
@@ -403,7 +403,7 @@ class Starts:
         return np.stack([cos * X - sin * Y, sin * X + cos * Y], axis=-1)
 
 
-def turned(angles: Array, attitudes: Array) -> Array:
+def _turned(angles: Array, attitudes: Array) -> Array:
     """Return attitudes (..., 4) after turns (...) about the vertical [rad]."""
     turns = (np.cos(angles / 2), 0.0, 0.0, np.sin(angles / 2))
     return np.stack(eq.quaternion_product(turns, components(attitudes)), axis=-1)
@@ -415,7 +415,7 @@ def components(q: Array) -> eq.Quaternion:
     return (w, x, y, z)
 
 
-def check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:
+def _check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> None:
     """Raise InputError unless attitudes (n, 4) and momenta (n, 3) are starts of a sound ball."""
     if not np.isfinite(row_of(parameters)).all():
         raise InputError(f"the numbers of the ball are not finite: {parameters}")

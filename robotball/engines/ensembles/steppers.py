@@ -43,7 +43,7 @@ class Level:
         return eq.subtract(eq.scale(self.c, gamma), eq.scale(self.m, alpha))
 
 
-Seen = tuple[Scalar, Scalar, Scalar]
+_Seen = tuple[Scalar, Scalar, Scalar]
 """A section function's value, its rate [1/s], and what is above 0 on the section's own side."""
 
 
@@ -55,7 +55,7 @@ class System:
     that the state starts with; the error is judged on these alone, and they are brought back to
     length one at every step. The rest are quadratures of them. loose: the factor on the tolerance
     for the error of each unit vector. section: (state, parameters, level, numbers of the section)
-    -> the section function's `Seen`, if there is a section.
+    -> the section function's `_Seen`, if there is a section.
     """
 
     name: str
@@ -63,7 +63,7 @@ class System:
     units: tuple[int, ...]
     rate: Callable[[State, Parameters, Level], State]
     loose: tuple[float, ...] = (1.0,)
-    section: Callable[[State, Parameters, Level, State], Seen] | None = None
+    section: Callable[[State, Parameters, Level, State], _Seen] | None = None
 
     @property
     def allowed(self) -> list[float]:
@@ -71,26 +71,26 @@ class System:
         return [times for n, times in zip(self.units, self.loose, strict=True) for _ in range(n)]
 
 
-def path_rate(state: State, parameters: Parameters, level: Level) -> State:
+def _path_rate(state: State, parameters: Parameters, level: Level) -> State:
     """Return d/dt of (q, X, Y): attitude and contact point."""
-    q, alpha, beta, _, omega = turning(state, parameters, level)
+    q, alpha, beta, _, omega = _turning(state, parameters, level)
     velocity = eq.contact_velocity(alpha, beta, omega, parameters.Omega, parameters.a)
     return (*eq.attitude_rate(q, omega), *velocity)
 
 
-def attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
+def _attitude_rate(state: State, parameters: Parameters, level: Level) -> State:
     """Return d/dt of q alone."""
-    q, _, _, _, omega = turning(state, parameters, level)
+    q, _, _, _, omega = _turning(state, parameters, level)
     return eq.attitude_rate(q, omega)
 
 
-def deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
+def _deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
     """Return d/dt of (q, ξ, ln growth, ln volume): a neighbouring orbit's direction and distance.
 
     A small turn ξ of the start, in frame axes, obeys dξ/dt = Dω·ξ - ω×ξ; its direction, of length
     one, and the logarithm of its length are kept apart.
     """
-    q, alpha, _, gamma, omega = turning(state, parameters, level)
+    q, alpha, _, gamma, omega = _turning(state, parameters, level)
     xi: Vector = (state[4], state[5], state[6])
     moving_gamma = along(gamma, eq.cross(gamma, xi))
     moving_M = along(level.momentum(alpha, gamma), eq.cross(level.momentum(alpha, gamma), xi))
@@ -100,7 +100,7 @@ def deviation_rate(state: State, parameters: Parameters, level: Level) -> State:
     return (*eq.attitude_rate(q, omega), *xi_rate, growth, parameters.divergence(gamma))
 
 
-def turning(
+def _turning(
     state: State, parameters: Parameters, level: Level
 ) -> tuple[Quaternion, Vector, Vector, Vector, Vector]:
     """Return q, α, β, γ and ω of a state that starts with q."""
@@ -110,7 +110,7 @@ def turning(
     return (w, x, y, z), alpha, beta, gamma, omega
 
 
-def section_function(state: State, parameters: Parameters, level: Level, section: State) -> Seen:
+def _section_function(state: State, parameters: Parameters, level: Level, section: State) -> _Seen:
     """Return sin(g - g₀), its rate and cos(g - g₀), all times √(1 - L²/f), of a state with q first.
 
     section: (cos g₀, sin g₀, m/√f, c/√f). With γ₀ = (m/√f)γ + (c/√f)α of (5.5) the definition of
@@ -118,33 +118,33 @@ def section_function(state: State, parameters: Parameters, level: Level, section
     """
     cos_g, sin_g, across = section[:3]
     along_M = section[3] if parameters.rolling == "classical" else 0.0
-    _, alpha, beta, gamma, omega = turning(state, parameters, level)
+    _, alpha, beta, gamma, omega = _turning(state, parameters, level)
     node = eq.add(eq.scale(across, gamma), eq.scale(along_M, alpha))
     ahead = eq.subtract(eq.scale(sin_g, node), eq.scale(cos_g, beta))
     facing = -(cos_g * node[2] + sin_g * beta[2])
     return ahead[2], eq.cross(ahead, omega)[2], facing
 
 
-def arc_function(state: State, parameters: Parameters, level: Level, arc: State) -> Seen:
+def _arc_function(state: State, parameters: Parameters, level: Level, arc: State) -> _Seen:
     """Return (γ, n), its rate and (γ, e), of a state with q first.
 
     arc: n and e, unit vectors: half of the great circle across n, the half around e.
     """
     normal: Vector = (arc[0], arc[1], arc[2])
     middle: Vector = (arc[3], arc[4], arc[5])
-    _, _, _, gamma, omega = turning(state, parameters, level)
+    _, _, _, gamma, omega = _turning(state, parameters, level)
     return eq.dot(normal, gamma), eq.dot(normal, eq.cross(gamma, omega)), eq.dot(middle, gamma)
 
 
 # The tolerance on a neighbour's direction is looser by this factor: only the mean of its growth
 # counts. Its error is some 10 times the attitude's, and judged alike it would set the step, with a
 # seventh more steps for the same exponents.
-DIRECTION = 100.0
+_DIRECTION = 100.0
 
-PATH = System("path", 6, (4,), path_rate)
-RETURN = System("return", 4, (4,), attitude_rate, section=section_function)
-ARC = System("arc", 4, (4,), attitude_rate, section=arc_function)
-DEVIATION = System("deviation", 9, (4, 3), deviation_rate, loose=(1.0, DIRECTION))
+PATH = System("path", 6, (4,), _path_rate)
+RETURN = System("return", 4, (4,), _attitude_rate, section=_section_function)
+ARC = System("arc", 4, (4,), _attitude_rate, section=_arc_function)
+DEVIATION = System("deviation", 9, (4, 3), _deviation_rate, loose=(1.0, _DIRECTION))
 
 
 # LLVM holds some processors to half of their vectors' width, a third slower here. The setting works
@@ -158,15 +158,15 @@ if "+avx512f" in get_host_cpu_features() and numba.config.CPU_FEATURES is None:
 LENGTH, ALLOWED, TIME, TARGET, BALL, LEVEL, SECTION, STATE = 0, 1, 2, 3, 4, 15, 17, 23
 REJECTED, MARCHED, LOOKED = 0.0, 1.0, 2.0
 # Sums in any order cost up to a tenth less and round no worse; what is not a number stays so.
-FREEDOM = {"contract", "reassoc", "nsz"}
-SEEN = 3  # numbers of a section
+_FREEDOM = {"contract", "reassoc", "nsz"}
+_SEEN = 3  # numbers of a section
 
 
 @inlined
 def places(size: int) -> tuple[int, int, int, int]:
     """Return where slope, new state and flag begin for a state of so many numbers; and the rows."""
     slope, new, flag = STATE + size, STATE + 2 * size, STATE + 3 * size
-    return slope, new, flag, flag + 1 + SEEN
+    return slope, new, flag, flag + 1 + _SEEN
 
 
 # fmt: off
@@ -225,12 +225,12 @@ EIGHTH: tuple[float, ...] = (
     0.04652989552070924,
 )
 # fmt: on
-ERROR = tuple(ninth - eighth for ninth, eighth in zip(NINTH, EIGHTH, strict=True))
+_ERROR = tuple(ninth - eighth for ninth, eighth in zip(NINTH, EIGHTH, strict=True))
 
 
 # Control of the length: the usual limits of change, and a safety at which some 2 % of the steps are
 # rejected. At 0.9 it is 23 %, and the same error costs a third more time.
-SAFETY, LEAST_CHANGE, MOST_CHANGE = 0.75, 0.2, 6.0
+_SAFETY, _LEAST_CHANGE, _MOST_CHANGE = 0.75, 0.2, 6.0
 
 
 def runge_kutta(
@@ -251,12 +251,12 @@ def runge_kutta(
     known = [slope]
     for row in STAGES:
         known.append(rate(moved(row)))
-    errors = [combination(ERROR, i) * (1 / part) for i, part in enumerate(allowed)]
+    errors = [combination(_ERROR, i) * (1 / part) for i, part in enumerate(allowed)]
     # The tiny term stands for no error at all, where nothing moves.
     return moved(NINTH), 1 / (h * h * sum(e * e for e in errors) + 1e-200)
 
 
-def flat_step(name: str, system: System, rolling: Rolling, lanes: int) -> str:
+def _flat_step(name: str, system: System, rolling: Rolling, lanes: int) -> str:
     """Return the source of a system's step, over the rows of a workspace.
 
     A lane whose target is nearer than its length only looks: it leaves the state there in the
@@ -287,8 +287,8 @@ def flat_step(name: str, system: System, rolling: Rolling, lanes: int) -> str:
     fits = (per_error_squared * (row[ALLOWED] * row[ALLOWED])).sqrt().sqrt().sqrt().sqrt()
     accepted, marching = fits.at_least(1.0), row[LENGTH].at_most(length)
     marched, looked = accepted & marching, accepted & length.below(row[LENGTH])
-    change = SAFETY * fits
-    change = change.at_least(LEAST_CHANGE).choose(least(change, MOST_CHANGE), LEAST_CHANGE)
+    change = _SAFETY * fits
+    change = change.at_least(_LEAST_CHANGE).choose(least(change, _MOST_CHANGE), _LEAST_CHANGE)
     flag = marched.choose(MARCHED, looked.choose(LOOKED, REJECTED))
     results = {
         LENGTH: looked.choose(row[LENGTH], length * change),
@@ -325,9 +325,9 @@ def row_of(parameters: Parameters) -> list[float]:
 def stepper(system: System, rolling: Rolling, lanes: int = LANES) -> Any:
     """Return the compiled step (workspace) -> None of a system, kept from process to process."""
     name = f"{system.name}_{rolling}_{lanes}"
-    source = flat_step(name, system, rolling, lanes)
+    source = _flat_step(name, system, rolling, lanes)
     # numba keeps only what has a file and is a module's: the text passes for a part of this one.
     made: dict[str, Any] = {"__name__": __name__, "sqrt": math.sqrt}
     exec(compile(source, __file__, "exec"), made)
-    options = {"nogil": True, "error_model": "numpy", "fastmath": FREEDOM}
+    options = {"nogil": True, "error_model": "numpy", "fastmath": _FREEDOM}
     return compiled_from(source, "void(f8[::1])", **options)(made[name])

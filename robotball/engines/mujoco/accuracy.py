@@ -20,27 +20,27 @@ from robotball.motion import ContactMotion, path_error
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, step_count
 
-Run = Callable[[Settings, Array], ContactMotion]
+_Run = Callable[[Settings, Array], ContactMotion]
 
 # The monitor's tolerance for M and for slip: this multiple of the accuracy, and at most so much.
 # The path, not M, is what was requested.
-MONITORED, MOST_MONITORED = 100.0, 0.1
-PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
-STABLE = 1.5  # a step of the pilot run times a servo's rate; RK4 diverges at 2.785
-AIM = 0.9  # the part of the requested error at which steps are aimed by a measured error
+_MONITORED, _MOST_MONITORED = 100.0, 0.1
+_PHASE = 0.32  # rad at the scene's rate, in a step of the pilot run: RK4's order shows below it
+_STABLE = 1.5  # a step of the pilot run times a servo's rate; RK4 diverges at 2.785
+_AIM = 0.9  # the part of the requested error at which steps are aimed by a measured error
 # The part at which the first rtol is aimed by the cost model alone. It is small because a tenth of
 # an rtol takes a third more steps, but a second run twice as many.
-CAUTIOUS = 0.03
-APART = 0.01  # path lengths; no law of errors holds between runs that are farther apart
-FINEST_RTOL, COARSEST_RTOL = LEAST_RTOL, 1e-7  # with looser ones the contact may be lost
+_CAUTIOUS = 0.03
+_APART = 0.01  # path lengths; no law of errors holds between runs that are farther apart
+_FINEST_RTOL, _COARSEST_RTOL = LEAST_RTOL, 1e-7  # with looser ones the contact may be lost
 LOOSER = 300.0  # rtol of the run that DOP853's first is compared with, if one is, over its own
-SPARSE = 0.1  # s, between the samples of that run
+_SPARSE = 0.1  # s, between the samples of that run
 # Under a load that varies: the least power of the timestep in RK4's error; the smallest error that
 # its contact allows, whose time constant has to be two timesteps; and the rtol of the run that
 # DOP853's is compared with.
-VARYING_ORDER, SOFT, SOFTER_RTOL = 3.4, 1e-9, 1e-14
-RK4_EVALUATIONS, DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejected steps included
-CORRECTIONS = 2  # runs after the first that was aimed by the model
+_VARYING_ORDER, _SOFT, _SOFTER_RTOL = 3.4, 1e-9, 1e-14
+RK4_EVALUATIONS, _DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejected steps included
+_CORRECTIONS = 2  # runs after the first that was aimed by the model
 
 
 @dataclass
@@ -50,7 +50,7 @@ class _Search:
     scene: Scene
     times: Array
     accuracy: float
-    run: Run
+    run: _Run
     seconds: float = 0.0
     rate: float = field(init=False)
     servo_rate: float = field(init=False)
@@ -70,7 +70,7 @@ class _Search:
 
     def settings(self, **steps: float | str) -> Settings:
         """Return the recipe in these steps, with the tolerances of a run to the accuracy."""
-        tolerance = max(self.accuracy, min(MONITORED * self.accuracy, MOST_MONITORED))
+        tolerance = max(self.accuracy, min(_MONITORED * self.accuracy, _MOST_MONITORED))
         chosen = recipe(f"to {self.accuracy:g}", tolerance, **steps)
         return replace(chosen, accuracy=self.accuracy)
 
@@ -82,9 +82,9 @@ class _Search:
         """Measure the scene by two runs of RK4, then take the family that is predicted cheaper."""
         longest = PRESETS["fast"].timestep  # the longest that the recipe's contact allows
         assert longest is not None
-        timestep = min(longest, PHASE / self.rate / 2)
+        timestep = min(longest, _PHASE / self.rate / 2)
         if self.servo_rate > 0:
-            timestep = min(timestep, STABLE / self.servo_rate / 2)
+            timestep = min(timestep, _STABLE / self.servo_rate / 2)
         coarse = self.made(self.pilot(timestep=2 * timestep), apart=2 * timestep)
         fine = self.made(self.pilot(timestep=timestep))
         error = self.error(coarse, fine, coarse.report.timestep / fine.report.timestep, self.order)
@@ -96,18 +96,18 @@ class _Search:
             return self.result(replace(fine, report=settled), error)
         timestep = fine.report.timestep * self.finer(error, self.order)
         if self.scene.load_varies:
-            quicker = 2 * self.adaptive_seconds(FINEST_RTOL) < self.rk4_seconds(timestep)
-            beyond = self.accuracy < SOFT
+            quicker = 2 * self.adaptive_seconds(_FINEST_RTOL) < self.rk4_seconds(timestep)
+            beyond = self.accuracy < _SOFT
             return self.by_contact() if quicker or beyond else self.by_timestep(timestep, fine)
         rtol = self.rtol(error, fine.report.timestep)
         if self.adaptive_seconds(rtol) < self.rk4_seconds(timestep):
             lost = _momentum_change(fine) if self.scene.keeps_momentum else 0.0
-            return self.by_rtol(rtol, error / lost if lost > 0 and error <= APART else np.inf)
+            return self.by_rtol(rtol, error / lost if lost > 0 and error <= _APART else np.inf)
         return self.by_timestep(timestep, fine)
 
     def by_timestep(self, timestep: float, before: ContactMotion) -> ContactMotion:
         """Run RK4 at a timestep, then at finer ones as long as the estimate is too large."""
-        for _ in range(1 + CORRECTIONS):
+        for _ in range(1 + _CORRECTIONS):
             settings = self.settings(timestep=timestep)
             motion = self.made(settings)
             ratio = before.report.timestep / motion.report.timestep
@@ -127,18 +127,18 @@ class _Search:
         before, looser = None, rtol
         if not np.isfinite(magnified):
             looser = rtol * LOOSER
-            before = self.made(self.pilot(integrator=ADAPTIVE, rtol=looser), apart=SPARSE)
-        for _ in range(1 + CORRECTIONS):
+            before = self.made(self.pilot(integrator=ADAPTIVE, rtol=looser), apart=_SPARSE)
+        for _ in range(1 + _CORRECTIONS):
             settings = self.settings(integrator=ADAPTIVE, rtol=rtol)
             motion = self.made(settings)
             error = self.by_momentum(motion, magnified)
             if before is not None:
                 doubled = self.error(before, motion, looser / rtol, COST_MODEL.rtol_order)
                 error = max(error, doubled)
-            if error <= self.accuracy or rtol <= FINEST_RTOL:
+            if error <= self.accuracy or rtol <= _FINEST_RTOL:
                 break
             before, looser = motion, rtol
-            rtol = max(FINEST_RTOL, rtol * self.finer(error, COST_MODEL.rtol_order))
+            rtol = max(_FINEST_RTOL, rtol * self.finer(error, COST_MODEL.rtol_order))
         return self.result(motion, error)
 
     def by_contact(self) -> ContactMotion:
@@ -147,10 +147,10 @@ class _Search:
         A looser rtol would lift the ball off so shallow a contact. The depth goes as the square of
         the contact's time constant, so a run at twice that constant gives the error.
         """
-        finest = self.settings(integrator=ADAPTIVE, rtol=FINEST_RTOL)
-        softer = self.pilot(integrator=ADAPTIVE, rtol=SOFTER_RTOL)
+        finest = self.settings(integrator=ADAPTIVE, rtol=_FINEST_RTOL)
+        softer = self.pilot(integrator=ADAPTIVE, rtol=_SOFTER_RTOL)
         softer = replace(softer, solref=(2 * BY_ERROR[1], 1.0))
-        before, motion = self.made(softer, apart=SPARSE), self.made(finest)
+        before, motion = self.made(softer, apart=_SPARSE), self.made(finest)
         return self.result(motion, self.error(before, motion, 2.0, 2.0))
 
     def by_momentum(self, motion: ContactMotion, magnified: float) -> float:
@@ -171,18 +171,18 @@ class _Search:
         if coarse.times[-1] < fine.times[-1]:
             return np.inf
         difference = path_error(coarse, fine)
-        return difference if difference > APART else difference / (ratio**order - 1)
+        return difference if difference > _APART else difference / (ratio**order - 1)
 
     def finer(self, error: float, order: float) -> float:
         """Return the factor for the steps of a run of this error to reach the accuracy."""
         # A run that broke off has no error; half its steps are tried.
-        return float((AIM * self.accuracy / error) ** (1 / order)) if np.isfinite(error) else 0.5
+        return float((_AIM * self.accuracy / error) ** (1 / order)) if np.isfinite(error) else 0.5
 
     def rtol(self, error: float, timestep: float) -> float:
         """Return DOP853's rtol for the accuracy, by RK4's error at a timestep [s]."""
         stiffness = error / (self.rate * timestep) ** 4
         gain = COST_MODEL.gain * stiffness**COST_MODEL.power if np.isfinite(stiffness) else np.inf
-        return float(np.clip(CAUTIOUS * self.accuracy / gain, FINEST_RTOL, COARSEST_RTOL))
+        return float(np.clip(_CAUTIOUS * self.accuracy / gain, _FINEST_RTOL, _COARSEST_RTOL))
 
     def rk4_seconds(self, timestep: float) -> float:
         """Return the predicted processor time [s] of RK4 at a timestep [s]."""
@@ -193,14 +193,14 @@ class _Search:
         """Return the predicted processor time [s] of DOP853 at an rtol."""
         per_second = COST_MODEL.steps_per_second(self.rate, rtol)
         # However small the error, a servo's own rate limits the steps.
-        steps = float(self.times[-1]) * max(per_second, self.servo_rate / STABLE)
-        of_steps = steps * (COST_MODEL.adaptive_step + DOP853_EVALUATIONS * self.control)
+        steps = float(self.times[-1]) * max(per_second, self.servo_rate / _STABLE)
+        of_steps = steps * (COST_MODEL.adaptive_step + _DOP853_EVALUATIONS * self.control)
         return of_steps + len(self.times) * (COST_MODEL.sample + self.control)
 
     @property
     def order(self) -> float:
         """The power of the timestep in RK4's error."""
-        return VARYING_ORDER if self.scene.load_varies else COST_MODEL.order
+        return _VARYING_ORDER if self.scene.load_varies else COST_MODEL.order
 
     @property
     def control(self) -> float:
@@ -220,7 +220,7 @@ class _Search:
         return replace(motion, report=report)
 
 
-def reach(scene: Scene, times: Array, accuracy: float, run: Run) -> ContactMotion:
+def reach(scene: Scene, times: Array, accuracy: float, run: _Run) -> ContactMotion:
     """Return the scene's motion at times (n,) [s] to a path error, as cheaply as is predicted.
 
     run: makes the motion at given settings and times. Warns where the accuracy is not reached.

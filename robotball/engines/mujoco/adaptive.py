@@ -17,12 +17,12 @@ from robotball.engines.mujoco.stepping import Control, Portion, Step, read_row, 
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
 
-LOOK = 64  # steps between two looks of the monitor; each takes 13 evaluations of the forces
-FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
-QUATERNION = slice(3, 7)
+_LOOK = 64  # steps between two looks of the monitor; each takes 13 evaluations of the forces
+_FREE_QPOS, _FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
+_QUATERNION = slice(3, 7)
 # Under a load that varies: the error of a step as a part of the contact's depth, and the longest
 # step times the contact's damping. DOP853 is stable up to 6.
-OF_DEPTH, DAMPED = 5e-3, 4.0
+_OF_DEPTH, _DAMPED = 5e-3, 4.0
 
 
 def by_forward(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Portion]:
@@ -70,7 +70,7 @@ def _portion(
         rows.append(_read(control, data, t, state))
         states.append(state_of(data))
 
-    while solver.running and len(lengths) < LOOK and failure is None and not stopped:
+    while solver.running and len(lengths) < _LOOK and failure is None and not stopped:
         if len(lengths) == left:
             limit = control.model.settings.max_steps
             failure = Fault(FaultKind.OUT_OF_STEPS, np.nan, limit=limit, fatal=True)
@@ -142,10 +142,10 @@ def _solver(
         # to be short enough to damp it.
         chosen = Chosen(scene, settings)
         stiffness, damping = chosen.normal_reference
-        give = OF_DEPTH * chosen.equilibrium_depth / settings.rtol
+        give = _OF_DEPTH * chosen.equilibrium_depth / settings.rtol
         for column, rate in ((2, 1.0), (len(data.qpos) + 2, stiffness**0.5)):
             scale[column] = max(scale[column], give * rate)
-        longest = min(longest, DAMPED / damping)
+        longest = min(longest, _DAMPED / damping)
     return Compensated(
         _right_hand_side(control.model.compiled, data),
         span,
@@ -171,10 +171,10 @@ def _right_hand_side(compiled: mujoco.MjModel, data: mujoco.MjData) -> Rate:
         mujoco.mj_forwardSkip(compiled, data, no_stage, True)
         derivative = np.empty(nq + nv)
         derivative[:3] = qvel[:3]
-        derivative[QUATERNION] = eq.attitude_rate(
-            tuple(state[QUATERNION].tolist()), tuple(qvel[3:FREE_QVEL].tolist())
+        derivative[_QUATERNION] = eq.attitude_rate(
+            tuple(state[_QUATERNION].tolist()), tuple(qvel[3:_FREE_QVEL].tolist())
         )
-        derivative[FREE_QPOS:nq] = qvel[FREE_QVEL:]
+        derivative[_FREE_QPOS:nq] = qvel[_FREE_QVEL:]
         derivative[nq:] = qacc
         return derivative
 

@@ -21,7 +21,7 @@ from robotball.scene import Scene
 
 # A ball near an unstable motion magnifies the rounding of its start to half of it.
 LEAST_ACCURACY = 1e-11
-LADDERS: Mapping[str, Ladder] = {
+_LADDERS: Mapping[str, Ladder] = {
     "naive": ("timestep", (2e-3,)),
     "balanced": ("timestep", (20e-3, 10e-3, 5e-3, 1e-3)),
     "adaptive": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15)),
@@ -37,7 +37,7 @@ class MuJoCo(Engine):
     default: str = "balanced"
     least_accuracy: float | None = LEAST_ACCURACY
     as_it_comes: str = "naive"
-    ladders: Mapping[str, Ladder] = field(default_factory=lambda: LADDERS)
+    ladders: Mapping[str, Ladder] = field(default_factory=lambda: _LADDERS)
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Refuse rolling resistance under a varying load, which it would need in advance."""

@@ -23,16 +23,16 @@ from robotball.robot import PARTS
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-AGREES = 1e-6  # of the path: the largest error of held controls
-HALVINGS = 5  # of the step at most, to 32 times as many rows of controls
-GAUSS, WEIGHTS = np.polynomial.legendre.leggauss(3)  # for the mean of a command over a step
-SAMPLES = 200  # of the path of a play
-WIDTH, COMMENT_LINE = 95, "\n     "  # of a comment: its lines' characters, and what parts them
+_AGREES = 1e-6  # of the path: the largest error of held controls
+_HALVINGS = 5  # of the step at most, to 32 times as many rows of controls
+_GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # for the mean of a command over a step
+_SAMPLES = 200  # of the path of a play
+_WIDTH, _COMMENT_LINE = 95, "\n     "  # of a comment: its lines' characters, and what parts them
 DEFAULT_ITERATIONS = 100  # of MuJoCo's solver
 # The picture's lengths in radii of the ball, so that any ball fills it alike.
-CAMERA, EXTENT, SUN, TILE = "0 -5 2", 4.0, 12.0, 0.5
+_CAMERA, _EXTENT, _SUN, _TILE = "0 -5 2", 4.0, 12.0, 0.5
 
-PLAYER = '''"""Plays {model} with its controls; it needs mujoco and numpy alone."""
+_PLAYER = '''"""Plays {model} with its controls; it needs mujoco and numpy alone."""
 from pathlib import Path
 import mujoco, numpy as np
 
@@ -45,7 +45,7 @@ for row in np.loadtxt(here / "{controls}", delimiter=",", skiprows=1, ndmin=2):
     mujoco.mj_step(model, data)
 print("t =", data.time, "s, qpos =", data.qpos.tolist())
 '''
-SOFTNESS = (
+_SOFTNESS = (
     "model.body_invweight0[:] *= {softness:g}  # an impedance nearer to 1 than MJCF can say\n"
 )
 
@@ -80,9 +80,9 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
         needs = _needs(model, f"{stem}-play.py", off)
     # Two hyphens would end a comment.
     wrapped = [
-        part for line in _words(model, needs) for part in wrap(line.replace("--", "- -"), WIDTH)
+        part for line in _words(model, needs) for part in wrap(line.replace("--", "- -"), _WIDTH)
     ]
-    xml = f"<!-- {COMMENT_LINE.join(wrapped)} -->\n{(dress(model) if dressed else model).xml}"
+    xml = f"<!-- {_COMMENT_LINE.join(wrapped)} -->\n{(dress(model) if dressed else model).xml}"
     if needs is None:
         return Written(xml)
     rows = _held(model)
@@ -92,10 +92,10 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
     return Written(
         xml,
         needs,
-        PLAYER.format(
+        _PLAYER.format(
             model=f"{stem}.xml",
             controls=f"{stem}-controls.csv",
-            softness="" if softness == 1 else SOFTNESS.format(softness=softness),
+            softness="" if softness == 1 else _SOFTNESS.format(softness=softness),
         ),
         "\n".join([",".join(header), *lines]) + "\n",
     )
@@ -157,11 +157,11 @@ def _step_for(scene: Scene, settings: Settings) -> tuple[float, float]:
     before, worst = _played(scene, settings, first, 1), 0.0
     # A ball that hardly moves has no path to measure an error by.
     scale = max(float(np.linalg.norm(np.diff(before, axis=0), axis=1).sum()), scene.ball.radius)
-    for parts in (2**i for i in range(1, HALVINGS + 1)):
+    for parts in (2**i for i in range(1, _HALVINGS + 1)):
         path = _played(scene, settings, first / parts, parts)
         # Of second order: halving leaves a quarter of the error, a third of the difference.
         off = float(np.linalg.norm(path - before, axis=1).max()) / scale / 3
-        if off < AGREES / 3:
+        if off < _AGREES / 3:
             return first / parts, off
         before, worst = path, max(worst, 4 * off)
     return first, worst
@@ -175,7 +175,7 @@ def _played(scene: Scene, settings: Settings, step: float, parts: int) -> Array:
     """
     model = build(scene, replace(settings, timestep=step))
     data, rows = model.start_data(), _held(model)
-    kept = set((parts * np.linspace(0, len(rows) // parts, SAMPLES).astype(int)).tolist())
+    kept = set((parts * np.linspace(0, len(rows) // parts, _SAMPLES).astype(int)).tolist())
     points = [data.qpos[:2].copy()]
     for i, row in enumerate(rows, start=1):
         data.ctrl[:] = row
@@ -201,7 +201,7 @@ def _mean(hinge: ModelHinge, edges: Array) -> Array:
         return np.asarray(np.diff(drive.rate(edges)) / np.diff(edges))
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
     return np.asarray(
-        sum(w * drive.rate(middle + x * half) for x, w in zip(GAUSS, WEIGHTS / 2, strict=True))
+        sum(w * drive.rate(middle + x * half) for x, w in zip(_GAUSS, _WEIGHTS / 2, strict=True))
     )
 
 
@@ -263,7 +263,7 @@ def dress(model: Model) -> Model:
     floor = ElementTree.parse(PARTS / "floor.xml").getroot()
     worldbody, assets = _child(root, "worldbody"), Element("asset")
     assets.extend(_child(floor, "asset"))
-    _child(assets, "material").set("texrepeat", f"{TILE / unit:g} {TILE / unit:g}")
+    _child(assets, "material").set("texrepeat", f"{_TILE / unit:g} {_TILE / unit:g}")
     _child(worldbody, "geom").set("material", "floor")
     add_materials(assets)
     looks, stands = looks_of(ball), _stands(model.compiled)
@@ -275,11 +275,11 @@ def dress(model: Model) -> Model:
         stand = stands[body.attrib["name"]]
         add_shapes(assets, body, [_seen_from(stand, unit, each) for each in shapes], unit)
     ball_body, sun = _child(worldbody, "body"), _child(_child(floor, "worldbody"), "light")
-    place = " ".join(f"{float(part) * unit:g}" for part in CAMERA.split())
+    place = " ".join(f"{float(part) * unit:g}" for part in _CAMERA.split())
     SubElement(ball_body, "camera", name="track", mode="trackcom", pos=place, xyaxes="1 0 0 0 2 5")
-    sun.attrib.update(mode="trackcom", pos=f"0 0 {SUN * unit:g}")
+    sun.attrib.update(mode="trackcom", pos=f"0 0 {_SUN * unit:g}")
     ball_body.append(sun)
-    size = Element("statistic", center=f"0 0 {unit:g}", extent=f"{EXTENT * unit:g}")
+    size = Element("statistic", center=f"0 0 {unit:g}", extent=f"{_EXTENT * unit:g}")
     place_of_world = list(root).index(worldbody)
     root[place_of_world:place_of_world] = [size, _child(floor, "visual"), assets]
     ElementTree.indent(root)

@@ -30,7 +30,7 @@ from robotball.rotations import Array
 from robotball.scene import Scene
 
 AROUND = 20  # steps on either side of the first bad one
-Numbers = list[list[float | None]]  # null where a number is not finite
+_Numbers = list[list[float | None]]  # null where a number is not finite
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,11 @@ class FaultWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     causes: list[str]
     time: float
     columns: list[str]
-    table: Numbers
-    states: Numbers
+    table: _Numbers
+    states: _Numbers
     lengths: list[float]
     spans: list[tuple[float, float]]
-    rows: Numbers
+    rows: _Numbers
     xml: str
     sides: list[list[int]] = []  # files of former versions have none
 
@@ -254,12 +254,12 @@ def _text(scene: Scene) -> str | None:
         return None
 
 
-def _plain(values: Array) -> Numbers:
+def _plain(values: Array) -> _Numbers:
     """Replace numbers that are not finite, which JSON does not have."""
     return [[v if np.isfinite(v) else None for v in row] for row in values.tolist()]
 
 
-def _array(values: Numbers) -> Array:
+def _array(values: _Numbers) -> Array:
     """Return the inverse of `_plain`. Raises InputError where rows differ in length."""
     try:
         return np.array([[np.nan if v is None else v for v in row] for row in values])

@@ -27,7 +27,7 @@ from robotball.scene import Scene, step_count
 
 
 @dataclass(frozen=True)
-class CostModel:
+class _CostModel:
     """Error and cost of each family of steps, fitted to the catalog and 30 random balls, 10 s each.
 
     The rate is `accuracy.scene_rate`. `python -m validation.bench.cost_model` fits the numbers
@@ -56,7 +56,7 @@ class CostModel:
         return self.density * rate * (1e-11 / rtol) ** self.growth
 
 
-COST_MODEL = CostModel()
+COST_MODEL = _CostModel()
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ class LimitCheck:
 
 # Times over the run at which drives that change are evaluated. Limits are predicted to a factor, so
 # the largest rate between these times need not be found.
-DRIVES_SEEN = 9
+_DRIVES_SEEN = 9
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ class PlannedRun(Chosen):
             frame = [h.largest_rate for h in self.hinges if h.index == 0 and h.follows_rate]
             size = float(np.linalg.norm(self.angular_velocity))
             return max(size, *frame, float(np.abs(self.start_trial[1].imag).max()))
-        times = [0.0] if self.scene.steady else np.linspace(0.0, self.duration, DRIVES_SEEN)
+        times = [0.0] if self.scene.steady else np.linspace(0.0, self.duration, _DRIVES_SEEN)
         return max(self._rotation_rate_at(float(t)) for t in times)
 
     def _rotation_rate_at(self, t: float) -> float:
@@ -239,25 +239,25 @@ def planned(
     return PlannedRun(scene, for_load(settings, scene), duration, loads)
 
 
-Prediction = Callable[[PlannedRun], LimitCheck | None]
-LAWS: dict[Prediction, str] = {}
+_Prediction = Callable[[PlannedRun], LimitCheck | None]
+LAWS: dict[_Prediction, str] = {}
 """The predictions, each with its law in a line. A prediction is None where it does not apply."""
 
 
-def _law(statement: str) -> Callable[[Prediction], Prediction]:
+def _law(statement: str) -> Callable[[_Prediction], _Prediction]:
     """Add the decorated prediction to LAWS, with its law in a line."""
 
-    def add(prediction: Prediction) -> Prediction:
+    def add(prediction: _Prediction) -> _Prediction:
         LAWS[prediction] = statement
         return prediction
 
     return add
 
 
-TOLERATED = 10.0  # s, the run for which a preset's error tolerance is stated
-STABLE = 6.3  # the longest stable step of DOP853 times the rate at which a motor settles
-MANY_STEPS = 20_000  # adaptive ones, which take ten seconds at least
-LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
+_TOLERATED = 10.0  # s, the run for which a preset's error tolerance is stated
+_STABLE = 6.3  # the longest stable step of DOP853 times the rate at which a motor settles
+_MANY_STEPS = 20_000  # adaptive ones, which take ten seconds at least
+_LOOSEST = 1e-2  # to which a tolerance is stretched over a longer run
 
 
 def allowed(tolerance: float, times: Array) -> Array:
@@ -265,8 +265,8 @@ def allowed(tolerance: float, times: Array) -> Array:
 
     A tolerance is for ten seconds; a longer run has more in proportion, up to LOOSEST.
     """
-    stretched = tolerance * np.maximum(1.0, np.asarray(times) / TOLERATED)
-    return np.minimum(stretched, max(tolerance, LOOSEST))
+    stretched = tolerance * np.maximum(1.0, np.asarray(times) / _TOLERATED)
+    return np.minimum(stretched, max(tolerance, _LOOSEST))
 
 
 @_law("RK4 follows a rotation r up to r·dt = 2.8")
@@ -412,7 +412,7 @@ def raised_solref(plan: PlannedRun) -> LimitCheck | None:
 
 
 @_law("a servo that settles at λ takes adaptive steps of 6.3/λ at most")
-def settling(plan: PlannedRun) -> LimitCheck | None:
+def _settling(plan: PlannedRun) -> LimitCheck | None:
     """Predict the number of adaptive steps by the servos' rate λ.
 
     DOP853 is stable up to steps of 6.3/λ, whatever their error.
@@ -422,8 +422,8 @@ def settling(plan: PlannedRun) -> LimitCheck | None:
         return None
     return LimitCheck(
         "the number of steps that the servos' rate takes",
-        fastest * plan.duration / STABLE,
-        MANY_STEPS,
+        fastest * plan.duration / _STABLE,
+        _MANY_STEPS,
         "take a lower gain, more armature, or prescribe the rate, or wait for minutes",
     )
 
@@ -447,8 +447,8 @@ def servo_gain(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
-LARGEST_STATE = 1e10  # mjMAXVAL: MuJoCo calls a larger position, velocity or control bad
-LEAST_DETERMINANT = 1e-10  # below it MuJoCo takes a contact's friction for singular
+_LARGEST_STATE = 1e10  # mjMAXVAL: MuJoCo calls a larger position, velocity or control bad
+_LEAST_DETERMINANT = 1e-10  # below it MuJoCo takes a contact's friction for singular
 
 
 @_law("μ is at least |F_horizontal|/N")
@@ -555,7 +555,7 @@ def creep(plan: PlannedRun) -> LimitCheck | None:
     force = float(np.linalg.norm(plan.loads.contact_force[:, :2], axis=1).max())
     return LimitCheck(
         "the part of the path that soft friction lets the ball creep",
-        _slip(plan, softness * force * inverse_inertia(plan)[0, 0]),
+        _slip(plan, softness * force * _inverse_inertia(plan)[0, 0]),
         plan.settings.error_tolerance,
         "give noslip_iterations 1 with an elliptic cone, or solimp nearer to 1",
     )
@@ -592,7 +592,7 @@ def friction_block(plan: PlannedRun) -> LimitCheck | None:
     rows = plan.condim - 1
     slide, spin, roll = plan.friction
     scale = np.diag([slide, slide, spin, roll, roll][:rows])
-    block = scale @ inverse_inertia(plan)[:rows, :rows] @ scale
+    block = scale @ _inverse_inertia(plan)[:rows, :rows] @ scale
     if not plan.noslip:
         softness = plan.settings.softness * (1 - plan.impedance) / plan.impedance
         normal = 1 / plan.scene.ball.mass
@@ -605,14 +605,14 @@ def friction_block(plan: PlannedRun) -> LimitCheck | None:
         if rows < 5
         else "the least pivot of the friction's inverse inertia",
         float(value),
-        LEAST_DETERMINANT,
+        _LEAST_DETERMINANT,
         f"MuJoCo's {name} solver takes it for singular; scale the masses down or the friction up, "
         "or take solver Newton without noslip",
         least=True,
     )
 
 
-def inverse_inertia(plan: PlannedRun) -> Array:
+def _inverse_inertia(plan: PlannedRun) -> Array:
     """Return the accelerations (5, 5) of slip, spin and roll by unit forces and torques.
 
     World axes. The ball's hinges are held; slip is at the contact, a below the centre.
@@ -656,7 +656,7 @@ def first_step(plan: PlannedRun) -> LimitCheck | None:
     if plan.settings.start_in_equilibrium or not plan.reduced or not np.isfinite(plan.timestep):
         return None
     force = float(np.linalg.norm(plan.loads.contact_force[0, :2]))
-    slip = force * float(inverse_inertia(plan)[0, 0]) * plan.timestep
+    slip = force * float(_inverse_inertia(plan)[0, 0]) * plan.timestep
     return LimitCheck(
         "the slip that the first step makes, over the speed",
         slip / (plan.scene.momentum_scale * plan.scene.ball.radius / plan.scene.ball.d),
@@ -701,7 +701,7 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
     return LimitCheck(
         "the largest coordinate, rate or control",
         max(speed * reach, *(rate * reach for rate in rates), *controls, plan.rotation_rate),
-        LARGEST_STATE,
+        _LARGEST_STATE,
         "MuJoCo takes more for a bad state; choose other units or a shorter run",
     )
 
@@ -713,7 +713,7 @@ def _ratio(part: float, whole: float) -> float:
     return part / whole if whole else np.inf
 
 
-MAGNIFIED = 10.0  # the path's relative error over a rate's, of the 0.1 to 40 that were measured
+_MAGNIFIED = 10.0  # the path's relative error over a rate's, of the 0.1 to 40 that were measured
 
 
 @_law("a prescribed hinge gives way by ∫τ dt over its armature")
@@ -737,7 +737,7 @@ def prescribed_rate(plan: PlannedRun) -> LimitCheck | None:
     return LimitCheck(
         "the share of its rate that a prescribed hinge loses under its load",
         worst,
-        plan.settings.error_tolerance / MAGNIFIED,
+        plan.settings.error_tolerance / _MAGNIFIED,
         "the hinges' armature is too small for such heavy bodies; take a larger one",
     )
 
@@ -809,7 +809,7 @@ def check_length(scene: Scene, settings: Settings, times: Array) -> None:
     """
     plan = planned(scene, settings, float(times[-1]))
     if settings.adaptive and settings.timestep is None:
-        least = settling(plan)
+        least = _settling(plan)
         if least is not None and least.value > settings.max_steps:
             raise InputError(
                 f"{scene.name} over {times[-1]:g} s: {least}; max_steps = {settings.max_steps}"

@@ -19,12 +19,12 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-LABEL = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
-PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
+_LABEL = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
+_PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
 
 
 @dataclass(frozen=True, kw_only=True)
-class MjxSettings(StepSettings):
+class _MjxSettings(StepSettings):
     """Settings of an MJX run.
 
     model        MuJoCo's settings, of which MJX takes the model and its options
@@ -35,10 +35,10 @@ class MjxSettings(StepSettings):
     line_search: int | None = None
 
 
-class MjxWorld(World):
+class _MjxWorld(World):
     """One world, whose steps are the passes of a compiled loop."""
 
-    def __init__(self, scene: Scene, settings: MjxSettings, step: float) -> None:
+    def __init__(self, scene: Scene, settings: _MjxSettings, step: float) -> None:
         super().__init__(scene)
         self.advance = _advance()
         from mujoco import mjx
@@ -55,15 +55,15 @@ class MjxWorld(World):
 
     def march(self, times: Array, timestep: float) -> Iterator[State]:
         for begin, length, count, sample in self.stretches(times, timestep):
-            for done in range(0, count, PASSES):
-                self._take(begin + done * length, length, min(PASSES, count - done))
+            for done in range(0, count, _PASSES):
+                self._take(begin + done * length, length, min(_PASSES, count - done))
                 self.calls += 1
             if sample is not None:
                 yield self._state()
 
     def _take(self, begin: float, step: float, count: int) -> None:
         """Take `count` steps from `begin` [s], with the controls at the middle of each."""
-        middles = (begin + (np.arange(PASSES) + 0.5) * step).tolist()
+        middles = (begin + (np.arange(_PASSES) + 0.5) * step).tolist()
         actuated = [hinge for hinge in self.built.hinges if hinge.actuated]
         controls = np.array([[hinge.control(t) for hinge in actuated] for t in middles])
         self.data = self.advance(self.model, self.data, controls, step, count)
@@ -115,30 +115,30 @@ def _advance() -> Callable[..., Any]:
 # MJX has no noslip. A harder contact needs none; where friction is so hard that a step of Newton
 # ends on the cone's axis, the line search of MJX takes the root of a negative number: softness
 # 1e-6 gives NaN, and 1e-2 does not.
-HARD = replace(
+_HARD = replace(
     PRESETS["balanced"],
     **CONSTANT | {"solver": "Newton", "softness": 1e-2},
     noslip_iterations=None,
     noslip_tolerance=None,
     ls_tolerance=None,
 )
-AS_IT_COMES = MjxSettings(
+_AS_IT_COMES = _MjxSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3, model=NAIVE
 )
-BEST = MjxSettings(
+_BEST = _MjxSettings(
     name="best",
     error_tolerance=1e-4,
     stop_at_fault=False,
     timestep=5e-3,
-    model=HARD,
+    model=_HARD,
     line_search=5,
 )
 
 
-class Mjx(Adapter):
+class _Mjx(Adapter):
     """MJX as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "mujoco.mjx"
     extra = "mjx"
     requirements = ("mujoco-mjx>=3.17", "jax>=0.10")
@@ -146,8 +146,8 @@ class Mjx(Adapter):
         "as-it-comes": ("timestep", (2e-3,)),
         "best": ("timestep", (20e-3, 10e-3, 5e-3)),
     }
-    settings_type = MjxSettings
-    presets: Mapping[str, StepSettings] = {each.name: each for each in (AS_IT_COMES, BEST)}
+    settings_type = _MjxSettings
+    presets: Mapping[str, StepSettings] = {each.name: each for each in (_AS_IT_COMES, _BEST)}
 
     @property
     def installed(self) -> bool:
@@ -155,8 +155,8 @@ class Mjx(Adapter):
         return super().installed and find_spec("jax") is not None
 
     def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
-        assert isinstance(settings, MjxSettings)
-        return MjxWorld(scene, settings, step)
+        assert isinstance(settings, _MjxSettings)
+        return _MjxWorld(scene, settings, step)
 
 
-MJX = Mjx()
+MJX = _Mjx()

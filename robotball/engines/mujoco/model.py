@@ -28,8 +28,8 @@ with warnings.catch_warnings(action="ignore"):
     # Without a screen, dm_control's search for a window system warns; nothing here needs one.
     from dm_control import mjcf
 
-PRECISION = 17  # digits that bring every double back
-RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
+_PRECISION = 17  # digits that bring every double back
+_RATES_SEEN = 501  # times over a scene at which the largest rate of a hinge is looked for
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
 
     Any other body is fixed to its parent, which saves MuJoCo a degree of freedom in every step.
     """
-    times = np.linspace(0.0, scene.duration, RATES_SEEN)
+    times = np.linspace(0.0, scene.duration, _RATES_SEEN)
     hung = "frame" if settings.root == "shell" else "shell"
     return tuple(
         ModelHinge(
@@ -107,12 +107,12 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
     )
 
 
-ORIGIN, Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
-SPHERE = "shell_sphere"  # the geom that touches the plane
+_ORIGIN, _Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
+_SPHERE = "shell_sphere"  # the geom that touches the plane
 START = "start"  # the keyframe that a run begins from
 
-PICTURE_ONLY = ("light", "material", "texture", "mesh")
-FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
+_PICTURE_ONLY = ("light", "material", "texture", "mesh")
+_FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
         spinning.pos, spinning.quat = rotor.centre, z_along(rotor.axis)
         across, along = rotor.transverse_inertia, rotor.axial_inertia
         _inertial(spinning, rotor.mass, np.diag([across, across, along]))
-        turning.append((spinning, Z))
+        turning.append((spinning, _Z))
     for name, pendulum in ball.named_pendulums:
         pendulum_part = _bare("pendulum")
         pendulum_part.model = name
@@ -215,9 +215,9 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
 
     # An explicit pair alone is tested for contact, and its parameters are not mixed of two geoms'.
     slide, spin, roll = chosen.friction
-    friction = [slide, slide, spin, roll, roll][: FRICTIONS[chosen.condim]]
+    friction = [slide, slide, spin, roll, roll][: _FRICTIONS[chosen.condim]]
     own = {"name": "contact", "condim": chosen.condim, "friction": friction}
-    pair = root.contact.add("pair", geom1="floor", geom2=SPHERE)
+    pair = root.contact.add("pair", geom1="floor", geom2=_SPHERE)
     _fill(pair, values | own)
     _add_sensors(root, scene, settings.root, hinges)
     qpos, qvel = _state_at(scene, settings.root, scene.start, hinges)
@@ -263,7 +263,7 @@ def _text_of(root: Any) -> str:
     has them. Parts have different names, so the last of them and the element's own say enough:
     rotor1, rotor1_hinge.
     """
-    tree = ElementTree.fromstring(root.to_xml_string(precision=PRECISION))
+    tree = ElementTree.fromstring(root.to_xml_string(precision=_PRECISION))
     for element in tree.iter():
         element.attrib.pop("class", None)
         for attribute, value in element.items():
@@ -281,7 +281,7 @@ def _bare(name: str) -> Any:
     They would slow every step.
     """
     tree = mjcf.from_path(str(PARTS / f"{name}.xml"))
-    for kind in PICTURE_ONLY:
+    for kind in _PICTURE_ONLY:
         for element in tree.find_all(kind, exclude_attachments=True):
             element.remove()
     for geom in tree.find_all("geom"):
@@ -299,7 +299,7 @@ def _fill(element: Any, values: Mapping[str, Any]) -> None:
             setattr(element, name, values[name])
 
 
-def _inertial(body: Any, mass: float, inertia: Array, centre: Array = ORIGIN) -> None:
+def _inertial(body: Any, mass: float, inertia: Array, centre: Array = _ORIGIN) -> None:
     """Add a body's mass [kg], inertia (3, 3) [kg m²] about its centre of mass, and that [m]."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
     body.add("inertial", pos=centre, mass=mass, fullinertia=[xx, yy, zz, xy, xz, yz])
@@ -348,7 +348,7 @@ def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, .
         "contact",
         name="contact",
         geom1="floor",
-        geom2=SPHERE,
+        geom2=_SPHERE,
         data="found force torque normal tangent linvel angvel",
     )
     for hinge in hinges:

@@ -16,12 +16,12 @@ from robotball.engines.mujoco.readings import Readings, lengths
 from robotball.motion import DIVERGED, RATE_ERROR, SHORTEST_PATH, Fault, FaultKind
 from robotball.rotations import Array, Mask
 
-SATURATED = 1 - 1e-6  # of the friction cone; solutions on its surface end this near
-ROUNDING = 1e-12  # of the radius; a shorter slip comes of the forces' rounding
-LIFTING = 1e-2  # of the weight; a ball that presses less on the plane is about to lift off
+_SATURATED = 1 - 1e-6  # of the friction cone; solutions on its surface end this near
+_ROUNDING = 1e-12  # of the radius; a shorter slip comes of the forces' rounding
+_LIFTING = 1e-2  # of the weight; a ball that presses less on the plane is about to lift off
 
 # Without MuJoCo's warnings of a bad state (BADQPOS, …), which the state itself shows.
-WARNINGS = {
+_WARNINGS = {
     int(warning): warning.name.removeprefix("mjWARN_")
     for warning in mujoco.mjtWarning.__members__.values()
     if warning != mujoco.mjtWarning.mjNWARNING and "BADQ" not in warning.name
@@ -95,9 +95,9 @@ class Monitor:
         # A motor of the scene's own may be weak; any other drive has to keep its rate.
         exact = [hinge for hinge in readings.model.hinges if not hinge.own_motor]
         off_rate = readings.hinge_rate_error(exact) > RATE_ERROR
-        saturated = readings.friction_used > SATURATED
+        saturated = readings.friction_used > _SATURATED
         # A ball that is about to lift off has no cone left, so its contact is what is lost.
-        lifting = saturated & (readings.contact_force[:, 0] < LIFTING * self.weight)
+        lifting = saturated & (readings.contact_force[:, 0] < _LIFTING * self.weight)
         kind = FaultKind
         return [
             (diverged, Fault(kind.DIVERGED, np.nan, fatal=True)),
@@ -115,7 +115,7 @@ class Monitor:
             ),
             *(
                 (~diverged & (readings.warnings[:, i] > 0), Fault(kind.ENGINE_WARNED, np.nan, name))
-                for i, name in WARNINGS.items()
+                for i, name in _WARNINGS.items()
                 if readings.warnings[-1:, i].any()  # they only grow
             ),
         ]
@@ -136,7 +136,7 @@ class Monitor:
         self.slipped, self.rolled = float(slipped[-1]), float(rolled[-1])
         self.last_centre = readings.centre[-1:]
         # Over a path of nothing any slip would be infinite.
-        least = max(tolerance * SHORTEST_PATH, ROUNDING) * scene.ball.radius
+        least = max(tolerance * SHORTEST_PATH, _ROUNDING) * scene.ball.radius
         slips = slipped > tolerance * rolled + least
         faults = [(slips, Fault(FaultKind.SLIPPED, np.nan, limit=tolerance))]
         if scene.keeps_momentum:

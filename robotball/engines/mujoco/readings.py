@@ -18,7 +18,7 @@ from robotball.motion import Loads
 from robotball.rotations import Array, Mask, rotation_matrix
 
 # Sensors of coordinates and velocities, whose size shows whether a state has diverged.
-STATE_SENSORS = [
+_STATE_SENSORS = [
     mujoco.mjtSensor.mjSENS_FRAMEPOS,
     mujoco.mjtSensor.mjSENS_FRAMEQUAT,
     mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
@@ -28,7 +28,7 @@ STATE_SENSORS = [
 ]
 
 
-UP = np.array([0.0, 0.0, 1.0])
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Readings:
         else:  # the centre of mass is the sphere's centre, and has no sensor of its own
             arm = self.centre * [0.0, 0.0, 1.0]
         L = self.column("angular_momentum") + _cross(arm, linear)
-        return _cross(UP, L) if scene.rolling == "rubber" else L
+        return _cross(_UP, L) if scene.rolling == "rubber" else L
 
     @property
     def in_contact(self) -> Mask:
@@ -146,7 +146,7 @@ class Readings:
         if len(self.rows) and -limit < self.rows.min() and self.rows.max() < limit:
             return np.ones(len(self.rows), bool)
         compiled = self.model.compiled
-        state = np.repeat(np.isin(compiled.sensor_type, STATE_SENSORS), compiled.sensor_dim)
+        state = np.repeat(np.isin(compiled.sensor_type, _STATE_SENSORS), compiled.sensor_dim)
         finite = np.isfinite(self.rows).all(axis=1)
         small = (np.abs(self.rows[:, : compiled.nsensordata][:, state]) < limit).all(axis=1)
         return np.asarray(finite & small)

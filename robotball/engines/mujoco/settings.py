@@ -25,12 +25,12 @@ from robotball.errors import LARGEST, InputError, check_positive
 from robotball.motion import EngineSettings, preset_named
 from robotball.scene import Scene
 
-RK4_REAL, RK4_IMAGINARY = 2.785, 2.828  # where |1 + z + z²/2 + z³/6 + z⁴/24| = 1 on the axes
-EXPLICIT_REAL = 2.0  # where |1 - z| = 1
+_RK4_REAL, _RK4_IMAGINARY = 2.785, 2.828  # where |1 + z + z²/2 + z³/6 + z⁴/24| = 1 on the axes
+_EXPLICIT_REAL = 2.0  # where |1 - z| = 1
 
 
 @dataclass(frozen=True)
-class Integrator:
+class _Integrator:
     """An integrator with its order and its limits of stability.
 
     A limit is the largest stable value of a rate times the timestep, None where there is none.
@@ -63,12 +63,12 @@ _FIRST, _FOURTH = (2, 1 / 2), (6, 1 / 144)
 INTEGRATORS = {
     each.name: each
     for each in (
-        Integrator("Euler", 1, None, EXPLICIT_REAL, EXPLICIT_REAL, _FIRST, "o", 11.0),
-        Integrator("implicit", 1, None, EXPLICIT_REAL, None, _FIRST, "v"),
-        Integrator("implicitfast", 1, None, EXPLICIT_REAL, None, _FIRST, "s"),
-        Integrator("discrete", 1, None, None, EXPLICIT_REAL, _FIRST, "x", 4.0),
-        Integrator("RK4", 4, RK4_IMAGINARY, RK4_REAL, RK4_REAL, _FOURTH, "D"),
-        Integrator("DOP853", 8, marker="^", size=7.0, own=False),
+        _Integrator("Euler", 1, None, _EXPLICIT_REAL, _EXPLICIT_REAL, _FIRST, "o", 11.0),
+        _Integrator("implicit", 1, None, _EXPLICIT_REAL, None, _FIRST, "v"),
+        _Integrator("implicitfast", 1, None, _EXPLICIT_REAL, None, _FIRST, "s"),
+        _Integrator("discrete", 1, None, None, _EXPLICIT_REAL, _FIRST, "x", 4.0),
+        _Integrator("RK4", 4, _RK4_IMAGINARY, _RK4_REAL, _RK4_REAL, _FOURTH, "D"),
+        _Integrator("DOP853", 8, marker="^", size=7.0, own=False),
     )
 }
 ADAPTIVE = "DOP853"
@@ -83,7 +83,7 @@ def _one_of(*names: str) -> Meta:
 
 # The types of the fields. msgspec checks their bounds, and an error message quotes their
 # descriptions. LARGEST bounds them so that no product of a few of them overflows.
-Positive = Annotated[
+_Positive = Annotated[
     float,
     Meta(
         ge=1 / LARGEST,
@@ -91,23 +91,23 @@ Positive = Annotated[
         description=f"positive and finite, from {1 / LARGEST:g} to {LARGEST:g}",
     ),
 ]
-NotNegative = Annotated[
+_NotNegative = Annotated[
     float, Meta(ge=0, le=LARGEST, description=f"finite and not negative, {LARGEST:g} at most")
 ]
 # MuJoCo's counters are of 32 bits.
-Count = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number, 0 at least")]
-AtLeastOne = Annotated[int, Meta(ge=1, lt=2**31, description="a whole number, 1 at least")]
-Reference = Annotated[
+_Count = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number, 0 at least")]
+_AtLeastOne = Annotated[int, Meta(ge=1, lt=2**31, description="a whole number, 1 at least")]
+_Reference = Annotated[
     tuple[float, float],
     Meta(description="two finite numbers: a positive time constant and ratio, or neither positive"),
 ]
-Inside = Annotated[float, Meta(gt=0, lt=1)]
-Impedance = Annotated[
+_Inside = Annotated[float, Meta(gt=0, lt=1)]
+_Impedance = Annotated[
     tuple[
-        Inside,
-        Inside,
+        _Inside,
+        _Inside,
         Annotated[float, Meta(gt=0, le=LARGEST)],
-        Inside,
+        _Inside,
         Annotated[float, Meta(ge=1, le=LARGEST)],
     ],
     Meta(
@@ -178,10 +178,10 @@ class Prescribed:
 class Radii:
     """A length in radii of the ball, so that it scales with the ball."""
 
-    radii: NotNegative
+    radii: _NotNegative
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radii", _checked("radii", self.radii, NotNegative))
+        object.__setattr__(self, "radii", _checked("radii", self.radii, _NotNegative))
 
 
 # The recipe's values for a constant load; VARYING has those for a varying one.
@@ -214,9 +214,9 @@ class Settings(EngineSettings):
     """
 
     name: Annotated[str, Meta(pattern=r"^[^\0]*$", description="a text")]
-    error_tolerance: Positive
-    accuracy: Positive | None = None
-    timestep: Positive | None = None  # s
+    error_tolerance: _Positive
+    accuracy: _Positive | None = None
+    timestep: _Positive | None = None  # s
     integrator: Annotated[str, _one_of(*INTEGRATORS)] | None = None
     # The error allowed in one step, relative; DOP853's alone.
     rtol: (
@@ -228,23 +228,23 @@ class Settings(EngineSettings):
     ) = None
     solver: Annotated[str, _one_of("PGS", "CG", "Newton")] | None = None
     jacobian: Annotated[str, _one_of("dense", "sparse", "auto")] | None = None
-    iterations: AtLeastOne | None = None
-    tolerance: NotNegative | None = None
-    ls_tolerance: NotNegative | None = None
-    noslip_iterations: Count | None = None
-    noslip_tolerance: NotNegative | None = None
+    iterations: _AtLeastOne | None = None
+    tolerance: _NotNegative | None = None
+    ls_tolerance: _NotNegative | None = None
+    noslip_iterations: _Count | None = None
+    noslip_tolerance: _NotNegative | None = None
     cone: Annotated[str, _one_of("pyramidal", "elliptic")] | None = None
-    impratio: Positive | None = None
+    impratio: _Positive | None = None
     warmstart: Annotated[str, _one_of("enable", "disable")] | None = None
     island: Annotated[str, _one_of("enable", "disable")] | None = None
-    solref: Reference | None = None
-    solimp: Impedance | None = None
-    solreffriction: Reference | None = None
+    solref: _Reference | None = None
+    solimp: _Impedance | None = None
+    solreffriction: _Reference | None = None
     # The contact's dimension; None is what the rolling model needs: 4 for rubber, 3 for classical.
     condim: Literal[3, 4, 6] | None = None
-    sliding_friction: NotNegative = 1.0  # MuJoCo's default
-    torsional_friction: NotNegative | Radii = 0.005  # m, MuJoCo's default
-    rolling_friction: NotNegative = 1e-4  # m, MuJoCo's default; in force where condim is 6
+    sliding_friction: _NotNegative = 1.0  # MuJoCo's default
+    torsional_friction: _NotNegative | Radii = 0.005  # m, MuJoCo's default
+    rolling_friction: _NotNegative = 1e-4  # m, MuJoCo's default; in force where condim is 6
     # The body with the free joint; the other one hangs on it by the frame's hinge.
     root: Literal["shell", "frame"] = "shell"
     # Start at the depth at which the contact carries the weight, with the lever arm exactly a;
@@ -252,8 +252,10 @@ class Settings(EngineSettings):
     start_in_equilibrium: bool = False
     # Times the softness of the contact's constraint; set once the model is compiled, for MJCF has
     # no word for it.
-    softness: Positive = 1.0
-    max_steps: AtLeastOne = MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
+    softness: _Positive = 1.0
+    max_steps: _AtLeastOne = (
+        MOST_STEPS  # of a run; a longer one is refused or, if adaptive, stopped
+    )
     drive: Servo | Prescribed
 
     def __post_init__(self) -> None:
@@ -263,7 +265,7 @@ class Settings(EngineSettings):
                 continue
             object.__setattr__(self, name, _checked(name, value, kind))
             # No schema says that two numbers have the same sign.
-            if Reference in get_args(kind) and not (value is None or _is_reference(value)):
+            if _Reference in get_args(kind) and not (value is None or _is_reference(value)):
                 raise InputError(f"{name} must be {_allowed(kind)}, not {value!r}")
         if self.adaptive and self.rtol is None:
             raise InputError(f"{ADAPTIVE} needs an rtol, the error allowed in one step, as 1e-13")
@@ -334,7 +336,7 @@ def preset(name: str) -> Settings:
     return preset_named(PRESETS, name)
 
 
-FORMER_NAMES = {"promise": "error_tolerance"}  # in files of former versions, which stay readable
+_FORMER_NAMES = {"promise": "error_tolerance"}  # in files of former versions, which stay readable
 
 
 def settings_from(plain: Mapping[str, Any]) -> Settings:
@@ -343,7 +345,7 @@ def settings_from(plain: Mapping[str, Any]) -> Settings:
     Raises InputError for an unknown key and where a value is missing or does not fit.
     """
     values: dict[str, Any] = {
-        FORMER_NAMES.get(key, key): tuple(value) if isinstance(value, list) else value
+        _FORMER_NAMES.get(key, key): tuple(value) if isinstance(value, list) else value
         for key, value in plain.items()
     }
     try:
@@ -376,7 +378,7 @@ VARYING: dict[str, Any] = {
 # softness is bounded from below, because Newton is content with 1e-15 m/s², and that over the
 # softness is a force: at 1e-5 it can lift a ball at rest out of its contact. The constant is
 # bounded by two steps, or twice the 2 ms that the model has where MuJoCo makes no steps itself.
-BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
+_BY_STEPS, BY_ERROR = (3e-4, 0.01), (1e-4, 0.004)
 
 
 def for_load(settings: Settings, scene: Scene) -> Settings:
@@ -392,15 +394,15 @@ def for_load(settings: Settings, scene: Scene) -> Settings:
     chosen = CONSTANT
     if scene.load_varies:
         by_error = settings.adaptive and settings.timestep is None
-        softness, constant = BY_ERROR if by_error else BY_STEPS
+        softness, constant = BY_ERROR if by_error else _BY_STEPS
         constant = max(constant, 2 * (settings.timestep or 0.0))
         chosen = VARYING | {"softness": softness, "solref": (constant, 1.0)}
     return replace(settings, **{name: chosen[name] for name in left})
 
 
 # MuJoCo's enumerations count these from 0.
-CONES = ("pyramidal", "elliptic")
-SOLVERS = ("PGS", "CG", "Newton")
+_CONES = ("pyramidal", "elliptic")
+_SOLVERS = ("PGS", "CG", "Newton")
 
 
 @cache
@@ -420,7 +422,7 @@ class Chosen:
     settings: Settings
 
     @property
-    def integrator(self) -> Integrator:
+    def integrator(self) -> _Integrator:
         """The integrator, with its limits."""
         return INTEGRATORS[self.settings.integrator or MUJOCOS_DEFAULT]
 
@@ -434,12 +436,12 @@ class Chosen:
     @property
     def cone(self) -> str:
         """The shape of the friction cone."""
-        return self.settings.cone or CONES[self._option("cone")]
+        return self.settings.cone or _CONES[self._option("cone")]
 
     @property
     def solver(self) -> str:
         """The solver of the constraints."""
-        return self.settings.solver or SOLVERS[self._option("solver")]
+        return self.settings.solver or _SOLVERS[self._option("solver")]
 
     @property
     def tolerance(self) -> float:

@@ -48,13 +48,13 @@ def state_of(data: mujoco.MjData) -> Array:
 
 # s: a drive's value at the end of a span is taken this long before it, where a breakpoint's other
 # side begins.
-INSIDE = 1e-9
+_INSIDE = 1e-9
 # rad/s: a shell that rolls no faster than STANDING stands, if the plane can hold it; one that is
 # below RESTING has nothing left to take away.
-STANDING, RESTING = 1e-8, 1e-13
+_STANDING, _RESTING = 1e-8, 1e-13
 # Near a standstill a step is at most this part of the time to it, and this over the rate at which
 # the rolling's direction turns over; RK4 is stable up to 2.8.
-APPROACH, TURNED = 0.5, 2.0
+_APPROACH, _TURNED = 0.5, 2.0
 
 
 @dataclass
@@ -82,7 +82,7 @@ class Control:
     def inside(self, t: float) -> float:
         """Return the time [s] of the span that is nearest to t."""
         begin, end = self.span
-        return max(begin, min(t, end - INSIDE))
+        return max(begin, min(t, end - _INSIDE))
 
     def __call__(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
         t = self.inside(data.time)
@@ -99,12 +99,12 @@ class Control:
         rolling: Array = data.cvel[self.shell, :2]
         speed = float(np.linalg.norm(rolling))
         along = rolling
-        if speed <= STANDING:
+        if speed <= _STANDING:
             holding = self._holding(data)
             size = float(np.linalg.norm(holding))
             if size <= self.resistance:
                 return holding
-            along = rolling - (STANDING - speed) / size * holding
+            along = rolling - (_STANDING - speed) / size * holding
         return -self.resistance / float(np.linalg.norm(along)) * along
 
     def _holding(self, data: mujoco.MjData) -> Array:
@@ -132,7 +132,7 @@ class Control:
     def stop(self, data: mujoco.MjData) -> bool:
         """Stop a shell in `data` that the plane has come to hold; return whether it did."""
         rolling = self._rolling(data)
-        if not RESTING < np.linalg.norm(rolling) <= STANDING:
+        if not _RESTING < np.linalg.norm(rolling) <= _STANDING:
             return False
         if np.linalg.norm(self._holding(data)) > self.resistance:
             return False
@@ -147,12 +147,12 @@ class Control:
         Near it the rolling's direction turns at a rate of the resistance over the speed.
         """
         speed = float(np.linalg.norm(self._rolling(data)))
-        if speed <= STANDING and np.linalg.norm(self._holding(data)) <= self.resistance:
+        if speed <= _STANDING and np.linalg.norm(self._holding(data)) <= self.resistance:
             return length
         now, free = (self._acceleration(data, torque) for torque in (None, np.zeros(2)))
-        turning = float(np.linalg.norm(now - free)) / max(speed, STANDING)
-        slowing = float(np.linalg.norm(now)) / speed if speed > STANDING else 0.0
-        return float(min(length, TURNED / turning, APPROACH / max(slowing, APPROACH / length)))
+        turning = float(np.linalg.norm(now - free)) / max(speed, _STANDING)
+        slowing = float(np.linalg.norm(now)) / speed if speed > _STANDING else 0.0
+        return float(min(length, _TURNED / turning, _APPROACH / max(slowing, _APPROACH / length)))
 
     def _rolling(self, data: mujoco.MjData) -> Array:
         """Return the horizontal part (2,) of the shell's angular velocity [rad/s]."""
@@ -180,15 +180,15 @@ def controlled(model: Model) -> Iterator[Control]:
 
 # The part of a limit by which a servo's law may be beyond it on the wrong side. A switch found so
 # late changes the motion by the square of that.
-LATE = 1e-9
-SHARP = 1e-10  # of a step: the precision of a switch's time
-SHORTEST = 1e-6  # of a step: a switch nearer to its begin or end is taken to be there
-MOST = 8  # switches in a step; one with more is taken with MuJoCo's own limits
-OWN = 2  # in place of a side: MuJoCo limits the torque itself
+_LATE = 1e-9
+_SHARP = 1e-10  # of a step: the precision of a switch's time
+_SHORTEST = 1e-6  # of a step: a switch nearer to its begin or end is taken to be there
+_MOST = 8  # switches in a step; one with more is taken with MuJoCo's own limits
+_OWN = 2  # in place of a side: MuJoCo limits the torque itself
 
 
 @dataclass(frozen=True)
-class Limited:
+class _Limited:
     """A servo with a torque limit: its law without it, and its indices and numbers in MjModel."""
 
     hinge: ModelHinge
@@ -207,7 +207,7 @@ class Limited:
 
 
 @dataclass
-class Switches:
+class _Switches:
     """The servos of a model that have a torque limit, and the side of each.
 
     A side is 0 between the limits, where the law acts alone, -1 or 1 at a limit, where the torque
@@ -215,7 +215,7 @@ class Switches:
     """
 
     control: Control
-    servos: tuple[Limited, ...]
+    servos: tuple[_Limited, ...]
     sides: list[int] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -226,7 +226,7 @@ class Switches:
         compiled, self.sides = self.control.model.compiled, list(sides)
         for servo, side in zip(self.servos, sides, strict=True):
             i, at_limit = servo.actuator, side in (-1, 1)
-            compiled.actuator_forcelimited[i] = side == OWN
+            compiled.actuator_forcelimited[i] = side == _OWN
             compiled.actuator_gainprm[i] = 0.0 if at_limit else servo.gain
             compiled.actuator_biasprm[i] = 0.0 if at_limit else servo.bias
             if at_limit:
@@ -234,7 +234,7 @@ class Switches:
 
     def restore(self) -> None:
         """Set the compiled model back to MuJoCo's own limits."""
-        self.set([OWN] * len(self.servos))
+        self.set([_OWN] * len(self.servos))
 
     def steps(
         self, data: mujoco.MjData, length: float
@@ -247,7 +247,7 @@ class Switches:
         while self.control.resistance and left > 0:
             self.control.stop(data)
             part = self.control.longest(data, left)
-            part = left if left - part < SHORTEST * length else part
+            part = left if left - part < _SHORTEST * length else part
             yield from self._to_switches(data, part)
             left -= part
         if left > 0:
@@ -258,7 +258,7 @@ class Switches:
     ) -> Iterator[tuple[float, tuple[Array, list[int]]]]:
         """Take a part of a step as `steps` does, with the resistance to rolling as it is."""
         left = length
-        for _ in range(MOST):
+        for _ in range(_MOST):
             # A command that has jumped leaves a servo beyond its side before the step.
             if self._late(data) > 0:
                 self._settle(data)
@@ -267,17 +267,17 @@ class Switches:
                 yield left, (before, sides)
                 return
             taken = self._until_switch(data, before, left)
-            if taken > left - SHORTEST * length:
+            if taken > left - _SHORTEST * length:
                 taken = left
             mujoco.mj_setState(data.model, data, before, STATE)
-            if taken > SHORTEST * length:
+            if taken > _SHORTEST * length:
                 self._after(data, taken)
                 yield taken, (before, sides)
                 left -= taken
             self._switch(data)
             if left == 0:
                 return
-        self.set([OWN] * len(self.servos))
+        self.set([_OWN] * len(self.servos))
         before = state_of(data)
         self._after(data, left)
         yield left, (before, self.sides)
@@ -299,7 +299,7 @@ class Switches:
 
     def _late(self, data: mujoco.MjData) -> float:
         """Return a number that is positive where a servo should have switched."""
-        return max(self._beyond(data), default=0.0) - LATE
+        return max(self._beyond(data), default=0.0) - _LATE
 
     def _after(self, data: mujoco.MjData, length: float) -> float:
         """Take a step, and return `_late` after it."""
@@ -314,7 +314,7 @@ class Switches:
             mujoco.mj_setState(data.model, data, before, STATE)
             return self._after(data, length) if length else self._late(data)
 
-        return float(brentq(late, 0.0, left, xtol=SHARP * left, rtol=SHARP))
+        return float(brentq(late, 0.0, left, xtol=_SHARP * left, rtol=_SHARP))
 
     def _switch(self, data: mujoco.MjData) -> None:
         """Put the servo that has just reached or left its limit on its other side."""
@@ -325,7 +325,7 @@ class Switches:
 
 
 @contextmanager
-def switched(control: Control) -> Iterator[Switches | None]:
+def switched(control: Control) -> Iterator[_Switches | None]:
     """Yield the Switches of a run, None where nothing ends a step; restore the model afterwards.
 
     First-order steps need none, as MuJoCo's own limits cost them no order.
@@ -337,20 +337,20 @@ def switched(control: Control) -> Iterator[Switches | None]:
     if not servos and not control.resistance:
         yield None
         return
-    switches = Switches(control, tuple(servos))
+    switches = _Switches(control, tuple(servos))
     try:
         yield switches
     finally:
         switches.restore()
 
 
-def _limited(compiled: mujoco.MjModel, hinge: ModelHinge) -> Limited:
+def _limited(compiled: mujoco.MjModel, hinge: ModelHinge) -> _Limited:
     """Return a hinge's servo, with a copy of the compiled numbers that its switches overwrite."""
     actuator, joint = compiled.actuator(hinge.body), compiled.joint(hinge.joint)
     servo = hinge.actuation
     assert isinstance(servo, Servo | PositionServo)
     assert servo.torque_limit is not None
-    return Limited(
+    return _Limited(
         hinge,
         replace(servo, torque_limit=None),
         servo.torque_limit,
@@ -362,11 +362,11 @@ def _limited(compiled: mujoco.MjModel, hinge: ModelHinge) -> Limited:
     )
 
 
-LOOK = 4096  # steps between two looks of the monitor; at most so many are taken after a fault
+_LOOK = 4096  # steps between two looks of the monitor; at most so many are taken after a fault
 
 
 @dataclass(frozen=True)
-class Stretch:
+class _Stretch:
     """Consecutive spans of time that are stepped before the monitor looks at them.
 
     ends     (m, 2)  s, the begin and end of each span
@@ -385,7 +385,7 @@ class Stretch:
         yield from spans
 
 
-def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
+def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
     """Yield the stretches of a run over `times` (n,) [s], each of about LOOK steps.
 
     Between two sample times or breakpoints lie the fewest equal steps not longer than `timestep`.
@@ -396,24 +396,24 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
         yield from _stretches(some, later, timestep)
 
 
-def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[Stretch]:
+def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
     """Yield the stretches of a part of the samples, so that a long run's are not all in memory."""
     ends, lengths, counts = spans(times, breakpoints, timestep)
     # A long span is cut into parts of LOOK steps.
-    parts = np.ceil(counts / LOOK).astype(int)
+    parts = np.ceil(counts / _LOOK).astype(int)
     first = np.cumsum(parts) - parts
     part = np.arange(parts.sum()) - np.repeat(first, parts)
     lengths, begins = np.repeat(lengths, parts), np.repeat(ends[:, 0], parts)
-    sizes = np.minimum(np.repeat(counts, parts) - LOOK * part, LOOK).astype(int)
-    begins = begins + LOOK * part * lengths
+    sizes = np.minimum(np.repeat(counts, parts) - _LOOK * part, _LOOK).astype(int)
+    begins = begins + _LOOK * part * lengths
     ends = np.stack([begins, begins + sizes * lengths], axis=1)
     sampled = part == 0
     if breakpoints:
         sampled &= np.isin(begins, times)
-    look = (np.cumsum(sizes) - 1) // LOOK
+    look = (np.cumsum(sizes) - 1) // _LOOK
     for which in np.split(np.arange(len(sizes)), np.flatnonzero(np.diff(look)) + 1):
         starts = np.cumsum(sizes[which]) - sizes[which]
-        yield Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
+        yield _Stretch(ends[which], lengths[which], sizes[which], starts[sampled[which]])
 
 
 class Step(NamedTuple):
@@ -479,7 +479,7 @@ def by_steps(control: Control, data: mujoco.MjData, times: Array) -> Iterator[Po
 
 
 def _step(
-    control: Control, data: mujoco.MjData, stretch: Stretch
+    control: Control, data: mujoco.MjData, stretch: _Stretch
 ) -> tuple[Array, NDArray[np.int64], float]:
     """Return the rows of a stretch, the indices of its planned steps in them, the longest step.
 
@@ -504,7 +504,7 @@ def _step(
     return rows, np.arange(count, dtype=np.int64), float(stretch.lengths.max())
 
 
-def _warnings(control: Control, start: Array, stretch: Stretch, before: Array) -> Array:
+def _warnings(control: Control, start: Array, stretch: _Stretch, before: Array) -> Array:
     """Return MuJoCo's counters (m, 7) after each step of a stretch, which is repeated.
 
     To read them at every step would slow all runs for the few in which one changes.
@@ -520,7 +520,7 @@ def _warnings(control: Control, start: Array, stretch: Stretch, before: Array) -
 
 
 def _step_to_switches(
-    control: Control, switches: Switches, data: mujoco.MjData, stretch: Stretch
+    control: Control, switches: _Switches, data: mujoco.MjData, stretch: _Stretch
 ) -> tuple[Array, NDArray[np.int64], float]:
     """Return the same as `_step`, with a step more at every switch of a servo's torque limit."""
     rows: list[Array] = []
@@ -536,10 +536,10 @@ def _step_to_switches(
 
 def _again(
     control: Control,
-    switches: Switches | None,
+    switches: _Switches | None,
     start: Array,
     sides: list[int],
-    stretch: Stretch,
+    stretch: _Stretch,
     end: float | None,
 ) -> list[Step]:
     """Return the steps of a stretch, which is repeated from its start with the servos' sides.
@@ -557,7 +557,7 @@ def _again(
 
 
 def _each(
-    control: Control, switches: Switches | None, data: mujoco.MjData, stretch: Stretch
+    control: Control, switches: _Switches | None, data: mujoco.MjData, stretch: _Stretch
 ) -> Iterator[tuple[bool, Step]]:
     """Take the steps of a stretch; yield of each whether it begins a planned one, and itself."""
     for length, span, count in _set_for_each(control, stretch):
@@ -579,7 +579,7 @@ def _data_at(control: Control, state: Array) -> mujoco.MjData:
 
 
 def _set_for_each(
-    control: Control, stretch: Stretch
+    control: Control, stretch: _Stretch
 ) -> Iterator[tuple[float, Sequence[float], int]]:
     """Set model and control for every span of a stretch, and yield its step, itself and its count.
 

@@ -25,7 +25,7 @@ from robotball.scene import Friction, Scene
 
 # The central differences' half step, a velocity [m/s or rad/s] or an angle [rad]: rounding over it
 # and its own square are both far below the digits that a prediction needs.
-PUSH = 1e-6
+_PUSH = 1e-6
 
 
 def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
@@ -46,7 +46,7 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
         # The place on the plane changes nothing, and the height is the contact's.
         for of_angle, i in [(True, i) for i in range(3, nv)] + [(False, i) for i in range(nv)]:
             sides = []
-            for push in (PUSH, -PUSH):
+            for push in (_PUSH, -_PUSH):
                 data.qpos[:], data.qvel[:] = qpos, qvel
                 if of_angle:
                     mujoco.mj_integratePos(compiled, data.qpos, np.eye(nv)[i], push)
@@ -54,7 +54,7 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
                     data.qvel[i] += push
                 mujoco.mj_forward(compiled, data)
                 sides.append(data.qacc.copy())
-            columns.append((sides[0] - sides[1]) / (2 * PUSH))
+            columns.append((sides[0] - sides[1]) / (2 * _PUSH))
     turning = np.zeros((nv - 3, 2 * nv - 3))
     turning[:, nv:] = np.eye(nv - 3)
     # A deviation of attitude is measured in axes that turn with the shell.
@@ -67,7 +67,7 @@ def _cross_matrix(v: Array) -> Array:
     return np.cross(v, np.eye(3)).T
 
 
-SEEN = 8  # angles of the pendulums at which the motors' rates are evaluated, 45° apart
+_SEEN = 8  # angles of the pendulums at which the motors' rates are evaluated, 45° apart
 
 
 def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
@@ -83,7 +83,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     # Rubber does not spin about the vertical, so the shell turns in the plane across γ alone.
     turns = np.linalg.svd(gamma[None])[2][1:] if scene.rolling == "rubber" else np.eye(3)
     angles = np.stack([_angles(scene, each) for each in scene.hinges], axis=1)
-    still, upright = np.zeros_like(angles), np.tile(gamma, (SEEN, 1))
+    still, upright = np.zeros_like(angles), np.tile(gamma, (_SEEN, 1))
     stands = scene.robot.states(upright, angles, np.zeros_like(upright), still)
     rows = [0, 1, 2, *(3 + each.index for each in own)]
     free, n = len(turns), len(own)
@@ -104,13 +104,13 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
 def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
     """Return the hinge's angles (SEEN,) [rad]: a servo's commands, or a whole turn without one."""
     if hinge.name not in dict(scene.ball.named_pendulums):
-        return np.full(SEEN, hinge.angle)
-    times = np.linspace(0.0, scene.duration, SEEN - 1)
+        return np.full(_SEEN, hinge.angle)
+    times = np.linspace(0.0, scene.duration, _SEEN - 1)
     if isinstance(hinge.motor, PositionServo):
         return np.array([hinge.angle, *hinge.command.rate(times)])
     if isinstance(hinge.motor, Servo):
         return hinge.angle + np.array([0.0, *hinge.command.angle(times)])
-    return hinge.angle + np.linspace(0.0, 2 * np.pi, SEEN, endpoint=False)
+    return hinge.angle + np.linspace(0.0, 2 * np.pi, _SEEN, endpoint=False)
 
 
 def _constants(hinge: ModelHinge) -> tuple[float, float]:
@@ -124,7 +124,7 @@ def _constants(hinge: ModelHinge) -> tuple[float, float]:
     return motor.stiffness, motor.damping
 
 
-MOST_STEPS = 500  # of a trial; the loss of a longer run is extrapolated in proportion
+_MOST_STEPS = 500  # of a trial; the loss of a longer run is extrapolated in proportion
 
 
 def momentum_loss(scene: Scene, turning: Array, timestep: float, duration: float) -> float:
@@ -136,7 +136,7 @@ def momentum_loss(scene: Scene, turning: Array, timestep: float, duration: float
     Takes some 60 ms. Infinite where the steps diverge.
     """
     count = duration / timestep
-    steps = int(min(np.ceil(count), MOST_STEPS))
+    steps = int(min(np.ceil(count), _MOST_STEPS))
     ball = _Ball(scene, turning)
     try:
         with np.errstate(all="ignore"):

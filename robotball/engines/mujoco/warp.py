@@ -16,20 +16,20 @@ from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
 from robotball.motion import Label
 from robotball.scene import Scene
 
-LABEL = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
+_LABEL = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
 
 
 @dataclass(frozen=True, kw_only=True)
-class WarpSettings(StepSettings):
+class _WarpSettings(StepSettings):
     """Settings of a MuJoCo Warp run; it takes the model and its options from MuJoCo's settings."""
 
     model: Settings
 
 
-class WarpWorld(SteppedWorld):
+class _WarpWorld(SteppedWorld):
     """One world on Warp's processor device."""
 
-    def __init__(self, scene: Scene, settings: WarpSettings, step: float) -> None:
+    def __init__(self, scene: Scene, settings: _WarpSettings, step: float) -> None:
         super().__init__(scene)
         import mujoco_warp
         import warp
@@ -70,7 +70,7 @@ class WarpWorld(SteppedWorld):
 # Single precision has no room for the recipe's impedance and armature: they break it. What armature
 # it bears gives way to the load, 1e4 kg m² by 3e-4 of the rates. A servo takes that back, at 33 /s:
 # commands stand still for a step, and a faster servo would follow the stairs.
-SINGLE = replace(
+_SINGLE = replace(
     PRESETS["balanced"],
     solver="Newton",
     solimp=(0.99, 0.99, 0.001, 0.5, 1.0),
@@ -78,32 +78,32 @@ SINGLE = replace(
     warmstart=None,
     island=None,
 )
-AS_IT_COMES = WarpSettings(
+_AS_IT_COMES = _WarpSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3, model=NAIVE
 )
-BEST = WarpSettings(
-    name="best", error_tolerance=1e-2, stop_at_fault=False, timestep=20e-3, model=SINGLE
+_BEST = _WarpSettings(
+    name="best", error_tolerance=1e-2, stop_at_fault=False, timestep=20e-3, model=_SINGLE
 )
 
 
-class Warp(Adapter):
+class _Warp(Adapter):
     """MuJoCo Warp as an `Adapter`."""
 
-    label = LABEL
+    label = _LABEL
     package = "mujoco_warp"
     extra = "mujoco-warp"
     requirements = ("mujoco-warp>=4.0", "warp-lang>=1.19")
     ladders: Mapping[str, Ladder] = {"best": ("timestep", (20e-3, 10e-3))}
-    settings_type = WarpSettings
-    presets: Mapping[str, StepSettings] = {each.name: each for each in (AS_IT_COMES, BEST)}
+    settings_type = _WarpSettings
+    presets: Mapping[str, StepSettings] = {each.name: each for each in (_AS_IT_COMES, _BEST)}
 
     def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
         """Say that it lacks double precision."""
         return "its state is in single precision"
 
     def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
-        assert isinstance(settings, WarpSettings)
-        return WarpWorld(scene, settings, step)
+        assert isinstance(settings, _WarpSettings)
+        return _WarpWorld(scene, settings, step)
 
 
-WARP = Warp()
+WARP = _Warp()

@@ -46,13 +46,13 @@ from robotball.motion import (
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-LABEL = Label("multibody equations", version("robotball"), "#D55E00")  # the equations' vermillion
+_LABEL = Label("multibody equations", version("robotball"), "#D55E00")  # the equations' vermillion
 
-MAX_STEPS = 1_000_000  # some minutes' work
-MANY_STEPS = 20_000  # ten seconds' at least
-STABLE = 6.3  # over the rate at which anything settles: the longest step of DOP853
-DIFFERENCE = 1e-6  # of a state's scale, by which its Jacobian is taken
-COARSER = 4.0  # times the error of a step, of the motion by which its own error is estimated
+_MAX_STEPS = 1_000_000  # some minutes' work
+_MANY_STEPS = 20_000  # ten seconds' at least
+_STABLE = 6.3  # over the rate at which anything settles: the longest step of DOP853
+_DIFFERENCE = 1e-6  # of a state's scale, by which its Jacobian is taken
+_COARSER = 4.0  # times the error of a step, of the motion by which its own error is estimated
 
 
 def integrate(
@@ -64,7 +64,7 @@ def integrate(
     Raises InputError where the ball lifts off, where a step shrinks to nothing, where the limit is
     met, and where it would be because the motors settle too fast.
     """
-    limit = MAX_STEPS if max_steps is None else max_steps
+    limit = _MAX_STEPS if max_steps is None else max_steps
     ours = scene.until(float(times[-1]))
     _check_rates(ours, float(times[-1]), limit)
 
@@ -76,7 +76,7 @@ def integrate(
         _motion_of(ours, times, states, readings_of(readings)),
         ReferenceMotion,
         scene=scene,
-        again=lambda: run(COARSER * rtol)[0][:, POINT:MOMENTUM],
+        again=lambda: run(_COARSER * rtol)[0][:, POINT:MOMENTUM],
         motor_work=states[:, HINGES + 2 * len(scene.hinges) :],
         rolling_loss=states[:, LOSS],
     )
@@ -87,8 +87,8 @@ def _check_rates(scene: Scene, duration: float, limit: int) -> None:
     if not any(scene.motors):
         return
     rate = _fastest(System(scene))
-    steps = rate * duration / STABLE
-    if steps > MANY_STEPS:
+    steps = rate * duration / _STABLE
+    if steps > _MANY_STEPS:
         line = (
             f"{scene.name}: its motors settle at {rate:.3g} 1/s, so {duration:g} s take at least "
             f"{steps:.2g} steps; lower the gains, raise the armatures, or prescribe the rates"
@@ -104,7 +104,7 @@ def _fastest(system: System) -> float:
     state = system.start()
     sides = [
         (system.rate(0.0, state + step) - system.rate(0.0, state - step)) / (2 * step.max())
-        for step in np.diag(DIFFERENCE * system.scale)
+        for step in np.diag(_DIFFERENCE * system.scale)
     ]
     return float(np.abs(np.linalg.eigvals(np.array(sides))).max())
 
@@ -113,7 +113,7 @@ def _motion_of(scene: Scene, times: Array, states: Array, readings: Readings) ->
     moving = [hinge.motor is not None or turns(hinge.command) for hinge in scene.hinges]
     return Motion(
         scene=scene,
-        engine=LABEL,
+        engine=_LABEL,
         times=times,
         contact_point=states[:, POINT:MOMENTUM],
         attitude=states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True),
@@ -130,12 +130,12 @@ def _motion_of(scene: Scene, times: Array, states: Array, readings: Readings) ->
 
 
 # The place of this margin, after which there is no mode. Motors' follow, then a standing shell's.
-LIFT_OFF = 0
+_LIFT_OFF = 0
 # s, and how often: a shell that begins to roll is looked at so far ahead to find its direction.
-NUDGE, NUDGES = 1e-6, 30
+_NUDGE, _NUDGES = 1e-6, 30
 
 
-def margins_of(system: System, readings: Readings) -> Array:
+def _margins_of(system: System, readings: Readings) -> Array:
     """Return the margins: of lifting off, of each motor with a limit, of a shell that stands."""
     scene, modes = system.scene, system.modes
     weight = scene.ball.mass * scene.gravity
@@ -148,7 +148,7 @@ def margins_of(system: System, readings: Readings) -> Array:
     return np.array(found)
 
 
-def begin(system: System, t: float, state: Array) -> Array:
+def _begin(system: System, t: float, state: Array) -> Array:
     """Set the modes in which a piece begins at t [s]. Returns the state as it is in them."""
     modes, unlimited = system.modes, system.readings(t, state).unlimited
     sides = np.where(np.abs(unlimited) > system.limits, np.sign(unlimited), 0.0)
@@ -156,10 +156,10 @@ def begin(system: System, t: float, state: Array) -> Array:
     readings = system.readings(t, state)
     if not readings.normal > 0:
         raise _lift_off(t)
-    return stand(system, t, state, readings)
+    return _stand(system, t, state, readings)
 
 
-def stand(system: System, t: float, state: Array, readings: Readings) -> Array:
+def _stand(system: System, t: float, state: Array, readings: Readings) -> Array:
     """Set whether the plane's resistance holds a shell that does not roll. Returns the state."""
     modes = system.modes
     if not system.resistance or modes.standing:
@@ -174,10 +174,10 @@ def stand(system: System, t: float, state: Array, readings: Readings) -> Array:
     if np.any(modes.toward):
         system.modes = modes
         return state
-    return let_go(system, t, state)
+    return _let_go(system, t, state)
 
 
-def let_go(system: System, t: float, state: Array) -> Array:
+def _let_go(system: System, t: float, state: Array) -> Array:
     """Set the mode of a shell that stands no more and begins to roll. Returns the state.
 
     Resistance is against the direction in which it will go, which depends on the resistance: d is
@@ -190,24 +190,24 @@ def let_go(system: System, t: float, state: Array) -> Array:
     system.modes = Modes(system.modes.motors)
 
     def ahead() -> Array:
-        return system.readings(t, state + NUDGE * system.rate(t, state)).rolling
+        return system.readings(t, state + _NUDGE * system.rate(t, state)).rolling
 
     free = ahead()
     system.modes.toward = -readings.plane_torque * [1.0, 1.0, 0.0] / _held(readings)
-    for _ in range(NUDGES):
+    for _ in range(_NUDGES):
         to = float(np.linalg.norm(free)) * system.modes.toward + ahead()
         if np.any(to):
             system.modes.toward = to / np.linalg.norm(to)
     return state
 
 
-def switch(system: System, t: float, state: Array, which: int) -> Array:
+def _switch(system: System, t: float, state: Array, which: int) -> Array:
     """Set the modes that follow where a margin reaches zero at t. Returns the state in them."""
     readings, modes = system.readings(t, state), system.modes
-    if which == LIFT_OFF:
+    if which == _LIFT_OFF:
         raise _lift_off(t)
     if which > len(system.limited):
-        return let_go(system, t, state)
+        return _let_go(system, t, state)
     j = system.limited[which - 1]
     motors = modes.motors.copy()
     motors[j] = int(np.sign(readings.unlimited[j])) if modes.motors[j] == 0 else 0
@@ -239,11 +239,11 @@ def _with_momentum(system: System, state: Array, readings: Readings) -> Array:
     return state
 
 
-LOOKS = 4  # within a step, for an event that comes and goes between its ends
+_LOOKS = 4  # within a step, for an event that comes and goes between its ends
 # Of the weight: a ball that is pressed so hard at both ends of a step is taken to stay down between
 # them, which saves most motions the looks.
-PRESSED = 0.5
-ROOT = 1e-15  # s, and relative: how near to its time an event is found
+_PRESSED = 0.5
+_ROOT = 1e-15  # s, and relative: how near to its time an event is found
 
 
 @dataclass
@@ -267,11 +267,11 @@ class March:
         """
         system = self.system
         samples = Samples(system, times)
-        state, t = begin(system, 0.0, system.start()), 0.0
+        state, t = _begin(system, 0.0, system.start()), 0.0
         samples.add(0.0, state[None])
         for end in (*(t for t in system.scene.breakpoints if t < times[-1]), float(times[-1])):
             system.end = float(np.nextafter(end, t))
-            state = begin(system, t, state)
+            state = _begin(system, t, state)
             while t < end:
                 t, state = self._piece(t, end, state, samples)
         return samples.states, samples.readings
@@ -280,7 +280,7 @@ class March:
         """Go to the next event or the smooth span's end. Returns the time and the state there."""
         system = self.system
         solver = self._solver(t, end, state)
-        margins = margins_of(system, system.readings(t, state))
+        margins = _margins_of(system, system.readings(t, state))
         while solver.running:
             before = (solver.t, solver.state)
             self.steps = take_step(solver, self.steps, self.max_steps, self.end)
@@ -289,10 +289,10 @@ class March:
             if event is not None:
                 t, which = event
                 self.switches.append(t)
-                return t, switch(system, t, self._at(before, t), which)
+                return t, _switch(system, t, self._at(before, t), which)
             if system.resistance and not system.modes.standing:
                 readings = system.readings(solver.t, solver.state)
-                state = stand(system, solver.t, solver.state, readings)
+                state = _stand(system, solver.t, solver.state, readings)
                 if system.modes.standing:
                     return solver.t, state
         return solver.t, solver.state
@@ -302,18 +302,18 @@ class March:
     ) -> tuple[tuple[float, int] | None, Array]:
         """Return the last step's first event, as its time and margin, and the margins after it."""
         system = self.system
-        after = margins_of(system, system.readings(solver.t, solver.state))
-        if len(after) == 1 and min(margins[0], after[0]) > PRESSED:
+        after = _margins_of(system, system.readings(solver.t, solver.state))
+        if len(after) == 1 and min(margins[0], after[0]) > _PRESSED:
             return None, after
-        looks = np.linspace(before, solver.t, LOOKS + 2)
+        looks = np.linspace(before, solver.t, _LOOKS + 2)
 
         def margin(t: float, which: int) -> float:
             state = solver.within(np.array([t]))[0]
-            return float(margins_of(system, system.readings(t, state))[which])
+            return float(_margins_of(system, system.readings(t, state))[which])
 
         seen = [margins]
         seen += [
-            margins_of(system, system.readings(t, state))
+            _margins_of(system, system.readings(t, state))
             for t, state in zip(looks[1:-1], solver.within(looks[1:-1]), strict=True)
         ]
         seen.append(after)
@@ -325,7 +325,7 @@ class March:
                 begin, end = float(looks[i - 1]), float(looks[i])
                 # A margin that has just begun is 0 but for rounding, of either sign.
                 if margin(begin, which) > 0:
-                    begin = brentq(margin, begin, end, args=(which,), xtol=ROOT, rtol=4 * ROOT)
+                    begin = brentq(margin, begin, end, args=(which,), xtol=_ROOT, rtol=4 * _ROOT)
                 found.append((begin, which))
                 break
         return (min(found) if found else None), after
@@ -363,18 +363,18 @@ class Samples:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultibodySettings(EngineSettings):
+class _MultibodySettings(EngineSettings):
     """Settings; rtol is the relative error allowed in one step."""
 
     rtol: float = LEAST_RTOL
 
 
-class Multibody(Engine):
+class _Multibody(Engine):
     """The engine, as `robotball.engine` describes one."""
 
-    label: Label = LABEL
+    label: Label = _LABEL
     presets: Mapping[str, EngineSettings] = {
-        "best": MultibodySettings(name="best", error_tolerance=1e-11)
+        "best": _MultibodySettings(name="best", error_tolerance=1e-11)
     }
     default = "best"
     least_accuracy: float | None = None
@@ -386,7 +386,7 @@ class Multibody(Engine):
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion, which neither slips nor spins."""
-        settings = as_own(request.settings, MultibodySettings, LABEL)
+        settings = as_own(request.settings, _MultibodySettings, _LABEL)
         # What is compiled or loaded on the way is set-up, and not of the run's time.
         integrate(scene, times[:2], settings.rtol)
         began = time.process_time()
@@ -403,4 +403,4 @@ class Multibody(Engine):
         )  # fmt: skip
 
 
-MULTIBODY = Multibody()
+MULTIBODY = _Multibody()

@@ -37,9 +37,9 @@ from robotball.scene import Scene
 # Places in a state; from HINGES on the angles, the momenta and the work, h numbers each.
 POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10
 # Places in the readings; from PER_HINGE on the rates, torques and unlimited torques, h each.
-FORCE, PLANE_TORQUE, OMEGA, ROLLING, PER_HINGE = 0, 3, 6, 9, 12
+_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING, _PER_HINGE = 0, 3, 6, 9, 12
 # Places in a motor's row: the numbers of its law, and its limit.
-PER_COMMAND, PER_ANGLE, PER_RATE, AT_REST, LIMIT, MOTOR = 0, 1, 2, 3, 4, 5
+_PER_COMMAND, _PER_ANGLE, _PER_RATE, _AT_REST, _LIMIT, _MOTOR = 0, 1, 2, 3, 4, 5
 # rad/s: a shell that rolls no faster stands. The direction of the resistance, which would jump at
 # rest, is smoothed below it.
 STANDING = 1e-8
@@ -56,14 +56,14 @@ for _module in (eq, mechanics):
         if isinstance(_function, FunctionType):
             inlined(_function)
 
-SIGNATURE = (
+_SIGNATURE = (
     "void(f8[::1], f8[:, ::1], f8, f8[::1], f8[:, ::1], b1[::1], i8[::1], f8[::1], f8[::1], "
     "b1, f8, b1, f8[::1], f8[::1], f8[::1])"
 )
 
 
-@compiled_from(_sources(), SIGNATURE, nogil=True, error_model="numpy")
-def differentiate(
+@compiled_from(_sources(), _SIGNATURE, nogil=True, error_model="numpy")
+def _differentiate(
     state: Any,
     bodies: Any,
     radius: float,
@@ -117,18 +117,18 @@ def differentiate(
     moving = np.empty((count + 1, MOVING))
     move(bodies, placed, radius, gamma, now, moving)
 
-    torques = readings[PER_HINGE + count : PER_HINGE + 2 * count]
+    torques = readings[_PER_HINGE + count : _PER_HINGE + 2 * count]
     for j in range(count):
         motor = motors[j]
         free = (
-            motor[PER_COMMAND] * commands[j]
-            - motor[PER_ANGLE] * angles[j]
-            - motor[PER_RATE] * now[3 + j]
-            + motor[AT_REST]
+            motor[_PER_COMMAND] * commands[j]
+            - motor[_PER_ANGLE] * angles[j]
+            - motor[_PER_RATE] * now[3 + j]
+            + motor[_AT_REST]
         )
-        readings[PER_HINGE + j] = now[3 + j]
-        torques[j] = free if modes[j] == 0 else modes[j] * motor[LIMIT]
-        readings[PER_HINGE + 2 * count + j] = free
+        readings[_PER_HINGE + j] = now[3 + j]
+        torques[j] = free if modes[j] == 0 else modes[j] * motor[_LIMIT]
+        readings[_PER_HINGE + 2 * count + j] = free
 
     # The torques that no acceleration at all would need are the bias; without them, solving for
     # accelerations has the same matrix as solving for rates.
@@ -183,10 +183,10 @@ def differentiate(
     rate[POINT], rate[POINT + 1] = eq.contact_velocity(alpha, beta, shell, (0.0, 0.0, 0.0), radius)
     for i in range(3):
         rate[MOMENTUM + i] = eq.dot(axes[i], M_rate)
-        readings[FORCE + i] = eq.dot(axes[i], force)
-        readings[PLANE_TORQUE + i] = eq.dot(axes[i], by_plane)
-        readings[OMEGA + i] = omega[i]
-        readings[ROLLING + i] = eq.dot(axes[i], rolling)
+        readings[_FORCE + i] = eq.dot(axes[i], force)
+        readings[_PLANE_TORQUE + i] = eq.dot(axes[i], by_plane)
+        readings[_OMEGA + i] = omega[i]
+        readings[_ROLLING + i] = eq.dot(axes[i], rolling)
     if spin_free:
         rate[MOMENTUM + 2] = 0.0
     for j in range(count):
@@ -226,9 +226,9 @@ class Readings:
 
 def readings_of(numbers: Array) -> Readings:
     """Return the readings in an array (..., PER_HINGE + 3h), as views of it."""
-    count = (numbers.shape[-1] - PER_HINGE) // 3
-    threes = (numbers[..., i : i + 3] for i in (FORCE, PLANE_TORQUE, OMEGA, ROLLING))
-    ends = (PER_HINGE + part * count for part in range(3))
+    count = (numbers.shape[-1] - _PER_HINGE) // 3
+    threes = (numbers[..., i : i + 3] for i in (_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING))
+    ends = (_PER_HINGE + part * count for part in range(3))
     return Readings(numbers, *threes, *(numbers[..., i : i + count] for i in ends))
 
 
@@ -254,8 +254,8 @@ class System:
         self.scene, self.count = scene, len(hinges)
         self.given: Mask = np.array([False] * 3 + [hinge.motor is None for hinge in hinges])
         laws = [(0.0, 0.0, 0.0, 0.0, np.inf) if not h.motor else tuple(h.motor.law) for h in hinges]
-        self.motors = np.array(laws).reshape(-1, MOTOR)
-        self.limits = self.motors[:, LIMIT]
+        self.motors = np.array(laws).reshape(-1, _MOTOR)
+        self.limits = self.motors[:, _LIMIT]
         self.limited = np.flatnonzero(np.isfinite(self.limits)).tolist()
         self.resistance = scene.friction.rolling
         self.modes = Modes(np.zeros(self.count, dtype=np.int64))
@@ -276,7 +276,7 @@ class System:
 
     @property
     def readings_size(self) -> int:
-        return PER_HINGE + 3 * self.count
+        return _PER_HINGE + 3 * self.count
 
     @property
     def scale(self) -> Array:
@@ -317,7 +317,7 @@ class System:
                 self._accelerations[i] = command.acceleration(min(t, self.end))
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
         modes = self.modes
-        differentiate(
+        _differentiate(
             state,
             self._bodies,
             self._radius,

@@ -27,7 +27,8 @@ def _main() -> None:
     console.print(
         f"Medians (ranges) over {_ROUNDS} interleaved rounds of a scene's 10 s, as ratios to a "
         "bare loop of mj_step\non the same model; processor time, from a model on: each makes its "
-        "own MjData. steps: a run's\nstepping, all of it read; run: that, the monitor and the Motion."
+        "own MjData. steps: a run's\nstepping, all of it read; run: that, the monitor and the "
+        "Motion."
     )
     for name in _SCENES:
         console.print(_table(load_scene(name)))

@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 
 from robotball.drives import turns
 from robotball.engine import Engine, Ladder, Request, as_own
-from robotball.engines import LEAST_RTOL, Compensated, take_step
+from robotball.engines import LEAST_RTOL, Compensated, Progress, take_step
 from robotball.engines.multibody.system import (
     HINGES,
     LOSS,
@@ -56,20 +56,25 @@ _COARSER = 4.0  # times the error of a step, of the motion by which its own erro
 
 
 def integrate(
-    scene: Scene, times: Array, rtol: float = LEAST_RTOL, max_steps: int | None = None
+    scene: Scene,
+    times: Array,
+    rtol: float = LEAST_RTOL,
+    max_steps: int | None = None,
+    progress: Progress | None = None,
 ) -> ReferenceMotion:
     """Integrate the motion of any robot that rolls, with an estimate of its error.
 
-    times: (n,) s, increasing from 0; rtol: the error allowed in one step; max_steps: a limit.
-    Raises InputError where the ball lifts off, where a step shrinks to nothing, where the limit is
-    met, and where it would be because the motors settle too fast.
+    times: (n,) s, increasing from 0; rtol: the error allowed in one step; max_steps: a limit;
+    progress: called with the fraction of the motion that is known. Raises InputError where the ball
+    lifts off, where a step shrinks to nothing, where the limit is met, and where it would be
+    because the motors settle too fast.
     """
     limit = _MAX_STEPS if max_steps is None else max_steps
     ours = scene.until(float(times[-1]))
     _check_rates(ours, float(times[-1]), limit)
 
     def run(allowed: float) -> tuple[Array, Array]:
-        return March(System(ours), allowed, float(times[-1]), limit).run(times)
+        return March(System(ours), allowed, float(times[-1]), limit, progress).run(times)
 
     states, readings = run(rtol)
     return extended(
@@ -257,6 +262,7 @@ class March:
     rtol: float
     end: float
     max_steps: int
+    progress: Progress | None = None
     steps: int = 0
     switches: list[float] = field(default_factory=list)
 
@@ -283,7 +289,7 @@ class March:
         margins = _margins_of(system, system.readings(t, state))
         while solver.running:
             before = (solver.t, solver.state)
-            self.steps = take_step(solver, self.steps, self.max_steps, self.end)
+            self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
             event, margins = self._event(solver, before[0], margins)
             samples.add(solver.t if event is None else event[0], solver)
             if event is not None:
@@ -339,7 +345,7 @@ class March:
             return before[1]
         solver = self._solver(before[0], t, before[1])
         while solver.running:
-            self.steps = take_step(solver, self.steps, self.max_steps, self.end)
+            self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
         return solver.state
 
 

@@ -60,7 +60,7 @@ class Compensated:
 
     @property
     def running(self) -> bool:
-        """Whether the end of the span is not reached yet."""
+        """True until the end of the span is reached."""
         return self._solver.status == "running"
 
     @property

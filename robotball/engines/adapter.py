@@ -199,7 +199,7 @@ class Adapter(Engine, ABC):
 
     @property
     def installed(self) -> bool:
-        """Whether its package is there. It is not imported; the package of a part of one is."""
+        """True if its package is there. It is not imported; the package of a part of one is."""
         return find_spec(self.package) is not None
 
     def cannot_express(self, scene: Scene) -> str | None:

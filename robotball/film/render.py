@@ -220,13 +220,17 @@ class Film:
     def times(self, motion: Motion, theory: Motion) -> Array:
         """Return the times (m,) of the frames [s], up to the end of the shorter motion.
 
+        They are two at least: a motion shorter than a frame is shown at its start and its end.
         Raises InputError if the motions are not sampled at the same times.
         """
         shared = min(len(motion.times), len(theory.times))
         if shared < 2 or not np.array_equal(motion.times[:shared], theory.times[:shared]):
             raise InputError("a video needs two motions sampled at the same times, two at least")
-        rate = self.fps * self.slow
-        return np.arange(np.floor(motion.times[shared - 1] * rate * (1 + 1e-12)) + 1) / rate
+        rate, end = self.fps * self.slow, float(motion.times[shared - 1])
+        # An end that is a whole number of frames must not be lost to rounding.
+        count = np.floor(end * rate * (1 + 1e-12)) + 1
+        # A path, and the axis of time below it, need two points.
+        return np.arange(count) / rate if count > 1 else np.array([0.0, end])
 
 
 def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator[Pixels]:

@@ -78,7 +78,7 @@ class Camera:
 
     @property
     def eye(self) -> Array:
-        """Where the camera is (3,)."""
+        """The camera's own place (3,)."""
         level = np.cos(self.elevation)
         back = [level * np.cos(self.azimuth), level * np.sin(self.azimuth), np.sin(self.elevation)]
         return self.look + self.distance * np.array(back)

@@ -87,7 +87,7 @@ class LimitCheck:
 
     @property
     def exceeded(self) -> bool:
-        """Whether the run is predicted to fail."""
+        """True if the run is predicted to fail."""
         return self.nearness > 1
 
     def __str__(self) -> str:
@@ -116,7 +116,7 @@ class PlannedRun(Chosen):
 
     @property
     def reduced(self) -> bool:
-        """Whether (3.2) or (3.3) describes the motion, but for the errors of the servos' rates.
+        """True if (3.2) or (3.3) describes the motion, but for the errors of the servos' rates.
 
         Otherwise the numbers are measured on MuJoCo's own model at its start.
         """

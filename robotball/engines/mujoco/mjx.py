@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from robotball.engine import Ladder
-from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, version_of
+from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, by_name, version_of
 from robotball.engines.links import State
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
@@ -146,16 +146,14 @@ class _Mjx(Adapter):
         "as-it-comes": ("timestep", (2e-3,)),
         "best": ("timestep", (20e-3, 10e-3, 5e-3)),
     }
-    settings_type = _MjxSettings
-    presets: Mapping[str, StepSettings] = {each.name: each for each in (_AS_IT_COMES, _BEST)}
+    presets = by_name(_AS_IT_COMES, _BEST)
 
     @property
     def installed(self) -> bool:
-        """Whether it can run: it is a part of MuJoCo's package, but needs JAX."""
+        """True if it can run. MJX is a part of MuJoCo's package, but needs JAX."""
         return super().installed and find_spec("jax") is not None
 
-    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
-        assert isinstance(settings, _MjxSettings)
+    def world(self, scene: Scene, settings: _MjxSettings, step: float) -> World:
         return _MjxWorld(scene, settings, step)
 
 

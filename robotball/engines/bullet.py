@@ -81,6 +81,8 @@ class _BulletWorld(ServoWorld):
             # and the link keeps what it had (docs/findings/pybullet_change_dynamics.py).
             for name, value in options.items():
                 p.changeDynamics(self.ball, i, **{name: value})
+        # Bullet multiplies the coefficients of two bodies. With 1 on the plane the ball's own
+        # counts.
         if settings.lateral_friction is not None:
             p.changeDynamics(plane, -1, lateralFriction=1.0)
             p.changeDynamics(self.ball, -1, lateralFriction=settings.lateral_friction)
@@ -96,6 +98,8 @@ class _BulletWorld(ServoWorld):
         self.turn(start.rates)
 
     def turn(self, rates: Array) -> None:
+        # By motors: with resetJointState at every step the ball's path is off by 3 to 5 times its
+        # length.
         self.p.setJointMotorControlArray(
             self.ball,
             range(len(rates)),

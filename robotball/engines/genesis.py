@@ -118,6 +118,7 @@ def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
             SubElement(body, "freejoint")
             sphere = SubElement(body, "geom", type="sphere", size=_text([scene.ball.radius]))
             if (d := settings.impedance) is not None:
+                # Equal at both ends: the impedance does not change with the depth.
                 sphere.set("solimp", _text([d, d, 1e-3, 0.5, 1.0]))
         else:
             SubElement(body, "joint", type="hinge", name=link.name, axis=_text(link.axis))

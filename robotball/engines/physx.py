@@ -59,6 +59,7 @@ class _PhysxWorld(ServoWorld):
             material = physx.PhysxMaterial(settings.friction, settings.friction, 0.0)
         ground = self.world.create_actor_builder()
         ground.set_physx_body_type("static")
+        # A plane of PhysX faces along x.
         upward = sapien.Pose(q=from_matrix(np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]])))
         ground.add_plane_collision(upward, material=material)
         ground.build("ground")
@@ -78,6 +79,7 @@ class _PhysxWorld(ServoWorld):
             else:
                 turn = from_matrix(_x_along(link.axis))
                 each.set_joint_name(link.name)
+                # Unwrapped, as a rotor turns through more than a thousand radians.
                 each.set_joint_properties(
                     "revolute_unwrapped", [[-np.inf, np.inf]],
                     sapien.Pose(link.origin, turn), sapien.Pose(q=turn),
@@ -86,6 +88,7 @@ class _PhysxWorld(ServoWorld):
         builder.set_initial_pose(sapien.Pose(start.centre, start.attitude))
         self.ball = ball = builder.build()
         for link in ball.links:
+            # PhysX damps bodies by default; nothing does so here.
             link.set_linear_damping(0.0)
             link.set_angular_damping(0.0)
             if settings.most_rate is not None:

@@ -50,6 +50,7 @@ class _PinocchioWorld(IdealWorld):
                 if i
                 else pinocchio.JointModelFreeFlyer()
             )
+            # All links have the ball's axes at the start, so that places are shifts alone.
             place = pinocchio.SE3(np.eye(3), link.origin)
             parent = joints[link.parent + 1] if i else 0
             joints.append(self.model.addJoint(parent, joint, place, link.name))
@@ -62,6 +63,7 @@ class _PinocchioWorld(IdealWorld):
     def dynamics(self, state: State) -> tuple[Array, Array]:
         R = rotation_matrix(state.attitude)
         v, w = R.T @ state.velocity, R.T @ state.turning
+        # Pinocchio's quaternions are (x, y, z, w).
         q = np.concatenate([state.centre, np.roll(state.attitude, -1), state.angles])
         qdot = np.concatenate([v, w, state.rates])
         M = self.pin.crba(self.model, self.data, q, self.pin.Convention.WORLD)

@@ -119,6 +119,7 @@ class _Sheet:
     def _put(self, whole: Pixels, text: str, right: float, middle: float) -> None:
         line = self._line
         x, y = int(right - 8 * line), int(middle - 0.7 * line)
+        # Pillow draws on a copy, so it is given no more than the text needs.
         patch = Image.fromarray(whole[y : y + int(1.4 * line), x : round(right)])
         at = (patch.width - 1, middle - y)
         ImageDraw.Draw(patch).text(at, text, palette.INK, self._bold, "rm")
@@ -246,6 +247,7 @@ def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator
     motions = (motion, theory)
     tracks = (track_of(motion).sampled_at(times), track_of(theory).sampled_at(times))
     apart = np.linalg.norm(tracks[0].points - tracks[1].points, axis=1) * theory.scene.ball.radius
+    # No generator itself, so that what cannot be drawn is refused here, not at the first picture.
     return _painted(
         _Painter(
             film,
@@ -279,6 +281,7 @@ class _Painter:
     backend: str
 
     def __call__(self, k: int) -> Pixels:
+        # An OpenGL cannot be sent to another process: each makes its own with its first picture.
         if "_stage" not in vars(self):
             self._drawn(0)  # the first picture of a GL may be off by a last bit
         return self._drawn(k)
@@ -383,6 +386,7 @@ def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int
         return lambda k: fixed
     middle = np.mean(points, axis=0)
     smooth = gaussian_filter1d(middle, _SMOOTH * film.fps, axis=0, mode="nearest")
+    # Farther away where a ghost leaves the ball by more than the picture shows.
     far = room * distance * np.maximum(1.0, (between + 2.5) / 4.0) / min(1.0, 1.25 * aspect)
     far = gaussian_filter1d(far, _SMOOTH * film.fps, mode="nearest")
     return lambda k: Camera(np.array([*smooth[k], 0.85]), float(far[k]), azimuth, up)

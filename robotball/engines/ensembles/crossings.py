@@ -217,12 +217,16 @@ def cross(
                     for j in range(size):
                         states[i, k, j] = w[(new + j) * LANES + lane]
                     found[i] += 1
+                    # The limit is of steps without a crossing.
                     steps[lane] = 0
                 mode[lane] = _MARCHING
                 if hidden[lane]:
+                    # The second of two crossings in one step lies between the turning point and its
+                    # end.
                     mode[lane], hidden[lane], tries[lane] = _TO_ROOT, False, 0
                     _put(tracks, lane, _LOW, _TURN)
                     _put(tracks, lane, _HIGH, _HERE)
+            # Also after a rejected step, whose lane tries again with the shorter length.
             _aim(w, lane, mode[lane], tracks, tolerance)
 
             if found[i] == times.shape[1]:

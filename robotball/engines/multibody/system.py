@@ -46,6 +46,7 @@ STANDING = 1e-8
 
 
 def _sources() -> str:
+    # All that the derivative is compiled from: kept code is stale where one of them changes.
     files = (eq.__file__, mechanics.__file__, __file__)
     return "".join(Path(file).read_text(encoding="utf-8") for file in files)
 
@@ -106,6 +107,7 @@ def _differentiate(
     if spin_free:
         put(directions[-1], 0, gamma)
     right, u = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
+    # L = M×γ + λγ in the rubber model; (ω_s, γ) = 0 stands in for the unknown λ.
     L = eq.cross(M, gamma) if spin_free else M
     for i in range(3):
         right[i, 0] = L[i]
@@ -188,6 +190,7 @@ def _differentiate(
         readings[_OMEGA + i] = omega[i]
         readings[_ROLLING + i] = eq.dot(axes[i], rolling)
     if spin_free:
+        # M = γ×L is horizontal, and rounding must not add up to anything else.
         rate[MOMENTUM + 2] = 0.0
     for j in range(count):
         rate[HINGES + j] = now[3 + j]

@@ -16,8 +16,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Scene
 
-_LABEL = Label("PyBullet", version_of("pybullet"), "#E69F00")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _BulletSettings(StepSettings):
@@ -149,7 +147,7 @@ _BEST = _BulletSettings(
 class _Bullet(Adapter):
     """PyBullet as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("PyBullet", version_of("pybullet"), "#E69F00")
     package = "pybullet"
     extra = "bullet"
     requirements = ("pybullet>=3.2.7",)

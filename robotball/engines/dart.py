@@ -26,8 +26,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("DART", version_of("dartpy"), "#8C564B")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _DartSettings(StepSettings):
@@ -143,7 +141,7 @@ class _DartDynamics(IdealWorld):
 class _Dart(Adapter):
     """DART as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("DART", version_of("dartpy"), "#8C564B")
     package = "dartpy"
     extra = "dart"
     requirements = ("dartpy>=6.20",)

@@ -285,8 +285,6 @@ class _ContactWorld(_ExudynWorld):
         return State(q[:3], q_t[:3], q[3:] / np.linalg.norm(q[3:]), turning, *self.hinges_at(t))
 
 
-_LABEL = Label("Exudyn", version_of("exudyn"), "#CC79A7")
-
 # There is no preset as it comes: this one has our constraint, and leaves the rest to Exudyn.
 _OWN_SOLVER = _ExudynSettings(
     name="own-solver", error_tolerance=1e-3, stop_at_fault=False, timestep=1e-3
@@ -309,7 +307,7 @@ _CONTACT = replace(_BEST, name="contact", tolerance=1e-9, modified=False, fricti
 class Exudyn(Adapter):
     """Exudyn as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("Exudyn", version_of("exudyn"), "#CC79A7")
     package = "exudyn"
     extra = "exudyn"
     requirements = ("exudyn>=1.13.6",)

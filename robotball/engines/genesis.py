@@ -18,8 +18,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("Genesis", version_of("genesis-world"), "#AA4499")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _GenesisSettings(StepSettings):
@@ -158,7 +156,7 @@ _BEST = _GenesisSettings(
 class Genesis(Adapter):
     """Genesis as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("Genesis", version_of("genesis-world"), "#AA4499")
     package = "genesis"
     extra = "genesis"
     requirements = ("genesis-world>=1.4.5", "torch>=2.8")

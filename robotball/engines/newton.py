@@ -17,7 +17,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("Newton", version_of("newton"), "#117733")
 _TIME_CONSTANT = 0.04  # s, of the contact whose impedance is set
 _SERVO = 10.0  # N m s/rad, of a newcomer's hinges
 
@@ -191,7 +190,7 @@ _BEST = _NewtonSettings(
 class Newton(Adapter):
     """Newton as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("Newton", version_of("newton"), "#117733")
     package = "newton"
     extra = "newton"
     requirements = ("newton>=1.8", "mujoco-warp>=4.0")

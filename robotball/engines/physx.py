@@ -13,8 +13,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, perpendicular
 from robotball.scene import Scene
 
-_LABEL = Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _PhysxSettings(StepSettings):
@@ -150,7 +148,7 @@ _BEST = _PhysxSettings(
 class _Physx(Adapter):
     """PhysX 5 as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F")
     package = "sapien"
     extra = "physx"
     requirements = ("sapien>=3.0.3",)

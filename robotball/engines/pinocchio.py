@@ -24,8 +24,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("Pinocchio", version_of("pin"), "#56B4E9")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _PinocchioSettings(StepSettings):
@@ -79,7 +77,7 @@ class _PinocchioWorld(IdealWorld):
 class Pinocchio(Adapter):
     """Pinocchio as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("Pinocchio", version_of("pin"), "#56B4E9")
     package = "pinocchio"
     extra = "pinocchio"
     requirements = ("pin>=4.1",)

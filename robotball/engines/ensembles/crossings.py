@@ -144,23 +144,13 @@ def _aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
     "i8[:, ::1], i8[::1], i8[::1])"
 )
 def cross(
-    step: Any,
-    queue: Any,
-    rows: Any,
-    lengths: Any,
-    tolerance: float,
-    step_limit: int,
-    longest: float,
-    direction: int,
-    times: Any,
-    states: Any,
-    directions: Any,
-    found: Any,
+    step: Any, queue: Any, rows: Any, lengths: Any, tolerance: float, step_limit: int,
+    longest: float, direction: int, times: Any, states: Any, directions: Any, found: Any,
     status: Any,
-) -> None:
+) -> None:  # fmt: skip
     """Write the first m crossings of each of n orbits, after time 0.
 
-    queue, rows, lengths: as in `march`; step_limit: of steps without a crossing; longest: how far
+    queue, rows, lengths: as in `_march_lanes`; step_limit: of steps without a crossing; longest: how far
     to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both. Writes times
     (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
     """

@@ -42,7 +42,7 @@ from robotball.engines.ensembles.steppers import (
     places,
     row_of,
     stepper,
-)
+)  # fmt: skip
 from robotball.equations import Parameters, as_vector, check_speed
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import pieces
@@ -115,16 +115,9 @@ def collapsed(w: Any, lanes: int, lane: int) -> bool:
 
 @compiled(f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
 def _march_lanes(
-    step: Any,
-    queue: Any,
-    rows: Any,
-    lengths: Any,
-    times: Any,
-    tolerance: float,
-    step_limit: int,
-    states: Any,
-    status: Any,
-) -> None:
+    step: Any, queue: Any, rows: Any, lengths: Any, times: Any, tolerance: float, step_limit: int,
+    states: Any, status: Any,
+) -> None:  # fmt: skip
     """Write the states (n, m, size) of n orbits at m times, all after 0 and increasing.
 
     queue: for `take`, of the orbits that are still to be done; rows: (n, k) as `load` takes them;
@@ -133,8 +126,7 @@ def _march_lanes(
     """
     size = states.shape[2]
     _, new, flag, total = places(size)
-    w = np.zeros(total * LANES)
-    orbit = np.full(LANES, -1)
+    w, orbit = np.zeros(total * LANES), np.full(LANES, -1)
     sample, steps = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     running = 0
     for lane in range(LANES):

@@ -19,7 +19,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
 _PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
 
 
@@ -139,7 +138,7 @@ _BEST = _MjxSettings(
 class _Mjx(Adapter):
     """MJX as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
     package = "mujoco.mjx"
     extra = "mjx"
     requirements = ("mujoco-mjx>=3.17", "jax>=0.10")

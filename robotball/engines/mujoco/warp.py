@@ -23,8 +23,6 @@ from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
 from robotball.motion import Label
 from robotball.scene import Scene
 
-_LABEL = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _WarpSettings(StepSettings):
@@ -96,7 +94,7 @@ _BEST = _WarpSettings(
 class _Warp(Adapter):
     """MuJoCo Warp as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
     package = "mujoco_warp"
     extra = "mujoco-warp"
     requirements = ("mujoco-warp>=4.0", "warp-lang>=1.19")

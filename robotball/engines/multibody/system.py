@@ -65,22 +65,10 @@ _SIGNATURE = (
 
 @compiled_from(_sources(), _SIGNATURE, nogil=True, error_model="numpy")
 def _differentiate(
-    state: Any,
-    bodies: Any,
-    radius: float,
-    gravity: Any,
-    motors: Any,
-    given: Any,
-    modes: Any,
-    commands: Any,
-    accelerations: Any,
-    spin_free: bool,
-    resistance: float,
-    standing: bool,
-    toward: Any,
-    rate: Any,
-    readings: Any,
-) -> None:
+    state: Any, bodies: Any, radius: float, gravity: Any, motors: Any, given: Any, modes: Any,
+    commands: Any, accelerations: Any, spin_free: bool, resistance: float, standing: bool,
+    toward: Any, rate: Any, readings: Any,
+) -> None:  # fmt: skip
     """Write the derivative of a state into `rate`, and the readings into `readings`.
 
     gravity (3,) m/s², world; motors (h, MOTOR); given (3 + h,): whether a rate is given, by
@@ -321,20 +309,8 @@ class System:
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
         modes = self.modes
         _differentiate(
-            state,
-            self._bodies,
-            self._radius,
-            self._gravity,
-            self.motors,
-            self.given,
-            modes.motors,
-            self._commands,
-            self._accelerations,
-            self._spin_free,
-            self.resistance,
-            modes.standing,
-            modes.toward,
-            rate,
-            readings,
-        )
+            state, self._bodies, self._radius, self._gravity, self.motors, self.given, modes.motors,
+            self._commands, self._accelerations, self._spin_free, self.resistance, modes.standing,
+            modes.toward, rate, readings,
+        )  # fmt: skip
         return rate, readings

@@ -150,9 +150,9 @@ def cross(
 ) -> None:  # fmt: skip
     """Write the first m crossings of each of n orbits, after time 0.
 
-    queue, rows, lengths: as in `_march_lanes`; step_limit: of steps without a crossing; longest: how far
-    to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both. Writes times
-    (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
+    queue, rows, lengths: as in `_march_lanes`; step_limit: of steps without a crossing; longest:
+    how far to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both.
+    Writes times (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
     """
     size = states.shape[2]
     _, new, flag, total = places(size)

@@ -63,7 +63,7 @@ class Compensated:
 
     @property
     def running(self) -> bool:
-        """Whether the end of the span is not reached yet."""
+        """True until the end of the span is reached."""
         return self._solver.status == "running"
 
     @property
@@ -85,7 +85,11 @@ class Compensated:
         """Take a step. Returns scipy's message where that fails, else None."""
         displacement, before = self._solver.y, self._base
         self._base = before + displacement
+        # In place, as scipy goes on from its own array. The slope that it keeps stays right: base
+        # and displacement still add up to the same state.
         displacement += before - self._base
+        # The tolerance goes with the state, and scipy's own rtol would take it from the
+        # displacement.
         self._solver.atol, self._inside = self._tolerance, None
         message: str | None = self._solver.step()
         return message

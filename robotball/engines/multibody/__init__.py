@@ -74,6 +74,7 @@ def integrate(
     _check_rates(ours, float(times[-1]), limit)
 
     def run(allowed: float) -> tuple[Array, Array]:
+        # A system of its own each time, as its modes change on the way.
         return March(System(ours), allowed, float(times[-1]), limit, progress).run(times)
 
     states, readings = run(rtol)
@@ -155,6 +156,7 @@ def _margins_of(system: System, readings: Readings) -> Array:
 
 def _begin(system: System, t: float, state: Array) -> Array:
     """Set the modes in which a piece begins at t [s]. Returns the state as it is in them."""
+    # First the motors' sides, as the load on the plane depends on their torques.
     modes, unlimited = system.modes, system.readings(t, state).unlimited
     sides = np.where(np.abs(unlimited) > system.limits, np.sign(unlimited), 0.0)
     system.modes = replace(modes, motors=sides.astype(np.int64))
@@ -176,6 +178,7 @@ def _stand(system: System, t: float, state: Array, readings: Readings) -> Array:
     held = system.readings(t, state)
     if _held(held) <= system.resistance * held.normal:
         return state
+    # It was let go just now, and does not roll faster than STANDING yet.
     if np.any(modes.toward):
         system.modes = modes
         return state
@@ -276,6 +279,7 @@ class March:
         state, t = _begin(system, 0.0, system.start()), 0.0
         samples.add(0.0, state[None])
         for end in (*(t for t in system.scene.breakpoints if t < times[-1]), float(times[-1])):
+            # A drive's rate may jump at the end, and the piece's last state is before the jump.
             system.end = float(np.nextafter(end, t))
             state = _begin(system, t, state)
             while t < end:
@@ -295,7 +299,10 @@ class March:
             if event is not None:
                 t, which = event
                 self.switches.append(t)
+                # Stepped to anew: the interpolant is of order 7, and all that follows would keep
+                # its error.
                 return t, _switch(system, t, self._at(before, t), which)
+            # A rolling that dies out has no margin with a sign: it is looked at after every step.
             if system.resistance and not system.modes.standing:
                 readings = system.readings(solver.t, solver.state)
                 state = _stand(system, solver.t, solver.state, readings)

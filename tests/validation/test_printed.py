@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
-from tests.validation.conftest import Robotball
+from tests.conftest import Robotball
 from tests.validation.test_readme import DOCS, PROJECT, README
 from validation.cli import class_of, parse
 

@@ -182,39 +182,26 @@ REFUSED = {
     "t,x,y,qw,qx,qy,qz,wx\n0,0,0,1,0,0,0,1\n1,0,0,1,0,0,0,1\n": "of wx, wy, wz there is only wx",
     "t,x,y,qw,qx,qy,qz\n0,0,0,1,0,0,0\n": "it has 1 row of numbers, and at least two are needed",
 }
+NO_TABLES = [
+    ("a.csv", b"\x93NUMPY\xff\xfe", "it is no text in UTF-8 or UTF-16"),
+    *(
+        ("a.npz", data, "it is no NPZ file that can be read")
+        for data in (b"PK\x03\x04 no zip", b"t,x,y", b"\x93NUMPY\x01\x00")
+    ),
+    ("a.bag", b"", r"one of \.csv, \.tsv, \.txt, \.npz, \.parquet, not '\.bag'"),
+    *(("run.csv", text.encode(), words) for text, words in REFUSED.items()),
+]
 
 
-@pytest.mark.parametrize(("text", "words"), REFUSED.items(), ids=REFUSED.values())
-def test_a_file_that_cannot_be_judged_is_one_line(tmp_path: Path, text: str, words: str) -> None:
-    """With the file's name, the row and what is wrong in it."""
-    with pytest.raises(rb.InputError, match=words) as error:
-        read(tmp_path, text)
-    assert "run.csv: " in str(error.value)
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "data", "words"),
-    [
-        ("a.csv", b"\x93NUMPY\xff\xfe", "it is no text in UTF-8 or UTF-16"),
-        ("a.npz", b"PK\x03\x04 no zip", "it is no NPZ file that can be read"),
-        ("a.npz", b"t,x,y", "it is no NPZ file that can be read"),
-        ("a.npz", b"\x93NUMPY\x01\x00", "it is no NPZ file that can be read"),
-        ("a.bag", b"", r"one of \.csv, \.tsv, \.txt, \.npz, \.parquet, not '\.bag'"),
-    ],
-)
-def test_what_is_no_such_file_is_one_line(
+@pytest.mark.parametrize(("name", "data", "words"), NO_TABLES, ids=[each[2] for each in NO_TABLES])
+def test_a_file_that_cannot_be_judged_is_one_line(
     tmp_path: Path, name: str, data: bytes, words: str
 ) -> None:
-    """Whatever its bytes are."""
-    with pytest.raises(rb.InputError, match=words):
+    """Whatever its bytes are: the file's name, the row and what is wrong in it."""
+    with pytest.raises(rb.InputError, match=words) as error:
         read(tmp_path, data, name)
-
-
-def test_a_file_that_is_not_there_is_one_line(tmp_path: Path) -> None:
-    """In the system's words."""
-    with pytest.raises(rb.InputError, match="No such file"):
-        read_trajectory(tmp_path / "nowhere.csv")
+    assert f"{name}: " in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_quaternions_that_are_rounded_are_made_unit_and_told(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco.settings import Prescribed
-from validation.cli import parse
+from tests.conftest import Robotball
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
 from validation.studies.convergence import FIXED, ORDERS, Runs, measure_convergence
@@ -150,14 +150,11 @@ def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.slow
-def test_the_command_writes_table_picture_and_records(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
     """`convergence --quick`: orders on the terminal; JSON, CSV and a picture on disk."""
     arguments = ["convergence", "fig12", "--quick", "--duration", "0.5", "--without", "noslip"]
-    arguments += ["--out", str(tmp_path), "--json", str(tmp_path / "a.json")]
-    assert parse([*arguments, "--csv", str(tmp_path / "a.csv")]).run() == 0
-    printed = capsys.readouterr().out
+    status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json", "--csv", "a.csv")
+    assert status == 0
     assert "fig12, accurate - noslip: the own limit is" in printed
     record = json.loads((tmp_path / "a.json").read_text())
     assert set(record["orders"]) == {*ORDERS, "DOP853"}

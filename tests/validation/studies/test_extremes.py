@@ -13,8 +13,8 @@ import pytest
 import robotball as rb
 from robotball import FaultKind
 from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS
+from tests.conftest import Robotball
 from validation import compare
-from validation.cli import main
 from validation.studies.extreme_maps import (
     MAPS,
     QUICK,
@@ -247,17 +247,15 @@ def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> 
 
 @pytest.mark.slow
 def test_the_command_draws_a_map_and_goes_on_where_it_was(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, robotball: Robotball, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A picture, the table of its cells and the summary; the second time nothing is run again."""
     monkeypatch.setattr("validation.studies.extremes.QUICK", Cut(("Euler", "RK4"), 2))
-    arguments = ["extremes", "friction", "--quick", "--workers", "1", "--out", str(tmp_path)]
+    arguments = ["extremes", "friction", "--quick", "--workers", 1, "--out", "."]
     for _ in range(2):
-        with pytest.raises(SystemExit) as leaving:
-            main([*arguments, "--json", str(tmp_path / "summary.json")])
-        assert leaving.value.code == 0
-    printed = capsys.readouterr().out
-    assert "sliding_friction" in printed
+        status, printed, _ = robotball(*arguments, "--json", "summary.json")
+        assert status == 0
+        assert "sliding_friction" in printed
     assert (tmp_path / "extremes-friction-quick.png").stat().st_size > 10_000
     rows = list(csv.DictReader((tmp_path / "extremes-friction-quick.csv").open()))
     assert len(rows) == 16
@@ -275,11 +273,3 @@ def test_every_random_run_can_be_made() -> None:
         for run in (extreme(0, number), ordinary(0, number)):
             assert run.scene.not_reduced is None
             assert len(run.times) == 101
-
-
-def test_an_unknown_map_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """It names the maps there are."""
-    with pytest.raises(SystemExit) as leaving:
-        main(["extremes", "zzzz"])
-    assert leaving.value.code == 2
-    assert "no map is called 'zzzz'; there are momentum, frame" in capsys.readouterr().err

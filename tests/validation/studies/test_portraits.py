@@ -10,8 +10,8 @@ from matplotlib.image import imread
 
 from robotball.qualitative.equilibria import fixed_points, proposition_2
 from robotball.qualitative.portraits import basin_shares, limit_cycles, phase_portrait
+from tests.conftest import Robotball
 from tests.figures import ball, from_rest
-from tests.validation.conftest import Robotball
 from validation.studies.portrait_maps import PLANES, as_predicted, cells_of, measure
 
 
@@ -117,9 +117,3 @@ def test_the_command_draws_and_resumes(robotball: Robotball, tmp_path: Path) -> 
     kept = (tmp_path / "out" / "portraits.jsonl").read_bytes()
     assert robotball(*arguments)[1] == out
     assert (tmp_path / "out" / "portraits.jsonl").read_bytes() == kept
-
-
-def test_an_unknown_map_is_refused_in_one_line(robotball: Robotball) -> None:
-    """It names the one that is meant."""
-    status, _, err = robotball("portraits", "axail")
-    assert (status, err) == (2, "robotball: no map is called 'axail'; did you mean axial?\n")

@@ -12,6 +12,7 @@ import pytest
 import robotball as rb
 from robotball.engines.mujoco.settings import Prescribed
 from tests.conftest import Robotball
+from tests.validation.examples import example
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
 from validation.studies.convergence import FIXED, ORDERS, Runs, measure_convergence
@@ -152,18 +153,18 @@ def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyP
 @pytest.mark.slow
 def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
     """`convergence --quick`: orders on the terminal; JSON, CSV and a picture on disk."""
-    arguments = ["convergence", "fig12", "--quick", "--duration", "0.5", "--without", "noslip"]
+    arguments = [*example("convergence").split(), "--duration", "0.5"]
     status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json", "--csv", "a.csv")
     assert status == 0
-    assert "fig12, accurate - noslip: the own limit is" in printed
+    assert "fig12, accurate - softness - noslip: the own limit is" in printed
     record = json.loads((tmp_path / "a.json").read_text())
     assert set(record["orders"]) == {*ORDERS, "DOP853"}
     assert record["orders"]["RK4"]["own"]["order"]["order"] == pytest.approx(4, abs=0.3)
-    assert record["settings"]["name"] == "accurate - noslip"
+    assert record["settings"]["name"] == "accurate - softness - noslip"
     with (tmp_path / "a.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(record["runs"])
     errors = np.array([float(row["own_error"]) for row in rows if row["integrator"] == "Euler"])
     assert np.all(np.diff(errors) < 0)
-    picture = tmp_path / "fig12-mujoco-accurate-noslip-convergence-0.5s-quick.png"
+    picture = tmp_path / "fig12-mujoco-accurate-softness-noslip-convergence-0.5s-quick.png"
     assert picture.read_bytes()[:4] == b"\x89PNG"

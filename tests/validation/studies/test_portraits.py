@@ -12,6 +12,7 @@ from robotball.qualitative.equilibria import fixed_points, proposition_2
 from robotball.qualitative.portraits import basin_shares, limit_cycles, phase_portrait
 from tests.conftest import Robotball
 from tests.figures import ball, from_rest
+from tests.validation.examples import example
 from validation.studies.portrait_maps import PLANES, as_predicted, cells_of, measure
 
 
@@ -104,7 +105,7 @@ def test_a_cell_agrees_with_the_formulas_and_a_wrong_one_would_not() -> None:
 @pytest.mark.slow
 def test_the_command_draws_and_resumes(robotball: Robotball, tmp_path: Path) -> None:
     """A quick map: a picture, a table, a record; the second time nothing is measured again."""
-    arguments = ("portraits", "axial", "--quick", "--workers", 2, "--json", "a.json")
+    arguments = (*example("portraits").split(), "--workers", 2, "--json", "a.json")
     status, out, _ = robotball(*arguments)
     assert status == 0
     assert "0 cells differ" in " ".join(out.split())

@@ -20,6 +20,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import BY_LOAD, FIRST_ORDER, NAIVE, Prescribed, recipe
 from tests.conftest import Robotball
+from tests.validation.examples import example
 from validation.bench.gallery import numbers_of_tradeoff
 from validation.studies.parts_cost import parts_of, split
 from validation.studies.tradeoff import (
@@ -196,7 +197,7 @@ def test_each_part_is_in_its_variant_alone(name: str) -> None:
 @pytest.mark.slow
 def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
     """A picture, a table and the data; started again, nothing is run again."""
-    arguments = ("tradeoff", "fig12", "--quick", "--duration", 0.5)
+    arguments = (*example("tradeoff").split(), "--duration", 0.5)
     status, shown, _ = robotball(*arguments)
     assert status == 0
     assert "The Pareto front: nothing is both cheaper and better." in shown

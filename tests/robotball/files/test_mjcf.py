@@ -65,14 +65,22 @@ NO_NUMBERS = {
 
 @pytest.mark.parametrize(("words", "text"), NO_NUMBERS.items(), ids=NO_NUMBERS)
 def test_a_number_that_is_none_is_refused(tmp_path: Path, words: str, text: str) -> None:
-    """NaN and infinity anywhere in the file, or in one that it includes."""
+    """NaN and infinity anywhere in the file."""
+    path = tmp_path / "model.xml"
+    path.write_text(text)
+    with pytest.raises(rb.InputError, match=f"model.xml: {words}"):
+        solid_of_mjcf(path, "b")
+
+
+def test_a_number_that_is_none_is_refused_in_a_file_that_is_included(tmp_path: Path) -> None:
+    """By that file's name."""
     path, inside = tmp_path / "model.xml", tmp_path / "parts" / "inside.xml"
     inside.parent.mkdir()
     path.write_text('<mujoco><include file="parts/inside.xml"/></mujoco>')
+    words, text = next(iter(NO_NUMBERS.items()))
     inside.write_text(text)
-    for file in (inside, path):
-        with pytest.raises(rb.InputError, match=f"inside.xml: {words}"):
-            solid_of_mjcf(file, "b")
+    with pytest.raises(rb.InputError, match=f"inside.xml: {words}"):
+        solid_of_mjcf(path, "b")
 
 
 def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:

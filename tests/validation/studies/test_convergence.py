@@ -15,7 +15,7 @@ from tests.conftest import Robotball
 from tests.validation.examples import example
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
-from validation.studies.convergence import FIXED, ORDERS, Runs, measure_convergence
+from validation.studies.convergence import FIXED, ORDERS, Order, Runs, measure_convergence
 
 BOTH = ("fig12", "classical_regular")
 SOFT = ("softness", "noslip")
@@ -42,13 +42,19 @@ def measured(scene: str, settings: rb.Settings) -> Runs:
     return measure_convergence(rb.load_scene(scene), settings, rb.sample_times(1.0), 6)
 
 
+def own_order(found: Runs, name: str) -> Order:
+    """The order against the contact model's own limit, which there must be."""
+    order = found.order(name, "own")
+    assert order is not None
+    return order
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", BOTH)
 @pytest.mark.parametrize("name", ORDERS)
 def test_every_integrator_has_the_order_that_is_claimed(scene: str, name: str) -> None:
     """Against the contact model's own limit, over all steps of a power law."""
-    order = study(scene).order(name, "own")
-    assert order is not None
+    order = own_order(study(scene), name)
     assert abs(order.order - ORDERS[name]) < BOUNDS[name]
     assert order.points >= 4
     assert order.stderr < 0.25  # measured 0.159 at most, DOP853's
@@ -57,8 +63,7 @@ def test_every_integrator_has_the_order_that_is_claimed(scene: str, name: str) -
 @pytest.mark.parametrize("scene", BOTH)
 def test_the_error_of_an_adaptive_run_follows_its_tolerance(scene: str) -> None:
     """Nearly in proportion: measured as the powers 0.87 and 0.90."""
-    order = study(scene).order("DOP853", "own")
-    assert order is not None
+    order = own_order(study(scene), "DOP853")
     assert 0.8 < order.order < 1.1
 
 
@@ -81,18 +86,14 @@ def test_a_soft_contact_has_a_limit_of_its_own() -> None:
     model_error = found.limit.model_error
     assert model_error == pytest.approx(3.77e-3, rel=0.05)
     assert found.limit.known_to < 1e-12  # measured 7.5e-15
-    order = found.order("RK4", "own")
-    assert order is not None
-    assert order.order == pytest.approx(4, abs=0.2)  # measured 4.07
+    assert own_order(found, "RK4").order == pytest.approx(4, abs=0.2)  # measured 4.07
     assert found.order("RK4", "equations") is None
     assert found.stalled_at("RK4", "equations") == pytest.approx(model_error, rel=1e-3)
     finest = found.by_name["RK4"][-1].own
     assert finest is not None
     assert finest < 5e-9 * model_error  # measured 5.7e-12 / 3.8e-3
     # Euler's error falls through the model's: measured 1.00, and a stall at 2.0e-3.
-    order = found.order("Euler", "own")
-    assert order is not None
-    assert order.order == pytest.approx(1, abs=0.05)
+    assert own_order(found, "Euler").order == pytest.approx(1, abs=0.05)
     assert found.stalled_at("Euler", "equations") is not None
 
 
@@ -101,9 +102,7 @@ def test_a_light_armature_is_an_error_of_the_model() -> None:
     found = measured("fig12", replace(TOP, drive=Prescribed(armature=1e4)))
     # Measured 1.10e-4 over 1 s: torque over armature.
     assert found.limit.model_error == pytest.approx(1.1e-4, rel=0.1)
-    order = found.order("RK4", "own")
-    assert order is not None
-    assert order.order == pytest.approx(4, abs=0.2)  # measured 4.05
+    assert own_order(found, "RK4").order == pytest.approx(4, abs=0.2)  # measured 4.05
     assert found.order("RK4", "equations") is None
 
 
@@ -116,9 +115,7 @@ def test_a_start_out_of_equilibrium_is_an_error_of_the_integrator(scene: str) ->
     found = study(scene, "start")
     # Measured 5.6e-7 and 4.7e-7 of the path, of errors up to 5e-2 at finite steps.
     assert found.limit.model_error < 2e-6
-    order = found.order("RK4", "own")
-    assert order is not None
-    assert order.order == pytest.approx(1, abs=0.1)  # measured 0.984 and 1.000
+    assert own_order(found, "RK4").order == pytest.approx(1, abs=0.1)  # measured 0.984 and 1.000
 
 
 @pytest.mark.parametrize("name", ["Euler", "RK4"])

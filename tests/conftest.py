@@ -1,17 +1,23 @@
-"""Property tests draw the same examples on every machine and at every run."""
+"""What all tests share: repeatable draws, and the command as a user runs it."""
+
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 from robotball.film import gl
+from validation.cli import main
 
+Robotball = Callable[..., tuple[int, str, str]]
+
+# Property tests draw the same examples on every machine and at every run.
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
 settings.load_profile("repeatable")
 
 # A check in these that fails shows its values, as one in a test does.
 pytest.register_assert_rewrite(
     "tests.robotball.designs",
-    "tests.robotball.files.robot_tables",
     "tests.robotball.files.scene_texts",
 )
 
@@ -21,3 +27,21 @@ def screen() -> None:
     """Skips what draws where there is no off-screen OpenGL."""
     if gl.find_backend() is None:
         pytest.skip(gl.advice())
+
+
+@pytest.fixture
+def robotball(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Robotball:
+    """Runs the command in an empty folder: (exit status, standard output, standard error)."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as leaving:
+            main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        status = leaving.value.code or 0
+        assert isinstance(status, int)
+        return status, captured.out, captured.err
+
+    return run

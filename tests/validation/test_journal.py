@@ -87,21 +87,15 @@ def test_a_disk_that_fills_up_ends_the_sweep_in_one_line(tmp_path: Path) -> None
 
 
 def test_a_file_that_cannot_be_opened_is_refused(tmp_path: Path) -> None:
-    """A name that the system finds too long, a link to itself, a folder: one line each."""
-    circle = tmp_path / "circle.jsonl"
+    """A name too long, a link to itself, a folder, a device, which would never end: a line each."""
+    circle, device = tmp_path / "circle.jsonl", tmp_path / "sweep.jsonl"
     circle.symlink_to(circle)
+    device.symlink_to(os.devnull)
     for file, message in (
         (tmp_path / ("x" * 256), "cannot be written: File name too long"),
         (circle, "cannot be written: Too many levels of symbolic links"),
         (tmp_path, "cannot be written: it is a folder"),
+        (device, r"sweep\.jsonl is no regular file, as a sweep's record"),
     ):
         with pytest.raises(InputError, match=message):
             sweep(square, [], file)
-
-
-def test_a_device_is_no_record(tmp_path: Path) -> None:
-    """Which would never end, or keep nothing."""
-    file = tmp_path / "sweep.jsonl"
-    file.symlink_to(os.devnull)
-    with pytest.raises(InputError, match=r"sweep\.jsonl is no regular file, as a sweep's record"):
-        sweep(square, cells_of(tmp_path, 1), file, workers=WORKERS)

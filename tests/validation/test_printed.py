@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
-from tests.validation.conftest import Robotball
+from tests.conftest import Robotball
+from tests.validation.examples import example
 from tests.validation.test_readme import DOCS, PROJECT, README
-from validation.cli import class_of, parse
+from validation.cli import parse
 
 # After four spaces, in a code span, or in a scene file's first line; a comment is cut off. One with
 # a word in capitals or in brackets stands for others: the examples of `--help` are those.
@@ -75,10 +76,8 @@ def test_there_are_commands_to_try() -> None:
 @pytest.mark.parametrize("command", sorted(BY_EXAMPLE))
 def test_the_example_of_a_long_command_is_a_short_form_of_it(command: str) -> None:
     """The same command on the same scene, with options or names after it."""
-    (example,) = re.findall(
-        r"^ *Example: robotball (.*)$", class_of(command.split()[0]).__doc__ or "", re.MULTILINE
-    )
-    assert example.split()[: len(command.split())] == command.split()
+    words = command.split()
+    assert example(words[0]).split()[: len(words)] == words
 
 
 @pytest.fixture

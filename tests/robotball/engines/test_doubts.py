@@ -12,8 +12,8 @@ import pytest
 import robotball as rb
 from robotball.drives import Servo
 from robotball.rotations import Array
+from tests.conftest import Robotball
 from validation import compare
-from validation.cli import main
 
 FIG12 = rb.load_scene("fig12")
 PENDULUM = rb.load_scene("pendulum_robot")
@@ -99,15 +99,12 @@ def test_no_scene_of_ours_is_doubted() -> None:
         assert doubts_of(scene, scene.times) == []
 
 
-def test_compare_tells_it_on_standard_error(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_compare_tells_it_on_standard_error(robotball: Robotball, tmp_path: Path) -> None:
     """As any warning, and as compare does in Python."""
     scene = tmp_path / "big.toml"
     text = EXAMPLE.read_text().replace("radius = 0.15", "radius = 150", 1)
     scene.write_text(text.replace("thickness = 0.003", "thickness = 3", 1))
     with pytest.warns(rb.SceneWarning, match="big: a radius of 150 m is beyond any robot's"):
         compare(scene, times=rb.sample_times(0.1))
-    with pytest.raises(SystemExit):
-        main(["compare", str(scene), "--duration", "0.1", "--no-plots", "--out", str(tmp_path)])
-    assert "robotball: warning: big: a radius of 150 m is beyond" in capsys.readouterr().err
+    _, _, err = robotball("compare", scene, "--duration", 0.1, "--no-plots")
+    assert "robotball: warning: big: a radius of 150 m is beyond" in err

@@ -10,9 +10,9 @@ import pytest
 import robotball as rb
 from robotball.engine import OURS, request_of
 from robotball.engines.mujoco.engine import MUJOCO
+from tests.conftest import Robotball
 from tests.off_engine import ERROR, OFF
 from validation import compare
-from validation.cli import main
 from validation.plots import momentum_picture, path_picture, sheet_of
 
 FIG12 = rb.load_scene("fig12")
@@ -52,27 +52,21 @@ def test_plots_have_the_engines_name_and_colour() -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("installed", "screen")
-def test_a_package_brings_an_engine_to_every_command(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_package_brings_an_engine_to_every_command(robotball: Robotball, tmp_path: Path) -> None:
     """Found by its entry point: in the list, in table, JSON, CSV, plots and in a film."""
     assert rb.engine_names() == [*OURS, "off", "torn"]
     assert rb.engine_named("off") is OFF
-    out, data = tmp_path / "out", tmp_path / "data.json"
-    options = ["--engine", "off", "--out", str(out)]
-    with pytest.raises(SystemExit) as leaving:
-        main(["compare", "fig12", *options, "--json", str(data), "--csv", str(tmp_path / "t.csv")])
-    assert leaving.value.code == 0
-    assert "as it comes" in capsys.readouterr().out
-    (record,) = json.loads(data.read_text())
+    options = ("fig12", "--engine", "off")
+    status, out, _ = robotball("compare", *options, "--json", "data.json", "--csv", "t.csv")
+    assert status == 0
+    assert "as it comes" in out
+    (record,) = json.loads((tmp_path / "data.json").read_text())
     assert record["engine"] == "Off"
     assert record["versions"]["Off"] == "3.1"
     assert record["path_error"] == pytest.approx(ERROR, rel=1e-9)
     assert ",Off," in (tmp_path / "t.csv").read_text()
-    with pytest.raises(SystemExit) as leaving:
-        main(["video", "fig12", *options, "--duration", "0.2"])
-    assert leaving.value.code == 0
-    assert {path.name for path in out.iterdir()} == {
+    assert robotball("video", *options, "--duration", 0.2)[0] == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "fig12-off-as-it-comes-path.png", "fig12-off-as-it-comes-momentum.png",
         "fig12-off-as-it-comes-0.2s.mp4",
     }  # fmt: skip
@@ -82,26 +76,21 @@ def test_a_package_brings_an_engine_to_every_command(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["fig12", "--engine", "mujok"], "no engine is called 'mujok'; did you mean mujoco"),
-        (["fig12", "--engine", "torn"], "the engine 'torn' of tests.off_engine:NOWHERE fails"),
-        (
-            ["fig12", "--engine", "off", "--preset", "fast"],
-            "no preset is called 'fast'; there are",
-        ),
-        (["fig12", "--engine", "off", "--accuracy", "1e-6"], "Off has no settings for an accuracy"),
-        (["classical_regular", "--engine", "off"], "Off cannot run classical_regular: it has no"),
+        ("fig12 --engine mujok", "no engine is called 'mujok'; did you mean mujoco"),
+        ("fig12 --engine torn", "the engine 'torn' of tests.off_engine:NOWHERE fails"),
+        ("fig12 --engine off --preset fast", "no preset is called 'fast'; there are"),
+        ("fig12 --engine off --accuracy 1e-6", "Off has no settings for an accuracy"),
+        ("classical_regular --engine off", "Off cannot run classical_regular: it has no"),
     ],
 )
 def test_what_an_engine_cannot_do_is_one_line_before_the_run(
-    arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    arguments: str, words: str, robotball: Robotball
 ) -> None:
     """Exit status 2."""
-    with pytest.raises(SystemExit) as leaving:
-        main(["compare", *arguments, "--out", str(tmp_path)])
-    assert leaving.value.code == 2
-    shown = capsys.readouterr().err
-    assert words in shown
-    assert shown.count("\n") == 1
+    status, _, err = robotball("compare", *arguments.split())
+    assert status == 2
+    assert words in err
+    assert err.count("\n") == 1
 
 
 def test_an_engine_that_prepares_nothing_is_run_anew_from_every_start() -> None:

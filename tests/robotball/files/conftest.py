@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
-from tests.robotball.files.robot_tables import FRAME, HEAD, SHELL, START, Load
-from tests.robotball.files.scene_texts import Write
+from tests.robotball.files.scene_texts import Load, Write, robot
 
 
 @pytest.fixture
@@ -22,14 +21,6 @@ def write(tmp_path: Path) -> Write:
 
 
 @pytest.fixture
-def load(tmp_path: Path) -> Load:
-    """Loads a scene made of these tables; those that are not told are a whole robot's."""
-
-    def load(
-        head: str = "", shell: str = SHELL, frame: str = FRAME, rest: str = "", start: str = START
-    ) -> rb.Scene:
-        path = tmp_path / "mine.toml"
-        path.write_text(HEAD + head + shell + frame + rest + start)
-        return rb.load_scene(path)
-
-    return load
+def load(write: Write) -> Load:
+    """Loads a scene made of these tables; those that are not given are a whole robot's."""
+    return lambda *head, **tables: rb.load_scene(write(robot(*head, **tables)))

@@ -101,6 +101,9 @@ def tensor(six: list[float]) -> Array:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
+SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
 def floats(text: str | None) -> list[float]:
     return [float(each) for each in (text or "").split()]
 
@@ -127,14 +130,13 @@ def test_the_urdf_read_again_has_the_same_bodies(exported: tuple[rb.Scene, Path]
         child = joint.find("child").get("link")  # type: ignore[union-attr]
         origin = floats(joint.find("origin").get("xyz"))  # type: ignore[union-attr]
         place[str(child)] = place[str(parent)] + origin
-    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     for link in root.iter("link"):
         mass, centre, inertia = masses(scene)[str(link.get("name"))]
         own = floats(link.find("inertial/origin").get("xyz"))  # type: ignore[union-attr]
         moments = link.find("inertial/inertia")
         assert moments is not None
         assert floats(link.find("inertial/mass").get("value")) == [mass]  # type: ignore[union-attr]
-        six = [float(moments.get(n, "")) for n in names]
+        six = [float(moments.get(n, "")) for n in SIX]
         assert tensor(six) == pytest.approx(inertia, rel=1e-14, abs=1e-18)
         assert place[str(link.get("name"))] + own == pytest.approx(centre, abs=1e-16)
     hinges = [(j.get("name"), floats(j.find("axis").get("xyz"))) for j in root.iter("joint")]  # type: ignore[union-attr]
@@ -150,12 +152,11 @@ def test_the_sdf_read_again_has_the_same_bodies(exported: tuple[rb.Scene, Path])
     assert floats(world.findtext("gravity")) == gravity.tolist()
     ball = world.find("model[@name='ball']")
     assert ball is not None
-    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     for link in ball.iter("link"):
         mass, centre, inertia = masses(scene)[str(link.get("name"))]
         place = np.array(floats(link.findtext("pose"))) + floats(link.findtext("inertial/pose"))
         assert float(link.findtext("inertial/mass", "")) == mass
-        found = [float(link.findtext(f"inertial/inertia/{name}", "")) for name in names]
+        found = [float(link.findtext(f"inertial/inertia/{name}", "")) for name in SIX]
         assert tensor(found) == pytest.approx(inertia, rel=1e-14, abs=1e-18)
         assert place[:3] == pytest.approx(centre, abs=1e-16)
     pose = floats(ball.findtext("pose"))

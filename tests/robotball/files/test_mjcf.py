@@ -55,29 +55,32 @@ def test_a_hostile_file_is_one_short_line(tmp_path: Path, text: str, words: str)
 
 # What MuJoCo reads as not given, or as an angle of zero.
 NO_NUMBERS = {
-    "a place": (mjcf('<body pos="nan 0 0"><geom size="1"/></body>'), "pos .* not 'nan 0 0'"),
-    "an angle": (mjcf('<body euler="inf 0 0"><geom size="1"/></body>'), "euler .* not 'inf 0 0'"),
-    "a mass": (mjcf("<geom size='1' mass='-NaN'/>"), "mass takes finite numbers, not '-NaN'"),
-    "of a default": (
+    "pos .* not 'nan 0 0'": mjcf('<body pos="nan 0 0"><geom size="1"/></body>'),
+    "euler .* not 'inf 0 0'": mjcf('<body euler="inf 0 0"><geom size="1"/></body>'),
+    "mass takes finite numbers, not '-NaN'": mjcf("<geom size='1' mass='-NaN'/>"),
+    "density takes finite numbers, not 'Infinity'":
         mjcf(before='<default><geom density="Infinity"/></default>'),
-        "density takes finite numbers, not 'Infinity'",
-    ),
-}
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(("text", "words"), NO_NUMBERS.values(), ids=NO_NUMBERS)
-def test_a_number_that_is_none_is_refused(tmp_path: Path, text: str, words: str) -> None:
-    """NaN and infinity anywhere in the file, or in one that it includes."""
+@pytest.mark.parametrize(("words", "text"), NO_NUMBERS.items(), ids=NO_NUMBERS)
+def test_a_number_that_is_none_is_refused(tmp_path: Path, words: str, text: str) -> None:
+    """NaN and infinity anywhere in the file."""
+    path = tmp_path / "model.xml"
+    path.write_text(text)
+    with pytest.raises(rb.InputError, match=f"model.xml: {words}"):
+        solid_of_mjcf(path, "b")
+
+
+def test_a_number_that_is_none_is_refused_in_a_file_that_is_included(tmp_path: Path) -> None:
+    """By that file's name."""
     path, inside = tmp_path / "model.xml", tmp_path / "parts" / "inside.xml"
     inside.parent.mkdir()
-    for name, content in (
-        (path, '<mujoco><include file="parts/inside.xml"/></mujoco>'),
-        (inside, text),
-    ):
-        name.write_text(content)
-    for file in (inside, path):
-        with pytest.raises(rb.InputError, match=f"inside.xml: {words}"):
-            solid_of_mjcf(file, "b")
+    path.write_text('<mujoco><include file="parts/inside.xml"/></mujoco>')
+    words, text = next(iter(NO_NUMBERS.items()))
+    inside.write_text(text)
+    with pytest.raises(rb.InputError, match=f"inside.xml: {words}"):
+        solid_of_mjcf(path, "b")
 
 
 def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:

@@ -66,12 +66,6 @@ def test_a_name_may_be_as_long_as_the_system_allows(tmp_path: Path, length: int)
     assert path.read_text() == "new"
 
 
-def test_a_longer_name_is_refused(tmp_path: Path) -> None:
-    """In one line, before the work."""
-    with pytest.raises(rb.InputError, match="cannot be written: File name too long"):
-        writable_file(tmp_path / ("n" * 256))
-
-
 def test_no_two_writers_share_a_temporary_file(tmp_path: Path) -> None:
     """Processes of two machines may have the same number."""
     path = tmp_path / "a.json"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from tests.robotball.files.robot_tables import BOB, FRAME, PENDULUM, SHELL, Load, refused
+from tests.robotball.files.scene_texts import BOB, PENDULUM, SHELL, Load
 
 
 def test_a_shell_is_told_by_its_wall(load: Load) -> None:
@@ -47,103 +47,3 @@ def test_a_plane_may_be_inclined_and_rough(load: Load) -> None:
     assert scene.gravity_direction == pytest.approx((0.6, 0.0, -0.8), abs=1e-16)
     assert (scene.friction.sliding, scene.friction.torsional) == (0.8, None)
     assert scene.friction.rolling == 1e-3
-
-
-BODIES: dict[str, tuple[dict[str, str], str]] = {
-    "a part outside": (
-        {"frame": '[frame]\npart = [{ kind = "box", mass = 1, size = [0.3, 0.3, 0.1] }]\n'},
-        "frame reaches 0.217945 m from the sphere's centre, beyond the shell's radius 0.2 m; make "
-        "it smaller, move it, or make the shell larger",
-    ),
-    "a part without a mass": (
-        {"frame": '[frame]\npart = [{ kind = "sphere", mass = 1, radius = 0.1 }, '
-         '{ kind = "box", size = [0.1, 0.1, 0.1] }]\n'},
-        "frame.part2: a box needs a mass [kg] or a density [kg/m³]",
-    ),
-    "a point alone": (
-        {"rest": PENDULUM + 'part = [{ kind = "point", mass = 1, centre = [0, 0, -0.1] }]\n'},
-        "pendulum1's parts lie on one line, about which nothing resists turning; give a rod its "
-        "radius, or a point a sphere's size",
-    ),
-    "an axis without a direction": (
-        {"rest": PENDULUM.replace("[1, 0, 0]", "[0, 0, 0]") + BOB},
-        "pendulum1's axis must have a length and a direction, unlike [0.0, 0.0, 0.0]",
-    ),
-    "parts and numbers": (
-        {"frame": FRAME + 'part = [{ kind = "sphere", mass = 1, radius = 0.1 }]\n'},
-        "frame gives mass, inertia and part; it takes mass and inertia, or part, or mjcf, or urdf",
-    ),
-    "no body": (
-        {"rest": PENDULUM},
-        "pendulum1 gives nothing; it takes mass and inertia, or part, or mjcf, or urdf",
-    ),
-    "no parts": ({"frame": "[frame]\npart = []\n"}, "frame.part is empty"),
-    "no mass": ({"frame": "[frame]\ninertia = [1, 1, 1]\n"}, "frame: key 'mass' is missing"),
-    "a shell without a wall": (
-        {"shell": SHELL.replace("thickness = 0.004\n", "")},
-        "shell: key 'thickness' is missing, or 'inertia' instead of it",
-    ),
-    "density without thickness": (
-        {"shell": SHELL.replace("thickness = 0.004\n", "").replace("mass", "density")},
-        "shell: a density needs the wall's thickness [m] as well",
-    ),
-    "two inertias": (
-        {"shell": SHELL + 'inertia = "thin"\n'},
-        "shell takes thickness or inertia, not both",
-    ),
-    "a shell weighted beside its axis": (
-        {"shell": SHELL + '[[shell.part]]\nkind = "sphere"\nmass = 1\nradius = 0.01\n'
-         "centre = [0.1, 0, 0]\n"},
-        "shell's centre of mass is 0.05 m off its axis; what is not symmetric about the axis "
-        "belongs to the frame",
-    ),
-    "a shell that is no gyroscope": (
-        {"shell": SHELL + '[[shell.part]]\nkind = "box"\nmass = 1\nsize = [0.1, 0.1, 0.02]\n'},
-        "shell is not symmetric about its axis: its inertia is off by 0.0004 of 0.0",
-    ),
-    "a rotor that is no gyroscope": (
-        {"rest": "[[rotor]]\naxis = [0, 0, 1]\n"
-         'part = [{ kind = "box", mass = 1, size = [0.1, 0.05, 0.02] }]\n'},
-        "rotor1 is not symmetric about its axis: its inertia is off by 0.0003125 of 0.00104167 "
-        "kg m²; such a body is a pendulum",
-    ),
-    "two moments": (
-        {"frame": "[frame]\nmass = 1\ninertia = [1, 1]\n"},
-        "frame.inertia takes three moments, or three rows of three",
-    ),
-    "one table instead of many": (
-        {"rest": "[pendulum]\naxis = [1, 0, 0]\n"},
-        "pendulum: a scene may have many; write [[pendulum]] for each",
-    ),
-    "an unknown part": (
-        {"frame": '[frame]\npart = [{ kind = "bax", mass = 1 }]\n'},
-        "frame.part1.kind: unknown value 'bax'; it takes point, sphere, box",
-    ),
-    "a part's unknown key": (
-        {"frame": '[frame]\npart = [{ kind = "sphere", mass = 1, raduis = 1 }]\n'},
-        "frame.part1: unknown key 'raduis'; did you mean 'radius'?",
-    ),
-    "a file that is not there": (
-        {"frame": '[frame]\nurdf = { file = "no.urdf", link = "arm" }\n'},
-        "no.urdf: No such file or directory",
-    ),
-    "a plane that goes up": (
-        {"head": "gravity_direction = [1, 0, 0.5]\n"},
-        "gravity_direction must press the ball on the plane: its Z is 0.447214, and must be",
-    ),
-    "no gravity": (
-        {"head": "gravity_direction = [0, 0, 0]\n"},
-        "gravity_direction must have a length and a direction",
-    ),
-    "no friction": (
-        {"head": "[friction]\nsliding = 0\n"},
-        "the sliding friction must be positive and finite, not 0",
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", BODIES)
-def test_bodies_that_cannot_be_are_refused(load: Load, name: str) -> None:
-    """In a line with the key, the value and what to do."""
-    tables, words = BODIES[name]
-    assert words in refused(load, tables)

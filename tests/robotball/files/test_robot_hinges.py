@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from tests.robotball.files.robot_tables import BOB, FRAME, PENDULUM, START, Load, refused
+from tests.robotball.files.scene_texts import BOB, FRAME, PENDULUM, START, Load
 
 
 def test_hinges_are_moved_as_told(load: Load) -> None:
@@ -49,104 +49,3 @@ def test_an_angular_velocity_starts_any_robot(load: Load) -> None:
     # Measured 1e-15: rounding.
     omega = scene.angular_velocity_at(scene.start)
     np.testing.assert_allclose(omega, [1.0, -2.0, 0.5], atol=1e-14)
-
-
-HINGES: dict[str, tuple[str, str]] = {
-    "no gain": ('drive = "servo"\n', "drive = \"servo\" needs the key 'kv' [N m s/rad]"),
-    "no position gain": (
-        'drive = "position"\nangle = 0\n',
-        "drive = \"position\" needs the key 'kp' [N m/rad]",
-    ),
-    "no angle": (
-        'drive = "position"\nkp = 1\n',
-        "drive = \"position\" needs the key 'angle' [rad]",
-    ),
-    "no torque": ('drive = "torque"\n', "drive = \"torque\" needs the key 'torque' [N m]"),
-    "a gain of nothing": (
-        'drive = "servo"\nkv = 0\n',
-        "a servo's gain must be positive and finite, not 0 N m s/rad",
-    ),
-    "a negative gain": (
-        'drive = "position"\nkp = -6\nangle = 1\n',
-        "a position servo's gain must be positive and finite, not -6 N m/rad",
-    ),
-    "a negative damping": (
-        'drive = "free"\ndamping = -1\n',
-        "a free hinge's damping, where it is not 0, must be positive and finite, not -1",
-    ),
-    "another motor's gain": (
-        'drive = "servo"\nkv = 1\nkp = 1\n',
-        'kp belongs to drive = "position", not to "servo"',
-    ),
-    "a gain of no motor": ("kv = 1\n", 'kv belongs to drive = "servo", not to "prescribed"'),
-    "a limit of no motor": (
-        "torque_limit = 1\n",
-        'torque_limit belongs to drive = "servo" or "position", not to "prescribed"',
-    ),
-    "a rate of a position servo": (
-        'drive = "position"\nkp = 1\nangle = 1\nrate = 2\n',
-        'rate belongs to drive = "prescribed" or "servo", not to "position"',
-    ),
-    "a start beside the rate": (
-        "rate = 1\ninitial_rate = 2\n",
-        'initial_rate belongs to drive = "servo" or "position" or "torque" or "free", not to',
-    ),
-    "an unknown drive": (
-        'drive = "servoo"\n',
-        "drive: unknown value 'servoo'; it takes free, position, prescribed, servo, torque",
-    ),
-    "an unknown rate": (
-        'rate = { kind = "rmap", final = 1, end = 1 }\n',
-        "rate.kind: unknown value 'rmap'; it takes ramp, sine, samples",
-    ),
-    "a rate without a kind": (
-        "rate = { final = 1, end = 1 }\n",
-        "rate: key 'kind' is missing; it takes ramp, sine, samples",
-    ),
-    "words": ('rate = "fast"\n', "rate: it must be a number or a table or a list, not text"),
-    "a sum of nothing": ("rate = []\n", "a sum needs at least one rate"),
-    "samples too short": (
-        'rate = { kind = "samples", times = [0, 3], values = [1, 2] }\n',
-        "samples from t = 0 to 3 s do not reach over the run, from 0 to 5 s",
-    ),
-    "half the samples": (
-        'rate = { kind = "samples", times = [0, 5] }\n',
-        "samples: key 'values' is missing, or 'file' instead",
-    ),
-    "samples twice": (
-        'rate = { kind = "samples", times = [0, 5], values = [1, 2], file = "x.csv" }\n',
-        "samples take a file, or times and values, not both",
-    ),
-    "samples of no file": (
-        'rate = { kind = "samples", file = "x.csv" }\n',
-        "x.csv: No such file or directory",
-    ),
-    "samples in other units": (
-        'rate = { kind = "samples", file = "rpm.csv" }\n',
-        "rpm.csv: rate is in rpm; samples take rad/s, rad, N m",
-    ),
-    "samples of two hinges": (
-        'rate = { kind = "samples", file = "many.csv" }\n',
-        "many.csv: samples take two columns, time and value, not t, a, b",
-    ),
-    "samples without numbers": (
-        'rate = { kind = "samples", file = "bad.csv" }\n',
-        "bad.csv: line 3: rate is 'x', and must be a number",
-    ),
-}
-
-
-@pytest.mark.parametrize("body", ["frame", "pendulum1"])
-@pytest.mark.parametrize("name", HINGES)
-def test_hinges_that_cannot_be_are_refused(
-    load: Load, tmp_path: Path, name: str, body: str
-) -> None:
-    """With the body whose hinge it is."""
-    (tmp_path / "bad.csv").write_text("t,rate\n0,1\n1,x\n")
-    (tmp_path / "rpm.csv").write_text("t,rate\ns,rpm\n0,1\n5,2\n")
-    (tmp_path / "many.csv").write_text("t,a,b\n0,1,2\n5,2,3\n")
-    keys, words = HINGES[name]
-    tables = {"frame": FRAME + keys} if body == "frame" else {"rest": PENDULUM + BOB + keys}
-    message = refused(load, tables)
-    assert words in message
-    assert message.startswith(body)

@@ -14,7 +14,7 @@ import robotball as rb
 from robotball.files.scene_keys import page, tables_at, tables_in
 from robotball.files.scene_tables import SceneTable
 from tests.imports import PROJECT
-from tests.robotball.files.robot_tables import URDF
+from tests.robotball.files.scene_texts import URDF
 
 PAGE = PROJECT / "docs" / "scene.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.S)

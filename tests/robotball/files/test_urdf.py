@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball.files.foreign_bodies import solid_of_urdf
-from tests.robotball.files.robot_tables import PENDULUM, URDF, Load
+from tests.robotball.files.scene_texts import PENDULUM, URDF, Load
 
 
 def test_a_link_is_mujocos_body_of_the_same_file(tmp_path: Path) -> None:
@@ -38,36 +38,25 @@ def test_any_body_is_taken_from_a_file(load: Load, tmp_path: Path) -> None:
     np.testing.assert_allclose(moments, np.linalg.eigvalsh(arm.inertia), rtol=1e-13)
 
 
-BAD_URDF: dict[str, tuple[str, str]] = {
-    "no link": (URDF.replace('"arm"', '"leg"'), "no link is called 'arm'; there are base, leg"),
-    "one that moves": (
+REFUSED = {
+    "no link is called 'arm'; there are base, leg": URDF.replace('"arm"', '"leg"'),
+    "link 'arm' carries 'bob', which moves on it; take each as a body of its own":
         URDF.replace('"fixed"', '"continuous"'),
-        "link 'arm' carries 'bob', which moves on it; take each as a body of its own",
-    ),
-    "no XML": ("<robot>", "XML parse error"),
-    "no robot": ("<mujoco/>", "no URDF: its root is <mujoco>, not <robot>"),
-    "no number": (URDF.replace('"0.8"', '"heavy"'), "bad format in attribute 'value'"),
-    "a mass that is none": (
-        URDF.replace('"0.8"', '"nan"'),
-        "value takes finite numbers, not 'nan'",
-    ),
-    "no end": (URDF.replace('xyz="0.01', 'xyz="-inf'), "xyz takes finite numbers, not '-inf "),
-    "no mass": (URDF.replace('"0.8"', '"0"'), "link 'arm''s inertial has no mass: 0 kg"),
-    "a circle": (
-        URDF.replace('<child link="bob"/>', '<child link="arm"/>'),
-        "URDF body has multiple parents",
-    ),
-    "a far link": (
+    "XML parse error": "<robot>",
+    "no URDF: its root is <mujoco>, not <robot>": "<mujoco/>",
+    "bad format in attribute 'value'": URDF.replace('"0.8"', '"heavy"'),
+    "value takes finite numbers, not 'nan'": URDF.replace('"0.8"', '"nan"'),
+    "xyz takes finite numbers, not '-inf ": URDF.replace('xyz="0.01', 'xyz="-inf'),
+    "link 'arm''s inertial has no mass: 0 kg": URDF.replace('"0.8"', '"0"'),
+    "URDF body has multiple parents": URDF.replace('<child link="bob"/>', '<child link="arm"/>'),
+    "URDF joint parent or child missing":
         URDF.replace('<child link="bob"/>', '<child link="bab"/>'),
-        "URDF joint parent or child missing",
-    ),
-}
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", BAD_URDF)
-def test_a_urdf_file_that_cannot_be_used_is_refused(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(("words", "text"), REFUSED.items(), ids=REFUSED)
+def test_a_urdf_file_that_cannot_be_used_is_refused(tmp_path: Path, words: str, text: str) -> None:
     """In a line that names the file."""
-    text, words = BAD_URDF[name]
     path = tmp_path / "arm.urdf"
     path.write_text(text)
     with pytest.raises(rb.InputError, match=r"arm\.urdf: ") as caught:

@@ -10,7 +10,7 @@ import mujoco
 import pytest
 
 import robotball as rb
-from tests.validation.conftest import Robotball
+from tests.conftest import Robotball
 
 
 def test_scenes_lists_the_catalog(robotball: Robotball) -> None:
@@ -105,47 +105,6 @@ def test_design_prints_bodies_and_writes_a_scene_that_runs(robotball: Robotball)
     assert robotball("compare", path, "--duration", 1, "--no-plots")[0] == 0
 
 
-BAD_INPUT = {
-    "design fig12 --rotor-speed 0.01": r"rotor speed: at most 0\.01 rad/s is allowed",
-    "design wobbling_drive": r"wobbling_drive: the drives change in time",
-    "compare fig112": r"no scene is called 'fig112'; did you mean fig12",
-    "compare fig12 --preset balancd": r"no preset is called 'balancd'; did you mean balanced\?",
-    "compare fig12 --duration 0": r"duration must be positive and finite, not 0 s",
-    "compare fig12 --duration nan": r"duration must be positive and finite, not nan s",
-    "tradeoff fig12 --duration -1": r"duration must be positive and finite, not -1 s",
-    "tradeoff fig12 --friction --duration 0": r"duration must be positive and finite, not 0 s",
-    "ablation fig12 --duration 0": r"duration must be positive and finite, not 0 s",
-    "convergence fig12 --duration -1": r"duration must be positive and finite, not -1 s",
-    "extremes --random 2 --seed -1": r"seed must be at least 0, not -1",
-    "compare fig12 --duration soon": r"--duration.*'soon'",
-    "compare fig12 --duration 1 --duration 2": r"--duration is given 2 times: give it once",
-    "video fig12 --preset=fast --preset naive": r"--preset is given 2 times: give it once",
-    "basins fig12 --threads 0": r"threads must be at least 1, not 0",
-    "compare fig12 --durration 1": r"Unrecognized options: --durration",
-    "compare": r"compare needs a scene",
-    "compare fig12 --out /dev/null/x": r"/dev/null/x cannot be made",
-    "compare fig12 --json /dev/null/x/a.json": r"/dev/null/x cannot be made",
-    "compare fig12 --json .": r"\. cannot be written: it is a folder",
-    "compare nowhere.toml": r"nowhere\.toml: No such file",
-    "video fig112": r"no scene is called 'fig112'",
-    "model fig112": r"no scene is called 'fig112'",
-    "": r"Expected one of",
-    "roll": r"roll",
-}
-
-
-@pytest.mark.parametrize(("arguments", "words"), BAD_INPUT.items())
-def test_bad_input_is_one_line_and_writes_nothing(
-    robotball: Robotball, tmp_path: Path, arguments: str, words: str
-) -> None:
-    """Status 2, one clear line on standard error, no traceback, no file."""
-    status, out, err = robotball(*arguments.split())
-    assert (status, out) == (2, "")
-    assert re.fullmatch(r"robotball: .*\n", err)
-    assert re.search(words, err)
-    assert list(tmp_path.iterdir()) == []
-
-
 # A weight that turns so fast that it lifts the ball.
 LIFTING_OFF = replace(rb.load_scene("pendulum_robot"), motors=(), frame_rate=25.0)
 
@@ -221,24 +180,3 @@ def test_an_old_result_stays_whole_when_writing_fails(
     assert "a.json cannot be written: No space left on device" in err
     assert old.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (f"compare fig12 --json {'n' * 256}", "File name too long"),
-        (f"compare fig12 --out {'n' * 256}", "File name too long"),
-        (f"compare {'n' * 256}.toml", "File name too long"),
-        ("replay .", "Is a directory"),
-        ("tradeoff fig12 --quick --out t", r"t/fig12-tradeoff.jsonl"),
-    ],
-)
-def test_what_the_system_refuses_is_one_line_too(
-    robotball: Robotball, tmp_path: Path, arguments: str, words: str
-) -> None:
-    """Status 2: 1 says that the motions do not agree."""
-    (tmp_path / "t" / "fig12-tradeoff.jsonl").mkdir(parents=True)
-    status, _, err = robotball(*arguments.split())
-    assert status == 2
-    assert words in err
-    assert err.count("\n") == 1

@@ -12,49 +12,39 @@ from pathlib import Path
 import pytest
 
 import robotball as rb
-from validation.cli import COMMANDS, main
+from tests.conftest import Robotball
+from tests.validation.examples import example
+from validation.cli import COMMANDS
 from validation.studies.ablation import CHOICES
 from validation.studies.extreme_maps import MAPS
 from validation.studies.portrait_maps import PLANES
 
 
-def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
-    """Exit status and standard output of the command in this process."""
-    with pytest.raises(SystemExit) as leaving:
-        main(arguments)
-    return int(leaving.value.code or 0), capsys.readouterr().out
-
-
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_commands_help_has_an_example_of_it(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_commands_help_has_an_example_of_it(name: str, robotball: Robotball) -> None:
     """One line, after what the command does."""
-    status, out = said(capsys, name, "--help")
+    status, out, _ = robotball(name, "--help")
     assert status == 0
-    (example,) = re.findall(r"^Example: (.*)$", out, flags=re.MULTILINE)
-    assert f"robotball {name}" in example
+    assert re.findall(r"^Example: (.*)$", out, flags=re.MULTILINE) == [f"robotball {example(name)}"]
+    assert name in example(name).split()
 
 
 # Which of the parts of an example may say that the motions do not agree.
-NAIVE = "robotball compare fig12 --preset naive"
+NAIVE = "compare fig12 --preset naive"
+
+
+# Those of the studies' tests, which run their examples with `--duration`, `--json` and the like.
+BY_THEIR_STUDY = {"convergence", "portraits", "tradeoff"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", COMMANDS)
-def test_the_example_runs_as_it_is_printed(
-    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("name", sorted({*COMMANDS} - BY_THEIR_STUDY))
+def test_the_example_runs_as_it_is_printed(name: str, robotball: Robotball) -> None:
     """In an empty folder, with status 0; a film needs an off-screen OpenGL."""
     if name == "video":
         pytest.importorskip("mediapy")
-    monkeypatch.chdir(tmp_path)
-    _, out = said(capsys, name, "--help")
-    (example,) = re.findall(r"^Example: (.*)$", out, flags=re.MULTILINE)
-    for command in example.split("; "):
-        program, *arguments = shlex.split(command)
-        assert program == "robotball"
-        assert said(capsys, *arguments)[0] == (1 if command == NAIVE else 0), command
+    for command in example(name).split("; robotball "):
+        assert robotball(*shlex.split(command))[0] == (1 if command == NAIVE else 0), command
 
 
 VALUES: dict[str, Sequence[str]] = {
@@ -70,12 +60,10 @@ VALUES: dict[str, Sequence[str]] = {
 
 
 @pytest.mark.parametrize("option", VALUES)
-def test_the_help_lists_the_values_that_an_option_takes(
-    option: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_help_lists_the_values_that_an_option_takes(option: str, robotball: Robotball) -> None:
     """All of them, beside it."""
     command, name = option.split(" ")
-    out = said(capsys, command, "--help")[1]
+    out = robotball(command, "--help")[1]
     beside = re.search(rf"^  {re.escape(name)}(.*?)(^  -|^ +$)", out, re.MULTILINE | re.DOTALL)
     assert beside is not None
     words = beside[1]
@@ -83,16 +71,16 @@ def test_the_help_lists_the_values_that_an_option_takes(
         assert re.search(rf"\b{value}\b", words), value
 
 
-def test_the_commands_are_listed_with_a_sentence_each(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_commands_are_listed_with_a_sentence_each(robotball: Robotball) -> None:
     """And not with their examples, or with what is said further down."""
-    out = said(capsys, "--help")[1]
+    out = robotball("--help")[1]
     assert all(f"• {name}" in out for name in COMMANDS)
     assert out.count("Example:") == 1
 
 
-def test_the_version_is_robotballs_and_the_engines(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_version_is_robotballs_and_the_engines(robotball: Robotball) -> None:
     """On one line, as a report of an error needs them."""
-    status, out = said(capsys, "--version")
+    status, out, _ = robotball("--version")
     assert status == 0
     assert re.fullmatch(
         rf"robotball {version('robotball')} \(.*mujoco {version('mujoco')}.*\n", out
@@ -114,35 +102,19 @@ def test_python_runs_the_package_as_the_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])
-def test_a_shell_can_complete_commands_and_options(
-    shell: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_shell_can_complete_commands_and_options(shell: str, robotball: Robotball) -> None:
     """By what `--tyro-print-completion` prints."""
-    status, out = said(capsys, "--tyro-print-completion", shell)
+    status, out, _ = robotball("--tyro-print-completion", shell)
     assert status == 0
     assert all(word in out for word in (*COMMANDS, "--preset", "--accuracy"))
 
 
-def test_an_unknown_command_is_told_its_neighbour(capsys: pytest.CaptureFixture[str]) -> None:
-    """Status 2, one line."""
-    with pytest.raises(SystemExit) as leaving:
-        main(["compair", "fig12"])
-    assert leaving.value.code == 2
-    assert capsys.readouterr().err == (
-        "robotball: no command is called 'compair'; did you mean compare?\n"
-    )
-
-
 @pytest.mark.parametrize("command", ["scenes", "engines", "equilibria fig06 --longest 0"])
 def test_a_table_is_whole_and_without_a_box(
-    command: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    command: str, robotball: Robotball, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In a terminal of forty columns: nothing is cut, and copied text has no lines in it."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "40")
-    status, out = said(capsys, *command.split())
+    status, out, _ = robotball(*command.split())
     assert status == 0
     assert not re.search("[…│┃┏└]", out)

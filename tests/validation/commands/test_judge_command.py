@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from tests.validation.conftest import Robotball
+from tests.conftest import Robotball
 
 
 @pytest.fixture
@@ -64,33 +64,3 @@ def test_units_and_a_byte_order_mark_are_told(robotball: Robotball, right: Path)
     assert status == 0
     assert "\n  it begins with a byte order mark, which is skipped\n" in out
     assert "\n  x, y: in mm, as the file says, and taken so\n" in out
-
-
-BAD = {
-    "judge fig12": "judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz",
-    "judge fig12 nowhere.csv": r"nowhere\.csv: No such file",
-    "judge fig12 a.csv": r"a\.csv: the columns y,qw,qx,qy,qz are missing; there are t, x",
-    "judge fig112 a.csv": "no scene is called 'fig112'; did you mean fig12",
-    "judge fig12 right.csv --timestep soon": "a timestep must be a number of seconds, not 'soon'",
-    "judge fig12 right.csv --timestep 0": "timestep must be positive and finite, not 0 s",
-    "judge fig12 right.csv --timestep 0.1,0.2": "each file needs its timestep: 1, not 2",
-    "judge fig12 right.csv --tolerance -1": "tolerance must be positive",
-    "judge fig12 right.csv --json .": r"\. cannot be written: it is a folder",
-    "export fig112": "no scene is called 'fig112'",
-    "export fig12 --to a.csv": r"a\.csv cannot be made",
-    "export fig12 --duration 0": "duration must be positive and finite, not 0 s",
-}
-
-
-@pytest.mark.parametrize(("arguments", "words"), BAD.items())
-def test_bad_input_is_one_line(
-    robotball: Robotball, right: Path, arguments: str, words: str
-) -> None:
-    """Status 2, one line on standard error, nothing written."""
-    (right.parent / "a.csv").write_text("t,x\n0,1\n")
-    before = sorted(right.parent.iterdir())
-    status, out, err = robotball(*arguments.split())
-    assert (status, out) == (2, "")
-    assert re.fullmatch(r"robotball: .*\n", err)
-    assert re.search(words, err)
-    assert sorted(right.parent.iterdir()) == before

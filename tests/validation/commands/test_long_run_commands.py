@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.validation.conftest import Robotball
+from tests.conftest import Robotball
 
 COMMANDS = {
     "section fig12 --count 40 --preset fast --json a.json": (
@@ -50,46 +50,3 @@ def test_the_commands_say_it_and_write_it(
     assert re.search(words, out)
     record = json.loads((tmp_path / "a.json").read_text())
     assert record["versions"]["mujoco"]
-
-
-BAD_INPUT = {
-    "figures 2": r"no figure 2 to draw; there are 3 to 14, and tori",
-    "figures ten": r"no figure ten to draw",
-    "section fig12 --count 0": r"count must be at least 1, not 0",
-    "section fig12 --preset fastt": r"no preset is called 'fastt'",
-    "section fig12 --preset naive --count 2": r"MuJoCo's run is no result",
-    "lyapunov fig12 --starts 0": r"starts must be at least 1, not 0",
-    "lyapunov fig12 --duration -1": r"duration and transient must be positive",
-    "basins fig12 --starts 1": r"starts must be at least 2, not 1",
-    # Each scene that a command is not for is told the one that is.
-    **{
-        f"{command} wobbling_drive": (
-            r"its drives change in time, and an? \w+ needs constant rates; "
-            r"'robotball compare wobbling_drive' shows its motion"
-        )
-        for command in ("equilibria", "section", "lyapunov", "basins")
-    },
-    **{
-        f"{command} fig06": (
-            r"fig06 starts from rest, and an? \w+ needs a momentum M other than zero; "
-            r"'robotball equilibria fig06' shows the motion from rest"
-        )
-        for command in ("section", "lyapunov", "basins")
-    },
-    "basins chaplygin_ball": r"does not turn .* no attractors; 'robotball section chaplygin_ball'",
-    "equilibria rubber_chaplygin_ball": (
-        r"the ball rests at every γ; 'robotball section rubber_chaplygin_ball' shows how it rolls"
-    ),
-}
-
-
-@pytest.mark.parametrize(("arguments", "words"), BAD_INPUT.items())
-def test_what_they_cannot_use_is_one_line(
-    robotball: Robotball,
-    arguments: str,
-    words: str,
-) -> None:
-    """Status 2 and one clear line, no traceback."""
-    status, _, err = robotball(*arguments.split())
-    assert status == 2
-    assert re.search(rf"robotball: .*{words}.*\n$", err)

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import robotball as rb
-from validation.cli import main
+from tests.conftest import Robotball
 from validation.output import in_picture, write_rows
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -21,7 +21,7 @@ SHORT = ("--duration", "0.2", "--no-plots")
 
 
 @pytest.fixture
-def robotball(tmp_path: Path) -> Run:
+def shell(tmp_path: Path) -> Run:
     """Runs the command as a process of its own in an empty folder."""
 
     def run(*arguments: str, **environment: str) -> "subprocess.CompletedProcess[str]":
@@ -37,69 +37,36 @@ def robotball(tmp_path: Path) -> Run:
     return run
 
 
-def here(*arguments: str) -> int:
-    """The exit status of the command in this process."""
-    with pytest.raises(SystemExit) as leaving:
-        main(arguments)
-    assert isinstance(leaving.value.code, int)
-    return leaving.value.code
-
-
 @pytest.mark.slow
-def test_a_dash_is_standard_output(robotball: Run, tmp_path: Path) -> None:
+def test_a_dash_is_standard_output(shell: Run, tmp_path: Path) -> None:
     """It holds the result alone, whole; the table goes to standard error, and no file is left."""
-    done = robotball("compare", "fig12", *SHORT, "--json", "-")
+    done = shell("compare", "fig12", *SHORT, "--json", "-")
     assert done.returncode == 0
     assert [each["scene"] for each in json.loads(done.stdout)] == ["fig12"]
     assert "agrees" in done.stderr
-    done = robotball("compare", "fig12", *SHORT, "--csv", "-")
+    done = shell("compare", "fig12", *SHORT, "--csv", "-")
     assert done.stdout.startswith("scene,rolling,")
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("compare fig12 --json - --csv -", "standard output takes one result"),
-        ("compare fig12 --out -", "the output folder must be a folder"),
-        (
-            "compare fig12 --preset naive fast",
-            "options: fast; names stand together, and values of one option have com",
-        ),
-        ("compare fig12 fast", "'fast' is a preset and no scene: write --preset fast"),
-    ],
-)
-def test_what_is_meant_otherwise_is_said(
-    arguments: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Status 2, in one line."""
-    assert here(*arguments.split()) == 2
-    err = capsys.readouterr().err
-    assert words in err
-    assert err.count("\n") == 1
 
 
 @pytest.mark.parametrize(
     "presets", ["--preset naive --preset fast", "--preset naive,fast", "--preset=naive,fast,"]
 )
 def test_every_preset_counts_and_takes_no_scene(
-    presets: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    presets: str, robotball: Robotball, tmp_path: Path
 ) -> None:
     """Given twice or with a comma, before the scene."""
-    data = tmp_path / "a.json"
-    out = ("--out", str(tmp_path), "--json", str(data))
-    assert here("compare", *presets.split(), "fig12", *SHORT, *out) == 1
-    assert [each["preset"] for each in json.loads(data.read_text())] == ["naive", "fast"]
+    status, _, _ = robotball("compare", *presets.split(), "fig12", *SHORT, "--json", "a.json")
+    assert status == 1
+    records = json.loads((tmp_path / "a.json").read_text())
+    assert [each["preset"] for each in records] == ["naive", "fast"]
 
 
 @pytest.mark.slow
-def test_pictures_of_different_settings_have_different_names(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pictures_of_different_settings_have_different_names(robotball: Robotball) -> None:
     """By scene, engine, preset or accuracy, and a duration that is not the scene's own."""
-    monkeypatch.chdir(tmp_path)
     for options in ("", "--preset fast", "--preset fast,balanced", "--accuracy 1e-5"):
-        assert here("compare", "fig12", "--duration", "0.2", *options.split()) == 0
+        assert robotball("compare", "fig12", "--duration", 0.2, *options.split())[0] == 0
     assert sorted(path.name for path in Path("out").glob("*-path.png")) == [
         f"fig12-mujoco-{settings}-0.2s-path.png"
         for settings in ("balanced", "fast", "fast-balanced", "to-1e-05")
@@ -107,17 +74,14 @@ def test_pictures_of_different_settings_have_different_names(
 
 
 @pytest.mark.slow
-def test_scenes_of_one_name_are_told_apart(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_scenes_of_one_name_are_told_apart(robotball: Robotball) -> None:
     """By their folders, in table, files and pictures; the same scene twice is run once."""
-    monkeypatch.chdir(tmp_path)
     for folder, of in (("a", "fig13"), ("b", "fig14"), ("far/b", "fig12")):
         path = Path(folder, "fig12.toml")
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(rb.scene_toml(rb.load_scene(of)))
     paths = ("a/fig12.toml", "fig12", "b/fig12.toml", "./a/fig12.toml", "far/b/fig12.toml", "fig12")
-    assert here("compare", *paths, "--duration", "0.1", "--csv", "a.csv") == 0
+    assert robotball("compare", *paths, "--duration", 0.1, "--csv", "a.csv")[0] == 0
     names = ["a-fig12", "fig12", "b-fig12", "b-fig12-2"]
     rows = Path("a.csv").read_text().splitlines()[1:]
     assert [row.partition(",")[0] for row in rows] == names
@@ -180,13 +144,13 @@ NO_OPENGL = "robotball: no off-screen GL with MUJOCO_GL=osmesa; unset it, or nam
 @pytest.mark.slow
 @pytest.mark.parametrize("arguments", ["compare fig12", "engines"])
 def test_an_opengl_that_is_not_there_is_one_line(
-    robotball: Run, tmp_path: Path, arguments: str
+    shell: Run, tmp_path: Path, arguments: str
 ) -> None:
     """MuJoCo's import ends in an AttributeError of PyOpenGL's where OSMesa's library is missing."""
     (tmp_path / "OpenGL").mkdir()
     (tmp_path / "OpenGL" / "__init__.py").write_text("raise AttributeError('glGetError')")
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    done = robotball(*arguments.split(), MUJOCO_GL="osmesa", PYTHONPATH=path)
+    done = shell(*arguments.split(), MUJOCO_GL="osmesa", PYTHONPATH=path)
     assert done.returncode == 2
     assert done.stderr.startswith(NO_OPENGL)
     assert done.stderr.count("\n") == 1
@@ -206,21 +170,21 @@ ODD = "$5 and $6 [/b] [red] \\"
 
 
 @pytest.mark.slow
-def test_a_users_text_is_shown_as_it_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_users_text_is_shown_as_it_is(robotball: Robotball) -> None:
     """Neither a formula in a picture nor a style in the terminal: title, file's name, settings."""
-    monkeypatch.chdir(tmp_path)
     scene = replace(rb.load_scene("fig12"), title=ODD)
     name = "x$_{$[red]"
     Path(f"{name}.toml").write_text(rb.scene_toml(scene))
-    assert here("compare", f"{name}.toml", "--preset", "naive", "--duration", "0.1") == 1
-    assert name in capsys.readouterr().out
+    naive = ("--preset", "naive", "--duration", 0.1)
+    status, out, _ = robotball("compare", f"{name}.toml", *naive)
+    assert status == 1
+    assert name in out
     window = next(Path("out").glob("*-fault.json"))
     assert window.name == f"{name}-mujoco-naive-fault.json"
     window.write_text(window.read_text().replace("hinge rate", "hinge [/rate]"))
-    assert here("replay", str(window)) == 0
-    assert f"{name}, naive: hinge [/rate]" in capsys.readouterr().out
+    status, out, _ = robotball("replay", window)
+    assert status == 0
+    assert f"{name}, naive: hinge [/rate]" in out
 
 
 def test_a_picture_has_a_titles_dollars() -> None:
@@ -239,15 +203,15 @@ def test_a_picture_has_a_titles_dollars() -> None:
     ids=["Latin-1", "ASCII"],
 )
 def test_a_locale_without_greek_letters_shows_something_else(
-    robotball: Run, tmp_path: Path, locale: dict[str, str]
+    shell: Run, tmp_path: Path, locale: dict[str, str]
 ) -> None:
     """What is printed has `?` for γ; files are the same everywhere, in UTF-8."""
     scene = replace(rb.load_scene("fig12"), title="γ")
     (tmp_path / "greek.toml").write_bytes(rb.scene_toml(scene).encode())
     files = ("--json", "a.json", "--csv", "a.csv")
-    done = robotball("compare", "greek.toml", "--duration", "0.1", *files, **locale)
+    done = shell("compare", "greek.toml", "--duration", "0.1", *files, **locale)
     assert (done.returncode, done.stderr) == (0, "")
     assert "? error" in done.stdout
-    assert "γ" in robotball("design", "greek.toml", **locale).stdout + (
+    assert "γ" in shell("design", "greek.toml", **locale).stdout + (
         tmp_path / "out" / "greek_designed.toml"
     ).read_text(encoding="utf-8")

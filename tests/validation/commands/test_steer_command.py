@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from tests.validation.conftest import Robotball
+from tests.conftest import Robotball
 
 HALF = ("three_rotors", "--path", "circle", "--size", 0.5, "--turns", 0.25, "--duration", 2)
 
@@ -37,22 +37,3 @@ def test_what_the_robot_lacks_is_said(robotball: Robotball) -> None:
     status, out, _ = robotball("steer", *HALF, "--rate-limit", 1)
     assert status == 1
     assert re.search(r"^cannot: .*rad/s", out, re.MULTILINE)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("three_rotors", "--through", "1,0 1"), "points are pairs like \"1,0 1,1\", not '1,0 1'"),
-        (("three_rotors", "--path", "circle", "--turns", "0"), "turns must not be 0"),
-        (("three_rotors", "--size", "0"), "the line's length must be"),
-        (("chaplygin_ball",), "to roll anywhere takes two"),
-    ],
-)
-def test_what_cannot_be_steered_is_refused_in_a_line(
-    robotball: Robotball, arguments: tuple[str, ...], words: str
-) -> None:
-    """Status 2, and what to do."""
-    status, _, error = robotball("steer", *arguments)
-    assert status == 2
-    assert words in error
-    assert error.count("\n") == 1

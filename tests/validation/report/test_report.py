@@ -9,7 +9,7 @@ import pytest
 
 import robotball as rb
 from tests.browser import needs_browser, opened
-from tests.validation.conftest import Robotball
+from tests.conftest import Robotball
 from validation import Agreement, compare
 from validation.report.scene_report import friction_words, report, sentence
 from validation.report.study_report import study_report
@@ -179,36 +179,6 @@ def test_half_a_character_is_shown_as_another(robotball: Robotball, tmp_path: Pa
     (tmp_path / "s.json").write_text('{"versions": {}, "title": "half \\ud800"}')
     assert robotball("report", "s.json")[0] == 0
     assert "half ?" in (tmp_path / "out" / "s-report.html").read_text()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("report", "report needs a scene, or the JSON file of a study"),
-        ("report a.json fig12", "one study's JSON file at a time"),
-        ("report a.json", "a.json: No such file"),
-        ("report b.json", "b.json is no JSON"),
-        ("report c.json", "c.json is no record of a study"),
-        ("report d.json", "d.json is no record of a study"),
-        ("report e.json", "e.json is no JSON"),
-        ("report fig112", "no scene is called 'fig112'"),
-    ],
-)
-def test_what_a_report_cannot_use_is_one_line(
-    robotball: Robotball,
-    tmp_path: Path,
-    arguments: str,
-    words: str,
-) -> None:
-    """Status 2."""
-    (tmp_path / "b.json").write_text("{")
-    (tmp_path / "c.json").write_text("{}")
-    (tmp_path / "d.json").write_text('{"versions": 1}')
-    (tmp_path / "e.json").write_text('{"versions": {}, "a": ' + "[" * 200_000 + "]" * 200_000 + "}")
-    status, _, err = robotball(*arguments.split())
-    assert status == 2
-    assert words in err
-    assert err.count("\n") == 1
 
 
 @pytest.mark.slow

@@ -11,8 +11,8 @@ import pytest
 import robotball as rb
 from robotball import Settings
 from robotball.engines.mujoco.settings import NAIVE
+from tests.conftest import Robotball
 from validation import Agreement, compare
-from validation.cli import parse
 from validation.studies.ablation import (
     BOTTOM,
     CHOICES,
@@ -154,14 +154,11 @@ def test_the_ablation_reports_every_variant() -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_table_picture_and_records(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
     """`ablation --quick`: both tables on the terminal; JSON, CSV and a picture on disk."""
     arguments = ["ablation", "classical_regular", "--quick", "--duration", "0.5"]
-    arguments += ["--out", str(tmp_path), "--json", str(tmp_path / "a.json")]
-    assert parse([*arguments, "--csv", str(tmp_path / "a.csv")]).run() == 0
-    printed = capsys.readouterr().out
+    status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json", "--csv", "a.csv")
+    assert status == 0
     assert all(f"{sign} {name}" in printed for name in NAMES for sign in "+-")
     record = json.loads((tmp_path / "a.json").read_text())
     assert [variant["choice"] for variant in record["variants"]] == [

@@ -11,10 +11,11 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco.settings import Prescribed
-from validation.cli import parse
+from tests.conftest import Robotball
+from tests.validation.examples import example
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
-from validation.studies.convergence import FIXED, ORDERS, Runs, measure_convergence
+from validation.studies.convergence import FIXED, ORDERS, Order, Runs, measure_convergence
 
 BOTH = ("fig12", "classical_regular")
 SOFT = ("softness", "noslip")
@@ -41,13 +42,19 @@ def measured(scene: str, settings: rb.Settings) -> Runs:
     return measure_convergence(rb.load_scene(scene), settings, rb.sample_times(1.0), 6)
 
 
+def own_order(found: Runs, name: str) -> Order:
+    """The order against the contact model's own limit, which there must be."""
+    order = found.order(name, "own")
+    assert order is not None
+    return order
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", BOTH)
 @pytest.mark.parametrize("name", ORDERS)
 def test_every_integrator_has_the_order_that_is_claimed(scene: str, name: str) -> None:
     """Against the contact model's own limit, over all steps of a power law."""
-    order = study(scene).order(name, "own")
-    assert order is not None
+    order = own_order(study(scene), name)
     assert abs(order.order - ORDERS[name]) < BOUNDS[name]
     assert order.points >= 4
     assert order.stderr < 0.25  # measured 0.159 at most, DOP853's
@@ -56,8 +63,7 @@ def test_every_integrator_has_the_order_that_is_claimed(scene: str, name: str) -
 @pytest.mark.parametrize("scene", BOTH)
 def test_the_error_of_an_adaptive_run_follows_its_tolerance(scene: str) -> None:
     """Nearly in proportion: measured as the powers 0.87 and 0.90."""
-    order = study(scene).order("DOP853", "own")
-    assert order is not None
+    order = own_order(study(scene), "DOP853")
     assert 0.8 < order.order < 1.1
 
 
@@ -80,18 +86,14 @@ def test_a_soft_contact_has_a_limit_of_its_own() -> None:
     model_error = found.limit.model_error
     assert model_error == pytest.approx(3.77e-3, rel=0.05)
     assert found.limit.known_to < 1e-12  # measured 7.5e-15
-    order = found.order("RK4", "own")
-    assert order is not None
-    assert order.order == pytest.approx(4, abs=0.2)  # measured 4.07
+    assert own_order(found, "RK4").order == pytest.approx(4, abs=0.2)  # measured 4.07
     assert found.order("RK4", "equations") is None
     assert found.stalled_at("RK4", "equations") == pytest.approx(model_error, rel=1e-3)
     finest = found.by_name["RK4"][-1].own
     assert finest is not None
     assert finest < 5e-9 * model_error  # measured 5.7e-12 / 3.8e-3
     # Euler's error falls through the model's: measured 1.00, and a stall at 2.0e-3.
-    order = found.order("Euler", "own")
-    assert order is not None
-    assert order.order == pytest.approx(1, abs=0.05)
+    assert own_order(found, "Euler").order == pytest.approx(1, abs=0.05)
     assert found.stalled_at("Euler", "equations") is not None
 
 
@@ -100,9 +102,7 @@ def test_a_light_armature_is_an_error_of_the_model() -> None:
     found = measured("fig12", replace(TOP, drive=Prescribed(armature=1e4)))
     # Measured 1.10e-4 over 1 s: torque over armature.
     assert found.limit.model_error == pytest.approx(1.1e-4, rel=0.1)
-    order = found.order("RK4", "own")
-    assert order is not None
-    assert order.order == pytest.approx(4, abs=0.2)  # measured 4.05
+    assert own_order(found, "RK4").order == pytest.approx(4, abs=0.2)  # measured 4.05
     assert found.order("RK4", "equations") is None
 
 
@@ -115,9 +115,7 @@ def test_a_start_out_of_equilibrium_is_an_error_of_the_integrator(scene: str) ->
     found = study(scene, "start")
     # Measured 5.6e-7 and 4.7e-7 of the path, of errors up to 5e-2 at finite steps.
     assert found.limit.model_error < 2e-6
-    order = found.order("RK4", "own")
-    assert order is not None
-    assert order.order == pytest.approx(1, abs=0.1)  # measured 0.984 and 1.000
+    assert own_order(found, "RK4").order == pytest.approx(1, abs=0.1)  # measured 0.984 and 1.000
 
 
 @pytest.mark.parametrize("name", ["Euler", "RK4"])
@@ -150,23 +148,20 @@ def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.slow
-def test_the_command_writes_table_picture_and_records(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
     """`convergence --quick`: orders on the terminal; JSON, CSV and a picture on disk."""
-    arguments = ["convergence", "fig12", "--quick", "--duration", "0.5", "--without", "noslip"]
-    arguments += ["--out", str(tmp_path), "--json", str(tmp_path / "a.json")]
-    assert parse([*arguments, "--csv", str(tmp_path / "a.csv")]).run() == 0
-    printed = capsys.readouterr().out
-    assert "fig12, accurate - noslip: the own limit is" in printed
+    arguments = [*example("convergence").split(), "--duration", "0.5"]
+    status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json", "--csv", "a.csv")
+    assert status == 0
+    assert "fig12, accurate - softness - noslip: the own limit is" in printed
     record = json.loads((tmp_path / "a.json").read_text())
     assert set(record["orders"]) == {*ORDERS, "DOP853"}
     assert record["orders"]["RK4"]["own"]["order"]["order"] == pytest.approx(4, abs=0.3)
-    assert record["settings"]["name"] == "accurate - noslip"
+    assert record["settings"]["name"] == "accurate - softness - noslip"
     with (tmp_path / "a.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(record["runs"])
     errors = np.array([float(row["own_error"]) for row in rows if row["integrator"] == "Euler"])
     assert np.all(np.diff(errors) < 0)
-    picture = tmp_path / "fig12-mujoco-accurate-noslip-convergence-0.5s-quick.png"
+    picture = tmp_path / "fig12-mujoco-accurate-softness-noslip-convergence-0.5s-quick.png"
     assert picture.read_bytes()[:4] == b"\x89PNG"

@@ -13,8 +13,8 @@ import pytest
 import robotball as rb
 from robotball import FaultKind
 from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS
+from tests.conftest import Robotball
 from validation import compare
-from validation.cli import main
 from validation.studies.extreme_maps import (
     MAPS,
     QUICK,
@@ -163,30 +163,30 @@ def test_a_cell_ends_as_it_should(where: dict[str, Any], outcome: Outcome) -> No
     assert not missed(Result(where, record, None))
 
 
+def result(outcome: str, error: float | None, **told: Any) -> Result:
+    """A cell's record, with neither a warning before the run nor a fault during it unless given."""
+    errors = {"path_error": error, "momentum_error": None if error is None else 0.0}
+    return Result({}, {"outcome": outcome, "foretold": [], "faults": [], **errors, **told}, None)
+
+
 def test_a_wrong_run_that_nobody_saw_is_missed() -> None:
     """A warning before it or a fault during it is enough; a small error needs neither."""
-    wrong = {"outcome": "WRONG", "path_error": 0.2, "momentum_error": 0.0, "faults": []}
-    assert missed(Result({}, {**wrong, "foretold": []}, None))
-    assert not missed(Result({}, {**wrong, "foretold": ["rotation"]}, None))
-    assert not missed(Result({}, {**wrong, "foretold": [], "faults": ["M off"]}, None))
-    assert not missed(Result({}, {**wrong, "foretold": [], "path_error": 0.05}, None))
+    assert missed(result("WRONG", 0.2))
+    assert not missed(result("WRONG", 0.2, foretold=["rotation"]))
+    assert not missed(result("WRONG", 0.2, faults=["M off"]))
+    assert not missed(result("WRONG", 0.05))
 
 
 def test_the_totals_say_who_told_of_what_was_wrong() -> None:
     """Of seven runs: two sound, one of them warned of, four wrong, each told of in its own way."""
-
-    def result(outcome: str, error: float | None, foretold: bool, faults: bool) -> Result:
-        errors = {"path_error": error, "momentum_error": error}
-        told = {"foretold": ["rotation"] * foretold, "faults": ["M off"] * faults}
-        return Result({}, {"outcome": outcome, **errors, **told}, None)
-
+    foretold, faults = {"foretold": ["rotation"]}, {"faults": ["M off"]}
     runs = [
-        result("ACCURATE", 0.0, False, False),
-        result("ACCURATE", 1e-4, True, False),
-        result("WRONG", 0.2, True, True),
-        result("DIVERGED", None, False, True),
-        result("UNFINISHED", None, True, False),
-        result("SLIPPED", 5.0, False, False),
+        result("ACCURATE", 0.0),
+        result("ACCURATE", 1e-4, **foretold),
+        result("WRONG", 0.2, **foretold, **faults),
+        result("DIVERGED", None, **faults),
+        result("UNFINISHED", None, **foretold),
+        result("SLIPPED", 5.0),
         Result({}, {"outcome": "REFUSED", "refusal": "no such ball"}, None),
     ]
     assert totals(runs) == {
@@ -197,12 +197,10 @@ def test_the_totals_say_who_told_of_what_was_wrong() -> None:
 
 def test_a_limit_is_measured_between_the_last_sound_and_the_first_broken_cell() -> None:
     """In parts of the limit; only cells that no other limit is nearer to can be broken by it."""
-
-    def result(nearness: float, other: float, error: float) -> Result:
-        numbers = {"path_error": error, "momentum_error": 0.0, "faults": []}
-        return Result({}, {**numbers, "nearness": {"limit": nearness, "other": other}}, None)
-
-    cells = [result(0.5, 0, 1e-9), result(0.9, 0, 1e-9), result(1.2, 0, 0.5), result(0.1, 0.2, 0.5)]
+    cells = [
+        result("", error, nearness={"limit": limit, "other": other})
+        for limit, other, error in ((0.5, 0, 1e-9), (0.9, 0, 1e-9), (1.2, 0, 0.5), (0.1, 0.2, 0.5))
+    ]
     (limit,) = measured_limits(cells)
     assert (limit.name, limit.kept, limit.broken, limit.cells) == ("limit", 0.9, 1.2, 1)
 
@@ -247,17 +245,15 @@ def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> 
 
 @pytest.mark.slow
 def test_the_command_draws_a_map_and_goes_on_where_it_was(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, robotball: Robotball, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A picture, the table of its cells and the summary; the second time nothing is run again."""
     monkeypatch.setattr("validation.studies.extremes.QUICK", Cut(("Euler", "RK4"), 2))
-    arguments = ["extremes", "friction", "--quick", "--workers", "1", "--out", str(tmp_path)]
+    arguments = ["extremes", "friction", "--quick", "--workers", 1, "--out", "."]
     for _ in range(2):
-        with pytest.raises(SystemExit) as leaving:
-            main([*arguments, "--json", str(tmp_path / "summary.json")])
-        assert leaving.value.code == 0
-    printed = capsys.readouterr().out
-    assert "sliding_friction" in printed
+        status, printed, _ = robotball(*arguments, "--json", "summary.json")
+        assert status == 0
+        assert "sliding_friction" in printed
     assert (tmp_path / "extremes-friction-quick.png").stat().st_size > 10_000
     rows = list(csv.DictReader((tmp_path / "extremes-friction-quick.csv").open()))
     assert len(rows) == 16
@@ -275,11 +271,3 @@ def test_every_random_run_can_be_made() -> None:
         for run in (extreme(0, number), ordinary(0, number)):
             assert run.scene.not_reduced is None
             assert len(run.times) == 101
-
-
-def test_an_unknown_map_is_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """It names the maps there are."""
-    with pytest.raises(SystemExit) as leaving:
-        main(["extremes", "zzzz"])
-    assert leaving.value.code == 2
-    assert "no map is called 'zzzz'; there are momentum, frame" in capsys.readouterr().err

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import robotball as rb
-from tests.validation.studies.test_tradeoff import tradeoff
+from tests.conftest import Robotball
 from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL, friction_cells, friction_run
 from validation.study import scene_cell
 
@@ -88,10 +88,10 @@ def test_the_study_spans_six_decades() -> None:
 
 
 @pytest.mark.slow
-def test_the_quick_study_writes_its_files(tmp_path: Path) -> None:
+def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
     """A picture of two panels, a table and the data of every run."""
-    arguments = ("fig12", "--friction", "--quick", "--duration", "0.2", "--out", str(tmp_path))
-    assert tradeoff(*arguments) == 0
+    arguments = ("tradeoff", "fig12", "--friction", "--quick", "--duration", 0.2, "--out", ".")
+    assert robotball(*arguments)[0] == 0
     stem = "fig12-mujoco-friction-0.2s-quick"
     names = {f"{stem}{kind}" for kind in (".png", ".json", ".csv")}
     assert {path.name for path in tmp_path.iterdir()} == names | {"fig12-friction.jsonl"}

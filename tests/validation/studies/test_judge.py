@@ -30,11 +30,19 @@ def judged(scene: rb.Scene, trajectory: rb.Trajectory) -> FileJudgement:
     return judge(scene, trajectory).files[0]
 
 
+def bare(
+    motion: rb.Motion, height: float = np.nan, rows: Any = slice(None), **others: Array
+) -> rb.Trajectory:
+    """Times, path and attitude of a motion, or of some of its rows, without its rates."""
+    position = np.column_stack([motion.contact_point, np.full(len(motion.times), height)])
+    told = motion.times[rows], position[rows], motion.attitude[rows]
+    return rb.Trajectory("a", *told, others=others or None)
+
+
 def exact(scene: rb.Scene, end: float = END, rows: int = 500) -> rb.Trajectory:
     """The equations' own, in a row more than so many."""
     motion = rb.integrate(scene, np.linspace(0, end, rows + 1))
-    position = np.column_stack([motion.contact_point, np.full(rows + 1, scene.ball.radius)])
-    return rb.Trajectory("a", motion.times, position, motion.attitude, motion.angular_velocity)
+    return replace(bare(motion, scene.ball.radius), angular_velocity=motion.angular_velocity)
 
 
 def run(scene: rb.Scene, timestep: float = 0.005) -> rb.Trajectory:
@@ -217,8 +225,7 @@ def test_a_shift_in_time_is_found(shift: float) -> None:
     motion = rb.integrate(scene, np.linspace(0, 5, 251))
     times = motion.times + shift
     keep = times >= 0
-    position = np.column_stack([motion.contact_point, np.full(len(times), np.nan)])
-    late = rb.Trajectory("run.csv", times[keep], position[keep], motion.attitude[keep])
+    late = rb.Trajectory("run.csv", times[keep], bare(motion).position[keep], motion.attitude[keep])
     found = judged(scene, late)
     assert found.mistakes == ()
     assert found.lag.explains
@@ -232,8 +239,8 @@ def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
     """A path that is longer by a hundredth slips; the radius at which it rolls says so."""
     scene = rb.load_scene("fig12")
     motion = rb.integrate(scene)
-    position = np.column_stack([1.01 * motion.contact_point, np.full(len(motion.times), 1.0)])
-    plain = judged(scene, rb.Trajectory("a", motion.times, position, motion.attitude)).plain
+    longer = replace(motion, contact_point=1.01 * motion.contact_point)
+    plain = judged(scene, bare(longer, 1.0)).plain
     assert plain.slip is not None
     assert plain.spin is not None
     (slip, error), (spin, spin_error) = plain.slip, plain.spin
@@ -283,21 +290,20 @@ def test_a_robot_is_judged_as_far_as_its_file_says() -> None:
     """Of a motor that it says nothing of, momentum, slip and spin are not known; the rest is."""
     scene = random_robot_scene(np.random.default_rng(2))
     motion = rb.integrate(scene, np.linspace(0, 1, 101))
-    position = np.column_stack([motion.contact_point, np.full(101, np.nan)])
-    bare = rb.Trajectory("a", motion.times, position, motion.attitude)
-    found = judged(scene, bare)
+    silent = bare(motion)
+    found = judged(scene, silent)
     assert (found.plain.momentum_error, found.plain.slip, found.plain.spin) == (None, None, None)
     assert found.agrees
     words = "the frame has a motor, and the file says nothing of it: the momentum and slip and spin"
     assert any(line.startswith(words) for line in lines(found))
     rates = {f"{h.name}_rate": motion.hinge_rates[:, i] for i, h in enumerate(scene.hinges)}
     angles = {f"{h.name}_angle": motion.hinge_angles[:, i] for i, h in enumerate(scene.hinges)}
-    told = judged(scene, replace(bare, others=rates | angles)).plain
+    told = judged(scene, replace(silent, others=rates | angles)).plain
     assert told.momentum_error is not None
     assert told.slip is not None
     assert told.momentum_error < told.momentum_known_to  # measured 1e-6 and 7e-4
     assert told.slip[0] < told.slip[1]
-    mixed = replace(bare, attitude=bare.attitude[:, [1, 2, 3, 0]])
+    mixed = replace(silent, attitude=silent.attitude[:, [1, 2, 3, 0]])
     (mistake,) = judged(scene, mixed).mistakes
     assert mistake.name == "the quaternion's order is x, y, z, w"
 
@@ -306,11 +312,9 @@ def test_the_rate_of_a_hinge_is_held_against_the_references() -> None:
     """Without its angle it tells nothing of M; of the other sign it is off by twice itself."""
     scene = rb.load_scene("steered_pendulum_robot")
     motion = rb.integrate(scene, np.linspace(0, 1, 101))
-    position = np.column_stack([motion.contact_point, np.full(101, np.nan)])
-    rates = {"pendulum1_rate": motion.hinge_rates[:, 1]}
-    right = rb.Trajectory("a", motion.times, position, motion.attitude, others=rates)
-    assert judged(scene, right).agrees
-    wrong = judged(scene, replace(right, others={"pendulum1_rate": -motion.hinge_rates[:, 1]}))
+    rates = motion.hinge_rates[:, 1]
+    assert judged(scene, bare(motion, pendulum1_rate=rates)).agrees
+    wrong = judged(scene, bare(motion, pendulum1_rate=-rates))
     assert not wrong.agrees
     assert any(
         line == "the pendulum1's rate is off by 2.0e+00 of it, and about -1 times what it should be"
@@ -388,8 +392,7 @@ def test_a_file_that_starts_late_is_judged_from_there() -> None:
     """Its times are the scene's own; nothing is shifted."""
     scene = rb.load_scene("fig12")
     motion = rb.integrate(scene, np.linspace(0, 5, 251))
-    position = np.column_stack([motion.contact_point, np.full(251, 1.0)])
-    late = rb.Trajectory("a", motion.times[50:], position[50:], motion.attitude[50:])
+    late = bare(motion, 1.0, slice(50, None))
     found = judged(scene, late)
     assert found.mistakes == ()
     assert found.plain.path_error < 1e-12  # measured 4e-15

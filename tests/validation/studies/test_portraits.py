@@ -10,8 +10,9 @@ from matplotlib.image import imread
 
 from robotball.qualitative.equilibria import fixed_points, proposition_2
 from robotball.qualitative.portraits import basin_shares, limit_cycles, phase_portrait
+from tests.conftest import Robotball
 from tests.figures import ball, from_rest
-from tests.validation.conftest import Robotball
+from tests.validation.examples import example
 from validation.studies.portrait_maps import PLANES, as_predicted, cells_of, measure
 
 
@@ -104,7 +105,7 @@ def test_a_cell_agrees_with_the_formulas_and_a_wrong_one_would_not() -> None:
 @pytest.mark.slow
 def test_the_command_draws_and_resumes(robotball: Robotball, tmp_path: Path) -> None:
     """A quick map: a picture, a table, a record; the second time nothing is measured again."""
-    arguments = ("portraits", "axial", "--quick", "--workers", 2, "--json", "a.json")
+    arguments = (*example("portraits").split(), "--workers", 2, "--json", "a.json")
     status, out, _ = robotball(*arguments)
     assert status == 0
     assert "0 cells differ" in " ".join(out.split())
@@ -117,9 +118,3 @@ def test_the_command_draws_and_resumes(robotball: Robotball, tmp_path: Path) -> 
     kept = (tmp_path / "out" / "portraits.jsonl").read_bytes()
     assert robotball(*arguments)[1] == out
     assert (tmp_path / "out" / "portraits.jsonl").read_bytes() == kept
-
-
-def test_an_unknown_map_is_refused_in_one_line(robotball: Robotball) -> None:
-    """It names the one that is meant."""
-    status, _, err = robotball("portraits", "axail")
-    assert (status, err) == (2, "robotball: no map is called 'axail'; did you mean axial?\n")

@@ -19,8 +19,9 @@ from robotball.engines.mujoco.export import left_out
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import BY_LOAD, FIRST_ORDER, NAIVE, Prescribed, recipe
+from tests.conftest import Robotball
+from tests.validation.examples import example
 from validation.bench.gallery import numbers_of_tradeoff
-from validation.cli import main
 from validation.studies.parts_cost import parts_of, split
 from validation.studies.tradeoff import (
     TARGET,
@@ -193,22 +194,12 @@ def test_each_part_is_in_its_variant_alone(name: str) -> None:
         assert getattr(minimal, size) == min(getattr(each, size) for each in parts.values()), size
 
 
-def tradeoff(*arguments: str) -> int:
-    """Runs the command: its exit status."""
-    with pytest.raises(SystemExit) as leaving:
-        main(["tradeoff", *arguments])
-    assert isinstance(leaving.value.code, int)
-    return leaving.value.code
-
-
 @pytest.mark.slow
-def test_the_quick_study_writes_its_files(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_quick_study_writes_its_files(robotball: Robotball, tmp_path: Path) -> None:
     """A picture, a table and the data; started again, nothing is run again."""
-    monkeypatch.chdir(tmp_path)
-    assert tradeoff("fig12", "--quick", "--duration", "0.5") == 0
-    shown = capsys.readouterr().out
+    arguments = (*example("tradeoff").split(), "--duration", 0.5)
+    status, shown, _ = robotball(*arguments)
+    assert status == 0
     assert "The Pareto front: nothing is both cheaper and better." in shown
     assert "times as much" in shown
     stem = "fig12-mujoco-tradeoff-0.5s-quick"
@@ -223,26 +214,19 @@ def test_the_quick_study_writes_its_files(
     assert numbers["configurations"] == count > numbers["no_result"] >= numbers["servos"] == 6
     assert 1e-4 < numbers["best_of_first_order"] < 1e-1
     journal = files[3].read_bytes()
-    assert tradeoff("fig12", "--quick", "--duration", "0.5") == 0
+    assert robotball(*arguments)[0] == 0
     assert files[3].read_bytes() == journal
 
 
 @pytest.mark.slow
-def test_the_parts_are_listed_with_what_they_cost(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_parts_are_listed_with_what_they_cost(robotball: Robotball, tmp_path: Path) -> None:
     """A row each, relative to the minimal model, which is 1."""
-    assert tradeoff("fig12", "--parts", "--quick", "--out", str(tmp_path)) == 0
-    assert "all of it" in capsys.readouterr().out
+    status, shown, _ = robotball("tradeoff", "fig12", "--parts", "--quick", "--out", ".")
+    assert status == 0
+    assert "all of it" in shown
     rows = json.loads((tmp_path / "fig12-mujoco-parts-quick.json").read_text())["parts"]
     assert rows[0]["ratio"] == rows[0]["least"] == rows[0]["most"] == 1.0
     assert all(row["least"] <= row["ratio"] <= row["most"] for row in rows)
-
-
-def test_one_study_at_a_time(capsys: pytest.CaptureFixture[str]) -> None:
-    """Two at once are refused."""
-    assert tradeoff("fig12", "--parts", "--friction") == 2
-    assert "give one of parts and friction" in capsys.readouterr().err
 
 
 def test_what_the_parts_switch_on_is_what_the_model_says_it_leaves_out() -> None:

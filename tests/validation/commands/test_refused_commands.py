@@ -1,0 +1,139 @@
+"""Whatever a command cannot use is refused in one line that says why, and nothing is written."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Robotball
+
+LONG = "n" * 256
+POSITIVE = "duration must be positive and finite, not"
+LATER = (
+    r"its drives change in time, and an? \w+ needs constant rates; "
+    r"'robotball compare wobbling_drive' shows its motion"
+)
+AT_REST = (
+    r"fig06 starts from rest, and an? \w+ needs a momentum M other than zero; "
+    r"'robotball equilibria fig06' shows the motion from rest"
+)
+REFUSED = {
+    # names, options and their values
+    "": "Expected one of",
+    "roll": "roll",
+    "compair fig12": r"^robotball: no command is called 'compair'; did you mean compare\?$",
+    "compare": "compare needs a scene",
+    "compare fig112": "no scene is called 'fig112'; did you mean fig12",
+    "video fig112": "no scene is called 'fig112'",
+    "model fig112": "no scene is called 'fig112'",
+    "export fig112": "no scene is called 'fig112'",
+    "report fig112": "no scene is called 'fig112'",
+    "judge fig112 a.csv": "no scene is called 'fig112'; did you mean fig12",
+    "compare fig12 --preset balancd": r"no preset is called 'balancd'; did you mean balanced\?",
+    "section fig12 --preset fastt": "no preset is called 'fastt'",
+    "compare fig12 fast": "'fast' is a preset and no scene: write --preset fast",
+    "compare fig12 --preset naive fast": (
+        "options: fast; names stand together, and values of one option have com"
+    ),
+    "compare fig12 --durration 1": "Unrecognized options: --durration",
+    "compare fig12 --duration 1 --duration 2": "--duration is given 2 times: give it once",
+    "video fig12 --preset=fast --preset naive": "--preset is given 2 times: give it once",
+    **{
+        f"{each} fig12 --preset fast --accuracy 1e-6": "give settings or an accuracy, not both"
+        for each in ("compare", "video")
+    },
+    "tradeoff fig12 --parts --friction": "give one of parts and friction",
+    "extremes zzzz": "no map is called 'zzzz'; there are momentum, frame",
+    "portraits axail": r"^robotball: no map is called 'axail'; did you mean axial\?$",
+    "figures 2": "no figure 2 to draw; there are 3 to 14, and tori",
+    "figures ten": "no figure ten to draw",
+    # numbers
+    "compare fig12 --duration soon": "--duration.*'soon'",
+    "compare fig12 --duration 0": f"{POSITIVE} 0 s",
+    "compare fig12 --duration nan": f"{POSITIVE} nan s",
+    "tradeoff fig12 --duration -1": f"{POSITIVE} -1 s",
+    "tradeoff fig12 --friction --duration 0": f"{POSITIVE} 0 s",
+    "ablation fig12 --duration 0": f"{POSITIVE} 0 s",
+    "convergence fig12 --duration -1": f"{POSITIVE} -1 s",
+    "export fig12 --duration 0": f"{POSITIVE} 0 s",
+    "lyapunov fig12 --duration -1": "duration and transient must be positive",
+    "extremes --random 2 --seed -1": "seed must be at least 0, not -1",
+    "basins fig12 --threads 0": "threads must be at least 1, not 0",
+    "basins fig12 --starts 1": "starts must be at least 2, not 1",
+    "lyapunov fig12 --starts 0": "starts must be at least 1, not 0",
+    "section fig12 --count 0": "count must be at least 1, not 0",
+    "judge fig12 right.csv --timestep soon": "a timestep must be a number of seconds, not 'soon'",
+    "judge fig12 right.csv --timestep 0": "timestep must be positive and finite, not 0 s",
+    "judge fig12 right.csv --timestep 0.1,0.2": "each file needs its timestep: 1, not 2",
+    "judge fig12 right.csv --tolerance -1": "tolerance must be positive",
+    "steer three_rotors --through '1,0 1'": "points are pairs like \"1,0 1,1\", not '1,0 1'",
+    "steer three_rotors --path circle --turns 0": "turns must not be 0",
+    "steer three_rotors --size 0": "the line's length must be",
+    # scenes that a command is not for, each answered by a command that is
+    "design fig12 --rotor-speed 0.01": r"rotor speed: at most 0\.01 rad/s is allowed",
+    "design wobbling_drive": "wobbling_drive: the drives change in time",
+    "steer chaplygin_ball": "to roll anywhere takes two",
+    "section fig12 --preset naive --count 2": "MuJoCo's run is no result",
+    **{f"{each} wobbling_drive": LATER for each in ("equilibria", "section", "lyapunov", "basins")},
+    **{f"{each} fig06": AT_REST for each in ("section", "lyapunov", "basins")},
+    "basins chaplygin_ball": "does not turn .* no attractors; 'robotball section chaplygin_ball'",
+    "equilibria rubber_chaplygin_ball": (
+        "the ball rests at every γ; 'robotball section rubber_chaplygin_ball' shows how it rolls"
+    ),
+    # files to read
+    "compare nowhere.toml": r"nowhere\.toml: No such file",
+    f"compare {LONG}.toml": "File name too long",
+    "replay .": "Is a directory",
+    "judge fig12": "judge needs a file with a trajectory: t,x,y,qw,qx,qy,qz",
+    "judge fig12 nowhere.csv": r"nowhere\.csv: No such file",
+    "judge fig12 a.csv": r"a\.csv: the columns y,qw,qx,qy,qz are missing; there are t, x",
+    "report": "report needs a scene, or the JSON file of a study",
+    "report a.json fig12": "one study's JSON file at a time",
+    "report a.json": r"a\.json: No such file",
+    "report b.json": r"b\.json is no JSON",
+    "report c.json": r"c\.json is no record of a study",
+    "report d.json": r"d\.json is no record of a study",
+    "report e.json": r"e\.json is no JSON",
+    # files to write
+    "compare fig12 --out /dev/null/x": "/dev/null/x cannot be made",
+    "compare fig12 --json /dev/null/x/a.json": "/dev/null/x cannot be made",
+    "compare fig12 --json .": r"\. cannot be written: it is a folder",
+    "judge fig12 right.csv --json .": r"\. cannot be written: it is a folder",
+    "export fig12 --to a.csv": r"a\.csv cannot be made",
+    f"compare fig12 --json {LONG}": "File name too long",
+    f"compare fig12 --out {LONG}": "File name too long",
+    "tradeoff fig12 --quick --out t": r"t/fig12-tradeoff\.jsonl",
+    "compare fig12 --json - --csv -": "standard output takes one result",
+    "compare fig12 --out -": "the output folder must be a folder",
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with some files of each kind, and a folder where a study would have its record."""
+    files = {
+        "a.csv": "t,x\n0,1\n",
+        "right.csv": "t,x,y,qw,qx,qy,qz\n0,0,0,1,0,0,0\n1,0,0,1,0,0,0\n",
+        "b.json": "{",
+        "c.json": "{}",
+        "d.json": '{"versions": 1}',
+        "e.json": '{"versions": {}, "a": ' + "[" * 200_000 + "]" * 200_000 + "}",
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "t" / "fig12-tradeoff.jsonl").mkdir(parents=True)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("arguments", "words"), REFUSED.items())
+def test_bad_input_is_one_line_and_writes_nothing(
+    robotball: Robotball, folder: Path, arguments: str, words: str
+) -> None:
+    """Status 2 (1 says that motions do not agree), no traceback, no output and no file."""
+    before = sorted(folder.rglob("*"))
+    status, out, err = robotball(*shlex.split(arguments))
+    assert (status, out) == (2, "")
+    assert re.fullmatch(r"(robotball: warning: fig06: .*\n)?robotball: .*\n", err)
+    assert re.search(words, err, re.MULTILINE)
+    assert sorted(folder.rglob("*")) == before

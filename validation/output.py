@@ -7,6 +7,7 @@ and then.
 import csv
 import io
 import json
+import math
 import os
 import platform
 import time
@@ -109,6 +110,11 @@ def write_rows(
 
 def _cell(value: Any) -> Any:
     return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
+
+
+def known(value: float | None) -> float | None:
+    """Return a number for a record; None, as JSON has no other, where it is not finite."""
+    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def scientific(value: float | None) -> str:

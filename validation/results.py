@@ -5,7 +5,6 @@ option that is not at its default.
 """
 
 import json
-import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -23,7 +22,7 @@ from rich.table import Table
 from robotball import Fault, Motion, Scene, catalog, load_scene
 from robotball.motion import Label
 from validation.agreement import Agreement
-from validation.output import print_whole, scientific, versions, write_rows, write_text
+from validation.output import known, print_whole, scientific, versions, write_rows, write_text
 from validation.sensitivity import Sensitivity
 
 _ALL = "all"  # of an engine's presets
@@ -120,7 +119,7 @@ def record(agreement: Agreement) -> Record:
         "attitude_error": agreement.attitude_error,
         "momentum_error": agreement.momentum_error,
         "momentum_drift": agreement.momentum_error,  # its name in version 0.1
-        "friction_used": _known(report.friction_used.max(initial=0.0)),
+        "friction_used": known(report.friction_used.max(initial=0.0)),
         "needs": needs(agreement.theory),
         "steps": report.steps,
         "realtime_factor": agreement.realtime_factor,
@@ -134,10 +133,6 @@ def record(agreement: Agreement) -> Record:
     }
 
 
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
 def _fault(fault: Fault) -> dict[str, Any]:
     return {
         "kind": fault.kind.name, "time": fault.time, "cause": fault.text, "fatal": fault.fatal,
@@ -146,8 +141,7 @@ def _fault(fault: Fault) -> dict[str, Any]:
 
 def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
     """Return its numbers, None for those that are not finite, and whether it explains the error."""
-    numbers = asdict(sensitivity).items()
-    plain = {name: value if math.isfinite(value) else None for name, value in numbers}
+    plain = {name: known(value) for name, value in asdict(sensitivity).items()}
     return {**plain, "explains": sensitivity.explains}
 
 

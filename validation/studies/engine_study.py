@@ -39,8 +39,8 @@ from validation.output import in_picture, print_whole, writable_folder
 from validation.results import changed
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs as process
-from validation.studies.convergence import Order, fit_order
 from validation.studies.engine_runs import Contestant, contestants, install, python_of
+from validation.studies.orders import Order, fit_order
 from validation.studies.tradeoff import pareto_front
 from validation.study import Column, Row, Study, scene_cell, table_of
 from validation.sweeps import Cell, Result, rows_of

@@ -34,10 +34,10 @@ from robotball.errors import check_positive
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, File, SceneName, check_files, listed
-from validation.output import print_whole, progress_bar, write_record
-from validation.studies.convergence import LEAST, fit_order
+from validation.output import known, print_whole, progress_bar, write_record
 from validation.studies.judge_search import Explanation, Lag, Mistake, explain, lag_of, reference_of
 from validation.studies.mistakes import Errors, numbers_of, some_of
+from validation.studies.orders import LEAST, fit_order
 
 _TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the attitude in rad
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
@@ -74,8 +74,7 @@ class _Beside:
 
         M is from the file's attitude and ω, or the file's own.
         """
-        error = momentum_error(self.motion, self.theory)
-        return error if np.isfinite(error) else None
+        return known(momentum_error(self.motion, self.theory))
 
     @property
     def momentum_known_to(self) -> float:
@@ -110,9 +109,8 @@ class _Beside:
     @property
     def unknown_hinges(self) -> tuple[str, ...]:
         """Return the hinges with a motor of which the file says nothing."""
-        known = np.asarray(np.isfinite(self.motion.hinge_rates).all(axis=0))
-        names = [hinge.name for hinge in self.motion.scene.hinges]
-        return tuple(name for name, sure in zip(names, known, strict=True) if not sure)
+        rates = zip(self.motion.scene.hinges, self.motion.hinge_rates.T, strict=True)
+        return tuple(hinge.name for hinge, own in rates if not np.isfinite(own).all())
 
 
 def _largest(values: Array, errors: Array) -> tuple[float, float] | None:
@@ -281,9 +279,11 @@ def _check_end(scene: Scene, trajectory: Trajectory) -> None:
 def _judged(
     scene: Scene, trajectory: Trajectory, timestep: float, tolerance: float
 ) -> FileJudgement:
-    plain = _beside(scene, trajectory)
+    plain = _Beside(recorded(scene, trajectory), reference_of(scene, trajectory.times))
     found = explain(trajectory, plain.theory, plain.motion.rolling_radius)
-    corrected = _beside(found.scene, found.trajectory) if found.mistakes else None
+    corrected = None
+    if found.mistakes:
+        corrected = _Beside(recorded(found.scene, found.trajectory), found.theory)
     at = some_of(len(trajectory.times))
     best = (corrected or plain).theory
     return FileJudgement(
@@ -295,11 +295,6 @@ def _judged(
         timestep=timestep,
         tolerance=tolerance,
     )
-
-
-def _beside(scene: Scene, trajectory: Trajectory) -> _Beside:
-    motion = recorded(scene, trajectory)
-    return _Beside(motion, reference_of(scene, trajectory.times))
 
 
 def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
@@ -341,8 +336,8 @@ def _show(judgement: Judgement, console: Console, every: bool = False) -> None:
         if order.order is None:
             what = "the errors fall along no straight line in ln(step)"
         else:
-            known = "by two files" if order.stderr is None else f"± {order.stderr:.2g}"
-            what = f"order {order.order:.2f} ({known})"
+            how = "by two files" if order.stderr is None else f"± {order.stderr:.2g}"
+            what = f"order {order.order:.2f} ({how})"
         console.print(f"convergence of the {order.measure}: {what}")
     if len(judgement.files) > 1 and not judgement.orders:
         step = judgement.files[0].timestep
@@ -393,10 +388,10 @@ def lines(judged: FileJudgement) -> list[str]:
 
 
 def _momentum(beside: _Beside) -> str:
-    known = beside.momentum_known_to
+    to = beside.momentum_known_to
     if beside.momentum_error is None:
         return "not known"
-    return f"{beside.momentum_error:.1e}" + (f" (known to {known:.0e})" if known else "")
+    return f"{beside.momentum_error:.1e}" + (f" (known to {to:.0e})" if to else "")
 
 
 def _contact(beside: _Beside) -> list[str]:
@@ -406,9 +401,9 @@ def _contact(beside: _Beside) -> list[str]:
     radius = beside.motion.rolling_radius
     scene = beside.theory.scene
     parts = [f"slip up to {slip:.1e} m/s (known to {slip_error:.0e})"]
-    known = f" (known to {spin_error:.0e})" if spin_error else ""
+    sure = f" (known to {spin_error:.0e})" if spin_error else ""
     allowed = ", which it may" if scene.rolling == "classical" else ""
-    parts.append(f"spin up to {spin:.1e} rad/s{known}{allowed}")
+    parts.append(f"spin up to {spin:.1e} rad/s{sure}{allowed}")
     if np.isfinite(radius):
         parts.append(f"rolls as at a radius of {radius:.6g} m (the scene's: {scene.ball.radius:g})")
     return ["; ".join(parts)]
@@ -523,10 +518,7 @@ def _measures(beside: _Beside) -> dict[str, Any]:
         "spin_known_to": spin_error,
         "rolling_radius": beside.motion.rolling_radius,
     }
-    return {
-        name: None if value is None or not np.isfinite(value) else value
-        for name, value in numbers.items()
-    }
+    return {name: known(value) for name, value in numbers.items()}
 
 
 @dataclass(frozen=True)

@@ -154,7 +154,8 @@ class Explanation:
     """The mistakes in a file, the one that explains most first, and all that were tried.
 
     plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
-    mistakes show; trajectory: the file's, in the right conventions.
+    mistakes show; trajectory: the file's, in the right conventions; theory: the motion of that
+    scene at the trajectory's times.
     """
 
     plain: Errors
@@ -162,6 +163,7 @@ class Explanation:
     trials: tuple[_Trial, ...]
     scene: Scene
     trajectory: Trajectory
+    theory: Motion
 
 
 def reference_of(scene: Scene, times: Array) -> Motion:
@@ -177,7 +179,10 @@ def explain(trajectory: Trajectory, theory: Motion, rolling_radius: float) -> Ex
     search = _Search(trajectory, theory, rolling_radius)
     plain = largest(errors_at(search.numbers, search.truth))
     mistakes = tuple(search.mistakes())
-    return Explanation(plain, mistakes, tuple(search.trials), search.scene, search.corrected())
+    corrected = search.corrected()
+    return Explanation(
+        plain, mistakes, tuple(search.trials), search.scene, corrected, search.theory
+    )
 
 
 @dataclass(frozen=True)
@@ -206,6 +211,7 @@ class _Search:
     def __init__(self, trajectory: Trajectory, theory: Motion, rolling_radius: float) -> None:
         self.trajectory, self.rolling_radius = trajectory, rolling_radius
         self.at = some_of(len(trajectory.times))
+        self.theory = theory
         self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
         self.numbers = numbers_of(trajectory, self.at)
         self.trials: list[_Trial] = []
@@ -260,12 +266,18 @@ class _Search:
             yield Mistake(chosen.family, chosen.name, *errors, tuple(each.name for each in as_well))
 
     def corrected(self) -> Trajectory:
-        """Return the whole trajectory without the mistakes found in its conventions."""
+        """Return the whole trajectory without the mistakes found in its conventions.
+
+        `theory` is the motion of the scene as found then, at the trajectory's times.
+        """
         if not self.found:
             return self.trajectory
         times = self.trajectory.times / np.prod([each.stretch for each in self.found])
         numbers = numbers_of(self.trajectory, slice(None))
-        truth = self._truth(reference_of(self.scene, times), 1)
+        # To integrate at all rows of a long file takes as long as to try many mistakes.
+        if self.theory.scene is not self.scene or self.theory.times[-1] != times[-1]:
+            self.theory = reference_of(self.scene, times)
+        truth = self._truth(self.theory, 1)
         undo = {each.name: each.undo for each in conventions(truth, self._has_height)}
         undo[_NOT_THE_RATE] = partial(_with_own_rate, times)
         for each in self.found:

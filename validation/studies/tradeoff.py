@@ -46,10 +46,10 @@ from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of
-from validation.output import in_picture, progress_bar, scientific, writable_folder
+from validation.output import in_picture, known, progress_bar, scientific, writable_folder
 from validation.results import changed
-from validation.studies.convergence import fit_order
 from validation.studies.friction import friction_cells, friction_run, friction_study
+from validation.studies.orders import fit_order
 from validation.studies.parts_cost import measure_parts
 from validation.studies.timing import measure_costs, simulated_second
 from validation.study import Column, Row, Study, reference, scene_cell, table_of
@@ -320,11 +320,6 @@ def _configuration(result: Result, baseline: float) -> Configuration:
         number("ratio") * baseline,
         "; ".join(record["faults"]) if record else result.failure or "",
     )
-
-
-def _known(number: float) -> float | None:
-    """Return the number, or None for NaN."""
-    return None if math.isnan(number) else number
 
 
 def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
@@ -628,8 +623,8 @@ def _record(of: Configuration) -> dict[str, Any]:
     return {
         "title": of.title,
         "sound": of.sound,
-        **{name: _known(getattr(of, name)) for name in names},
-        "spread": [_known(end) for end in of.spread],
+        **{name: known(getattr(of, name)) for name in names},
+        "spread": [known(end) for end in of.spread],
         "trouble": of.trouble,
         "options": of.options,
     }

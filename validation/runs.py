@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,7 +33,7 @@ def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["Compar
     with progress_bar(len(scenes) * each) as show:
         if len(scenes) < MANY or allowed() == 1:
             for scene in scenes:
-                found.append(comparing(scene, partial(_from, show, len(found) * each)))
+                found.append(comparing(scene, shifted(show, len(found) * each)))
         else:
             for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
                 found.append(compared)
@@ -42,8 +41,9 @@ def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["Compar
     return found
 
 
-def _from(show: Show, begin: int, done: float, what: str) -> None:
-    show(begin + done, what)
+def shifted(show: Show, begin: int) -> Show:
+    """Return what shows the progress of a part of the work, before which `begin` was done."""
+    return lambda done, what: show(begin + done, what)
 
 
 @dataclass(frozen=True)

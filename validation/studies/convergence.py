@@ -14,7 +14,6 @@ interval.
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from operator import itemgetter
 from typing import Annotated, Any, Literal
 
 import mujoco
@@ -312,24 +311,12 @@ def _convergence_study(study: Runs) -> Study:
     )  # fmt: skip
 
 
-def _step_text(row: Row) -> str:
-    return "-" if row["step"] is None else f"{row['step'] * 1e3:.3g}"
-
-
-def _rtol(row: Row) -> str:
-    return "" if row["rtol"] is None else f"{row['rtol']:.0e}"
-
-
-def _richardson(row: Row) -> str:
-    return "" if row["richardson"] is None else scientific(row["richardson"])
-
-
 _RUNS = (
-    Column("integrator", itemgetter("integrator"), words=True),
-    Column("step", _step_text, "ms"),
-    Column("rtol", _rtol),
+    Column("integrator", "integrator", words=True),
+    Column("step", "step", "ms", form=".3g", scale=1e3),
+    Column("rtol", "rtol", form=".0e", missing=""),
     Column("own limit", "own_error"),
-    Column("Richardson", _richardson),
+    Column("Richardson", "richardson", missing=""),
     Column("equations", "equations_error"),
 )
 
@@ -346,12 +333,12 @@ def _orders(study: Runs, name: str) -> Row:
 
 
 def _order_columns() -> Iterator[Column]:
-    yield Column("integrator", itemgetter("integrator"), words=True)
-    yield Column("claim", itemgetter("claim"))
+    yield Column("integrator", "integrator", words=True)
+    yield Column("claim", "claim")
     for against, header in zip(_REFERENCES, ("own limit", "equations"), strict=True):
-        yield Column(header, itemgetter(against))
+        yield Column(header, against)
         for name in ("points", "stalls"):
-            yield Column(name, itemgetter(f"{against} {name}"))
+            yield Column(name, f"{against} {name}")
 
 
 _ORDER_COLUMNS = tuple(_order_columns())

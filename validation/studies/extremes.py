@@ -367,8 +367,8 @@ def _part(header: str, key: str) -> Column:
 
 
 _PLACE = (
-    Column("map", lambda row: row["map"], words=True),
-    Column("integrator", lambda row: row["integrator"], words=True),
+    Column("map", "map", words=True),
+    Column("integrator", "integrator", words=True),
 )
 _OUTCOME_COLUMNS = (
     *_PLACE,
@@ -377,10 +377,10 @@ _OUTCOME_COLUMNS = (
 )
 _LIMIT_COLUMNS = (
     *_PLACE,
-    Column("predicted limit", lambda row: row["name"], words=True),
+    Column("predicted limit", "name", words=True),
     _part("kept up to", "kept"),
     _part("broken from", "broken"),
-    Column("beyond", lambda row: str(row["cells"])),
+    Column("beyond", "cells", form="d"),
 )
 
 

@@ -31,12 +31,12 @@ from validation.studies.tradeoff import (
     first_order_lines,
     measure,
     options_of,
-    pareto_front,
     record,
     settings_with,
     sound_pareto_front,
     tradeoff_of,
 )
+from validation.study import pareto_front
 from validation.sweeps import Result
 
 CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=40)

@@ -21,7 +21,9 @@ from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import (
+from validation.paper.formulas import Numbers, cross, paper_scene
+from validation.paper.point_masses import Moment, Rolled, moments, rolled
+from validation.paper.seen import (
     CLASSICAL,
     DRIVEN,
     EACH,
@@ -34,8 +36,6 @@ from validation.paper.engine import (
     seen,
     seen_of,
 )
-from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import Moment, Rolled, moments, rolled
 
 _MASSES = "point masses"
 

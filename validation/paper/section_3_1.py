@@ -11,7 +11,8 @@ from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
 from validation.paper import formulas as f
 from validation.paper.claim import AtLeast, Claim, Residual
-from validation.paper.engine import (
+from validation.paper.formulas import Numbers, cross, paper_scene
+from validation.paper.seen import (
     DRIVEN,
     MOTION,
     RUBBER,
@@ -20,7 +21,6 @@ from validation.paper.engine import (
     seen,
     seen_of,
 )
-from validation.paper.formulas import Numbers, cross, paper_scene
 
 MOMENTUM = "kg m²/s"
 _ROUTH = "routh_sphere"

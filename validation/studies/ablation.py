@@ -21,8 +21,8 @@ from rich.table import Table
 
 from robotball import Scene, Settings, integrate, load_scene, preset
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import unknown

@@ -29,8 +29,8 @@ from robotball import (
 )
 from robotball.drives import Servo
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import (
     ADAPTIVE,

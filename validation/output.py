@@ -11,7 +11,7 @@ import math
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -120,6 +120,20 @@ def known(value: float | None) -> float | None:
 def scientific(value: float | None) -> str:
     """Return a number in two digits; a dash where a run that broke off has none."""
     return "-" if value is None else f"{value:.1e}"
+
+
+def plain_table(headings: Sequence[str], left: Collection[int] = (0,), **style: Any) -> "Table":
+    """Return a table without rows; columns begin at the right but for those whose place is `left`.
+
+    style: of `rich.table.Table`, a padding of 0 and no edge as far as it says nothing else.
+    """
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, **{"padding": 0, "show_edge": False, **style})
+    for i, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if i in left else "right", no_wrap=True)
+    return table
 
 
 def print_whole(table: "Table", console: Console) -> None:

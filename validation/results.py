@@ -14,15 +14,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from robotball import Fault, Motion, Scene, catalog, load_scene
 from robotball.motion import Label
 from validation.agreement import Agreement
-from validation.output import known, print_whole, scientific, versions, write_rows, write_text
+from validation.output import (
+    known,
+    plain_table,
+    print_whole,
+    scientific,
+    versions,
+    write_rows,
+    write_text,
+)
 from validation.sensitivity import Sensitivity
 
 _ALL = "all"  # of an engine's presets
@@ -185,12 +191,9 @@ def write_markdown(path: Path, records: Sequence[Record]) -> None:
 def show(records: Sequence[Record], console: Console) -> None:
     """Print one row an agreement's record, and below the table what went wrong where it did."""
     # Eighty columns hold it.
-    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
-    for heading in ("scene", "rolling", "preset"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M error", "× real\ntime"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
+    numbers = ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M error", "× real\ntime")
+    headings = ("scene", "rolling", "preset", *numbers, "verdict")
+    table = plain_table(headings, left=(0, 1, 2, 8))
     for each in records:
         table.add_row(
             escape(each["scene"]),

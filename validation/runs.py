@@ -6,10 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from robotball import InputError, Request, Scene, integrate
 from robotball.cores import allowed
@@ -18,7 +16,7 @@ from robotball.files.replacing import refused
 from robotball.processes import in_processes
 from robotball.rotations import Array
 from validation.agreement import Agreement, compare_with
-from validation.output import Show, print_whole, progress_bar
+from validation.output import Show, plain_table, print_whole, progress_bar
 from validation.plots import MANY, draw
 from validation.results import Record, fault_window_path, record
 
@@ -151,10 +149,8 @@ def tell_fault_windows(paths: Iterable[Path]) -> None:
 
 def show_rows(window: FaultWindow, console: Console) -> None:
     """Print all rows of a fault window, the first bad one marked."""
-    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
-    for heading in ("row", *window.columns):
-        table.add_column(escape(heading), justify="right")
-    table.add_column("")
+    columns = map(escape, window.columns)
+    table = plain_table(("row", *columns, ""), left=(1 + len(window.columns),))
     for i, row in enumerate(window.table):
         bad = i == window.bad
         cells = [f"{i}", *map(_cell, row), "<- bad" if bad else ""]

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -34,7 +33,7 @@ from robotball.errors import check_positive
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, File, SceneName, check_files, listed
-from validation.output import known, print_whole, progress_bar, write_record
+from validation.output import known, plain_table, print_whole, progress_bar, write_record
 from validation.studies.judge_search import Explanation, Lag, Mistake, explain, lag_of, reference_of
 from validation.studies.mistakes import Errors, numbers_of, some_of
 from validation.studies.orders import LEAST, fit_order
@@ -151,11 +150,6 @@ class FileJudgement:
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
         return self.explanation.mistakes
-
-    @property
-    def plain_errors(self) -> Errors:
-        """Return the errors of the file as it stands."""
-        return self.explanation.plain
 
     @property
     def best(self) -> _Beside:
@@ -439,18 +433,16 @@ def _verdict(judged: FileJudgement) -> str:
 
 
 def _table(judged: FileJudgement, every: bool) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
-    table.add_column("if")
-    for heading in ("path", "attitude [rad]", "ω"):
-        table.add_column(heading, justify="right")
+    table = plain_table(("if", "path", "attitude [rad]", "ω"))
     trials = judged.explanation.trials
-    rows = [("all is as it should be", judged.plain_errors, "bold")]
+    plain = judged.explanation.plain
+    rows = [("all is as it should be", plain, "bold")]
     rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
     named = {each.name for each in judged.mistakes}
     for family in dict.fromkeys(each.family for each in trials):
         # The best of each name; those that change nothing say nothing of the file.
         own = [each for each in trials if each.family == family and each.name not in named]
-        own = [each for each in own if not _same(each.errors, judged.plain_errors)]
+        own = [each for each in own if not _same(each.errors, plain)]
         own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, _ROUNDING)).sum()))
         unique = list({each.name: each for each in reversed(own)}.values())[::-1]
         unique = unique if every else unique[:SHOWN]

@@ -19,6 +19,7 @@ from robotball.engines import recorded as derivative
 from robotball.engines.recorded import continuous, sampled_rates
 from robotball.rotations import Array
 from validation.studies.mistakes import (
+    Base,
     Errors,
     Numbers,
     Truth,
@@ -195,7 +196,7 @@ class _Option:
     numbers: Numbers
     truth: Truth
     scene: Scene
-    base: tuple[Numbers, Truth, tuple[Array, ...]]
+    base: Base
     stretch: float = 1.0
 
     @cached_property
@@ -240,15 +241,16 @@ class _Search:
         """Yield mistakes that lessen an error; the next has to explain what each left."""
         for _ in range(_MOST_MISTAKES):
             before = errors_at(self.numbers, self.truth)
+            base = self.numbers, self.truth, before
             families = {each.family for each in self.found}
-            options = [each for each in self._conventions(before) if each.family not in families]
+            options = [each for each in self._conventions(base) if each.family not in families]
             best = _best(options, before)
             wrong = max(largest(before).path, largest(before).attitude) > _SOUND
             if wrong and not {_SCENE, _TIME} & families and not (best and _is_clear(best[0])):
-                options += [*self._scenes(before), *self._stretched(before)]
+                options += [*self._scenes(base), *self._stretched(base)]
                 best = _best(options, before)
             if _RATE not in families and (largest(before).rate or 0.0) > _ASTRAY:
-                own = _best([self._rate_of_attitude(before)], before)
+                own = _best([self._rate_of_attitude(base)], before)
                 if own and (best is None or _is_closer(own[0], best[0])):
                     best = own
             if not self.found:
@@ -300,19 +302,17 @@ class _Search:
         first = 0 if self.trajectory.times[0] == 0 else 1
         return truth_of(theory, slice(first, None, step))
 
-    def _conventions(self, before: tuple[Array, ...]) -> Iterator[_Option]:
-        base = (self.numbers, self.truth, before)
+    def _conventions(self, base: Base) -> Iterator[_Option]:
         for each in conventions(self.truth, self._has_height):
             if each.family == _RATE and self.numbers.rate is None:
                 continue
             numbers = each.undo(self.numbers)
             yield _Option(each.family, each.name, each.parts, numbers, self.truth, self.scene, base)
 
-    def _scenes(self, before: tuple[Array, ...]) -> list[_Option]:
+    def _scenes(self, base: Base) -> list[_Option]:
         """Return the motions of scenes that may have been simulated instead."""
         if self._others is None:
             self._others = list(self._integrated())
-        base = (self.numbers, self.truth, before)
         return [
             _Option(_SCENE, name, 1, self.numbers, truth, scene, base)
             for name, scene, truth in self._others
@@ -328,9 +328,9 @@ class _Search:
                     continue
                 yield name, scene, self._truth(theory, 1)
 
-    def _stretched(self, before: tuple[Array, ...]) -> Iterator[_Option]:
+    def _stretched(self, base: Base) -> Iterator[_Option]:
         """Yield the scene's own motion, at times that are not the file's."""
-        times, base = self.truth.times, (self.numbers, self.truth, before)
+        times = self.truth.times
         later = np.linspace(0, times[-1] / (1 - LONGEST), _FINE)
         with contextlib.suppress(InputError):  # of a drive that ends before
             fine = integrate(self.scene, later, rtol=_TRIED)
@@ -340,16 +340,15 @@ class _Search:
             truth = self._truth(theory, 1)
             yield _Option(_TIME, name, 1, self.numbers, truth, self.scene, base, stretch)
 
-    def _rate_of_attitude(self, before: tuple[Array, ...]) -> _Option:
+    def _rate_of_attitude(self, base: Base) -> _Option:
         file = self.corrected()
         rate = _with_own_rate(file.times, numbers_of(file, slice(None))).rate
-        numbers = self.numbers.changed(rate=None if rate is None else rate[self.at])
-        base = (self.numbers, self.truth, before)
+        numbers = replace(self.numbers, rate=None if rate is None else rate[self.at])
         return _Option(_RATE, _NOT_THE_RATE, 1, numbers, self.truth, self.scene, base)
 
 
 def _with_own_rate(times: Array, numbers: Numbers) -> Numbers:
-    return numbers.changed(rate=derivative.angular_velocity(times, numbers.attitude)[0])
+    return replace(numbers, rate=derivative.angular_velocity(times, numbers.attitude)[0])
 
 
 def _total(errors: tuple[Array, ...], truth: Truth) -> Array:

@@ -22,13 +22,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from robotball.errors import InputError
-from robotball.files.replacing import (
-    STANDARD_OUTPUT,
-    followed,
-    no_regular_file,
-    refused,
-    replacing,
-)
+from robotball.files.replacing import STANDARD_OUTPUT, followed, no_regular_file, refused, replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

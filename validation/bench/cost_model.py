@@ -16,15 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from robotball import (
-    Motion,
-    Scene,
-    SceneWarning,
-    Settings,
-    catalog,
-    integrate,
-    load_scene,
-)
+from robotball import Motion, Scene, SceneWarning, Settings, catalog, integrate, load_scene
 from robotball.engine import as_own, simulate
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate

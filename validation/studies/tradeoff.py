@@ -20,13 +20,7 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
-from robotball import (
-    PRESETS,
-    InputError,
-    Scene,
-    Settings,
-    load_scene,
-)
+from robotball import PRESETS, InputError, Scene, Settings, load_scene
 from robotball.drives import Servo
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build

@@ -29,6 +29,7 @@ from robotball.scene import along_momentum
 from validation.paper import formulas as f
 from validation.paper.captions import line_ball
 from validation.paper.claim import Check, Claim, Residual, Value
+from validation.paper.engine import CLASSICAL, MOTION, RUBBER, largest, seen
 from validation.paper.formulas import Numbers, Velocity, cross, paper_scene
 from validation.paper.point_masses import Ball, Body, moments
 from validation.paper.section_3_1 import MOMENTUM, energies
@@ -36,7 +37,6 @@ from validation.paper.section_4_2_points import cycle, with_K3
 from validation.paper.section_5_1_lines import line
 from validation.paper.section_5_2 import F, andoyer
 from validation.paper.section_5_3 import LONG, chaotic, regular, settled, starts
-from validation.paper.seen import CLASSICAL, MOTION, RUBBER, largest, seen
 
 # Balances and symmetries ---------------------------------------------------------------------
 

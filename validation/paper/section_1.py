@@ -8,8 +8,8 @@ from robotball.rotations import Array
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
+from validation.paper.engine import DRIVEN, NAME, RUBBER, largest, seen, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.seen import DRIVEN, NAME, RUBBER, largest, seen, seen_of
 
 _TIMES = np.linspace(0.0, 20.0, 201)
 _GAMMA = np.array([0.6, 0.48, 0.64])

@@ -21,9 +21,7 @@ from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import Moment, Rolled, moments, rolled
-from validation.paper.seen import (
+from validation.paper.engine import (
     CLASSICAL,
     DRIVEN,
     EACH,
@@ -36,6 +34,8 @@ from validation.paper.seen import (
     seen,
     seen_of,
 )
+from validation.paper.formulas import Numbers, cross, paper_scene
+from validation.paper.point_masses import Moment, Rolled, moments, rolled
 
 _MASSES = "point masses"
 

@@ -14,9 +14,7 @@ from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.formulas import Numbers, paper_scene
-from validation.paper.section_3_1 import MOMENTUM, kept_integrals, three_dimensional
-from validation.paper.seen import (
+from validation.paper.engine import (
     CLASSICAL,
     DRIVEN,
     INNER,
@@ -27,6 +25,8 @@ from validation.paper.seen import (
     seen,
     seen_of,
 )
+from validation.paper.formulas import Numbers, paper_scene
+from validation.paper.section_3_1 import MOMENTUM, kept_integrals, three_dimensional
 
 
 def momentum(n: Numbers, omega: Array, gamma: Array, sign: float = 1.0) -> Array:

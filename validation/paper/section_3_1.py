@@ -11,8 +11,7 @@ from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
 from validation.paper import formulas as f
 from validation.paper.claim import AtLeast, Claim, Residual
-from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.seen import (
+from validation.paper.engine import (
     DRIVEN,
     MOTION,
     RUBBER,
@@ -21,6 +20,7 @@ from validation.paper.seen import (
     seen,
     seen_of,
 )
+from validation.paper.formulas import Numbers, cross, paper_scene
 
 MOMENTUM = "kg m²/s"
 _ROUTH = "routh_sphere"

@@ -9,8 +9,8 @@ from robotball.rotations import Array, from_matrix
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
+from validation.paper.engine import MOTION, Seen, largest, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.seen import MOTION, Seen, largest, seen_of
 
 _BALL = "fig10"
 _Polynomial = Callable[[Numbers, Array], Array]

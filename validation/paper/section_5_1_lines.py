@@ -11,9 +11,9 @@ from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.captions import captioned_motion, line_ball
 from validation.paper.claim import Claim, Residual, Value
+from validation.paper.engine import MOTION, long
 from validation.paper.formulas import Numbers, cross
 from validation.paper.section_5_1 import P3, linear, random_lines, started, unit
-from validation.paper.seen import MOTION, long
 
 _SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)}
 

@@ -32,9 +32,9 @@ from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, captioned_motion, place
 from validation.paper.claim import AtLeast, Claim, Residual, Value
+from validation.paper.engine import MOTION, NAME, long
 from validation.paper.formulas import Numbers, paper_scene
 from validation.paper.section_5_2 import F
-from validation.paper.seen import MOTION, NAME, long
 
 _STEP = 0.01  # s, of Runge and Kutta's classical method
 _STEPS_PER_QR = 20

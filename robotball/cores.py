@@ -48,6 +48,7 @@ def in_threads(work: Callable[[Queue], None], most: int) -> None:
     work: takes numbers from the queue (1,), which holds the next, until all is done, and writes its
     results into their places; to be of use it must release the interpreter's lock.
     """
+    # Here, as to count cores must not load it.
     import numpy as np
 
     queue = np.zeros(1, np.int64)
@@ -61,11 +62,13 @@ def in_threads(work: Callable[[Queue], None], most: int) -> None:
             for each in as_completed([executor.submit(work, queue) for _ in range(threads)]):
                 each.result()
         except BaseException:
+            # The other threads end with the job that they have, also where Ctrl-C is pressed.
             queue[0] = _NO_MORE
             raise
 
 
 def cores() -> int:
     """Return how many cores this process may use."""
+    # A container or a scheduler may allow fewer cores than the machine has.
     affinity = getattr(os, "sched_getaffinity", None)  # which macOS has not
     return len(affinity(0)) if affinity else os.cpu_count() or 1

@@ -17,7 +17,7 @@ from typing import Any, Literal, Protocol, TypeVar
 import numpy as np
 
 from robotball.drives import Servo
-from robotball.engines import LEAST_RTOL
+from robotball.engines import LEAST_RTOL, Progress
 from robotball.errors import InputError, unknown, warn
 from robotball.motion import (
     ContactMotion,
@@ -30,8 +30,6 @@ from robotball.motion import (
 from robotball.rotations import Array
 from robotball.scene import Scene, Start, check_times
 
-Progress = Callable[[float], None]
-"""Called with the fraction of the work that is done."""
 Ladder = tuple[str, tuple[float, ...]]
 """A field of an engine's settings and the values that it takes in turn."""
 Runner = Callable[[Array, Start], ContactMotion]
@@ -273,6 +271,7 @@ def integrate(
     max_steps: int | None = None,
     *,
     equations: _Equations | None = None,
+    progress: Progress | None = None,
 ) -> ReferenceMotion:
     """Return the scene's motion by equations, with an estimate of its own error.
 
@@ -281,7 +280,8 @@ def integrate(
     times: (n,) s, increasing from 0; the scene's own if None. rtol: the error allowed in one step,
     from 1e-15 on; max_steps: a limit for motions that turn too often, some minutes' work if None.
     equations: (3.2)/(3.3) where they describe the scene, if None, else those of any robot; both
-    can be asked for by name. Raises InputError on unusable times, for a scene that the equations
+    can be asked for by name. progress: called with the fraction of the motion that is known, if it
+    takes longer than a moment. Raises InputError on unusable times, for a scene that the equations
     asked for do not describe, where the ball lifts off, where the limit is met or a step shrinks to
     nothing, and where a number would overflow: a motion that is returned is finite.
     """
@@ -293,7 +293,8 @@ def integrate(
         raise unknown("set of equations", chosen, _EQUATIONS)
     # Overflow is found in the result, with the number that overflowed, rather than in a warning.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        motion: ReferenceMotion = _loaded(_EQUATIONS[chosen])(scene, times, rtol, max_steps)
+        run = _loaded(_EQUATIONS[chosen])
+        motion: ReferenceMotion = run(scene, times, rtol, max_steps, progress)
     _check_finite(motion)
     return motion
 

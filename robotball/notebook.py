@@ -145,6 +145,7 @@ def _figure(size: tuple[float, float]) -> "Figure":
     """Return an empty figure of a size [inch] that a notebook displays without pyplot."""
     from matplotlib.figure import Figure
 
+    # pyplot would keep every figure, and look for a window to show it in.
     class Picture(Figure):
         """A figure with the method that notebooks look for."""
 

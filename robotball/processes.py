@@ -99,6 +99,7 @@ def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., Futur
     free = list(workers)
 
     def answer(job: Any, limit: float | None = None) -> Answer:
+        # There are as many threads as workers, so one is free.
         worker = free.pop()
         try:
             return worker.answer(job, limit)
@@ -166,6 +167,7 @@ class Worker:
     def stop(self) -> None:
         """Let the process end soon, and start no other; for any thread."""
         with _CHILDREN:
+            # With the lock, or a process that is being started now would be missed.
             self._closed = True
             if (process := self._process) is not None:
                 process.terminate()
@@ -258,6 +260,7 @@ def _call(work: Callable[[Any], Any], job: Any) -> tuple[Any, BaseException | No
     """Return the result of a job, or its error, and the texts of its warnings."""
     result, error = None, None
     with warnings.catch_warnings(record=True) as caught:
+        # All of them: they are issued again for the caller, whose filter then decides.
         warnings.simplefilter("always", SceneWarning)
         try:
             result = work(job)

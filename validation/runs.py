@@ -99,7 +99,9 @@ def agreements_of(
     show: called with the number of requests done.
     """
     show(0, f"{scene.name}: equations")
-    theory = integrate(scene, times)
+    theory = integrate(
+        scene, times, progress=lambda part: show(0, f"{scene.name}: equations {part:.0%}")
+    )
 
     def agreement(done: int, request: Request) -> Agreement:
         window = None

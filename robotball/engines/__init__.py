@@ -15,6 +15,9 @@ from robotball.errors import InputError, too_many_steps
 from robotball.rotations import Array
 
 Rate = Callable[[float, Array], Array]
+Progress = Callable[[float], None]
+"""Called with the fraction of the work that is done."""
+_SHOWN = 200  # steps, a tenth of a second's, between two calls of `progress`
 LEAST_RTOL = 1e-15  # of one step, relative; a smaller one only makes more steps
 
 # scipy takes no smaller one without a warning. It multiplies the displacement of a single step,
@@ -60,7 +63,7 @@ class Compensated:
 
     @property
     def running(self) -> bool:
-        """Whether the end of the span is not reached yet."""
+        """True until the end of the span is reached."""
         return self._solver.status == "running"
 
     @property
@@ -82,7 +85,11 @@ class Compensated:
         """Take a step. Returns scipy's message where that fails, else None."""
         displacement, before = self._solver.y, self._base
         self._base = before + displacement
+        # In place, as scipy goes on from its own array. The slope that it keeps stays right: base
+        # and displacement still add up to the same state.
         displacement += before - self._base
+        # The tolerance goes with the state, and scipy's own rtol would take it from the
+        # displacement.
         self._solver.atol, self._inside = self._tolerance, None
         message: str | None = self._solver.step()
         return message
@@ -95,11 +102,14 @@ class Compensated:
         return self._base + displacements
 
 
-def take_step(solver: Compensated, taken: int, most: int, end: float) -> int:
+def take_step(
+    solver: Compensated, taken: int, most: int, end: float, progress: Progress | None = None
+) -> int:
     """Take a step of a ball whose state begins with its quaternion. Returns the steps so far.
 
-    taken, most: the steps before this one, and those allowed up to `end` [s]. Raises InputError
-    where they are used up, or where a step shrinks to nothing.
+    taken, most: the steps before this one, and those allowed up to `end` [s]; progress: called now
+    and then with the fraction of `end` that is reached. Raises InputError where the steps are used
+    up, or where one shrinks to nothing.
     """
     if taken >= most:
         speed = 2 * float(np.linalg.norm(solver.derivative[:4]))  # dq/dt = q∘ω/2
@@ -108,4 +118,6 @@ def take_step(solver: Compensated, taken: int, most: int, end: float) -> int:
         raise InputError(
             f"the equations could not be integrated past t = {solver.t:g} s: {message}"
         )
+    if progress is not None and taken % _SHOWN == 0:
+        progress(solver.t / end)
     return taken + 1

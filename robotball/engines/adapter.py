@@ -107,6 +107,7 @@ class SteppedWorld(World):
 
     def march(self, times: Array, timestep: float) -> Iterator[State]:
         lengths = spans(times, self.scene.breakpoints, timestep)[1]
+        # The engine has its step from set-up. Lengths that differ by rounding alone count as equal.
         if not self.any_step and not np.allclose(lengths, lengths[0], rtol=1e-9, atol=0.0):
             raise InputError(
                 f"{self.scene.name}: this engine's steps are all equal, and they have to end on "
@@ -118,6 +119,8 @@ class SteppedWorld(World):
                 yield self.state()
 
     def python_seconds(self) -> float:
+        # Commands are given to the engine as in the run, so that these calls count; no step is
+        # taken.
         count = min(IDLE_STEPS, self.steps)
         began = time.process_time()
         self._loop(_no_step, 0.0, self.longest, count)
@@ -199,7 +202,7 @@ class Adapter(Engine, ABC):
 
     @property
     def installed(self) -> bool:
-        """Whether its package is there. It is not imported; the package of a part of one is."""
+        """True if its package is there. It is not imported; the package of a part of one is."""
         return find_spec(self.package) is not None
 
     def cannot_express(self, scene: Scene) -> str | None:
@@ -220,9 +223,12 @@ class Adapter(Engine, ABC):
                 f"{self.label.name} is not installed: pip install 'robotball[{self.extra}]', or "
                 f"robotball engines --install {self.extra} for an environment of its own"
             )
+        # It runs all the same: how far off it then is belongs to the comparison of engines.
         if lack := self.lacks(scene, settings):
             warn(f"{scene.name}, {settings.name}: {self.label.name}: {lack}")
         world = self.world(scene, settings, longest_step(scene, times, settings.timestep))
+        # Only the engine's steps are timed, not what is made of its states. A state that is no
+        # number ends the run.
         rows, spent = [world.now.row], 0.0
         march = world.march(times, settings.timestep)
         while len(rows) < len(times) and np.isfinite(rows[-1]).all():
@@ -251,6 +257,7 @@ def _motion_of(
     """Return the motion of rows (n, 13 + 2h) of State, up to the fault that ends it, if any."""
     scene = world.scene
     state = state_of_rows(rows if np.isfinite(rows[-1]).all() else rows[:-1])
+    # A ball that runs away overflows here, before it is cut off at its fault.
     with np.errstate(all="ignore"):
         readings = readings_of(scene, state)
         rate_error = _rate_error(scene, times[: len(state.centre)], state)
@@ -272,6 +279,7 @@ def _motion_of(
             slip=readings.slip[n],
             spin=readings.spin[n],
             depth=scene.ball.radius - state.centre[n, 2],
+            # It needs the contact's force, which adapters do not read.
             friction_used=np.full(kept, np.nan),
             hinge_rate_error=rate_error[n],
             faults=faults,
@@ -288,6 +296,7 @@ def _rate_error(scene: Scene, times: Array, state: State) -> Array:
     """Return the largest error (n,) of all hinges, relative to its largest given rate."""
     right = np.stack([drive.rate(times) for drive in scene.drives], axis=1)
     largest = np.abs(right).max(axis=0)
+    # A hinge that is to stand has no rate to compare with: its error is in rad/s.
     return np.asarray((np.abs(state.rates - right) / np.where(largest > 0, largest, 1.0)).max(1))
 
 
@@ -319,6 +328,7 @@ def _faults(
         (drift, FaultKind.MOMENTUM_OFF, tolerance),
     ]
     found = [(int(np.argmax(mask)), kind, limit) for mask, kind, limit in masks if mask.any()]
+    # The engine gave a state that is no number, or none: the fault is at the first time without.
     if count < len(times):
         found.append((count, FaultKind.DIVERGED, 0.0))
     found.sort(key=lambda each: each[0])
@@ -371,6 +381,7 @@ class IdealWorld(World):
         M, h = self.dynamics(state)
         S, (w, x, y, z) = self.S, state.attitude
         free_rate = np.linalg.solve(S.T @ M @ S, -S.T @ (M @ pushed + h))
+        # The turning is in world axes, and so stands on the left: dq/dt = (0, ω)∘q/2.
         turn = eq.quaternion_product((0.0, *as_vector(state.turning)), (w, x, y, z))
         return np.array([*state.velocity[:2], *(each / 2 for each in turn), *free_rate])
 
@@ -401,7 +412,9 @@ class IdealWorld(World):
                 yield sample, y
 
     def _dop853(self, times: Array, timestep: float, y: Array) -> Iterator[tuple[float, Array]]:
+        # It begins anew at every breakpoint: a step across one is wrong by 1e-5.
         stops = np.union1d([t for t in self.scene.breakpoints if t < times[-1]], times[[0, -1]])
+        # X and Y do not set the step where they pass zero: their scale is the radius.
         scale = np.array([*[self.scene.ball.radius] * 2, *[1.0] * 4, *[1.0] * (len(y) - 6)])
         for begin, end in pairwise(stops):
             solver = Compensated(self.rate, (begin, end), y, self.rtol, scale, timestep)

@@ -16,8 +16,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Scene
 
-_LABEL = Label("PyBullet", version_of("pybullet"), "#E69F00")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _BulletSettings(StepSettings):
@@ -81,6 +79,8 @@ class _BulletWorld(ServoWorld):
             # and the link keeps what it had (docs/findings/pybullet_change_dynamics.py).
             for name, value in options.items():
                 p.changeDynamics(self.ball, i, **{name: value})
+        # Bullet multiplies the coefficients of two bodies. With 1 on the plane the ball's own
+        # counts.
         if settings.lateral_friction is not None:
             p.changeDynamics(plane, -1, lateralFriction=1.0)
             p.changeDynamics(self.ball, -1, lateralFriction=settings.lateral_friction)
@@ -96,6 +96,8 @@ class _BulletWorld(ServoWorld):
         self.turn(start.rates)
 
     def turn(self, rates: Array) -> None:
+        # By motors: with resetJointState at every step the ball's path is off by 3 to 5 times its
+        # length.
         self.p.setJointMotorControlArray(
             self.ball,
             range(len(rates)),
@@ -145,7 +147,7 @@ _BEST = _BulletSettings(
 class _Bullet(Adapter):
     """PyBullet as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("PyBullet", version_of("pybullet"), "#E69F00")
     package = "pybullet"
     extra = "bullet"
     requirements = ("pybullet>=3.2.7",)

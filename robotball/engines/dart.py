@@ -26,8 +26,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("DART", version_of("dartpy"), "#8C564B")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _DartSettings(StepSettings):
@@ -57,6 +55,7 @@ def _skeleton(scene: Scene, dart: Any) -> Any:
             place.set_translation(link.origin)
             properties.mT_ParentBodyToJoint = place
             joint, body = ball.createRevoluteJointAndBodyNodePair(bodies[link.parent], properties)
+            # The rate is then a constraint of DART's own, without a gain or an armature to choose.
             joint.setActuatorType(dart.dynamics.ActuatorType.VELOCITY)
         body.setInertia(dart.dynamics.Inertia(link.mass, link.centre, link.inertia))
         bodies.append(body)
@@ -135,13 +134,14 @@ class _DartDynamics(IdealWorld):
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
         _put(self.ball, state, self.dart)
+        # DART puts a free joint's turning before its velocity.
         return velocity_first(self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces())
 
 
 class _Dart(Adapter):
     """DART as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("DART", version_of("dartpy"), "#8C564B")
     package = "dartpy"
     extra = "dart"
     requirements = ("dartpy>=6.20",)
@@ -152,6 +152,8 @@ class _Dart(Adapter):
     }
     presets = by_name(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3),
+        # More friction than the ball needs, 1.2. What error is left is of the steps, of first
+        # order.
         _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),

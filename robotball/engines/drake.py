@@ -27,7 +27,6 @@ from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene
 
-_LABEL = Label("Drake", version_of("drake"), "#009E73")
 # Of the radius, where the search for the depth at rest begins, and its steps at most: the load is a
 # smooth function of the depth, and the search ends by itself after fewer.
 _FIRST_DEPTH, _SECANTS = 1e-3, 8
@@ -281,7 +280,7 @@ _IDEAL = _DrakeSettings(
 class Drake(Adapter):
     """Drake as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("Drake", version_of("drake"), "#009E73")
     package = "pydrake"
     extra = "drake"
     requirements = ("drake>=1.51",)

@@ -94,6 +94,7 @@ class _ExudynWorld(World):
         node = system.AddNode(
             items.NodeRigidBodyEP(
                 referenceCoordinates=[0.0, 0.0, self.scene.ball.radius, *now.attitude],
+                # They count from the reference coordinates.
                 initialCoordinates=[0.0] * 7,
                 initialVelocities=[*now.velocity, *spinning],
             )
@@ -167,8 +168,11 @@ class _ExudynWorld(World):
         return matrix
 
     def _rows(self, q: Array) -> Array:
+        # A marker's coordinates contain the reference already; with it added, the solver fails.
         G, a = np.array(self.G(q[-4:])), self.scene.ball.radius
         J = np.zeros((self.row_count, 7))
+        # The third row keeps the centre at its height. Rates, not places: a ball touches with ever
+        # another point, so there is none to hold.
         J[0, 0] = J[1, 1] = J[2, 2] = 1.0
         J[0, 3:], J[1, 3:] = -a * G[1], a * G[0]
         if self.row_count == 4:
@@ -200,6 +204,7 @@ class _ExudynWorld(World):
         solver = getattr(exudyn.DynamicSolverType, settings.solver)
         self.system.SolveDynamic(chosen, solverType=solver)
         (at, *q), (_, *q_t) = (self.system.GetSensorStoredData(each).T for each in self.sensors)
+        # Cubic through states and rates: its error is of order 4, and the solver's of order 2.
         path = CubicHermiteSpline(at, np.transpose(q), np.transpose(q_t))
         start = np.array([0.0, 0.0, self.scene.ball.radius, *self.now.attitude])
         for t, place, moving in zip(times.tolist(), path(times), path(times, 1), strict=True):
@@ -280,8 +285,6 @@ class _ContactWorld(_ExudynWorld):
         return State(q[:3], q_t[:3], q[3:] / np.linalg.norm(q[3:]), turning, *self.hinges_at(t))
 
 
-_LABEL = Label("Exudyn", version_of("exudyn"), "#CC79A7")
-
 # There is no preset as it comes: this one has our constraint, and leaves the rest to Exudyn.
 _OWN_SOLVER = _ExudynSettings(
     name="own-solver", error_tolerance=1e-3, stop_at_fault=False, timestep=1e-3
@@ -304,7 +307,7 @@ _CONTACT = replace(_BEST, name="contact", tolerance=1e-9, modified=False, fricti
 class Exudyn(Adapter):
     """Exudyn as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("Exudyn", version_of("exudyn"), "#CC79A7")
     package = "exudyn"
     extra = "exudyn"
     requirements = ("exudyn>=1.13.6",)

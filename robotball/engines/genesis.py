@@ -18,8 +18,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("Genesis", version_of("genesis-world"), "#AA4499")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _GenesisSettings(StepSettings):
@@ -118,6 +116,7 @@ def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
             SubElement(body, "freejoint")
             sphere = SubElement(body, "geom", type="sphere", size=_text([scene.ball.radius]))
             if (d := settings.impedance) is not None:
+                # Equal at both ends: the impedance does not change with the depth.
                 sphere.set("solimp", _text([d, d, 1e-3, 0.5, 1.0]))
         else:
             SubElement(body, "joint", type="hinge", name=link.name, axis=_text(link.axis))
@@ -157,7 +156,7 @@ _BEST = _GenesisSettings(
 class Genesis(Adapter):
     """Genesis as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("Genesis", version_of("genesis-world"), "#AA4499")
     package = "genesis"
     extra = "genesis"
     requirements = ("genesis-world>=1.4.5", "torch>=2.8")

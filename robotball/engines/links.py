@@ -55,6 +55,7 @@ def links_of(scene: Scene) -> tuple[_Link, ...]:
         *(
             _Link(
                 name=name,
+                # The frame hangs on the shell, and all that turns inside on the frame.
                 parent=0 if hinge.name == "frame" else 1,
                 origin=hinge.pivot,
                 axis=hinge.axis,
@@ -106,6 +107,7 @@ def start_state(scene: Scene, start: Start | None = None) -> State:
     start = scene.start if start is None else start
     rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
     R = rotation_matrix(start.attitude)
+    # A scene gives the frame's ω; the shell turns against it at the first hinge's rate.
     turning = R @ (scene.angular_velocity_at(start) - rates[0] * scene.ball.shell.axis)
     centre = np.array([0.0, 0.0, scene.ball.radius])
     velocity = np.cross(turning, centre)
@@ -151,6 +153,7 @@ def readings_of(scene: Scene, state: State) -> Readings:
     return Readings(
         attitude=turn[1],
         angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(turn[1]), turning[1]),
+        # By (3.1) rubber's M = γ×L has no part along γ, in which the plane's torque is unknown.
         momentum=np.cross(up, L) if scene.rolling == "rubber" else L,
         slip=np.linalg.norm(sliding[:, :2], axis=1),
         spin=state.turning[:, 2],

@@ -17,7 +17,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("Newton", version_of("newton"), "#117733")
 _TIME_CONSTANT = 0.04  # s, of the contact whose impedance is set
 _SERVO = 10.0  # N m s/rad, of a newcomer's hinges
 
@@ -70,9 +69,12 @@ class _NewtonWorld(SteppedWorld):
             model = self._model(newton)
             self.solver = newton.solvers.SolverMuJoCo(model, use_mujoco_cpu=True, **chosen)
             self.states, self.controls = (model.state(), model.state()), model.control()
+        # Newton does not pass noslip on, so it is set in the model that its solver has made.
         if settings.noslip is not None:
             options = self.solver.mj_model.opt
             options.noslip_iterations, options.noslip_tolerance = settings.noslip, 0.0
+        # Into MuJoCo's own data, in double precision: a state that is kept there is never read from
+        # Newton's, which has single precision.
         now, data = self.now, self.solver.mj_data
         turning = rotation_matrix(now.attitude).T @ now.turning
         data.qpos[:] = [*self._centre, *now.attitude, *now.angles]
@@ -142,6 +144,8 @@ class _NewtonWorld(SteppedWorld):
         target.assign(np.concatenate([free, values]).astype(np.float32))
 
     def control(self, t: float, step: float) -> None:
+        # A servo's target is the rate at the step's end, where the step's velocities are. A torque
+        # is held over the step, and at the middle's value it keeps order 2.
         drives = self.scene.drives
         rates = [float(drive.rate(t + step)) for drive in drives]
         accelerations = [float(drive.acceleration(t + step / 2)) for drive in drives]
@@ -157,6 +161,7 @@ class _NewtonWorld(SteppedWorld):
         now, _ = self.states
         q, v = (each.numpy().astype(float) for each in (now.joint_q, now.joint_qd))
         attitude = np.roll(q[3:7], 1)
+        # Rounded to single precision it is no unit quaternion any more.
         attitude /= np.linalg.norm(attitude)
         return State(q[:3], v[:3], attitude, v[3:6], q[7:], v[6:])
 
@@ -185,7 +190,7 @@ _BEST = _NewtonSettings(
 class Newton(Adapter):
     """Newton as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("Newton", version_of("newton"), "#117733")
     package = "newton"
     extra = "newton"
     requirements = ("newton>=1.8", "mujoco-warp>=4.0")

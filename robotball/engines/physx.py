@@ -13,8 +13,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, perpendicular
 from robotball.scene import Scene
 
-_LABEL = Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _PhysxSettings(StepSettings):
@@ -59,6 +57,7 @@ class _PhysxWorld(ServoWorld):
             material = physx.PhysxMaterial(settings.friction, settings.friction, 0.0)
         ground = self.world.create_actor_builder()
         ground.set_physx_body_type("static")
+        # A plane of PhysX faces along x.
         upward = sapien.Pose(q=from_matrix(np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]])))
         ground.add_plane_collision(upward, material=material)
         ground.build("ground")
@@ -78,6 +77,7 @@ class _PhysxWorld(ServoWorld):
             else:
                 turn = from_matrix(_x_along(link.axis))
                 each.set_joint_name(link.name)
+                # Unwrapped, as a rotor turns through more than a thousand radians.
                 each.set_joint_properties(
                     "revolute_unwrapped", [[-np.inf, np.inf]],
                     sapien.Pose(link.origin, turn), sapien.Pose(q=turn),
@@ -86,6 +86,7 @@ class _PhysxWorld(ServoWorld):
         builder.set_initial_pose(sapien.Pose(start.centre, start.attitude))
         self.ball = ball = builder.build()
         for link in ball.links:
+            # PhysX damps bodies by default; nothing does so here.
             link.set_linear_damping(0.0)
             link.set_angular_damping(0.0)
             if settings.most_rate is not None:
@@ -147,7 +148,7 @@ _BEST = _PhysxSettings(
 class _Physx(Adapter):
     """PhysX 5 as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F")
     package = "sapien"
     extra = "physx"
     requirements = ("sapien>=3.0.3",)

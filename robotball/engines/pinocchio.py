@@ -24,8 +24,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("Pinocchio", version_of("pin"), "#56B4E9")
-
 
 @dataclass(frozen=True, kw_only=True)
 class _PinocchioSettings(StepSettings):
@@ -50,6 +48,7 @@ class _PinocchioWorld(IdealWorld):
                 if i
                 else pinocchio.JointModelFreeFlyer()
             )
+            # All links have the ball's axes at the start, so that places are shifts alone.
             place = pinocchio.SE3(np.eye(3), link.origin)
             parent = joints[link.parent + 1] if i else 0
             joints.append(self.model.addJoint(parent, joint, place, link.name))
@@ -62,6 +61,7 @@ class _PinocchioWorld(IdealWorld):
     def dynamics(self, state: State) -> tuple[Array, Array]:
         R = rotation_matrix(state.attitude)
         v, w = R.T @ state.velocity, R.T @ state.turning
+        # Pinocchio's quaternions are (x, y, z, w).
         q = np.concatenate([state.centre, np.roll(state.attitude, -1), state.angles])
         qdot = np.concatenate([v, w, state.rates])
         M = self.pin.crba(self.model, self.data, q, self.pin.Convention.WORLD)
@@ -77,7 +77,7 @@ class _PinocchioWorld(IdealWorld):
 class Pinocchio(Adapter):
     """Pinocchio as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("Pinocchio", version_of("pin"), "#56B4E9")
     package = "pinocchio"
     extra = "pinocchio"
     requirements = ("pin>=4.1",)

@@ -18,6 +18,7 @@ from robotball.motion import Label, Loads, Motion, loads_of, pieces
 from robotball.rotations import Array, angle_between, conjugate, rotation_matrix
 from robotball.scene import Scene
 
+# An odd number, to have as many neighbours on each side.
 POINTS = 7  # of the polynomial through a sample and its neighbours; 5 for the estimate
 # Times the effect on a rate of the largest noise near a sample: at the sample it may lie worse.
 _NOISE = 2.5
@@ -195,6 +196,7 @@ def recorded(scene: Scene, trajectory: Trajectory) -> RecordedMotion:
         slip_error=velocity_error + scene.ball.radius * omega_error,
         spin=turning[:, 2],
         spin_error=omega_error,
+        # Least squares of v = r (ω - Ω)×e_z over all samples.
         rolling_radius=float((velocity * per_radius).sum()) / turned if turned else np.nan,
         height=trajectory.position[:, 2],
     )
@@ -221,6 +223,7 @@ def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
     angles = np.full((len(times), len(scene.hinges)), np.nan)
     rates = angles.copy()
     for i, hinge in enumerate(scene.hinges):
+        # The angle of a motor's hinge depends on its load, which the commands do not tell.
         if hinge.motor is None:
             angles[:, i] = hinge.angle + hinge.command.angle(times)
             rates[:, i] = hinge.command.rate(times)

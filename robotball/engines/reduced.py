@@ -11,7 +11,7 @@ from importlib.metadata import version
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engines import LEAST_RTOL, Compensated, Rate, take_step
+from robotball.engines import LEAST_RTOL, Compensated, Progress, Rate, take_step
 from robotball.equations import as_vector, check_speed
 from robotball.motion import Label, Motion, ReferenceMotion, extended, joined, loads_of, pieces
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
@@ -29,19 +29,24 @@ _COARSER = 4.0  # times the tolerance, for the second motion by which the error 
 
 
 def integrate(
-    scene: Scene, times: Array, rtol: float = LEAST_RTOL, max_steps: int | None = None
+    scene: Scene,
+    times: Array,
+    rtol: float = LEAST_RTOL,
+    max_steps: int | None = None,
+    progress: Progress | None = None,
 ) -> ReferenceMotion:
     """Integrate the ball's motion by (3.2) or (3.3), with an estimate of its error.
 
     M is constant in space, so the state is one unit quaternion q and the contact point:
     dq/dt = q∘ω(S(q)M₀, S(q)e_z, t)/2. times: (n,) s, increasing from 0; rtol: the error allowed in
-    one step; max_steps: a limit for motions that turn too often. Raises InputError for a scene
-    that these equations do not describe, where the limit is met or a step shrinks to nothing.
+    one step; max_steps: a limit for motions that turn too often; progress: called with the fraction
+    of the motion that is known. Raises InputError for a scene that these equations do not describe,
+    where the limit is met or a step shrinks to nothing.
     """
     scene.check_reduced()
     ours = scene.until(float(times[-1]))
     return extended(
-        motion_of(ours, times, _states(ours, times, rtol, max_steps)),
+        motion_of(ours, times, _states(ours, times, rtol, max_steps, progress=progress)),
         ReferenceMotion,
         scene=scene,
         again=lambda: _states(ours, times, rtol, max_steps, _COARSER)[:, 4:],
@@ -94,6 +99,7 @@ def _right_hand_side(scene: Scene) -> Rate:
     parameters_at = (lambda _: scene.parameters) if scene.steady else scene.parameters_at
 
     def rate(t: float, state: Array) -> Array:
+        # Plain floats: on NumPy's arrays an orbit takes fifteen times as long.
         w, x, y, z, _X, _Y = state.tolist()
         if not math.hypot(w, x, y, z) < _ASTRAY:
             return np.full(6, np.nan)
@@ -109,7 +115,12 @@ def _right_hand_side(scene: Scene) -> Rate:
 
 
 def _states(
-    scene: Scene, times: Array, rtol: float, max_steps: int | None, coarser: float = 1.0
+    scene: Scene,
+    times: Array,
+    rtol: float,
+    max_steps: int | None,
+    coarser: float = 1.0,
+    progress: Progress | None = None,
 ) -> Array:
     """Return states (n, 6) at the times, with q from principal axes to world.
 
@@ -121,7 +132,8 @@ def _states(
     if scene.steady and fastest * times[-1] > LONG:
         limit = _MAX_COMPILED_STEPS if max_steps is None else max_steps
         return compiled_states(scene, times, coarser * max(rtol / 10, LEAST_RTOL), limit)
-    return _solve(scene, times, coarser * rtol, _MAX_STEPS if max_steps is None else max_steps)
+    limit = _MAX_STEPS if max_steps is None else max_steps
+    return _solve(scene, times, coarser * rtol, limit, progress)
 
 
 def compiled_states(
@@ -139,7 +151,9 @@ def compiled_states(
     return orbit_states(parameters, attitudes[0], momenta[0], times, allowed, max_steps)
 
 
-def _solve(scene: Scene, times: Array, rtol: float, max_steps: int) -> Array:
+def _solve(
+    scene: Scene, times: Array, rtol: float, max_steps: int, progress: Progress | None
+) -> Array:
     """Return states (n, 6) at the times, integrated anew from every breakpoint of the drives."""
     # X and Y are only quadratures of q: with the radius as their scale they do not set the step
     # where they pass zero.
@@ -150,7 +164,7 @@ def _solve(scene: Scene, times: Array, rtol: float, max_steps: int) -> Array:
     for end in (*(t for t in scene.breakpoints if t < last), last):
         solver = Compensated(rate, (begin, end), state, rtol, scale)
         while solver.running:
-            steps = take_step(solver, steps, max_steps, last)
+            steps = take_step(solver, steps, max_steps, last, progress)
             reached = int(np.searchsorted(times, solver.t, side="right"))
             if reached > done:
                 states[done:reached] = solver.within(times[done:reached])

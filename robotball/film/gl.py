@@ -70,7 +70,9 @@ def _candidates() -> tuple[str, ...]:
     if chosen in _OFF:
         return ()
     if chosen not in _ANY:
+        # MuJoCo's names for a window's OpenGL on Linux and on Windows; GLFW is how it opens both.
         return ("glfw",) if chosen in ("glx", "wgl") else (chosen,)
+    # EGL first, which may have a GPU; OSMesa draws on the processor.
     return {"Linux": ("egl", "osmesa"), "Darwin": ("cgl", "glfw")}.get(platform.system(), ("glfw",))
 
 

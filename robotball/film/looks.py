@@ -100,6 +100,7 @@ def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
         before = sum(distance < _TOGETHER for distance in away[:i])
         after = sum(distance < _TOGETHER for distance in away[i + 1 :])
         room = [RIM, INSIDE - float(np.linalg.norm(centre))]
+        # Half of the way for each of two neighbours, so that they do not touch.
         room += [distance / 2 for distance in away if distance >= _TOGETHER]
         if ball.pendulums:
             room.append(_CORE)
@@ -123,6 +124,7 @@ def _weight(ball: Ball, side: Array, off: float) -> Iterator[Shape]:
     for rotor, (size, _) in zip(ball.rotors, _rings(ball), strict=True):
         reach = max(reach, float(np.linalg.norm(rotor.centre)) / ball.radius + RIM * size)
     radius = min(BOB, (_OUTSIDE - reach) / 2)
+    # Where nothing moves inside, the weight may sit at the centre of mass itself.
     place = _OUTSIDE - radius if reach else min(off, INSIDE - radius)
     yield Shape("sphere", np.array([radius, 0, 0]), place * side, _AS_IT_IS, "rotor")
     if not reach:
@@ -134,6 +136,7 @@ def _pendulum(ball: Ball, pendulum: Pendulum) -> Iterator[Shape]:
     """Yield an arm from the hinge to a bob at the centre of mass, and the hinge's axle."""
     pivot, arm = pendulum.pivot / ball.radius, (pendulum.centre - pendulum.pivot) / ball.radius
     along = float(pivot @ pendulum.axis) * pendulum.axis
+    # The farthest that the bob comes at any angle of the hinge.
     reach = float(np.linalg.norm(along) + np.linalg.norm(pivot - along) + np.linalg.norm(arm))
     arm = arm * min(1.0, (INSIDE - _LEAST) / reach) if reach > 0 else arm
     length = float(np.linalg.norm(arm))
@@ -234,6 +237,7 @@ def _profile(shape: Shape) -> tuple[Array, int]:
         return np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), _AROUND
     if shape.kind == "cylinder":
         return np.array([(0.0, -b), (a, -b), (a, b), (0.0, b)]), _AROUND
+    # Only the shell is so large that its steps would be seen.
     large = shape.kind == "sphere" and a > 0.5
     rise = np.linspace(-np.pi / 2, np.pi / 2, (2 if large else 1) * _SECTION + 1)
     side = b * np.where(rise > 0, 1, -1)  # a sphere's is 0
@@ -246,6 +250,7 @@ def _box(size: Array) -> Array:
     for axis in range(3):
         for side in (-1, 1):
             face = np.full((6, 3), side)
+            # The far side's corners run the other way round, anticlockwise from outside as well.
             face[:, [(axis + 1) % 3, (axis + 2) % 3]] = square[::side]
             corners.append(face * size)
     return np.reshape(corners, (-1, 3, 3))
@@ -287,6 +292,7 @@ def add_shapes(
         if shape.kind == "torus":
             radius, tube, _ = shape.size
             name = f"ring_{radius:.4g}_{tube:.4g}"
+            # Rings of one size share a mesh, which has thousands of triangles.
             if assets.find(f"mesh[@name='{name}']") is None:
                 SubElement(
                     assets,

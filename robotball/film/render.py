@@ -119,6 +119,7 @@ class _Sheet:
     def _put(self, whole: Pixels, text: str, right: float, middle: float) -> None:
         line = self._line
         x, y = int(right - 8 * line), int(middle - 0.7 * line)
+        # Pillow draws on a copy, so it is given no more than the text needs.
         patch = Image.fromarray(whole[y : y + int(1.4 * line), x : round(right)])
         at = (patch.width - 1, middle - y)
         ImageDraw.Draw(patch).text(at, text, palette.INK, self._bold, "rm")
@@ -220,13 +221,17 @@ class Film:
     def times(self, motion: Motion, theory: Motion) -> Array:
         """Return the times (m,) of the frames [s], up to the end of the shorter motion.
 
+        They are two at least: a motion shorter than a frame is shown at its start and its end.
         Raises InputError if the motions are not sampled at the same times.
         """
         shared = min(len(motion.times), len(theory.times))
         if shared < 2 or not np.array_equal(motion.times[:shared], theory.times[:shared]):
             raise InputError("a video needs two motions sampled at the same times, two at least")
-        rate = self.fps * self.slow
-        return np.arange(np.floor(motion.times[shared - 1] * rate * (1 + 1e-12)) + 1) / rate
+        rate, end = self.fps * self.slow, float(motion.times[shared - 1])
+        # An end that is a whole number of frames must not be lost to rounding.
+        count = np.floor(end * rate * (1 + 1e-12)) + 1
+        # A path, and the axis of time below it, need two points.
+        return np.arange(count) / rate if count > 1 else np.array([0.0, end])
 
 
 def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator[Pixels]:
@@ -242,6 +247,7 @@ def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator
     motions = (motion, theory)
     tracks = (track_of(motion).sampled_at(times), track_of(theory).sampled_at(times))
     apart = np.linalg.norm(tracks[0].points - tracks[1].points, axis=1) * theory.scene.ball.radius
+    # No generator itself, so that what cannot be drawn is refused here, not at the first picture.
     return _painted(
         _Painter(
             film,
@@ -275,6 +281,7 @@ class _Painter:
     backend: str
 
     def __call__(self, k: int) -> Pixels:
+        # An OpenGL cannot be sent to another process: each makes its own with its first picture.
         if "_stage" not in vars(self):
             self._drawn(0)  # the first picture of a GL may be off by a last bit
         return self._drawn(k)
@@ -379,6 +386,7 @@ def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int
         return lambda k: fixed
     middle = np.mean(points, axis=0)
     smooth = gaussian_filter1d(middle, _SMOOTH * film.fps, axis=0, mode="nearest")
+    # Farther away where a ghost leaves the ball by more than the picture shows.
     far = room * distance * np.maximum(1.0, (between + 2.5) / 4.0) / min(1.0, 1.25 * aspect)
     far = gaussian_filter1d(far, _SMOOTH * film.fps, mode="nearest")
     return lambda k: Camera(np.array([*smooth[k], 0.85]), float(far[k]), azimuth, up)

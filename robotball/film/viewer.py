@@ -55,12 +55,14 @@ def check_display() -> None:
         os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     ):
         raise InputError(no_display)
+    # macOS opens windows in the main thread alone, which mjpython leaves to the viewer.
     if sys.platform == "darwin" and "mjpython" not in os.environ.get("MJPYTHON_BIN", ""):
         raise InputError("on macOS a viewer needs mjpython in place of python; or take --web")
     import warnings
 
     import glfw  # which only a window needs
 
+    # The reason comes as a warning, beside the value that says that it failed.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if not glfw.init():
@@ -92,8 +94,10 @@ def view(motion: Motion, theory: Motion, seconds: float | None = None) -> None:
             before = now
             at = np.array([clock.t])
             stands = [track.stands(track.at(at)) for track in tracks]
+            # The viewer draws from the same data in a thread of its own.
             with window.lock():
                 pose(data, [{name: each[name] for name in looks} for each in stands])
+                # Placed by hand, so that of MuJoCo's forward dynamics only these two are needed.
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_camlight(model, data)
                 window.cam.lookat[:] = np.mean([each["shell"][1][0] for each in stands], axis=0)

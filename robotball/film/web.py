@@ -63,6 +63,7 @@ def view_fragment(motions: Sequence[Motion]) -> str:
             note=note,
         )
         + '<script type="application/json">'
+        # A title with </script> in it would end the script.
         + json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
         + "</script><script>{const here = document.currentScript.parentElement; "
         "rollingBalls(here, JSON.parse(here.querySelector('[type=\"application/json\"]')"
@@ -154,4 +155,5 @@ def _rounded(numbers: Array) -> list[float]:
 
 def _packed(numbers: Array) -> str:
     """Encode numbers as little-endian 32-bit floats in base 64."""
+    # Seven digits are more than a picture shows, and half of the page.
     return b64encode(numbers.astype("<f4").tobytes()).decode("ascii")

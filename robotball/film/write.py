@@ -45,7 +45,9 @@ def write_video(
         kinds = ", ".join(_FORMATS)
         raise InputError(f"a video must be a file ({kinds}) in a folder that exists, not {path}")
     codec, rate, options = _FORMATS[path.suffix]
+    # Before the file is opened: what cannot be drawn must not leave one.
     pictures, number = frames(motion, theory, film), len(film.times(motion, theory))
+    # mediapy looks for an ffmpeg on the PATH; imageio-ffmpeg brings one.
     mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
     with (
         replacing(path) as unfinished,

@@ -144,25 +144,15 @@ def _aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
     "i8[:, ::1], i8[::1], i8[::1])"
 )
 def cross(
-    step: Any,
-    queue: Any,
-    rows: Any,
-    lengths: Any,
-    tolerance: float,
-    step_limit: int,
-    longest: float,
-    direction: int,
-    times: Any,
-    states: Any,
-    directions: Any,
-    found: Any,
+    step: Any, queue: Any, rows: Any, lengths: Any, tolerance: float, step_limit: int,
+    longest: float, direction: int, times: Any, states: Any, directions: Any, found: Any,
     status: Any,
-) -> None:
+) -> None:  # fmt: skip
     """Write the first m crossings of each of n orbits, after time 0.
 
-    queue, rows, lengths: as in `march`; step_limit: of steps without a crossing; longest: how far
-    to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both. Writes times
-    (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
+    queue, rows, lengths: as in `_march_lanes`; step_limit: of steps without a crossing; longest:
+    how far to look [s]; direction: +1 or -1 for crossings of that direction only, 0 for both.
+    Writes times (n, m), states (n, m, size), directions (n, m), found (n,) and status (n,).
     """
     size = states.shape[2]
     _, new, flag, total = places(size)
@@ -217,12 +207,16 @@ def cross(
                     for j in range(size):
                         states[i, k, j] = w[(new + j) * LANES + lane]
                     found[i] += 1
+                    # The limit is of steps without a crossing.
                     steps[lane] = 0
                 mode[lane] = _MARCHING
                 if hidden[lane]:
+                    # The second of two crossings in one step lies between the turning point and its
+                    # end.
                     mode[lane], hidden[lane], tries[lane] = _TO_ROOT, False, 0
                     _put(tracks, lane, _LOW, _TURN)
                     _put(tracks, lane, _HIGH, _HERE)
+            # Also after a rejected step, whose lane tries again with the shorter length.
             _aim(w, lane, mode[lane], tracks, tolerance)
 
             if found[i] == times.shape[1]:

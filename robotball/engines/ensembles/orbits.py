@@ -42,7 +42,7 @@ from robotball.engines.ensembles.steppers import (
     places,
     row_of,
     stepper,
-)
+)  # fmt: skip
 from robotball.equations import Parameters, as_vector, check_speed
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import pieces
@@ -72,6 +72,7 @@ def _take(_: Any, queue: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, arguments[0])
         one = context.get_constant(types.int64, 1)
+        # Atomic, as threads share a queue without a lock; it orders no other memory.
         return builder.atomic_rmw("add", array.data, one, "monotonic")
 
     return types.int64(queue), generate
@@ -114,16 +115,9 @@ def collapsed(w: Any, lanes: int, lane: int) -> bool:
 
 @compiled(f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8[::1], f8, i8, f8[:, :, ::1], i8[::1])")
 def _march_lanes(
-    step: Any,
-    queue: Any,
-    rows: Any,
-    lengths: Any,
-    times: Any,
-    tolerance: float,
-    step_limit: int,
-    states: Any,
-    status: Any,
-) -> None:
+    step: Any, queue: Any, rows: Any, lengths: Any, times: Any, tolerance: float, step_limit: int,
+    states: Any, status: Any,
+) -> None:  # fmt: skip
     """Write the states (n, m, size) of n orbits at m times, all after 0 and increasing.
 
     queue: for `take`, of the orbits that are still to be done; rows: (n, k) as `load` takes them;
@@ -132,8 +126,7 @@ def _march_lanes(
     """
     size = states.shape[2]
     _, new, flag, total = places(size)
-    w = np.zeros(total * LANES)
-    orbit = np.full(LANES, -1)
+    w, orbit = np.zeros(total * LANES), np.full(LANES, -1)
     sample, steps = np.zeros(LANES, np.int64), np.zeros(LANES, np.int64)
     running = 0
     for lane in range(LANES):
@@ -187,12 +180,14 @@ def _follow(
     for _ in range(step_limit):
         helping = min(reached - sample, FEW - 1)
         for k in range(helping):
+            # Longer than the way to any target, so that these lanes only look.
             w[LENGTH * FEW + 1 + k] = np.inf
             w[TARGET * FEW + 1 + k] = times[sample + k]
         # With more outputs than lanes, lane 0 waits: it looks at where it stands.
         waits = sample + helping < reached
         w[TARGET * FEW] = w[TIME * FEW] if waits else np.inf
         before = w[TIME * FEW]
+        # Kept, as those that look for outputs start where lane 0 stands before its step.
         for j in range(len(old)):
             old[j] = w[(STATE + j) * FEW]
         step(w)
@@ -313,6 +308,7 @@ def orbit_states(
         raise too_many_steps(limit, reached, times[-1], speed)
     if status != DONE:
         raise InputError(f"the orbit was {_STATUS[status]} at t = {reached:g} s")
+    # Piece by piece: the copies would else take several times the memory of a long motion.
     for piece in pieces(len(times)):
         states[piece, :4] = starts.to_world(states[None, piece, :4])[0]
         states[piece, 4:] = starts.turned_back(states[None, piece, 4:])[0]
@@ -343,6 +339,7 @@ class Starts:
         self.size = np.linalg.norm(momenta, axis=1)
         self.fastest = check_speed(parameters, self.size)
         across = np.hypot(momenta[:, 0], momenta[:, 1])
+        # M = -mα + cγ has its horizontal part against α; a vertical M has none to turn.
         self.turns = np.where(across > 0, np.arctan2(-momenta[:, 1], -momenta[:, 0]), 0.0)
         unit = attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True)
         self.attitudes = _turned(-self.turns, unit)
@@ -370,10 +367,12 @@ class Starts:
         rest: as in `rows_of`.
         """
         n = len(self.rows)
+        # An orbit that is given up writes no more, and its states stay NaN from there on.
         states, status = np.full((n, len(times), system.size), np.nan), np.zeros(n, np.int64)
         step = stepper(system, self.parameters.rolling)
         rows = self.rows_of(system, rest)
         lengths = self.first_lengths(times[-1], tolerance)
+        # An output takes a step of its own, which looks and does not move.
         stops, limit = np.ascontiguousarray(times), self.step_limit(times[-1]) + len(times)
 
         def march(queue: Queue) -> None:
@@ -426,6 +425,7 @@ def _check_starts(parameters: Parameters, attitudes: Array, momenta: Array) -> N
         )
     if len(attitudes) == 0 or not (np.isfinite(attitudes).all() and np.isfinite(momenta).all()):
         raise InputError("starts must be at least one, and finite")
+    # Nearer to one is rounding, and is scaled away.
     if np.abs(np.linalg.norm(attitudes, axis=1) - 1).max() > 1e-9:
         raise InputError("attitudes must be unit quaternions")
     vertical = np.abs(momenta[:, 2])

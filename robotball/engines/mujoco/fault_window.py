@@ -104,7 +104,7 @@ class FaultWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def adaptive(self) -> bool:
-        """Whether the steps were chosen by their error."""
+        """True if the steps were chosen by their error."""
         return self.settings.get("integrator") == ADAPTIVE
 
 

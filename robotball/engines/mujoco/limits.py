@@ -87,7 +87,7 @@ class LimitCheck:
 
     @property
     def exceeded(self) -> bool:
-        """Whether the run is predicted to fail."""
+        """True if the run is predicted to fail."""
         return self.nearness > 1
 
     def __str__(self) -> str:
@@ -116,7 +116,7 @@ class PlannedRun(Chosen):
 
     @property
     def reduced(self) -> bool:
-        """Whether (3.2) or (3.3) describes the motion, but for the errors of the servos' rates.
+        """True if (3.2) or (3.3) describes the motion, but for the errors of the servos' rates.
 
         Otherwise the numbers are measured on MuJoCo's own model at its start.
         """
@@ -317,6 +317,7 @@ def momentum_lost(plan: PlannedRun) -> LimitCheck | None:
     limit = float(allowed(plan.settings.error_tolerance, np.array(plan.duration)))
     with np.errstate(over="ignore"):
         value = float(steps * factor * np.float64(theta) ** order)
+    # A trial takes some 60 ms, so it is made only where the formula raises an alarm.
     if value > limit and plan.integrator.order == 4 and plan.reduced:
         value = min(value, plan.measured_loss)
     shorter = plan.timestep * (limit / value) ** (1 / (order - 1)) if value > 0 else np.inf
@@ -387,6 +388,7 @@ def contact_spring(plan: PlannedRun) -> LimitCheck | None:
     return LimitCheck(
         "what a step makes of the contact's vibration",
         float(growth),
+        # A vibration that keeps its size is no fault, and rounding must not make it one.
         1 + 1e-9,
         "take a softer solref, as (0.04, 1), or a shorter timestep",
     )
@@ -404,6 +406,7 @@ def raised_solref(plan: PlannedRun) -> LimitCheck | None:
     return LimitCheck(
         "the contact's time constant",
         constant,
+        # A constant of exactly two steps, as the advice names it, must pass.
         2 * plan.timestep * (1 - 1e-12),
         f"MuJoCo raises it to two timesteps in silence; give solref {2 * plan.timestep:g} s",
         "s",
@@ -774,6 +777,7 @@ def limit_checks(
     """
     plan = planned(scene, settings, float(times[-1]), loads)
     with np.errstate(all="ignore"):
+        # Extreme settings overflow here, and an infinite value exceeds its limit all the same.
         found = (predict(plan) for predict in LAWS)
         return tuple(check for check in found if check is not None)
 

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from robotball.engine import Ladder
-from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, version_of
+from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, by_name, version_of
 from robotball.engines.links import State
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
@@ -19,7 +19,6 @@ from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 
-_LABEL = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
 _PASSES = 50  # of the loop at most in one call, whose controls are an array of fixed size
 
 
@@ -63,6 +62,7 @@ class _MjxWorld(World):
 
     def _take(self, begin: float, step: float, count: int) -> None:
         """Take `count` steps from `begin` [s], with the controls at the middle of each."""
+        # Held over a step, the middle's control keeps order 2, which is all that MJX's RK4 has.
         middles = (begin + (np.arange(_PASSES) + 0.5) * step).tolist()
         actuated = [hinge for hinge in self.built.hinges if hinge.actuated]
         controls = np.array([[hinge.control(t) for hinge in actuated] for t in middles])
@@ -138,7 +138,7 @@ _BEST = _MjxSettings(
 class _Mjx(Adapter):
     """MJX as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
     package = "mujoco.mjx"
     extra = "mjx"
     requirements = ("mujoco-mjx>=3.17", "jax>=0.10")
@@ -146,16 +146,14 @@ class _Mjx(Adapter):
         "as-it-comes": ("timestep", (2e-3,)),
         "best": ("timestep", (20e-3, 10e-3, 5e-3)),
     }
-    settings_type = _MjxSettings
-    presets: Mapping[str, StepSettings] = {each.name: each for each in (_AS_IT_COMES, _BEST)}
+    presets = by_name(_AS_IT_COMES, _BEST)
 
     @property
     def installed(self) -> bool:
-        """Whether it can run: it is a part of MuJoCo's package, but needs JAX."""
+        """True if it can run. MJX is a part of MuJoCo's package, but needs JAX."""
         return super().installed and find_spec("jax") is not None
 
-    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
-        assert isinstance(settings, _MjxSettings)
+    def world(self, scene: Scene, settings: _MjxSettings, step: float) -> World:
         return _MjxWorld(scene, settings, step)
 
 

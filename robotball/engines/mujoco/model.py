@@ -61,12 +61,12 @@ class ModelHinge:
 
     @property
     def own_motor(self) -> bool:
-        """Whether the motor is the scene's own, so that its errors belong to the motion."""
+        """True if the motor is the scene's own, so that its errors belong to the motion."""
         return self.of.motor is not None
 
     @property
     def actuated(self) -> bool:
-        """Whether it has an actuator; a free hinge has none."""
+        """True if it has an actuator; a free hinge has none."""
         return not isinstance(self.actuation, Free)
 
     @property
@@ -78,7 +78,7 @@ class ModelHinge:
 
     @property
     def follows_rate(self) -> bool:
-        """Whether its command is a rate."""
+        """True if its command is a rate."""
         return isinstance(self.actuation, Servo | Prescribed)
 
     def control(self, t: float) -> float:

@@ -9,7 +9,8 @@ error in place of settings), `fault_window`, `written`; MJX and MuJoCo Warp run 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from robotball.engine import Engine, Ladder, Progress, Request, Runner, as_own
+from robotball.engine import Engine, Ladder, Request, Runner, as_own
+from robotball.engines import Progress
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build

@@ -89,7 +89,7 @@ class Readings:
 
     @property
     def in_contact(self) -> Mask:
-        """Whether the plane and the shell touch (m,)."""
+        """True where the plane and the shell touch (m,)."""
         return self.column("contact")[:, 0] > 0
 
     @property

@@ -277,7 +277,7 @@ class Settings(EngineSettings):
 
     @property
     def adaptive(self) -> bool:
-        """Whether the steps are chosen by their error, not by the timestep alone."""
+        """True if the steps are chosen by their error, not by the timestep alone."""
         return self.integrator == ADAPTIVE
 
 
@@ -455,7 +455,7 @@ class Chosen:
 
     @property
     def noslip(self) -> bool:
-        """Whether friction is solved a second time without its softness."""
+        """True if friction is solved a second time without its softness."""
         return bool(self._option("noslip_iterations"))
 
     @property

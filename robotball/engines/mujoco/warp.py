@@ -8,15 +8,20 @@ import numpy as np
 
 from robotball.drives import Servo
 from robotball.engine import Ladder
-from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, World, version_of
+from robotball.engines.adapter import (
+    Adapter,
+    SteppedWorld,
+    StepSettings,
+    World,
+    by_name,
+    version_of,
+)
 from robotball.engines.links import State
 from robotball.engines.mujoco.mjx import shell_state
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
 from robotball.motion import Label
 from robotball.scene import Scene
-
-_LABEL = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,20 +94,18 @@ _BEST = _WarpSettings(
 class _Warp(Adapter):
     """MuJoCo Warp as an `Adapter`."""
 
-    label = _LABEL
+    label = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
     package = "mujoco_warp"
     extra = "mujoco-warp"
     requirements = ("mujoco-warp>=4.0", "warp-lang>=1.19")
     ladders: Mapping[str, Ladder] = {"best": ("timestep", (20e-3, 10e-3))}
-    settings_type = _WarpSettings
-    presets: Mapping[str, StepSettings] = {each.name: each for each in (_AS_IT_COMES, _BEST)}
+    presets = by_name(_AS_IT_COMES, _BEST)
 
-    def lacks(self, scene: Scene, settings: StepSettings) -> str | None:
-        """Say that it lacks double precision."""
+    def lacks(self, scene: Scene, settings: _WarpSettings) -> str | None:
+        """Return that it lacks double precision."""
         return "its state is in single precision"
 
-    def world(self, scene: Scene, settings: StepSettings, step: float) -> World:
-        assert isinstance(settings, _WarpSettings)
+    def world(self, scene: Scene, settings: _WarpSettings, step: float) -> World:
         return _WarpWorld(scene, settings, step)
 
 

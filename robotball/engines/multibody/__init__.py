@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 
 from robotball.drives import turns
 from robotball.engine import Engine, Ladder, Request, as_own
-from robotball.engines import LEAST_RTOL, Compensated, take_step
+from robotball.engines import LEAST_RTOL, Compensated, Progress, take_step
 from robotball.engines.multibody.system import (
     HINGES,
     LOSS,
@@ -56,20 +56,26 @@ _COARSER = 4.0  # times the error of a step, of the motion by which its own erro
 
 
 def integrate(
-    scene: Scene, times: Array, rtol: float = LEAST_RTOL, max_steps: int | None = None
+    scene: Scene,
+    times: Array,
+    rtol: float = LEAST_RTOL,
+    max_steps: int | None = None,
+    progress: Progress | None = None,
 ) -> ReferenceMotion:
     """Integrate the motion of any robot that rolls, with an estimate of its error.
 
-    times: (n,) s, increasing from 0; rtol: the error allowed in one step; max_steps: a limit.
-    Raises InputError where the ball lifts off, where a step shrinks to nothing, where the limit is
-    met, and where it would be because the motors settle too fast.
+    times: (n,) s, increasing from 0; rtol: the error allowed in one step; max_steps: a limit;
+    progress: called with the fraction of the motion that is known. Raises InputError where the ball
+    lifts off, where a step shrinks to nothing, where the limit is met, and where it would be
+    because the motors settle too fast.
     """
     limit = _MAX_STEPS if max_steps is None else max_steps
     ours = scene.until(float(times[-1]))
     _check_rates(ours, float(times[-1]), limit)
 
     def run(allowed: float) -> tuple[Array, Array]:
-        return March(System(ours), allowed, float(times[-1]), limit).run(times)
+        # A system of its own each time, as its modes change on the way.
+        return March(System(ours), allowed, float(times[-1]), limit, progress).run(times)
 
     states, readings = run(rtol)
     return extended(
@@ -150,6 +156,7 @@ def _margins_of(system: System, readings: Readings) -> Array:
 
 def _begin(system: System, t: float, state: Array) -> Array:
     """Set the modes in which a piece begins at t [s]. Returns the state as it is in them."""
+    # First the motors' sides, as the load on the plane depends on their torques.
     modes, unlimited = system.modes, system.readings(t, state).unlimited
     sides = np.where(np.abs(unlimited) > system.limits, np.sign(unlimited), 0.0)
     system.modes = replace(modes, motors=sides.astype(np.int64))
@@ -171,6 +178,7 @@ def _stand(system: System, t: float, state: Array, readings: Readings) -> Array:
     held = system.readings(t, state)
     if _held(held) <= system.resistance * held.normal:
         return state
+    # It was let go just now, and does not roll faster than STANDING yet.
     if np.any(modes.toward):
         system.modes = modes
         return state
@@ -257,6 +265,7 @@ class March:
     rtol: float
     end: float
     max_steps: int
+    progress: Progress | None = None
     steps: int = 0
     switches: list[float] = field(default_factory=list)
 
@@ -270,6 +279,7 @@ class March:
         state, t = _begin(system, 0.0, system.start()), 0.0
         samples.add(0.0, state[None])
         for end in (*(t for t in system.scene.breakpoints if t < times[-1]), float(times[-1])):
+            # A drive's rate may jump at the end, and the piece's last state is before the jump.
             system.end = float(np.nextafter(end, t))
             state = _begin(system, t, state)
             while t < end:
@@ -283,13 +293,16 @@ class March:
         margins = _margins_of(system, system.readings(t, state))
         while solver.running:
             before = (solver.t, solver.state)
-            self.steps = take_step(solver, self.steps, self.max_steps, self.end)
+            self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
             event, margins = self._event(solver, before[0], margins)
             samples.add(solver.t if event is None else event[0], solver)
             if event is not None:
                 t, which = event
                 self.switches.append(t)
+                # Stepped to anew: the interpolant is of order 7, and all that follows would keep
+                # its error.
                 return t, _switch(system, t, self._at(before, t), which)
+            # A rolling that dies out has no margin with a sign: it is looked at after every step.
             if system.resistance and not system.modes.standing:
                 readings = system.readings(solver.t, solver.state)
                 state = _stand(system, solver.t, solver.state, readings)
@@ -339,7 +352,7 @@ class March:
             return before[1]
         solver = self._solver(before[0], t, before[1])
         while solver.running:
-            self.steps = take_step(solver, self.steps, self.max_steps, self.end)
+            self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
         return solver.state
 
 

@@ -46,6 +46,7 @@ STANDING = 1e-8
 
 
 def _sources() -> str:
+    # All that the derivative is compiled from: kept code is stale where one of them changes.
     files = (eq.__file__, mechanics.__file__, __file__)
     return "".join(Path(file).read_text(encoding="utf-8") for file in files)
 
@@ -64,22 +65,10 @@ _SIGNATURE = (
 
 @compiled_from(_sources(), _SIGNATURE, nogil=True, error_model="numpy")
 def _differentiate(
-    state: Any,
-    bodies: Any,
-    radius: float,
-    gravity: Any,
-    motors: Any,
-    given: Any,
-    modes: Any,
-    commands: Any,
-    accelerations: Any,
-    spin_free: bool,
-    resistance: float,
-    standing: bool,
-    toward: Any,
-    rate: Any,
-    readings: Any,
-) -> None:
+    state: Any, bodies: Any, radius: float, gravity: Any, motors: Any, given: Any, modes: Any,
+    commands: Any, accelerations: Any, spin_free: bool, resistance: float, standing: bool,
+    toward: Any, rate: Any, readings: Any,
+) -> None:  # fmt: skip
     """Write the derivative of a state into `rate`, and the readings into `readings`.
 
     gravity (3,) m/s², world; motors (h, MOTOR); given (3 + h,): whether a rate is given, by
@@ -106,6 +95,7 @@ def _differentiate(
     if spin_free:
         put(directions[-1], 0, gamma)
     right, u = np.zeros((3 + count, 1)), np.zeros((3 + count, 1))
+    # L = M×γ + λγ in the rubber model; (ω_s, γ) = 0 stands in for the unknown λ.
     L = eq.cross(M, gamma) if spin_free else M
     for i in range(3):
         right[i, 0] = L[i]
@@ -188,6 +178,7 @@ def _differentiate(
         readings[_OMEGA + i] = omega[i]
         readings[_ROLLING + i] = eq.dot(axes[i], rolling)
     if spin_free:
+        # M = γ×L is horizontal, and rounding must not add up to anything else.
         rate[MOMENTUM + 2] = 0.0
     for j in range(count):
         rate[HINGES + j] = now[3 + j]
@@ -318,20 +309,8 @@ class System:
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
         modes = self.modes
         _differentiate(
-            state,
-            self._bodies,
-            self._radius,
-            self._gravity,
-            self.motors,
-            self.given,
-            modes.motors,
-            self._commands,
-            self._accelerations,
-            self._spin_free,
-            self.resistance,
-            modes.standing,
-            modes.toward,
-            rate,
-            readings,
-        )
+            state, self._bodies, self._radius, self._gravity, self.motors, self.given, modes.motors,
+            self._commands, self._accelerations, self._spin_free, self.resistance, modes.standing,
+            modes.toward, rate, readings,
+        )  # fmt: skip
         return rate, readings

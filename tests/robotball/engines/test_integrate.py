@@ -1,6 +1,7 @@
 """`integrate`: what it conserves, at which work it changes energy, and how its error falls."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -213,3 +214,15 @@ def test_a_motion_can_be_taken_up_where_it_was_left(scene: rb.Scene) -> None:
     rest = rb.integrate(again, np.array([0.0, 5.0]))
     end = half.contact_point[-1] + rest.contact_point[-1]
     assert np.abs(end - whole.contact_point[-1]).max() < 1e-11
+
+
+@pytest.mark.parametrize("equations", ["reduced", "multibody"])
+def test_the_fraction_that_is_known_is_shown(equations: Literal["reduced", "multibody"]) -> None:
+    """It grows from step to step and stays below 1: a stiff motor may take minutes."""
+    shown: list[float] = []
+    rb.integrate(
+        rb.load_scene("fig12"), np.array([0.0, 8.0]), equations=equations, progress=shown.append
+    )
+    assert len(shown) > 1
+    assert shown == sorted(set(shown))
+    assert shown[-1] < 1

@@ -134,6 +134,17 @@ def test_a_video_ends_where_a_run_broke_off(theory: rb.Motion) -> None:
 
 
 @pytest.mark.usefixtures("screen")
+@pytest.mark.parametrize("end", [0.01, 1 / 30])
+def test_a_motion_of_no_more_than_a_frame_shows_its_start_and_end(
+    scene: rb.Scene, end: float
+) -> None:
+    short = rb.integrate(scene, np.linspace(0.0, end, 3))
+    assert SMALL.times(short, short).tolist() == [0.0, end]
+    first, last = frames(short, short, SMALL)
+    assert not np.array_equal(first, last)
+
+
+@pytest.mark.usefixtures("screen")
 def test_every_choice_changes_the_picture(theory: rb.Motion) -> None:
     """Two panes, a ghost, arrows, and the three cameras: no two alike."""
     changes: list[dict[str, Any]] = [

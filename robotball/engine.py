@@ -106,7 +106,7 @@ _GROUP = "robotball.engines"
 DEFAULT = "mujoco"
 # Named by strings, as entry points are: an import would load all engines at once.
 OURS = {
-    "mujoco": "robotball.engines.mujoco.engine:MUJOCO",
+    "mujoco": "robotball.engines.mujoco.mujoco_engine:MUJOCO",
     "multibody": "robotball.engines.multibody:MULTIBODY",
     "bullet": "robotball.engines.bullet:BULLET",
     "dart": "robotball.engines.dart:DART",

@@ -93,7 +93,7 @@ def test_no_imports_go_in_a_circle() -> None:
 def test_no_engine_knows_another() -> None:
     """The equations never reach the contact model, nor it their integration, however far."""
     assert between_rooms(GRAPH) == []
-    both = [reached(GRAPH, ROOMS[0]), reached(GRAPH, f"{ROOMS[2]}.engine")]
+    both = [reached(GRAPH, ROOMS[0]), reached(GRAPH, f"{ROOMS[2]}.mujoco_engine")]
     assert {"robotball.equations", "robotball.scene", "robotball.motion"} <= both[0] & both[1]
 
 

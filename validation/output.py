@@ -7,10 +7,11 @@ and then.
 import csv
 import io
 import json
+import math
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -21,13 +22,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from robotball.errors import InputError
-from robotball.files.replacing import (
-    STANDARD_OUTPUT,
-    followed,
-    no_regular_file,
-    refused,
-    replacing,
-)
+from robotball.files.replacing import STANDARD_OUTPUT, followed, no_regular_file, refused, replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,9 +106,28 @@ def _cell(value: Any) -> Any:
     return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value
 
 
+def known(value: float | None) -> float | None:
+    """Return a number for a record; None, as JSON has no other, where it is not finite."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
 def scientific(value: float | None) -> str:
     """Return a number in two digits; a dash where a run that broke off has none."""
     return "-" if value is None else f"{value:.1e}"
+
+
+def plain_table(headings: Sequence[str], left: Collection[int] = (0,), **style: Any) -> "Table":
+    """Return a table without rows; columns begin at the right but for those whose place is `left`.
+
+    style: of `rich.table.Table`, a padding of 0 and no edge as far as it says nothing else.
+    """
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, **{"padding": 0, "show_edge": False, **style})
+    for i, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if i in left else "right", no_wrap=True)
+    return table
 
 
 def print_whole(table: "Table", console: Console) -> None:

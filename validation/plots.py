@@ -187,7 +187,7 @@ def momentum_picture(sheet: Sheet) -> "Figure":
     for value, names in sheet.momentum_labels.items():
         if sheet.keeps_momentum:
             components.axhline(value, **wide)
-        _beside(components, names, value)
+        beside(components, names, value)
     if not sheet.keeps_momentum:
         components.plot(theory.times, theory.momentum, **wide)
     for run, style in _styled(sheet):
@@ -241,16 +241,17 @@ def _log_line(axes: "Axes", run: _Run, errors: _Errors, style: Any) -> None:
     """Draw a line on a log axis, and name it at its end."""
     axes.plot(errors.times, errors.values, linestyle=style, color=run.line.colour)
     if run.finished:
-        _beside(axes, in_picture(run.settings), errors.largest)
+        beside(axes, in_picture(run.settings), errors.largest)
 
 
-def _beside(axes: "Axes", text: str, height: float) -> None:
-    """Write a label at the right of the axes, at the height of what it names."""
+def beside(axes: "Axes", text: str, height: float, place: float = 4, **style: Any) -> None:
+    """Write a label `place` points right of the axes, at the height of what it names."""
     axes.annotate(
         text,
         (1.0, height),
         xycoords=("axes fraction", "data"),
-        xytext=(4, 0),
+        xytext=(place, 0),
         textcoords="offset points",
         va="center",
+        **style,
     )

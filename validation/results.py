@@ -5,7 +5,6 @@ option that is not at its default.
 """
 
 import json
-import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -15,15 +14,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from robotball import Fault, Motion, Scene, catalog, load_scene
 from robotball.motion import Label
 from validation.agreement import Agreement
-from validation.output import print_whole, scientific, versions, write_rows, write_text
+from validation.output import (
+    known,
+    plain_table,
+    print_whole,
+    scientific,
+    versions,
+    write_rows,
+    write_text,
+)
 from validation.sensitivity import Sensitivity
 
 _ALL = "all"  # of an engine's presets
@@ -120,7 +125,7 @@ def record(agreement: Agreement) -> Record:
         "attitude_error": agreement.attitude_error,
         "momentum_error": agreement.momentum_error,
         "momentum_drift": agreement.momentum_error,  # its name in version 0.1
-        "friction_used": _known(report.friction_used.max(initial=0.0)),
+        "friction_used": known(report.friction_used.max(initial=0.0)),
         "needs": needs(agreement.theory),
         "steps": report.steps,
         "realtime_factor": agreement.realtime_factor,
@@ -134,10 +139,6 @@ def record(agreement: Agreement) -> Record:
     }
 
 
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
 def _fault(fault: Fault) -> dict[str, Any]:
     return {
         "kind": fault.kind.name, "time": fault.time, "cause": fault.text, "fatal": fault.fatal,
@@ -146,8 +147,7 @@ def _fault(fault: Fault) -> dict[str, Any]:
 
 def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
     """Return its numbers, None for those that are not finite, and whether it explains the error."""
-    numbers = asdict(sensitivity).items()
-    plain = {name: value if math.isfinite(value) else None for name, value in numbers}
+    plain = {name: known(value) for name, value in asdict(sensitivity).items()}
     return {**plain, "explains": sensitivity.explains}
 
 
@@ -191,12 +191,9 @@ def write_markdown(path: Path, records: Sequence[Record]) -> None:
 def show(records: Sequence[Record], console: Console) -> None:
     """Print one row an agreement's record, and below the table what went wrong where it did."""
     # Eighty columns hold it.
-    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
-    for heading in ("scene", "rolling", "preset"):
-        table.add_column(heading, no_wrap=True)
-    for heading in ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M error", "× real\ntime"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
+    numbers = ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M error", "× real\ntime")
+    headings = ("scene", "rolling", "preset", *numbers, "verdict")
+    table = plain_table(headings, left=(0, 1, 2, 8))
     for each in records:
         table.add_row(
             escape(each["scene"]),

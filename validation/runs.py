@@ -3,14 +3,11 @@
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from robotball import InputError, Request, Scene, integrate
 from robotball.cores import allowed
@@ -19,7 +16,7 @@ from robotball.files.replacing import refused
 from robotball.processes import in_processes
 from robotball.rotations import Array
 from validation.agreement import Agreement, compare_with
-from validation.output import Show, print_whole, progress_bar
+from validation.output import Show, plain_table, print_whole, progress_bar
 from validation.plots import MANY, draw
 from validation.results import Record, fault_window_path, record
 
@@ -34,7 +31,7 @@ def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["Compar
     with progress_bar(len(scenes) * each) as show:
         if len(scenes) < MANY or allowed() == 1:
             for scene in scenes:
-                found.append(comparing(scene, partial(_from, show, len(found) * each)))
+                found.append(comparing(scene, shifted(show, len(found) * each)))
         else:
             for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
                 found.append(compared)
@@ -42,8 +39,9 @@ def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["Compar
     return found
 
 
-def _from(show: Show, begin: int, done: float, what: str) -> None:
-    show(begin + done, what)
+def shifted(show: Show, begin: int) -> Show:
+    """Return what shows the progress of a part of the work, before which `begin` was done."""
+    return lambda done, what: show(begin + done, what)
 
 
 @dataclass(frozen=True)
@@ -153,10 +151,8 @@ def tell_fault_windows(paths: Iterable[Path]) -> None:
 
 def show_rows(window: FaultWindow, console: Console) -> None:
     """Print all rows of a fault window, the first bad one marked."""
-    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
-    for heading in ("row", *window.columns):
-        table.add_column(escape(heading), justify="right")
-    table.add_column("")
+    columns = map(escape, window.columns)
+    table = plain_table(("row", *columns, ""), left=(1 + len(window.columns),))
     for i, row in enumerate(window.table):
         bad = i == window.bad
         cells = [f"{i}", *map(_cell, row), "<- bad" if bad else ""]

@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
@@ -19,9 +20,12 @@ from rich.table import Table
 
 from robotball import Motion, Scene, integrate, load_scene, sample_times, scene_toml
 from robotball.motion import Label
-from validation.output import print_whole, scientific, write_picture, write_record, write_rows
+from validation.output import print_whole, write_picture, write_record, write_rows
 from validation.results import file_name
 
+CANCELLED = 100.0
+"""Times that M may be less accurate than the path: sound runs reach 20, and where it is more, the
+path's errors cancelled."""
 Row = Mapping[str, Any]
 """Plain data of one run; what has no number is None or left out."""
 
@@ -47,18 +51,50 @@ def reference(name: str, duration: float, interval: float) -> tuple[Scene, Motio
 class Column:
     """A column of a table in the terminal.
 
-    cell: the key of a number in the rows, which is shown in two digits, or a function that gives
-    the text for a row; words: whether the column holds words, which begin at its left.
+    cell: the key of a text or a number in the rows, or a function that gives the text for a row;
+    words: whether the column holds words, which begin at its left. A number is shown times `scale`
+    in the format `form`; one that a row has not as `missing`.
     """
 
     header: str
     cell: str | Callable[[Row], str]
     unit: str = ""
     words: bool = False
+    form: str = ".1e"
+    scale: float = 1
+    missing: str = "-"
 
     def text(self, row: Row) -> str:
         """Return the text of the cell."""
-        return scientific(row.get(self.cell)) if isinstance(self.cell, str) else self.cell(row)
+        if not isinstance(self.cell, str):
+            return self.cell(row)
+        value = row.get(self.cell)
+        if value is None:
+            return self.missing
+        return value if isinstance(value, str) else f"{value * self.scale:{self.form}}"
+
+
+def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
+    """Return the indices that no other beats by being as good and cheaper, or as cheap and better.
+
+    The cheapest first.
+    """
+    front: list[int] = []
+    for i in sorted(range(len(errors)), key=lambda i: (costs[i], errors[i])):
+        if not front or errors[i] < errors[front[-1]]:
+            front.append(i)
+    return front
+
+
+def cost_axes(title: str, xlabel: str) -> tuple[Figure, Axes]:
+    """Return a figure of errors across against their cost upwards, both by their logarithms."""
+    figure = Figure(figsize=(10.0, 7.2), layout="constrained")
+    figure.suptitle(title)
+    axes = figure.subplots()
+    axes.set(xscale="log", yscale="log", xlabel=xlabel)
+    axes.set_ylabel("processor time of a simulated second [s]")
+    axes.grid(alpha=0.3)
+    return figure, axes
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.engines.mujoco.engine import MUJOCO
+from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from tests.motions import as_contact
 from tests.robots import worked
 from validation import Agreement, compare

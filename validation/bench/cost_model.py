@@ -13,19 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from robotball import (
-    Motion,
-    Scene,
-    SceneWarning,
-    Settings,
-    catalog,
-    integrate,
-    load_scene,
-)
+from robotball import Motion, Scene, SceneWarning, Settings, catalog, integrate, load_scene
 from robotball.engine import as_own, simulate
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import LOOSER, RK4_EVALUATIONS, scene_rate
@@ -35,7 +26,7 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import ADAPTIVE, recipe
 from robotball.rotations import Array
 from validation.agreement import Agreement
-from validation.output import progress_bar, write_record
+from validation.output import plain_table, progress_bar, write_record
 from validation.studies.random_runs import random_scene
 from validation.sweeps import Cell, sweep
 
@@ -258,9 +249,10 @@ def _factor(values: Array) -> float:
 
 def _coefficient_table(records: Sequence[_Record]) -> Table:
     """Return the table of the coefficients measured now beside those in use."""
-    table = Table(title="the front", title_justify="left", box=box.SIMPLE_HEAD)
-    for heading in ("coefficient", "in use", "measured", "scatter"):
-        table.add_column(heading, justify="left" if heading == "coefficient" else "right")
+    headings = ("coefficient", "in use", "measured", "scatter")
+    table = plain_table(
+        headings, title="the front", title_justify="left", padding=(0, 1), show_edge=True
+    )
     for name, (value, scatter) in coefficients(records).items():
         table.add_row(name, f"{getattr(COST_MODEL, name):.3g}", f"{value:.3g}", f"{scatter:.2g}")
     return table
@@ -268,12 +260,18 @@ def _coefficient_table(records: Sequence[_Record]) -> Table:
 
 def _case_table(records: Sequence[_Record]) -> Table:
     """Return a row an accuracy: how many reached it, how honest estimates were, what it took."""
-    table = Table(title="accuracies requested", title_justify="left", box=box.SIMPLE_HEAD)
-    for heading in (
+    headings = (
         "requested", "cases", "reached", "reported", "silent", "estimate\n< half", "DOP853",
         "CPU / best\nmedian", "90 %", "largest", "over 2", "last run\nmedian", "largest",
-    ):  # fmt: skip
-        table.add_column(heading, justify="right")
+    )  # fmt: skip
+    table = plain_table(
+        headings,
+        left=(),
+        title="accuracies requested",
+        title_justify="left",
+        padding=(0, 1),
+        show_edge=True,
+    )
     for target in (*_TARGETS, None):
         cases = _cases(records, target)
         whole = np.array([each["ratio"] for each in cases if np.isfinite(each["ratio"])])

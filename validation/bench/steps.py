@@ -8,13 +8,13 @@ from functools import partial
 from typing import TypeVar
 
 import mujoco
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 from robotball import PRESETS, Motion, Scene, integrate, load_scene
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
+from validation.output import plain_table
 
 _SCENES = ("fig12", "classical_regular")
 _ROUNDS = 9
@@ -42,10 +42,10 @@ def _table(scene: Scene) -> Table:
         if not settings.adaptive  # mj_step is not what it does
     }
     seconds = _measure(scene, models)
-    table = Table(title=scene.name, title_justify="left", box=box.SIMPLE_HEAD)
-    table.add_column("preset")
-    for heading in ("µs a step", "steps", "run", "equations", "naive's loop"):
-        table.add_column(heading, justify="right")
+    headings = ("preset", "µs a step", "steps", "run", "equations", "naive's loop")
+    table = plain_table(
+        headings, title=scene.name, title_justify="left", padding=(0, 1), show_edge=True
+    )
     for preset, model in models.items():
         bare = seconds[f"{preset}: bare"]
         step = statistics.median(bare) / _step_count(model)

@@ -15,9 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from robotball.cores import allowed, at_most, cores
 from robotball.engines.ensembles.orbits import orbits
@@ -26,6 +24,7 @@ from robotball.processes import Answer, pool
 from robotball.qualitative.basins import basins
 from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section, section_starts
+from validation.output import plain_table
 from validation.studies.portrait_maps import PLANES, cells_of, measure
 from validation.sweeps import sweep
 
@@ -76,9 +75,8 @@ def _main() -> None:
         f"and on {everyone} in\nturn: another's work on the machine slows some rounds, and the "
         f"best least.\nbound: how many times as much {everyone} plain processes do as one alone."
     )
-    table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("", "1 core [ms]", f"{everyone} cores [ms]", "ratio", "bound"):
-        table.add_column(heading, justify="right")
+    headings = ("", "1 core [ms]", f"{everyone} cores [ms]", "ratio", "bound")
+    table = plain_table(headings, left=(), padding=(0, 1), show_edge=True)
     with pool(_do_plainly, everyone) as submit:
         for name, run in work().items():
             counts = (1, everyone)

@@ -3,7 +3,6 @@
 import shlex
 import tempfile
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -12,11 +11,11 @@ from tyro.conf import Positional, arg
 from robotball import InputError
 from validation.agreement import Agreement
 from validation.options import AGREES, DISAGREES, Names, Run, RunOptions, listed, times_of
-from validation.output import Show, progress_bar, writable_folder, write_text
+from validation.output import progress_bar, writable_folder, write_text
 from validation.report.scene_report import report
 from validation.report.study_report import study_report
 from validation.results import file_stem, scenes_of
-from validation.runs import agreements_of
+from validation.runs import agreements_of, film, shifted
 
 _FILM = (360, 640)  # px, height and width
 _MOST_NAMES = 80  # characters of a file's name that scenes may take
@@ -63,9 +62,9 @@ class Report:
         agreements: list[Agreement] = []
         with progress_bar(len(scenes) * len(requests)) as show:
             for i, scene in enumerate(scenes):
-                before = partial(_show, show, i * len(requests))
+                part = shifted(show, i * len(requests))
                 agreements += agreements_of(
-                    scene, requests, times, strict=options.strict, show=before
+                    scene, requests, times, strict=options.strict, show=part
                 )
         stem = file_stem(agreements[: len(requests)])
         others = "".join(f"-{scene.name}" for scene in scenes[1:])
@@ -82,17 +81,9 @@ class Report:
         """Write a small film of an agreement, so that the page stays below six megabytes."""
         # Off-screen drawing is prepared at import, which a report without a film has no need of.
         from robotball.film.render import Film
-        from robotball.film.write import write_video
 
         path = folder / "film.mp4"
-        with progress_bar(1) as show:
-            write_video(
-                path,
-                agreement.motion,
-                agreement.theory,
-                Film(size=_FILM),
-                progress=lambda part: show(part, f"{agreement.scene.name}: film"),
-            )
+        film(path, agreement, Film(size=_FILM))
         return path
 
     def _command(self) -> str:
@@ -106,7 +97,3 @@ class Report:
         words += ["--keep-going"] if options.keep_going else []
         words += ["--film"] if self.film else []
         return shlex.join(words)
-
-
-def _show(show: Show, before: int, done: float, what: str) -> None:
-    show(before + done, what)

@@ -1,1 +1,110 @@
-"""Reports: self-contained HTML pages with words, numbers, plots and a view."""
+"""Reports: self-contained HTML pages of words, tables, numbers, plots and a view."""
+
+from base64 import b64encode
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from validation.report.chart import Line, chart, legend
+
+_HERE = Path(__file__).parent
+_ROWS = 21  # of the table beside a plot
+_HINT = "Point at the plot, or use the arrow keys, for values."
+_NUMBER = set("0123456789.e+- ")
+
+
+def page(title: str, body: Iterable[str], head: str = "") -> str:
+    """Return a whole HTML page, self-contained."""
+    style, script = ((_HERE / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f'<link rel="icon" href="data:,">\n<title>{text(title)}</title>\n'
+        f"{head}\n<style>{style}</style>\n</head>\n<body>\n"
+        + "\n".join(body)
+        + f"\n<script>{script}</script>\n</body>\n</html>\n"
+    )
+
+
+def text(words: object) -> str:
+    """Return words as HTML, on one line."""
+    return escape(" ".join(str(words).split()))
+
+
+def paragraph(words: str, kind: str = "") -> str:
+    """Return a paragraph of plain words."""
+    return f'<p class="{kind}">{text(words)}</p>' if kind else f"<p>{text(words)}</p>"
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[object]], kind: str = "") -> str:
+    """Return a table that scrolls by itself where it is wider than the page."""
+    head = "".join(f'<th scope="col">{text(each)}</th>' for each in headings)
+    body = "".join(f"<tr>{''.join(map(_data, row))}</tr>" for row in rows)
+    return (
+        f'<div class="wide"><table class="{kind}"><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def _data(cell: object) -> str:
+    """Return a cell; on paper the lines of words are broken, and a number stays whole."""
+    words = text(cell)
+    return f'<td class="number">{words}</td>' if set(words) <= _NUMBER else f"<td>{words}</td>"
+
+
+def folded(summary: str, inside: str, short: bool = False) -> str:
+    """Return a part that a reader may unfold; a short one is unfolded on paper."""
+    kind = ' class="short"' if short else ""
+    return f"<details{kind}><summary>{text(summary)}</summary>{inside}</details>"
+
+
+def plain(values: Mapping[str, Any]) -> str:
+    """Return names and values as a table."""
+    return table(("", ""), values.items(), "words")
+
+
+def plot(
+    caption: str,
+    lines: Sequence[Line],
+    x_label: str,
+    y_label: str,
+    *,
+    log: bool = False,
+    equal: bool = False,
+    note: str = "",
+) -> str:
+    """Return a plot with its names above, and below it values under the pointer and in a table."""
+    drawn = chart(lines, x_label, y_label, log=log, equal=equal, size=(560, 330))
+    words = f'<p class="faint">{text(note)}</p>' if note else ""
+    return (
+        f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"
+        f'<div class="told" aria-live="polite">{_HINT}</div>{words}'
+        f"{folded('Values', _values(lines, x_label, y_label))}</figure>"
+    )
+
+
+def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
+    """Return a table of each line at a few places."""
+    first, path = lines[0], lines[0].times is not None
+    count = len(first.x)
+    places = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
+    headings = ["t [s]" if path else x_label]
+    for line in lines:
+        axes = (f"{x_label}, {line.name}", f"{y_label}, {line.name}")
+        headings += axes if path else axes[1:]
+    rows = []
+    for i in places:
+        at = first.x[i] if first.times is None else first.times[i]
+        row = [f"{at:.4g}"]
+        for line in lines:
+            known = i < len(line.x)
+            row += [f"{line.x[i]:.5g}" if known else "-"] if path else []
+            row.append(f"{line.y[i]:.5g}" if known else "-")
+        rows.append(row)
+    return table(headings, rows)
+
+
+def embedded(data: bytes, kind: str) -> str:
+    """Return a file's bytes as an address that needs no network."""
+    return f"data:{kind};base64,{b64encode(data).decode('ascii')}"

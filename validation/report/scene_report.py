@@ -13,8 +13,8 @@ from robotball.notebook import counted
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.output import scientific, versions
+from validation.report import embedded, folded, page, paragraph, plain, plot, table
 from validation.report.chart import Line
-from validation.report.page import embedded, folded, page, paragraph, plain, plot, table
 from validation.results import needs
 
 _DASHES = ("", "7 4", "2 3", "10 3 2 3")  # of lines in SVG: they differ without colour, too

@@ -8,7 +8,7 @@ from typing import Any
 
 from robotball import InputError
 from robotball.files import contents
-from validation.report.page import embedded, folded, page, paragraph, plain, table, text
+from validation.report import embedded, folded, page, paragraph, plain, table, text
 
 LONGEST = 60  # rows of a table; the file has the others
 _WIDEST = 60  # characters of a cell

@@ -21,8 +21,8 @@ from rich.table import Table
 
 from robotball import Scene, Settings, integrate, load_scene, preset
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import unknown
@@ -31,6 +31,7 @@ from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Once, OnceOptions, SceneName
 from validation.output import Show, progress_bar, scientific, title
+from validation.plots import beside
 from validation.results import record
 from validation.studies.timing import Cost, measure_costs, simulated_second
 from validation.study import Column, Row, Study, table_of
@@ -122,6 +123,7 @@ _NOTE = (
 )
 _INCHES = (11.0, 6.2)
 _ERROR_AT, _COST_AT = 6, 58  # points right of a panel, where its numbers stand
+_SMALL: dict[str, Any] = {"fontsize": 9, "annotation_clip": False}
 _SOUND, _FAULTY, _HATCH = LABEL.colour, "white", "////"
 _DIAMOND: dict[str, Any] = {
     "marker": "D",
@@ -230,7 +232,7 @@ COLUMNS = (
     Column("path\nerror", "path_error"),
     Column("M error", "momentum_error"),
     Column("slip", "slip"),
-    Column("CPU", lambda row: f"{row['cpu_seconds'] * 1e3:.1f}", "ms"),
+    Column("CPU", "cpu_seconds", "ms", form=".1f", scale=1e3),
     Column("× naive", _times_naive),
     Column("first fault", _first_fault, words=True),
 )
@@ -276,19 +278,10 @@ def _panel(axes: Axes, rows: Sequence[Row]) -> None:
             )  # fmt: skip
         if off is not None:
             axes.plot([off], [i], **_DIAMOND)
-        _beside(axes, i, "broke off" if error is None else scientific(error), _ERROR_AT)
-        _beside(axes, i, f"{row['times_naive']:.1f}", _COST_AT)
-    _beside(axes, -1, "path\nerror", _ERROR_AT)
-    _beside(axes, -1, "CPU,\n× naive", _COST_AT)
-
-
-def _beside(axes: Axes, row: float, text: str, place: float) -> None:
-    """Write a text `place` points right of the axes."""
-    axes.annotate(
-        text, (1.0, row), xycoords=("axes fraction", "data"),
-        xytext=(place, 0), textcoords="offset points",
-        va="center", fontsize=9, annotation_clip=False,
-    )  # fmt: skip
+        beside(axes, "broke off" if error is None else scientific(error), i, _ERROR_AT, **_SMALL)
+        beside(axes, f"{row['times_naive']:.1f}", i, _COST_AT, **_SMALL)
+    beside(axes, "path\nerror", -1, _ERROR_AT, **_SMALL)
+    beside(axes, "CPU,\n× naive", -1, _COST_AT, **_SMALL)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from robotball.qualitative.basins import TORUS as ON_TORUS
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.sections import fixed_point, section
 from validation.options import AGREES, DISAGREES, File, SceneName, Threads, check_files
-from validation.output import Show, print_whole, progress_bar, write_record
+from validation.output import Show, plain_table, print_whole, progress_bar, write_record
 from validation.studies.contact_sections import (
     COARSE,
     Recipe,
@@ -175,10 +175,7 @@ def _measure_attractors(show: Show, quick: bool = False) -> list[_Measurement]:
 
 def _show_attractors(measurements: Sequence[_Measurement], console: Console) -> None:
     """Print a row a measurement; σ is the sampling's standard error."""
-    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
-    table.add_column("", no_wrap=True)
-    for heading in (LABEL.name, EQUATIONS.name, "apart", "bound", "σ", ""):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = plain_table(("", LABEL.name, EQUATIONS.name, "apart", "bound", "σ", ""))
     for each in measurements:
         numbers = (f"{each.contact:.8g}", f"{each.equations:.8g}")
         sizes = (

@@ -435,11 +435,8 @@ class Section:
         scene = moving_scene(self.scene, "a section")
         settings = None if self.preset is None else preset(self.preset)
         words = ["section", *changed(self, "starts", "count", "skip", "g", "seed")]
-        if settings is None:
-            name = file_name(scene.name, None, words)
-        else:
-            name = file_name(scene.name, LABEL, [settings.name, *words])
-        path = writable_folder(self.out) / f"{name}.png"
+        by, first = (None, []) if settings is None else (LABEL, [settings.name])
+        path = writable_folder(self.out) / f"{file_name(scene.name, by, [*first, *words])}.png"
         attitudes, momenta = level_starts(scene, self.starts, self.seed, self.g)
         total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
         with progress_bar(1 if settings is None else 2) as show:

@@ -5,21 +5,15 @@ integrator alone. Against the reduced equations it is that and the model's own: 
 short enough, what is left is the distance between the two limits. A contact model that rolls
 truly has none, and the two errors agree down to rounding.
 
-An order is a straight line through logarithms, where there is one. Errors fall as a power of the
-step in the middle only: above, the steps are too long for the leading term to rule; below, the
-error stops falling, at rounding or at an error of another kind that no step makes smaller. Both
-ends are left out, and the lower one is reported.
-
 A run changes nothing but integrator and step. MuJoCo guards soft contacts in silence (refsafe): it
 raises solref's time constant to two steps. Steps that long are left out, as the contact would no
 longer be the one under study. Steps end on the sample times: MuJoCo's are fractions of the sample
 interval.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from operator import itemgetter
 from typing import Annotated, Any, Literal
 
 import mujoco
@@ -51,84 +45,8 @@ from robotball.rotations import Array
 from validation.options import PRESET, Names, Once, OnceOptions, SceneName, listed
 from validation.output import Show, in_picture, progress_bar, scientific
 from validation.studies.ablation import without
+from validation.studies.orders import Order, fit_order, stalled_at
 from validation.study import Column, Row, Study, table_of
-
-LEAST = 3  # points that make an order
-_STALLED = 0.5  # a fall with less than this power of the step is none
-_CLEAR = 5.0  # times the error at which they stall, from where on errors are taken for the line
-_STRAIGHT = 0.04  # distance from a line that passes for one, in ln(step), root mean square
-
-
-@dataclass(frozen=True)
-class Order:
-    """error ~ stepᵒʳᵈᵉʳ, over the steps from `shortest` to `longest`.
-
-    stderr: the standard error of the order; ln_step, ln_error: the line's middle; points: how many
-    it comes from.
-    """
-
-    order: float
-    stderr: float
-    ln_step: float
-    ln_error: float
-    shortest: float
-    longest: float
-    points: int
-
-    def error_at(self, step: Array) -> Array:
-        """Return the error on the line at steps (n,), of shape (n,)."""
-        return np.exp(self.ln_error + self.order * (np.log(step) - self.ln_step))
-
-
-def fit_order(
-    steps: Sequence[float], errors: Sequence[float | None], floor: float = 0.0
-) -> Order | None:
-    """Fit the order over the longest straight part of the errors; None where there is none.
-
-    steps: (n,) > 0 in any order and unit; errors: (n,), None where a run broke off; floor: what the
-    errors are known to, at least. Among parts of one length the one at shorter steps is taken.
-    """
-    h, e = _sound(steps, errors)
-    clear = e > max(floor, _CLEAR * (stalled_at(steps, errors) or 0.0))
-    x, y = np.log(h[clear]), np.log(e[clear])
-    for length in range(len(x), LEAST - 1, -1):
-        for begin in range(len(x) - length, -1, -1):
-            part = slice(begin, begin + length)
-            if (found := _line(x[part], y[part])) is not None:
-                return found
-    return None
-
-
-def stalled_at(steps: Sequence[float], errors: Sequence[float | None]) -> float | None:
-    """Return the least error where errors fall no more with the step; None if all fall."""
-    h, e = _sound(steps, errors)
-    for i in range(len(h) - 1):
-        if np.all(e[i + 1 :] > e[i] * (h[i + 1 :] / h[i]) ** _STALLED):
-            return float(e[i:].min())
-    return None
-
-
-def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Array, Array]:
-    """Return steps, the longest first, and errors of the runs that ended and were off."""
-    pairs = sorted(
-        ((h, e) for h, e in zip(steps, errors, strict=True) if e and np.isfinite(e)), reverse=True
-    )
-    h, e = np.array(pairs).reshape(-1, 2).T
-    return h, e
-
-
-def _line(x: Array, y: Array) -> Order | None:
-    """Return the least-squares line, if the points are near it and it rises."""
-    deviation = x - x.mean()
-    spread = float((deviation**2).sum())
-    slope = float((deviation * y).sum()) / spread
-    residual = y - y.mean() - slope * deviation
-    if slope < _STALLED or np.sqrt(np.mean(residual**2)) > _STRAIGHT * slope:
-        return None
-    stderr = np.sqrt((residual**2).sum() / (len(x) - 2) / spread)
-    ends = float(np.exp(x.min())), float(np.exp(x.max()))
-    return Order(slope, float(stderr), float(x.mean()), float(y.mean()), *ends, len(x))
-
 
 FIXED = f"{ADAPTIVE} fixed"
 # The order that theory claims for a smooth motion.
@@ -393,24 +311,12 @@ def _convergence_study(study: Runs) -> Study:
     )  # fmt: skip
 
 
-def _step_text(row: Row) -> str:
-    return "-" if row["step"] is None else f"{row['step'] * 1e3:.3g}"
-
-
-def _rtol(row: Row) -> str:
-    return "" if row["rtol"] is None else f"{row['rtol']:.0e}"
-
-
-def _richardson(row: Row) -> str:
-    return "" if row["richardson"] is None else scientific(row["richardson"])
-
-
 _RUNS = (
-    Column("integrator", itemgetter("integrator"), words=True),
-    Column("step", _step_text, "ms"),
-    Column("rtol", _rtol),
+    Column("integrator", "integrator", words=True),
+    Column("step", "step", "ms", form=".3g", scale=1e3),
+    Column("rtol", "rtol", form=".0e", missing=""),
     Column("own limit", "own_error"),
-    Column("Richardson", _richardson),
+    Column("Richardson", "richardson", missing=""),
     Column("equations", "equations_error"),
 )
 
@@ -427,12 +333,12 @@ def _orders(study: Runs, name: str) -> Row:
 
 
 def _order_columns() -> Iterator[Column]:
-    yield Column("integrator", itemgetter("integrator"), words=True)
-    yield Column("claim", itemgetter("claim"))
+    yield Column("integrator", "integrator", words=True)
+    yield Column("claim", "claim")
     for against, header in zip(_REFERENCES, ("own limit", "equations"), strict=True):
-        yield Column(header, itemgetter(against))
+        yield Column(header, against)
         for name in ("points", "stalls"):
-            yield Column(name, itemgetter(f"{against} {name}"))
+            yield Column(name, f"{against} {name}")
 
 
 _ORDER_COLUMNS = tuple(_order_columns())

@@ -10,7 +10,6 @@ engine prints goes to standard error.
 
 import hashlib
 import json
-import math
 import os
 import platform
 import statistics
@@ -31,6 +30,7 @@ from robotball.engine import DEFAULT, Request, run_request
 from robotball.engines.adapter import Adapter
 from robotball.motion import EngineSettings, momentum_error, path_error
 from robotball.processes import end_when_closed
+from validation.output import known
 from validation.sensitivity import total_defect
 
 OLDER = "mujoco-3.17"  # before RK4 was of order 4 on free joints
@@ -144,17 +144,17 @@ def run(cell: Mapping[str, Any]) -> dict[str, Any]:
         "label": engine.label.name,
         "colour": engine.label.colour,
         "version": engine.label.version,
-        "path_error": _known(path_error(motion, theory)) if finished else None,
-        "momentum_error": _known(momentum_error(motion, theory)) if finished else None,
-        "defect": _known(defect),
+        "path_error": known(path_error(motion, theory)) if finished else None,
+        "momentum_error": known(momentum_error(motion, theory)) if finished else None,
+        "defect": known(defect),
         "reached": float(motion.times[-1]),
-        "slip": _known(report.slip.max()),
-        "spin": _known(abs(report.spin).max()),
-        "hinge_rate_error": _known(report.hinge_rate_error.max()),
+        "slip": known(report.slip.max()),
+        "spin": known(abs(report.spin).max()),
+        "hinge_rate_error": known(report.hinge_rate_error.max()),
         "steps": report.steps,
         "longest_step": report.timestep,
         "seconds": statistics.median(each.report.seconds for each in motions),
-        "python_seconds": _known(python[0]),
+        "python_seconds": known(python[0]),
         "fixed_work": speed,
         "faults": [str(fault) for fault in report.faults],
         "lacks": sorted({str(each.message) for each in said}),
@@ -169,11 +169,6 @@ def settings_of(preset: EngineSettings, field: str, value: float) -> EngineSetti
     if getattr(preset, field) != value:
         changes["error_tolerance"] = LOOSEST
     return replace(preset, **changes)
-
-
-def _known(value: float | None) -> float | None:
-    """Return the number, or None where JSON has none for it."""
-    return float(value) if value is not None and math.isfinite(value) else None
 
 
 def fixed_work() -> float:

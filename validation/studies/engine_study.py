@@ -8,10 +8,9 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from operator import itemgetter
 from pathlib import Path
 from subprocess import PIPE
 from typing import Annotated, Any
@@ -39,15 +38,22 @@ from validation.output import in_picture, print_whole, writable_folder
 from validation.results import changed
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs as process
-from validation.studies.convergence import Order, fit_order
 from validation.studies.engine_runs import Contestant, contestants, install, python_of
-from validation.studies.tradeoff import pareto_front
-from validation.study import Column, Row, Study, scene_cell, table_of
+from validation.studies.orders import Order, fit_order
+from validation.study import (
+    CANCELLED,
+    Column,
+    Row,
+    Study,
+    cost_axes,
+    pareto_front,
+    scene_cell,
+    table_of,
+)
 from validation.sweeps import Cell, Result, rows_of
 
 _LIMIT = 300.0  # s that a run may take
 _ROUNDS = 3  # of timing
-_CANCELLED = 100.0  # a path so much better than M is one whose errors cancelled
 
 
 def cells_of(
@@ -145,6 +151,10 @@ class _EngineStudy:
                 found[key] = order
         return found
 
+    def order_of(self, run: Row) -> Order | None:
+        """Return the order of a run's preset."""
+        return self.orders.get((run["contestant"], run["preset"]))
+
 
 def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
     """Return the study of a scene's results."""
@@ -178,7 +188,7 @@ def study_of(scene: Scene, results: Sequence[Result]) -> _EngineStudy:
 
 def _usable(run: Row) -> bool:
     """Return whether the error says how well it rolls."""
-    honest = run["momentum_error"] < _CANCELLED * max(run["error"], _LEAST)
+    honest = run["momentum_error"] < CANCELLED * max(run["error"], _LEAST)
     return run["error"] < process.LOOSEST and honest and "diverged" not in " ".join(run["faults"])
 
 
@@ -186,7 +196,6 @@ def _name(run: Row) -> str:
     return f"{run['label']} {run['version']}"
 
 
-_INCHES = (10.0, 7.2)
 _MARKERS = "osD^vPX*<>hp"
 _STYLES = ("-", "--", ":", "-.")  # of an engine's presets, in their order
 _LEAST = 1e-15  # below it errors cannot be distinguished
@@ -217,7 +226,7 @@ def _shown(study: _EngineStudy) -> list[Row]:
             **run,
             "title": f"{_name(run)}, {run['preset']}, {_value(run)}",
             "front": "*" if run in study.pareto_front else "",
-            "order": study.orders.get((run["contestant"], run["preset"])),
+            "order": order.order if (order := study.order_of(run)) else None,
             "fault": run["faults"][0] if run["faults"] else "",
             "usable": _usable(run),
         }
@@ -236,25 +245,16 @@ def _value(run: Row) -> str:
     return f"{value * 1e3:g} ms" if run["field"] == "timestep" else f"{value:g}"
 
 
-def _text(key: str, form: str, scale: float = 1.0) -> Callable[[Row], str]:
-    """Return a function that formats a number of a row; a missing one is a dash."""
-    return lambda row: "-" if row.get(key) is None else f"{row[key] * scale:{form}}"
-
-
-def _order(row: Row) -> str:
-    return "-" if row.get("order") is None else f"{row['order'].order:.2f}"
-
-
 COLUMNS = (
-    Column("", itemgetter("front"), words=True),
-    Column("engine, preset, step or rtol", itemgetter("title"), words=True),
+    Column("", "front", words=True),
+    Column("engine, preset, step or rtol", "title", words=True),
     Column("error", "error"),
-    Column("order", _order),
+    Column("order", "order", form=".2f"),
     Column("M error", "momentum_error"),
     Column("slip", "slip", "m/s"),
-    Column("CPU", _text("cost", ".3g", 1e3), "ms"),
-    Column("Python", _text("python_share", ".0%")),
-    Column("first fault", itemgetter("fault"), words=True),
+    Column("CPU", "cost", "ms", form=".3g", scale=1e3),
+    Column("Python", "python_share", form=".0%"),
+    Column("first fault", "fault", words=True),
 )
 
 
@@ -267,17 +267,14 @@ def _what(study: _EngineStudy) -> str:
 
 def _engines_picture(study: _EngineStudy) -> Figure:
     """Draw every engine's error against its cost: filled at its best, hollow as it comes."""
-    figure = Figure(figsize=_INCHES, layout="constrained")
-    name = in_picture(study.scene.name)
-    figure.suptitle(f"{name} ({study.scene.rolling}): {_what(study)}")
-    axes = figure.subplots()
-    axes.set(xscale="log", yscale="log", xlabel="error, relative to the path's length")
-    axes.set_ylabel("processor time of a simulated second [s]")
-    axes.grid(alpha=0.3)
+    figure, axes = cost_axes(
+        f"{in_picture(study.scene.name)} ({study.scene.rolling}): {_what(study)}",
+        "error, relative to the path's length",
+    )
     engines = list(dict.fromkeys(contestant for contestant, _ in study.by_preset))
     drawn: Counter[str] = Counter()
     for (contestant, preset), runs in study.by_preset.items():
-        order, first = study.orders.get((contestant, preset)), runs[0]
+        order, first = study.order_of(runs[0]), runs[0]
         label = f"{_name(first)}, {preset}" + (f" (order {order.order:.1f})" if order else "")
         axes.plot(
             [min(max(run["error"], _LEAST), 10.0) for run in runs],

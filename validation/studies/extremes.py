@@ -34,7 +34,7 @@ from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
-from validation.output import halo, progress_bar, writable_folder, write_record
+from validation.output import halo, known, progress_bar, writable_folder, write_record
 from validation.studies.extreme_maps import (
     ACCURATE,
     DURATION,
@@ -159,11 +159,7 @@ def _measured(this: CellRun) -> dict[str, Any]:
 def _errors_of(agreement: Agreement) -> dict[str, float | None]:
     """Return the errors of a record, by their names; None where there is no number."""
     names = ("path_error", "momentum_error", "gamma_error")
-    errors = {name: getattr(agreement, name) for name in names}
-    return {
-        name: error if error is not None and np.isfinite(error) else None
-        for name, error in errors.items()
-    }
+    return {name: known(getattr(agreement, name)) for name in names}
 
 
 def nearness(plan: PlannedRun) -> dict[str, float | None]:
@@ -172,11 +168,7 @@ def nearness(plan: PlannedRun) -> dict[str, float | None]:
     What is used without end is None.
     """
     checks = {predict.__name__: predict(plan) for predict in LAWS}
-    return {
-        name: check.nearness if np.isfinite(check.nearness) else None
-        for name, check in checks.items()
-        if check is not None
-    }
+    return {name: known(check.nearness) for name, check in checks.items() if check is not None}
 
 
 def reference(scene: Scene, times: Array) -> Motion:
@@ -375,8 +367,8 @@ def _part(header: str, key: str) -> Column:
 
 
 _PLACE = (
-    Column("map", lambda row: row["map"], words=True),
-    Column("integrator", lambda row: row["integrator"], words=True),
+    Column("map", "map", words=True),
+    Column("integrator", "integrator", words=True),
 )
 _OUTCOME_COLUMNS = (
     *_PLACE,
@@ -385,10 +377,10 @@ _OUTCOME_COLUMNS = (
 )
 _LIMIT_COLUMNS = (
     *_PLACE,
-    Column("predicted limit", lambda row: row["name"], words=True),
+    Column("predicted limit", "name", words=True),
     _part("kept up to", "kept"),
     _part("broken from", "broken"),
-    Column("beyond", lambda row: str(row["cells"])),
+    Column("beyond", "cells", form="d"),
 )
 
 

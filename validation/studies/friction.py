@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from robotball import PRESETS, Motion, Scene, Settings, integrate
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import recipe
 from robotball.equations import Rolling

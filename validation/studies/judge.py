@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -34,10 +33,10 @@ from robotball.errors import check_positive
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, File, SceneName, check_files, listed
-from validation.output import print_whole, progress_bar, write_record
-from validation.studies.convergence import LEAST, fit_order
+from validation.output import known, plain_table, print_whole, progress_bar, write_record
 from validation.studies.judge_search import Explanation, Lag, Mistake, explain, lag_of, reference_of
 from validation.studies.mistakes import Errors, numbers_of, some_of
+from validation.studies.orders import LEAST, fit_order
 
 _TOLERANCE = 1e-2  # of path, momentum and the hinges' rates, relative; of the attitude in rad
 _ENOUGH = 0.1  # of the scene's duration; a file that covers less says too little to agree
@@ -74,8 +73,7 @@ class _Beside:
 
         M is from the file's attitude and ω, or the file's own.
         """
-        error = momentum_error(self.motion, self.theory)
-        return error if np.isfinite(error) else None
+        return known(momentum_error(self.motion, self.theory))
 
     @property
     def momentum_known_to(self) -> float:
@@ -110,9 +108,8 @@ class _Beside:
     @property
     def unknown_hinges(self) -> tuple[str, ...]:
         """Return the hinges with a motor of which the file says nothing."""
-        known = np.asarray(np.isfinite(self.motion.hinge_rates).all(axis=0))
-        names = [hinge.name for hinge in self.motion.scene.hinges]
-        return tuple(name for name, sure in zip(names, known, strict=True) if not sure)
+        rates = zip(self.motion.scene.hinges, self.motion.hinge_rates.T, strict=True)
+        return tuple(hinge.name for hinge, own in rates if not np.isfinite(own).all())
 
 
 def _largest(values: Array, errors: Array) -> tuple[float, float] | None:
@@ -153,11 +150,6 @@ class FileJudgement:
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
         return self.explanation.mistakes
-
-    @property
-    def plain_errors(self) -> Errors:
-        """Return the errors of the file as it stands."""
-        return self.explanation.plain
 
     @property
     def best(self) -> _Beside:
@@ -281,9 +273,11 @@ def _check_end(scene: Scene, trajectory: Trajectory) -> None:
 def _judged(
     scene: Scene, trajectory: Trajectory, timestep: float, tolerance: float
 ) -> FileJudgement:
-    plain = _beside(scene, trajectory)
+    plain = _Beside(recorded(scene, trajectory), reference_of(scene, trajectory.times))
     found = explain(trajectory, plain.theory, plain.motion.rolling_radius)
-    corrected = _beside(found.scene, found.trajectory) if found.mistakes else None
+    corrected = None
+    if found.mistakes:
+        corrected = _Beside(recorded(found.scene, found.trajectory), found.theory)
     at = some_of(len(trajectory.times))
     best = (corrected or plain).theory
     return FileJudgement(
@@ -295,11 +289,6 @@ def _judged(
         timestep=timestep,
         tolerance=tolerance,
     )
-
-
-def _beside(scene: Scene, trajectory: Trajectory) -> _Beside:
-    motion = recorded(scene, trajectory)
-    return _Beside(motion, reference_of(scene, trajectory.times))
 
 
 def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
@@ -341,8 +330,8 @@ def _show(judgement: Judgement, console: Console, every: bool = False) -> None:
         if order.order is None:
             what = "the errors fall along no straight line in ln(step)"
         else:
-            known = "by two files" if order.stderr is None else f"± {order.stderr:.2g}"
-            what = f"order {order.order:.2f} ({known})"
+            how = "by two files" if order.stderr is None else f"± {order.stderr:.2g}"
+            what = f"order {order.order:.2f} ({how})"
         console.print(f"convergence of the {order.measure}: {what}")
     if len(judgement.files) > 1 and not judgement.orders:
         step = judgement.files[0].timestep
@@ -393,10 +382,10 @@ def lines(judged: FileJudgement) -> list[str]:
 
 
 def _momentum(beside: _Beside) -> str:
-    known = beside.momentum_known_to
+    to = beside.momentum_known_to
     if beside.momentum_error is None:
         return "not known"
-    return f"{beside.momentum_error:.1e}" + (f" (known to {known:.0e})" if known else "")
+    return f"{beside.momentum_error:.1e}" + (f" (known to {to:.0e})" if to else "")
 
 
 def _contact(beside: _Beside) -> list[str]:
@@ -406,9 +395,9 @@ def _contact(beside: _Beside) -> list[str]:
     radius = beside.motion.rolling_radius
     scene = beside.theory.scene
     parts = [f"slip up to {slip:.1e} m/s (known to {slip_error:.0e})"]
-    known = f" (known to {spin_error:.0e})" if spin_error else ""
+    sure = f" (known to {spin_error:.0e})" if spin_error else ""
     allowed = ", which it may" if scene.rolling == "classical" else ""
-    parts.append(f"spin up to {spin:.1e} rad/s{known}{allowed}")
+    parts.append(f"spin up to {spin:.1e} rad/s{sure}{allowed}")
     if np.isfinite(radius):
         parts.append(f"rolls as at a radius of {radius:.6g} m (the scene's: {scene.ball.radius:g})")
     return ["; ".join(parts)]
@@ -444,18 +433,16 @@ def _verdict(judged: FileJudgement) -> str:
 
 
 def _table(judged: FileJudgement, every: bool) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=0, show_edge=False)
-    table.add_column("if")
-    for heading in ("path", "attitude [rad]", "ω"):
-        table.add_column(heading, justify="right")
+    table = plain_table(("if", "path", "attitude [rad]", "ω"))
     trials = judged.explanation.trials
-    rows = [("all is as it should be", judged.plain_errors, "bold")]
+    plain = judged.explanation.plain
+    rows = [("all is as it should be", plain, "bold")]
     rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
     named = {each.name for each in judged.mistakes}
     for family in dict.fromkeys(each.family for each in trials):
         # The best of each name; those that change nothing say nothing of the file.
         own = [each for each in trials if each.family == family and each.name not in named]
-        own = [each for each in own if not _same(each.errors, judged.plain_errors)]
+        own = [each for each in own if not _same(each.errors, plain)]
         own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, _ROUNDING)).sum()))
         unique = list({each.name: each for each in reversed(own)}.values())[::-1]
         unique = unique if every else unique[:SHOWN]
@@ -523,10 +510,7 @@ def _measures(beside: _Beside) -> dict[str, Any]:
         "spin_known_to": spin_error,
         "rolling_radius": beside.motion.rolling_radius,
     }
-    return {
-        name: None if value is None or not np.isfinite(value) else value
-        for name, value in numbers.items()
-    }
+    return {name: known(value) for name, value in numbers.items()}
 
 
 @dataclass(frozen=True)

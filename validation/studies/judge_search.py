@@ -19,6 +19,7 @@ from robotball.engines import recorded as derivative
 from robotball.engines.recorded import continuous, sampled_rates
 from robotball.rotations import Array
 from validation.studies.mistakes import (
+    Base,
     Errors,
     Numbers,
     Truth,
@@ -154,7 +155,8 @@ class Explanation:
     """The mistakes in a file, the one that explains most first, and all that were tried.
 
     plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
-    mistakes show; trajectory: the file's, in the right conventions.
+    mistakes show; trajectory: the file's, in the right conventions; theory: the motion of that
+    scene at the trajectory's times.
     """
 
     plain: Errors
@@ -162,6 +164,7 @@ class Explanation:
     trials: tuple[_Trial, ...]
     scene: Scene
     trajectory: Trajectory
+    theory: Motion
 
 
 def reference_of(scene: Scene, times: Array) -> Motion:
@@ -177,7 +180,10 @@ def explain(trajectory: Trajectory, theory: Motion, rolling_radius: float) -> Ex
     search = _Search(trajectory, theory, rolling_radius)
     plain = largest(errors_at(search.numbers, search.truth))
     mistakes = tuple(search.mistakes())
-    return Explanation(plain, mistakes, tuple(search.trials), search.scene, search.corrected())
+    corrected = search.corrected()
+    return Explanation(
+        plain, mistakes, tuple(search.trials), search.scene, corrected, search.theory
+    )
 
 
 @dataclass(frozen=True)
@@ -190,7 +196,7 @@ class _Option:
     numbers: Numbers
     truth: Truth
     scene: Scene
-    base: tuple[Numbers, Truth, tuple[Array, ...]]
+    base: Base
     stretch: float = 1.0
 
     @cached_property
@@ -206,6 +212,7 @@ class _Search:
     def __init__(self, trajectory: Trajectory, theory: Motion, rolling_radius: float) -> None:
         self.trajectory, self.rolling_radius = trajectory, rolling_radius
         self.at = some_of(len(trajectory.times))
+        self.theory = theory
         self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
         self.numbers = numbers_of(trajectory, self.at)
         self.trials: list[_Trial] = []
@@ -234,15 +241,16 @@ class _Search:
         """Yield mistakes that lessen an error; the next has to explain what each left."""
         for _ in range(_MOST_MISTAKES):
             before = errors_at(self.numbers, self.truth)
+            base = self.numbers, self.truth, before
             families = {each.family for each in self.found}
-            options = [each for each in self._conventions(before) if each.family not in families]
+            options = [each for each in self._conventions(base) if each.family not in families]
             best = _best(options, before)
             wrong = max(largest(before).path, largest(before).attitude) > _SOUND
             if wrong and not {_SCENE, _TIME} & families and not (best and _is_clear(best[0])):
-                options += [*self._scenes(before), *self._stretched(before)]
+                options += [*self._scenes(base), *self._stretched(base)]
                 best = _best(options, before)
             if _RATE not in families and (largest(before).rate or 0.0) > _ASTRAY:
-                own = _best([self._rate_of_attitude(before)], before)
+                own = _best([self._rate_of_attitude(base)], before)
                 if own and (best is None or _is_closer(own[0], best[0])):
                     best = own
             if not self.found:
@@ -260,12 +268,18 @@ class _Search:
             yield Mistake(chosen.family, chosen.name, *errors, tuple(each.name for each in as_well))
 
     def corrected(self) -> Trajectory:
-        """Return the whole trajectory without the mistakes found in its conventions."""
+        """Return the whole trajectory without the mistakes found in its conventions.
+
+        `theory` is the motion of the scene as found then, at the trajectory's times.
+        """
         if not self.found:
             return self.trajectory
         times = self.trajectory.times / np.prod([each.stretch for each in self.found])
         numbers = numbers_of(self.trajectory, slice(None))
-        truth = self._truth(reference_of(self.scene, times), 1)
+        # To integrate at all rows of a long file takes as long as to try many mistakes.
+        if self.theory.scene is not self.scene or self.theory.times[-1] != times[-1]:
+            self.theory = reference_of(self.scene, times)
+        truth = self._truth(self.theory, 1)
         undo = {each.name: each.undo for each in conventions(truth, self._has_height)}
         undo[_NOT_THE_RATE] = partial(_with_own_rate, times)
         for each in self.found:
@@ -288,19 +302,17 @@ class _Search:
         first = 0 if self.trajectory.times[0] == 0 else 1
         return truth_of(theory, slice(first, None, step))
 
-    def _conventions(self, before: tuple[Array, ...]) -> Iterator[_Option]:
-        base = (self.numbers, self.truth, before)
+    def _conventions(self, base: Base) -> Iterator[_Option]:
         for each in conventions(self.truth, self._has_height):
             if each.family == _RATE and self.numbers.rate is None:
                 continue
             numbers = each.undo(self.numbers)
             yield _Option(each.family, each.name, each.parts, numbers, self.truth, self.scene, base)
 
-    def _scenes(self, before: tuple[Array, ...]) -> list[_Option]:
+    def _scenes(self, base: Base) -> list[_Option]:
         """Return the motions of scenes that may have been simulated instead."""
         if self._others is None:
             self._others = list(self._integrated())
-        base = (self.numbers, self.truth, before)
         return [
             _Option(_SCENE, name, 1, self.numbers, truth, scene, base)
             for name, scene, truth in self._others
@@ -316,9 +328,9 @@ class _Search:
                     continue
                 yield name, scene, self._truth(theory, 1)
 
-    def _stretched(self, before: tuple[Array, ...]) -> Iterator[_Option]:
+    def _stretched(self, base: Base) -> Iterator[_Option]:
         """Yield the scene's own motion, at times that are not the file's."""
-        times, base = self.truth.times, (self.numbers, self.truth, before)
+        times = self.truth.times
         later = np.linspace(0, times[-1] / (1 - LONGEST), _FINE)
         with contextlib.suppress(InputError):  # of a drive that ends before
             fine = integrate(self.scene, later, rtol=_TRIED)
@@ -328,16 +340,15 @@ class _Search:
             truth = self._truth(theory, 1)
             yield _Option(_TIME, name, 1, self.numbers, truth, self.scene, base, stretch)
 
-    def _rate_of_attitude(self, before: tuple[Array, ...]) -> _Option:
+    def _rate_of_attitude(self, base: Base) -> _Option:
         file = self.corrected()
         rate = _with_own_rate(file.times, numbers_of(file, slice(None))).rate
-        numbers = self.numbers.changed(rate=None if rate is None else rate[self.at])
-        base = (self.numbers, self.truth, before)
+        numbers = replace(self.numbers, rate=None if rate is None else rate[self.at])
         return _Option(_RATE, _NOT_THE_RATE, 1, numbers, self.truth, self.scene, base)
 
 
 def _with_own_rate(times: Array, numbers: Numbers) -> Numbers:
-    return numbers.changed(rate=derivative.angular_velocity(times, numbers.attitude)[0])
+    return replace(numbers, rate=derivative.angular_velocity(times, numbers.attitude)[0])
 
 
 def _total(errors: tuple[Array, ...], truth: Truth) -> Array:

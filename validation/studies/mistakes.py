@@ -20,7 +20,6 @@ from robotball.files.trajectories import LENGTHS
 from robotball.mechanics import momentum_at
 from robotball.robot import Ball, Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
-from robotball.scene import Start
 
 _FLOOR = 1e-6  # an error below it explains as little as none
 _MOST = 400  # samples that a convention is tried on
@@ -33,9 +32,6 @@ class Numbers:
     position: Array
     attitude: Array
     rate: Array | None
-
-    def changed(self, **changes: Any) -> "Numbers":
-        return replace(self, **changes)
 
 
 @dataclass(frozen=True)
@@ -104,10 +100,11 @@ def some_of(count: int) -> slice:
     return slice(None, None, max(1, count // _MOST))
 
 
-_Base = tuple[Numbers, Truth, tuple[Array, ...]]
+Base = tuple[Numbers, Truth, tuple[Array, ...]]
+"""Numbers, truth and their errors; those of what a mistake leaves alone are not computed again."""
 
 
-def errors_at(numbers: Numbers, truth: Truth, base: _Base | None = None) -> tuple[Array, ...]:
+def errors_at(numbers: Numbers, truth: Truth, base: Base | None = None) -> tuple[Array, ...]:
     """Return the errors of path, attitude and, if known, ω: (n,) each, in the units of `Errors`.
 
     base: numbers, truth and their errors, of which those are taken that have not changed.
@@ -198,7 +195,7 @@ def _all(changes: Sequence[_Change]) -> _Change:
 
 
 def _turned(change: Callable[[Array], Array]) -> _Change:
-    return lambda numbers: numbers.changed(attitude=change(numbers.attitude))
+    return lambda numbers: replace(numbers, attitude=change(numbers.attitude))
 
 
 def _right(q: Array) -> _Change:
@@ -248,13 +245,13 @@ def _moved(change: Callable[[Array], Array]) -> _Change:
     def undo(numbers: Numbers) -> Numbers:
         height = numbers.position[:, 2:]
         horizontal = change(numbers.position[:, :2])
-        return numbers.changed(position=np.concatenate([horizontal, height], axis=1))
+        return replace(numbers, position=np.concatenate([horizontal, height], axis=1))
 
     return undo
 
 
 def _resized(size: float) -> _Change:
-    return lambda numbers: numbers.changed(position=size * numbers.position)
+    return lambda numbers: replace(numbers, position=size * numbers.position)
 
 
 def _positions(truth: Truth) -> list[list[_Part]]:
@@ -292,7 +289,7 @@ def _rated(change: Callable[[Array, Numbers], Array]) -> _Change:
     def undo(numbers: Numbers) -> Numbers:
         if numbers.rate is None:
             return numbers
-        return numbers.changed(rate=change(numbers.rate, numbers))
+        return replace(numbers, rate=change(numbers.rate, numbers))
 
     return undo
 
@@ -433,8 +430,8 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[_MistakenSc
     # The start's spin, where it may not be, is left out, or stopped by the plane.
     up, omega = rotation_matrix(scene.start.attitude)[2], _omega(scene)
     shell = omega - scene.hinges[0].rate * scene.ball.shell.axis
-    still = _kept(level, scene, omega - up * (up @ shell)) if other == "rubber" else ()
-    yield (f"the ball {spin}", (*_kept(level, scene), *still, level))
+    still = [_kept(level, scene, omega - up * (up @ shell))] if other == "rubber" else []
+    yield (f"the ball {spin}", (_kept(level, scene), *still, level))
     yield from _inertias(scene)
     yield from _starts(scene)
 
@@ -458,10 +455,10 @@ def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, .
         rotor_rates=tuple(rates[1:rotors]),
         pendulum_rates=tuple(rates[rotors:]),
     )
-    found = [changed, *_kept(changed, scene)]
+    found = [changed, _kept(changed, scene)]
     if 0 in which:
         more = (factor - 1) * float(scene.drives[0].rate(0.0)) * scene.ball.shell.axis
-        found += _kept(changed, scene, _omega(scene) + more)
+        found.append(_kept(changed, scene, _omega(scene) + more))
     return tuple(found)
 
 
@@ -506,7 +503,7 @@ def _radii(scene: Scene, rolling_radius: float) -> Iterator[_MistakenScene]:
     scenes = [replace(scene, ball=replace(scene.ball, shell=each)) for each in (larger, heavier)]
     yield (
         f"the ball's radius is {rolling_radius:.4g} m, not {radius:g} m",
-        tuple(each for changed in scenes for each in (*_kept(changed, scene), changed)),
+        tuple(each for changed in scenes for each in (_kept(changed, scene), changed)),
     )
 
 
@@ -545,18 +542,18 @@ def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
     except InputError:  # no body has such moments
         return ()
     heavier = replace(scene, ball=changed)
-    return (*_kept(heavier, scene), heavier)
+    return (_kept(heavier, scene), heavier)
 
 
 def _starts(scene: Scene) -> Iterator[_MistakenScene]:
     start, R = scene.start, rotation_matrix(scene.start.attitude)
     omega, q = _omega(scene), start.attitude
-    yield ("the start's angular velocity is set in world axes", _kept(scene, scene, R.T @ omega))
+    yield ("the start's angular velocity is set in world axes", (_kept(scene, scene, R.T @ omega),))
     yield (
         "the start's angular velocity is set in frame axes where world axes are meant",
-        _kept(scene, scene, R @ omega),
+        (_kept(scene, scene, R @ omega),),
     )
-    yield ("the start's angular velocity has the other sign", _kept(scene, scene, -omega))
+    yield ("the start's angular velocity has the other sign", (_kept(scene, scene, -omega),))
     yield (
         "the start's momentum is taken in frame axes",
         (replace(scene, start=replace(start, momentum=_level(scene, R @ start.momentum))),),
@@ -569,19 +566,18 @@ def _starts(scene: Scene) -> Iterator[_MistakenScene]:
     }
     for how, attitude in attitudes.items():
         turned = replace(scene, start=replace(start, attitude=attitude))
-        scenes = (*_kept(turned, scene, omega), turned)
         in_world = rotation_matrix(attitude).T @ R @ omega
-        yield (f"the start's attitude is {how}", (*scenes, *_kept(turned, scene, in_world)))
+        scenes = (_kept(turned, scene, omega), turned, _kept(turned, scene, in_world))
+        yield (f"the start's attitude is {how}", scenes)
 
 
 def _omega(scene: Scene) -> Array:
     return scene.angular_velocity_at(scene.start)
 
 
-def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> tuple[Scene, ...]:
+def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> Scene:
     """Return a changed scene that starts with the frame's ω of the other, or with this ω."""
-    hinges = changed.hinges
-    start = changed.start
+    hinges, start = changed.hinges, changed.start
     M = momentum_at(
         changed.ball,
         changed.rolling,
@@ -590,11 +586,7 @@ def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> tuple[Sce
         np.array([hinge.angle for hinge in hinges]),
         np.array([hinge.rate for hinge in hinges]),
     )
-    return (replace(changed, start=_start(changed, M)),)
-
-
-def _start(scene: Scene, M: Array) -> Start:
-    return replace(scene.start, momentum=_level(scene, M))
+    return replace(changed, start=replace(start, momentum=_level(changed, M)))
 
 
 def _level(scene: Scene, M: Array) -> Array:

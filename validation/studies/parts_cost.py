@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import partial
-from operator import itemgetter
 from typing import Any
 
 import mujoco
@@ -10,9 +9,9 @@ import mujoco
 from robotball import PRESETS, Scene, Settings
 from robotball.drives import Motor, Servo
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.export import DEFAULT_ITERATIONS, dress
 from robotball.engines.mujoco.model import build, hinges_of
 from robotball.engines.mujoco.settings import NAIVE
+from robotball.engines.mujoco.written import DEFAULT_ITERATIONS, dress
 from robotball.errors import InputError
 from validation.output import Show
 from validation.studies.extreme_maps import scaled_body
@@ -77,14 +76,10 @@ def _ratio(row: Row) -> str:
     return f"{row['ratio']:.2f} ({row['least']:.2f}-{row['most']:.2f})"
 
 
-def _count(name: str) -> Column:
-    return Column(name, lambda row: str(row[name]))
-
-
 COLUMNS = (
-    Column("the minimal model with", itemgetter("part"), words=True),
+    Column("the minimal model with", "part", words=True),
     Column("a step costs", _ratio),
-    *map(_count, ("bodies", "dofs", "sensors", "geoms")),
+    *(Column(name, name, form="d") for name in ("bodies", "dofs", "sensors", "geoms")),
 )
 
 

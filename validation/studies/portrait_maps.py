@@ -7,7 +7,6 @@ scales time alone. Each map is a plane through the ball of Figs 6 to 8.
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from operator import itemgetter
 from typing import Annotated, Any
 
 import numpy as np
@@ -283,8 +282,8 @@ def shown(records: Sequence[Mapping[str, Any]]) -> Iterator[Table | str]:
     """Yield the counts, and how the formulas did."""
     for record in records:
         columns = (
-            Column(f"map {record['map']}: {record['cells']} cells", itemgetter("what"), words=True),
-            Column("cells", lambda row: str(row["count"])),
+            Column(f"map {record['map']}: {record['cells']} cells", "what", words=True),
+            Column("cells", "count", form="d"),
         )
         rows = [
             {"title": title, "what": words, "count": count}

@@ -172,15 +172,13 @@ def rescaled(scene: Scene, mass: float = 1.0, length: float = 1.0) -> Scene:
 
 
 def _heavier_part(scene: Scene, factor: float, part: str) -> Scene:
-    ball = scene.ball
-    if part == "shell":
-        heavier = replace(ball, shell=scaled_body(ball.shell, factor))
-    elif part == "frame":
-        heavier = replace(ball, frame=scaled_body(ball.frame, factor))
+    own: Any = getattr(scene.ball, part)
+    if isinstance(own, tuple):
+        heavier: Any = tuple(scaled_body(each, factor) for each in own)
     else:
-        rotors = tuple(scaled_body(rotor, factor) for rotor in ball.rotors)
-        heavier = replace(ball, rotors=rotors)
-    return replace(scene, ball=heavier)
+        heavier = scaled_body(own, factor)
+    changes = {part: heavier}
+    return replace(scene, ball=replace(scene.ball, **changes))
 
 
 _Axis = Callable[[Scene, Settings, np.random.Generator], tuple[Scene, Settings]]

@@ -20,17 +20,11 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
-from robotball import (
-    PRESETS,
-    InputError,
-    Scene,
-    Settings,
-    load_scene,
-)
+from robotball import PRESETS, InputError, Scene, Settings, load_scene
 from robotball.drives import Servo
 from robotball.engines.mujoco import LABEL
-from robotball.engines.mujoco.engine import MUJOCO
 from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import (
     ADAPTIVE,
@@ -46,13 +40,23 @@ from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of
-from validation.output import in_picture, progress_bar, scientific, writable_folder
+from validation.output import in_picture, known, progress_bar, scientific, writable_folder
 from validation.results import changed
-from validation.studies.convergence import fit_order
 from validation.studies.friction import friction_cells, friction_run, friction_study
+from validation.studies.orders import fit_order
 from validation.studies.parts_cost import measure_parts
 from validation.studies.timing import measure_costs, simulated_second
-from validation.study import Column, Row, Study, reference, scene_cell, table_of
+from validation.study import (
+    CANCELLED,
+    Column,
+    Row,
+    Study,
+    cost_axes,
+    pareto_front,
+    reference,
+    scene_cell,
+    table_of,
+)
 from validation.sweeps import Cell, Result, rows_of
 
 _Options = dict[str, Any]
@@ -210,8 +214,6 @@ def settings_with(options: Mapping[str, Any]) -> Settings:
 
 
 TARGET = 1e-6  # the path error at which first order and the front are compared
-# A path so much better than the momentum is one whose errors cancelled; sound ones reach 20.
-_CANCELLED = 100
 _ORDER = 1.25  # of a line that is taken for first order: the steeper ones cancel as well
 _TIMED = 0.05  # s of processor time that is timed at every turn
 
@@ -273,7 +275,7 @@ class Configuration:
     @property
     def sound(self) -> bool:
         """Return whether it is a result: no trouble, and no path that is good by accident."""
-        return not self.trouble and self.momentum_error <= _CANCELLED * self.error
+        return not self.trouble and self.momentum_error <= CANCELLED * self.error
 
     @property
     def integrator(self) -> str:
@@ -320,23 +322,6 @@ def _configuration(result: Result, baseline: float) -> Configuration:
         number("ratio") * baseline,
         "; ".join(record["faults"]) if record else result.failure or "",
     )
-
-
-def _known(number: float) -> float | None:
-    """Return the number, or None for NaN."""
-    return None if math.isnan(number) else number
-
-
-def pareto_front(errors: Sequence[float], costs: Sequence[float]) -> list[int]:
-    """Return the indices that no other beats by being as good and cheaper, or as cheap and better.
-
-    The cheapest first.
-    """
-    front: list[int] = []
-    for i in sorted(range(len(errors)), key=lambda i: (costs[i], errors[i])):
-        if not front or errors[i] < errors[front[-1]]:
-            front.append(i)
-    return front
 
 
 def sound_pareto_front(configurations: Sequence[Configuration]) -> list[Configuration]:
@@ -433,7 +418,6 @@ _NOTE = (
     "CPU: of a simulated second. × bare: the same, relative to a bare loop of mj_step\n"
     "on fig12 at 1 ms, the median of rounds in turn (least-most)."
 )
-_INCHES = (10.0, 7.2)
 _WILD = 1e3  # a path error from where on a run is not drawn
 _ABOVE = ("adaptive",)  # its place is the left end of the front
 
@@ -487,10 +471,10 @@ def _times_bare(row: Row) -> str:
 
 
 COLUMNS = (
-    Column("configuration", itemgetter("title"), words=True),
+    Column("configuration", "title", words=True),
     Column("path\nerror", "error"),
     Column("M error", "momentum_error"),
-    Column("CPU", lambda row: f"{row['cost'] * 1e3:.2f}", "ms"),
+    Column("CPU", "cost", "ms", form=".2f", scale=1e3),
     Column("× bare", _times_bare),
     Column("first fault", lambda row: row["trouble"].split("; ")[0], words=True),
 )
@@ -498,13 +482,11 @@ COLUMNS = (
 
 def _tradeoff_picture(study: _Comparison) -> Figure:
     """Draw all configurations with an error, the front, the presets, and first order prolonged."""
-    figure = Figure(figsize=_INCHES, layout="constrained")
-    name = in_picture(study.scene.name)
-    figure.suptitle(f"{name}: what accuracy costs, {len(study.configurations)} configurations")
-    axes = figure.subplots()
-    axes.set(xscale="log", yscale="log", xlabel="path error, relative to the path's length")
-    axes.set_ylabel("processor time of a simulated second [s]")
-    axes.grid(alpha=0.3)
+    name, count = in_picture(study.scene.name), len(study.configurations)
+    figure, axes = cost_axes(
+        f"{name}: what accuracy costs, {count} configurations",
+        "path error, relative to the path's length",
+    )
     _scatter(axes, study.configurations)
     errors, costs = zip(*((p.error, p.cost) for p in study.pareto_front), strict=True)
     axes.plot(errors, costs, color=INK, linewidth=1.6, zorder=3, label="Pareto front")
@@ -628,8 +610,8 @@ def _record(of: Configuration) -> dict[str, Any]:
     return {
         "title": of.title,
         "sound": of.sound,
-        **{name: _known(getattr(of, name)) for name in names},
-        "spread": [_known(end) for end in of.spread],
+        **{name: known(getattr(of, name)) for name in names},
+        "spread": [known(end) for end in of.spread],
         "trouble": of.trouble,
         "options": of.options,
     }

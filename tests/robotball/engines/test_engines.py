@@ -9,7 +9,7 @@ import pytest
 
 import robotball as rb
 from robotball.engine import OURS, request_of
-from robotball.engines.mujoco.engine import MUJOCO
+from robotball.engines.mujoco.mujoco_engine import MUJOCO
 from tests.conftest import Robotball
 from tests.off_engine import ERROR, OFF
 from validation import compare

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 import robotball as rb
 from robotball import Settings
 from robotball.drives import Servo
-from robotball.engines.mujoco.export import left_out
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import BY_LOAD, FIRST_ORDER, NAIVE, Prescribed, recipe
+from robotball.engines.mujoco.written import left_out
 from tests.conftest import Robotball
 from tests.validation.examples import example
 from validation.bench.gallery import numbers_of_tradeoff
@@ -32,12 +32,12 @@ from validation.studies.tradeoff import (
     first_order_lines,
     measure,
     options_of,
-    pareto_front,
     record,
     settings_with,
     sound_pareto_front,
     tradeoff_of,
 )
+from validation.study import pareto_front
 from validation.sweeps import Result
 
 CLOUD = st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=1, max_size=40)

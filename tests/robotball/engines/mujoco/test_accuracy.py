@@ -11,7 +11,7 @@ import robotball as rb
 from robotball.engine import as_own
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.accuracy import reach, scene_rate
-from robotball.engines.mujoco.engine import LEAST_ACCURACY
+from robotball.engines.mujoco.mujoco_engine import LEAST_ACCURACY
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
 from tests.conftest import Robotball

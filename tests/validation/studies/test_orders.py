@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from validation.studies.convergence import fit_order, stalled_at
+from validation.studies.orders import fit_order, stalled_at
 
 STEPS = [0.1 / 2**n for n in range(16)]
 

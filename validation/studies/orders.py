@@ -1,0 +1,90 @@
+"""The order of convergence of errors that fall with the step.
+
+An order is a straight line through logarithms, where there is one. Errors fall as a power of the
+step in the middle only: above, the steps are too long for the leading term to rule; below, the
+error stops falling, at rounding or at an error of another kind that no step makes smaller. Both
+ends are left out, and the lower one is reported.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotball.rotations import Array
+
+LEAST = 3  # points that make an order
+_STALLED = 0.5  # a fall with less than this power of the step is none
+_CLEAR = 5.0  # times the error at which they stall, from where on errors are taken for the line
+_STRAIGHT = 0.04  # distance from a line that passes for one, in ln(step), root mean square
+
+
+@dataclass(frozen=True)
+class Order:
+    """error ~ stepᵒʳᵈᵉʳ, over the steps from `shortest` to `longest`.
+
+    stderr: the standard error of the order; ln_step, ln_error: the line's middle; points: how many
+    it comes from.
+    """
+
+    order: float
+    stderr: float
+    ln_step: float
+    ln_error: float
+    shortest: float
+    longest: float
+    points: int
+
+    def error_at(self, step: Array) -> Array:
+        """Return the error on the line at steps (n,), of shape (n,)."""
+        return np.exp(self.ln_error + self.order * (np.log(step) - self.ln_step))
+
+
+def fit_order(
+    steps: Sequence[float], errors: Sequence[float | None], floor: float = 0.0
+) -> Order | None:
+    """Fit the order over the longest straight part of the errors; None where there is none.
+
+    steps: (n,) > 0 in any order and unit; errors: (n,), None where a run broke off; floor: what the
+    errors are known to, at least. Among parts of one length the one at shorter steps is taken.
+    """
+    h, e = _sound(steps, errors)
+    clear = e > max(floor, _CLEAR * (stalled_at(steps, errors) or 0.0))
+    x, y = np.log(h[clear]), np.log(e[clear])
+    for length in range(len(x), LEAST - 1, -1):
+        for begin in range(len(x) - length, -1, -1):
+            part = slice(begin, begin + length)
+            if (found := _line(x[part], y[part])) is not None:
+                return found
+    return None
+
+
+def stalled_at(steps: Sequence[float], errors: Sequence[float | None]) -> float | None:
+    """Return the least error where errors fall no more with the step; None if all fall."""
+    h, e = _sound(steps, errors)
+    for i in range(len(h) - 1):
+        if np.all(e[i + 1 :] > e[i] * (h[i + 1 :] / h[i]) ** _STALLED):
+            return float(e[i:].min())
+    return None
+
+
+def _sound(steps: Sequence[float], errors: Sequence[float | None]) -> tuple[Array, Array]:
+    """Return steps, the longest first, and errors of the runs that ended and were off."""
+    pairs = sorted(
+        ((h, e) for h, e in zip(steps, errors, strict=True) if e and np.isfinite(e)), reverse=True
+    )
+    h, e = np.array(pairs).reshape(-1, 2).T
+    return h, e
+
+
+def _line(x: Array, y: Array) -> Order | None:
+    """Return the least-squares line, if the points are near it and it rises."""
+    deviation = x - x.mean()
+    spread = float((deviation**2).sum())
+    slope = float((deviation * y).sum()) / spread
+    residual = y - y.mean() - slope * deviation
+    if slope < _STALLED or np.sqrt(np.mean(residual**2)) > _STRAIGHT * slope:
+        return None
+    stderr = np.sqrt((residual**2).sum() / (len(x) - 2) / spread)
+    ends = float(np.exp(x.min())), float(np.exp(x.max()))
+    return Order(slope, float(stderr), float(x.mean()), float(y.mean()), *ends, len(x))

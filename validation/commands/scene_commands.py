@@ -54,7 +54,7 @@ class Model:
 
     def run(self) -> int:
         from robotball import load_scene, preset
-        from robotball.engines.mujoco.written import left_out, write_model
+        from robotball.engines.mujoco.mjcf_export import left_out, write_model
         from robotball.files.replacing import STANDARD_OUTPUT
         from validation.output import writable_file, write_text
 

@@ -9,9 +9,9 @@ import mujoco
 from robotball import PRESETS, Scene, Settings
 from robotball.drives import Motor, Servo
 from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.mjcf_export import DEFAULT_ITERATIONS, dress
 from robotball.engines.mujoco.model import build, hinges_of
 from robotball.engines.mujoco.settings import NAIVE
-from robotball.engines.mujoco.written import DEFAULT_ITERATIONS, dress
 from robotball.errors import InputError
 from validation.output import Show
 from validation.studies.extreme_maps import scaled_body

@@ -16,10 +16,10 @@ from robotball.drives import Servo
 from robotball.engines.mujoco import stepping
 from robotball.engines.mujoco.fault_window import load, replay
 from robotball.engines.mujoco.limits import exceeded, planned, servo_gain
+from robotball.engines.mujoco.mjcf_export import write_model
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import CONSTANT, VARYING, for_load
-from robotball.engines.mujoco.written import write_model
 from robotball.motion import ContactMotion
 from robotball.robot import Ball, Frame, Shell, thin_shell_inertia
 from robotball.scene import Friction

@@ -9,9 +9,9 @@ import pytest
 from dm_control import mjcf
 
 import robotball as rb
+from robotball.engines.mujoco.mjcf_export import dress
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import Prescribed, for_load
-from robotball.engines.mujoco.written import dress
 from robotball.robot import Ball, Frame, Rotor
 from tests.scenes import FOUR
 

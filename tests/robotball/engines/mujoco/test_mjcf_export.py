@@ -11,7 +11,7 @@ import pytest
 from dm_control import mjcf
 
 import robotball as rb
-from robotball.engines.mujoco.written import Written, write_model
+from robotball.engines.mujoco.mjcf_export import Written, write_model
 from tests.robots import ENDINGS, worked
 from tests.scenes import FOUR
 

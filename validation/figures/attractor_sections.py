@@ -19,7 +19,7 @@ from robotball.qualitative.sections import Crossings, fixed_point, sampled_cross
 from robotball.qualitative.tori import InvariantCurve, invariant_curve, shared_integral
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_COLOUR,
     ENGINE_LINE,
     ENGINE_NAME,

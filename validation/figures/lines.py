@@ -12,7 +12,7 @@ from robotball.film.looks import INK
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_LINE,
     FAINT,
     THEORY,

@@ -8,8 +8,7 @@ from robotball import load_scene, sample_times
 from robotball.film.looks import INK
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.figures.attractor_sections import caption_of
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_COLOUR,
     ENGINE_NAME,
     View,
@@ -18,6 +17,7 @@ from validation.figures.sheets import (
     sheet,
     theory_motion,
 )
+from validation.figures.attractor_sections import caption_of
 from validation.figures.sphere import Globe, draw_gamma
 
 _VIEW = View(azimuth=40.0, elevation=25.0)

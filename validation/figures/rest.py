@@ -11,7 +11,7 @@ from robotball.qualitative.equilibria import fixed_circle, fixed_points, name_of
 from robotball.qualitative.portraits import Separatrix, limit_cycles, separatrices
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_LINE,
     ENGINE_NAME,
     UNBUILDABLE,

@@ -29,7 +29,7 @@ from robotball.qualitative.portraits import (
     spread_points,
 )
 from robotball.rotations import Array, rotation_matrix
-from validation.figures.sheets import ENGINE_LINE, FAINT, THEORY_LINE, View
+from validation.figures import ENGINE_LINE, FAINT, THEORY_LINE, View
 from validation.output import halo
 
 _POLES = 0.62 * np.pi  # φ, where a pole's mark stands on the involute

@@ -18,7 +18,7 @@ from robotball import Motion, Scene, integrate, sample_times
 from robotball.film.looks import BLUR, INK, Shape, colours, looks_of, triangles_of
 from robotball.film.tracks import track_of
 from robotball.rotations import Array, rotation_matrix
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_LINE,
     ENGINE_NAME,
     FAINT,

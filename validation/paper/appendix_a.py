@@ -7,10 +7,10 @@ import numpy as np
 from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import INNER, MOTION, RUBBER, largest, rate, seen
+from validation.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
 from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import Ball, Body, moments
-from validation.paper.section_3_1 import MOMENTUM
+from validation.paper.section_3 import MOMENTUM
 
 _MASSES = "point masses"
 _CENTRE = np.zeros(3)

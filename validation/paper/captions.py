@@ -9,7 +9,7 @@ from numpy import sqrt
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import NAME, largest, seen
+from validation.paper.engine_ball import NAME, largest, seen
 from validation.paper.formulas import Numbers, cross, paper_scene
 
 

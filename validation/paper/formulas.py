@@ -150,6 +150,26 @@ def reduced(velocity: Velocity, n: Numbers) -> Field:
     return rate
 
 
+def velocity_of(classical: bool) -> Velocity:
+    """ω(M, γ) of a rolling model: (3.3) of the classical one, (3.2) of rubber."""
+    return classical_velocity if classical else rubber_velocity
+
+
+def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float) -> float:
+    """Σ ∂(ρ dx/dt)/∂x / ρ at a state x = (M, γ) of the reduced equations [1/s].
+
+    ρ is (Aγ,γ) to a power, or 1/d - (Aγ,γ) if classical: of Remark 5's measures with -1/2.
+    """
+
+    def weight(x: Array) -> Array:
+        A_gamma_gamma = n.A @ x[3:] @ x[3:]
+        return np.asarray((1 / n.d - A_gamma_gamma if classical else A_gamma_gamma) ** power)
+
+    rate = reduced(velocity_of(classical), n)
+    state = np.concatenate([M, gamma])
+    return float(np.trace(jacobian(lambda x: weight(x) * rate(x), state)) / weight(state))
+
+
 # What is done with them ----------------------------------------------------------------------
 
 
@@ -252,6 +272,10 @@ class _State:
     omega: Array
     gamma: Array
     M: Array
+
+    def momentum(self, classical: bool) -> Array:
+        """M of a rolling model: any if classical, horizontal in the rubber one."""
+        return self.M if classical else level(self.M, self.gamma)
 
 
 def states(seed: int, count: int = 100) -> Iterator[_State]:

@@ -29,12 +29,12 @@ from robotball.scene import along_momentum
 from validation.paper import formulas as f
 from validation.paper.captions import line_ball
 from validation.paper.claim import Check, Claim, Residual, Value
-from validation.paper.engine import CLASSICAL, MOTION, RUBBER, largest, seen
+from validation.paper.engine_ball import CLASSICAL, MOTION, RUBBER, largest, seen
 from validation.paper.formulas import Numbers, Velocity, cross, paper_scene
 from validation.paper.point_masses import Ball, Body, moments
-from validation.paper.section_3_1 import MOMENTUM, energies
-from validation.paper.section_4_2_points import cycle, with_K3
-from validation.paper.section_5_1_lines import line
+from validation.paper.section_3 import MOMENTUM, energies
+from validation.paper.section_4_2 import cycle, with_K3
+from validation.paper.section_5_1 import line
 from validation.paper.section_5_2 import F, andoyer
 from validation.paper.section_5_3 import LONG, chaotic, regular, settled, starts
 

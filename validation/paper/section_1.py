@@ -8,7 +8,7 @@ from robotball.rotations import Array
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import DRIVEN, NAME, RUBBER, largest, seen, seen_of
+from validation.paper.engine_ball import DRIVEN, NAME, RUBBER, largest, seen, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
 
 _TIMES = np.linspace(0.0, 20.0, 201)
@@ -45,20 +45,8 @@ def _invariant_measure(twist: float) -> Residual:
     worst = 0.0
     for state in f.states(11):
         n = replace(f.still(state.n), Omega=np.zeros(3), K=np.zeros(3))
-        worst = max(worst, abs(_divergence(n, state.M, state.gamma, -0.5 * twist)))
+        worst = max(worst, abs(f.divergence(n, state.M, state.gamma, True, -0.5 * twist)))
     return Residual(worst, bound=1e-14, unit="1/s")
-
-
-def _divergence(n: Numbers, M: Array, gamma: Array, power: float) -> float:
-    """Σ ∂(ρ dx/dt)/∂x / ρ of (3.3), with ρ a power of 1/d - (Aγ,γ)."""
-
-    def density(x: Array) -> Array:
-        return (1 / n.d - n.A @ x[3:] @ x[3:]) ** power
-
-    rate = f.reduced(f.classical_velocity, n)
-    state = np.concatenate([M, gamma])
-    linear = f.jacobian(lambda x: density(x) * rate(x), state)
-    return float(np.trace(linear) / density(state))
 
 
 def _euler(twist: float) -> Residual:

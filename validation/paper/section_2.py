@@ -21,7 +21,7 @@ from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import (
+from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
     EACH,

@@ -18,10 +18,10 @@ from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, captioned_motion, off_orthonormal, orthonormal
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import INNER, MOTION, Seen, largest, long, rate, seen, seen_of
+from validation.paper.engine_ball import INNER, MOTION, Seen, largest, long, rate, seen, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import moments
-from validation.paper.section_3_1 import MOMENTUM
+from validation.paper.section_3 import MOMENTUM
 
 _SPIN_UP = "spin_up_from_rest"
 

@@ -1,19 +1,24 @@
-"""Section 5.1, straight-line motions: the family Σ¹, its polynomial, and K ⊥ Ω."""
+"""Section 5.1, straight-line motions: the family Σ¹ and its polynomial; K ⊥ Ω and Figs 9 and 10."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
+from numpy import sqrt
+from scipy.optimize import brentq
 
 from robotball.rotations import Array, from_matrix
 from robotball.scene import Start
 from validation.paper import formulas as f
-from validation.paper.claim import Claim, Residual
-from validation.paper.engine import MOTION, Seen, largest, seen_of
+from validation.paper.captions import captioned_motion, line_ball
+from validation.paper.claim import Claim, Residual, Value
+from validation.paper.engine_ball import MOTION, Seen, largest, long, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
 
 _BALL = "fig10"
 _Polynomial = Callable[[Numbers, Array], Array]
+_SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)}
 
 
 # The family ----------------------------------------------------------------------------------
@@ -129,6 +134,196 @@ def _transverse(twist: float) -> Residual:
     return Residual(worst, bound=1e-9)
 
 
+# K across Ω --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A straight-line motion of a ball with K ⊥ Ω: γ₀ = c₁K + c₂K×Ω (5.3)."""
+
+    n: Numbers
+    c1: float
+    c2: float
+
+    @property
+    def gamma(self) -> Array:
+        """γ₀."""
+        return self.c1 * self.n.K + self.c2 * cross(self.n.K, self.n.Omega)
+
+    @property
+    def M(self) -> Array:
+        """γ₀×K."""
+        return cross(self.gamma, self.n.K)
+
+    @property
+    def rates(self) -> Array:
+        """The eigenvalues (3,) of (3.2) on the level of F₀, F₁, F₂."""
+        zero = np.zeros(3)
+        gamma, M = self.gamma, self.M
+        gradients = np.array([np.append(zero, gamma), np.append(gamma, M), np.append(M, zero)])
+        inside = np.linalg.svd(gradients)[2][3:]
+        return np.linalg.eigvals(inside @ linear(self.n, gamma) @ inside.T).astype(complex)
+
+    @property
+    def stable(self) -> bool:
+        """Whether all of them have negative real parts."""
+        return bool(self.rates.real.max() < 0)
+
+
+def line(n: Numbers, level: float, name: str) -> _Line:
+    """σ₊, σ₋, δ₊ or δ₋ of Prop. 3 at f = level."""
+    square, Omega2, (s1, s2) = float(n.K @ n.K), float(n.Omega @ n.Omega), _SIGNS[name]
+    c1, c2 = sqrt(square - level) / square, sqrt(level) / (square * sqrt(Omega2))
+    return _Line(n, float(s1 * c1), float(s2 * c2))
+
+
+@cache
+def balls(count: int = 500) -> tuple[tuple[Numbers, float], ...]:
+    """Random ones with K ⊥ Ω, and an f < K² each."""
+    random = np.random.default_rng(65)
+    lines = random_lines(66, count, "across")
+    return tuple((n, random.uniform(0.0, 1.0) * float(n.K @ n.K)) for n, _ in lines)
+
+
+# Propositions 3 and 4 ------------------------------------------------------------------------
+
+
+def _combination(twist: float) -> Residual:
+    """γ² = K²(c₁² + c₂²Ω²) and M² = c₂²K⁴Ω² of (5.3) with any c₁ and c₂, and (Ω,γ) = 0."""
+    random, worst = np.random.default_rng(67), 0.0
+    for n, _ in balls():
+        c1, c2 = random.normal(size=2).tolist()
+        each = _Line(n, c1, c2)
+        K2, Omega2 = n.K @ n.K, n.Omega @ n.Omega
+        square = each.gamma @ each.gamma - K2 * (each.c1**2 + twist * each.c2**2 * Omega2)
+        level = each.M @ each.M - each.c2**2 * K2**2 * Omega2
+        off = np.array([square, level, n.Omega @ each.gamma]) / max(float(K2 * Omega2), 1.0) ** 2
+        worst = max(worst, float(np.abs(off).max()))
+    return Residual(worst, bound=3e-13)
+
+
+def _coefficients(twist: float) -> Residual:
+    """γ² = 1, M² = f and ω = 0 at Prop. 3's four; relative to K²."""
+    worst = 0.0
+    for n, level in balls():
+        for name in _SIGNS:
+            each = line(n, level, name)
+            each = replace(each, c2=twist * each.c2) if twist != 1 else each
+            M, gamma = each.M, each.gamma
+            at_rest = f.rubber_velocity(n, M, gamma)
+            off = [gamma @ gamma - 1, (M @ M - level) / (n.K @ n.K), *at_rest]
+            worst = max(worst, float(np.abs(off).max()))
+    return Residual(worst, bound=5e-14)
+
+
+def _number_of_lines(twist: float) -> Residual:
+    """How often Σ¹, followed round, does not meet f < K² four times, f > K² never, and touch
+    f = K² twice; twisted, for K that is not across Ω.
+    """
+    wrong = 0
+    angles = np.linspace(0.0, 2 * np.pi, 2000, endpoint=False) + 0.001
+    for n, level in balls(50):
+        if twist != 1:
+            n = replace(n, K=n.K + 2 * np.linalg.norm(n.K) * unit(n.Omega))
+        one, other = f.across(unit(n.Omega))
+        along = np.cos(angles)[:, None] * one + np.sin(angles)[:, None] * other
+        levels, K2 = (np.cross(along, n.K) ** 2).sum(axis=1), float(n.K @ n.K)
+        over = [levels > x for x in (level, 1.001 * K2)]
+        meets = [int(np.count_nonzero(each != np.roll(each, 1))) for each in over]
+        tops = (levels > np.roll(levels, 1)) & (levels >= np.roll(levels, -1))
+        touches = int(np.count_nonzero(tops & (levels > K2 * (1 - 1e-5))))
+        wrong += (*meets, touches) != (4, 0, 2)
+    return Residual(wrong, bound=0, unit="of 50 wrong")
+
+
+def _free_coefficient(twist: float) -> Residual:
+    """P₃(0) > 0 iff c₁c₂ < 0: how often not."""
+    wrong = 0
+    for n, level in balls():
+        for name in _SIGNS:
+            each = line(n, level, name)
+            wrong += bool((P3(n, each.gamma)[3] > 0) != (twist * each.c1 * each.c2 < 0))
+    return Residual(wrong, bound=0, unit="of 2000 wrong")
+
+
+def _always_unstable(twist: float) -> Residual:
+    """How many of σ₊ and δ₋ are stable; twisted, of σ₋ and δ₊."""
+    names = ("σ₊", "δ₋") if twist == 1 else ("σ₋", "δ₊")
+    stable = sum(line(n, level, name).stable for n, level in balls() for name in names)
+    return Residual(stable, bound=0, unit="of 1000 stable")
+
+
+def _conditions(each: _Line, bracket: float = 1.0, square: bool = True) -> bool:
+    """(5.4) at σ₋ or δ₊, with c₁K×Ω - c₂Ω²K times `bracket`; c₁²K⁴, or c₁K⁴ if not `square`."""
+    n, c1, c2 = each.n, each.c1, each.c2
+    K2, Omega2 = n.K @ n.K, n.Omega @ n.Omega
+    A_gamma = c1 * n.A @ n.K + c2 * n.A @ cross(n.K, n.Omega)
+    first = A_gamma @ (bracket * (c1 * cross(n.K, n.Omega) - c2 * Omega2 * n.K))
+    third = (c1**2 if square else c1) * K2**2 - n.K @ np.linalg.inv(n.A) @ n.Omega
+    second = first * third + c1 * c2 * K2 * (A_gamma @ each.gamma) * K2 * Omega2
+    return bool(first > 0 and second > 0)
+
+
+@cache
+def _candidates() -> tuple[tuple[_Line, bool], ...]:
+    """σ₋ and δ₊ of the balls, and whether their eigenvalues say that they are stable."""
+    lines = [line(n, level, name) for n, level in balls(1000) for name in ("σ₋", "δ₊")]
+    return tuple((each, each.stable) for each in lines)
+
+
+def _wrongly(bracket: float = 1.0, square: bool = True) -> int:
+    """How often (5.4) and the eigenvalues do not agree."""
+    return sum(_conditions(each, bracket, square) != stable for each, stable in _candidates())
+
+
+def _second_bracket(twist: float) -> Residual:
+    """With c₁K×Ω - c₂Ω²K; as printed, c₁Ω×K + c₂Ω², with the K that would make it a vector."""
+    return Residual(_wrongly(bracket=twist), 0, _wrongly(bracket=-1.0), "of 2000 wrong")
+
+
+def _third_bracket(twist: float) -> Residual:
+    """With c₁²K⁴; and c₁K⁴ as printed."""
+    return Residual(_wrongly(square=twist == 1), 0, _wrongly(square=False), "of 2000 wrong")
+
+
+# Figs 9 and 10 -------------------------------------------------------------------------------
+
+
+def limit(twist: float) -> Value:
+    """The f at which σ₋ and δ₊ of Fig. 10 lose their stability, and the caption's f."""
+    n = line_ball()
+    n = replace(n, K=n.K * [twist, 1.0, 1.0])
+
+    def growth(level: float) -> float:
+        return max(float(line(n, level, name).rates.real.max()) for name in ("σ₋", "δ₊"))
+
+    found = brentq(growth, 1.0, 3.0, xtol=1e-12)
+    # Stated to four digits after the point.
+    return Value(found, corrected=16 / 7.69, bound=1e-9, printed=3.0, unit="(kg m²/s)²")
+
+
+def _arrives(twist: float) -> Residual:
+    """How far MuJoCo's γ, from near σ₊ at f = 2, is from δ₊ after 200 s; twisted, from σ₋."""
+    target = line(line_ball(), 2.0, "δ₊" if twist == 1 else "σ₋").gamma
+    end = long("fig10_stable", 200.0).gamma[-1]
+    return Residual(float(np.linalg.norm(end - target)), bound=1e-4)
+
+
+def _directions(twist: float) -> Residual:
+    """X and Y of MuJoCo's ball after 1 s on each line at f = 2, beside 0 and ∓a|Ω|.
+
+    - for σ and + for δ; as printed the reverse.
+    """
+    corrected = printed = 0.0
+    for name in _SIGNS:
+        each = line(line_ball(), 2.0, name)
+        end = started(each.gamma, each.M, duration=1.0).motion.contact_point[-1]
+        speed = (-1.0 if name.startswith("σ") else 1.0) * each.n.a * np.linalg.norm(each.n.Omega)
+        corrected = max(corrected, float(np.linalg.norm(end - [0.0, twist * speed])))
+        printed = max(printed, float(np.linalg.norm(end - [0.0, -speed])))
+    return Residual(corrected, bound=3e-13, printed=printed, unit="m")
+
+
 CLAIMS = (
     Claim(
         "(5.1)",
@@ -153,5 +348,67 @@ CLAIMS = (
         _transverse,
         "finite differences",
         "the sign",
+    ),
+    Claim(
+        "(5.3)",
+        "γ₀ = c₁K + c₂K×Ω: γ², M² by c₁, c₂",
+        _combination,
+        "at random c₁, c₂",
+        "the sign of c₂²Ω²",
+    ),
+    Claim(
+        "Prop. 3",
+        "c₁, c₂ of σ₊, σ₋, δ₊, δ₋",
+        _coefficients,
+        "(3.2)",
+        "c₂, by a tenth",
+        control=1.1,
+    ),
+    Claim(
+        "Prop. 3",
+        "four of them for f < K², two for f = K²",
+        _number_of_lines,
+        "all round Σ¹",
+        "K not ⊥ Ω",
+    ),
+    Claim(
+        "5.1", "P₃(0) > 0 iff c₁c₂ < 0", _free_coefficient, "P₃ at random balls", "the sign of c₁c₂"
+    ),
+    Claim("Prop. 4", "σ₊ and δ₋ are unstable", _always_unstable, "eigenvalues", "σ₋ and δ₊"),
+    Claim(
+        "E13, (5.4)",
+        "the second bracket is c₁K×Ω - c₂Ω²K",
+        _second_bracket,
+        "eigenvalues",
+        "the sign of the bracket",
+        printed="c₁Ω×K + c₂Ω², a number to a vector",
+    ),
+    Claim(
+        "E14, (5.4)",
+        "the third bracket is c₁²K⁴ - (K, A⁻¹Ω)",
+        _third_bracket,
+        "eigenvalues",
+        "the power of c₁",
+        printed="c₁K⁴ - (K, A⁻¹Ω)",
+    ),
+    Claim("Fig. 9", "where σ₋ and δ₊ are stable", "its f and its bounds are not stated"),
+    Claim(
+        "E16, Fig. 10",
+        "σ₋ and δ₊ are stable for f < 16/7.69 only",
+        limit,
+        "eigenvalues",
+        "K₁, by a tenth",
+        control=1.1,
+        printed="stable at f = 3",
+    ),
+    captioned_motion("fig10", 2e-10),
+    Claim("Fig. 10", "at f = 2 it goes from σ₊ to δ₊", _arrives, MOTION, "σ₋ for δ₊"),
+    Claim(
+        "E15, 5.1",
+        "X = x₀, Y = -a|Ω|t + y₀ for σ, + for δ",
+        _directions,
+        MOTION,
+        "the sign of Y",
+        printed="+ for σ, - for δ",
     ),
 )

@@ -12,7 +12,7 @@ from robotball.scene import section_state
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.claim import AtLeast, Claim, Residual, Value
-from validation.paper.engine import MOTION, RUBBER, seen
+from validation.paper.engine_ball import MOTION, RUBBER, seen
 from validation.paper.formulas import cross, paper_scene
 
 F = 25.0  # M² of Figs 11 to 14, (kg m²/s)²

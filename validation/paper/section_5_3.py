@@ -32,7 +32,7 @@ from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, captioned_motion, place
 from validation.paper.claim import AtLeast, Claim, Residual, Value
-from validation.paper.engine import MOTION, NAME, long
+from validation.paper.engine_ball import MOTION, NAME, long
 from validation.paper.formulas import Numbers, paper_scene
 from validation.paper.section_5_2 import F
 

@@ -8,7 +8,7 @@ from robotball.film.looks import Shape
 from robotball.qualitative.equilibria import closed_form_points
 from robotball.rotations import rotation_matrix
 from tests.figures import from_rest
-from validation.figures.sheets import View
+from validation.figures import View
 from validation.figures.sphere import Globe, Involute
 from validation.figures.structure import APART, solid_of, spread, widest_gap
 

@@ -35,11 +35,7 @@ _SIDE = 8.0  # of Fig. 9's region [kg m²/s]
 FINENESS = 90  # of the map's grid, each way
 SHOWN, LONG = 80.0, 600.0  # s, of Fig. 10
 _VIEW = View(azimuth=48.0, elevation=22.0)
-_BALL_LINES = (
-    "A = diag(.5, .3, .6) 1/(kg m²)",
-    "Ω = (0, 0, 1) rad/s, a = 1 m",
-    UNBUILDABLE,
-)
+_BALL_LINES = ("A = diag(.5, .3, .6) 1/(kg m²)", "Ω = (0, 0, 1) rad/s, a = 1 m", UNBUILDABLE)
 
 
 def growth_rate(ball: Parameters, K: Vector, f: float, which: str = "σ₋") -> float:

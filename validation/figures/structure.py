@@ -1,8 +1,7 @@
-"""The looks of a ball as shaded triangles, for drawings that need no OpenGL.
+"""Figs 3 and 4: the structure of the ball and its axes, drawn from a scene's bodies and motion.
 
-Figs 3 and 4: the structure of the ball and its axes, drawn from a scene's bodies and motion.
-
-The unit of length is the ball's radius, as in the parts of mjcf/.
+The bodies are shaded triangles in matplotlib, the farthest drawn first, so that no OpenGL is
+needed. The unit of length is the ball's radius, as in the parts of mjcf/.
 """
 
 from collections.abc import Mapping, Sequence
@@ -80,7 +79,8 @@ _VIEW = View(azimuth=114.0, elevation=20.0)
 _ROLLED = 0.8  # s, before Fig. 4
 _SHELL, _FRAME, _ROTOR = "shell", "frame", "rotor1"
 _FRAME_AXES, _OMEGA, _ROTOR_AXIS = "#117733", "#CC3311", "#8A5A00"
-_NAMES_AT, APART = 1.42, 0.3  # radii from the centre; rad, at least, between two names
+_NAMES_AT = 1.42  # radii from the centre
+_FREE = 3.561  # rad: the direction in Fig. 3 that is farthest from all other names
 
 
 def figure3() -> Figure:
@@ -252,18 +252,16 @@ def _outermost(body: _Solid, centre: Array, axis: Array) -> Array:
 
 
 def _draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None:
-    """Names on a ring around the ball, each towards its point (3,), no two too near.
+    """Write names on a ring around the ball, each in the direction of its point (3,).
 
-    The shell is everywhere: its name is where most room is left. C stands at the centre.
+    The shell is everywhere, so its name is where most room is left. C stands at the centre.
     """
     middle = _VIEW.places(centre)
     places = {name: _VIEW.places(point) for name, point in anchors.items()}
-    angles = spread({name: _angle_of(place - middle) for name, place in places.items()})
-    free = widest_gap(list(angles.values()))
-    places["shell"], angles["shell"] = middle + direction(free), free
-    for name, angle in angles.items():
-        out = direction(angle)
-        line = np.stack([places[name], middle + (_NAMES_AT - 0.04) * out])
+    free = np.array([np.cos(_FREE), np.sin(_FREE)])
+    for name, place in {**places, "shell": middle + free}.items():
+        out = (place - middle) / np.linalg.norm(place - middle)
+        line = np.stack([place, middle + (_NAMES_AT - 0.04) * out])
         axes.plot(*line.T, color=INK, linewidth=0.8, zorder=7)
         across = "left" if out[0] > 0.2 else "right" if out[0] < -0.2 else "center"
         along = "center" if across != "center" else "bottom" if out[1] > 0 else "top"
@@ -280,29 +278,3 @@ def _draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None
         path_effects=halo(),
     )
     axes.set(xlim=(middle[0] - 2.1, middle[0] + 2.1), ylim=(middle[1] - 1.55, middle[1] + 1.55))
-
-
-def _angle_of(place: Array) -> float:
-    return float(np.arctan2(place[1], place[0]))
-
-
-def direction(angle: float) -> Array:
-    return np.array([np.cos(angle), np.sin(angle)])
-
-
-def spread(angles: Mapping[str, float]) -> dict[str, float]:
-    """The angles [rad] moved until neighbours on the circle are at least APART."""
-    order = sorted(angles, key=lambda name: angles[name])
-    moved = np.array([angles[name] for name in order])
-    for _ in range(200):
-        short = np.maximum(APART - np.diff(np.append(moved, moved[0] + 2 * np.pi)), 0.0) / 2
-        moved += np.roll(short, 1) - short
-    return dict(zip(order, moved.tolist(), strict=True))
-
-
-def widest_gap(angles: list[float]) -> float:
-    """The middle [rad] of the widest free stretch of a circle."""
-    taken = np.sort(np.mod(angles, 2 * np.pi))
-    gaps = np.diff(np.append(taken, taken[0] + 2 * np.pi))
-    widest = int(np.argmax(gaps))
-    return float(taken[widest] + gaps[widest] / 2)

@@ -9,10 +9,9 @@ from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import Ball, Body, moments
+from validation.paper.point_masses import MASSES, Ball, Body, moments
 from validation.paper.section_3 import MOMENTUM
 
-_MASSES = "point masses"
 _CENTRE = np.zeros(3)
 
 
@@ -161,15 +160,15 @@ CLAIMS = (
         "the sign of Ṗ",
         printed="ω̂ = PᵀŵP + PᵀṖ",
     ),
-    Claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", _shell_energy, _MASSES, "the sign of J_s"),
-    Claim("App. A", "T_f and T_i", _frame_and_rotor_energy, _MASSES, "the sign of φ̇"),
+    Claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", _shell_energy, MASSES, "the sign of J_s"),
+    Claim("App. A", "T_f and T_i", _frame_and_rotor_energy, MASSES, "the sign of φ̇"),
     Claim("E20, App. A", "μ_i is the rotor's mass, not m_i", "a name: nothing to compute"),
     Claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors", _gyrostatic_momentum, MOTION, "one rotor"),
     Claim(
         "E21, (A.3)",
         "I = RI_sRᵀ + I_f + Σ j + Steiner's terms",
         _steiner_terms,
-        _MASSES,
+        MASSES,
         "the sign of c²",
         printed="I = RI_sRᵀ + I_f + Σ j",
     ),

@@ -38,8 +38,7 @@ def near_sigma_plus(level: float) -> _Caption:
     n = line_ball()
     square = n.K @ n.K
     gamma = sqrt(square - level) / square * n.K + sqrt(level) / square * cross(n.K, n.Omega)
-    gamma = gamma + 0.01 * f.E[2]
-    gamma = gamma / np.linalg.norm(gamma)
+    gamma = f.unit(gamma + 0.01 * f.E[2])
     M = f.level(f.E[2], gamma)
     M = M * sqrt(level / (M @ M))
     return _laid_against(n, M, gamma)
@@ -47,7 +46,7 @@ def near_sigma_plus(level: float) -> _Caption:
 
 def _laid_against(n: Numbers, M: Array, gamma: Array) -> _Caption:
     """With α = -M/√f of section 3.3."""
-    alpha = -M / np.linalg.norm(M)
+    alpha = -f.unit(M)
     return _Caption(n, np.array([alpha, cross(gamma, alpha), gamma]), M)
 
 

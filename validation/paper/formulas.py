@@ -68,6 +68,11 @@ def cross(u: Array, v: Array) -> Array:
     )
 
 
+def unit(v: Array) -> Array:
+    """Return v at length one."""
+    return v / np.linalg.norm(v)
+
+
 def hat(w: Array) -> Array:
     """ŵ (3, 3) of section 2, with ŵα = α×w."""
     return np.array([[0.0, w[2], -w[1]], [-w[2], 0.0, w[0]], [w[1], -w[0], 0.0]])
@@ -155,6 +160,22 @@ def velocity_of(classical: bool) -> Velocity:
     return classical_velocity if classical else rubber_velocity
 
 
+def unreduced(n: Numbers, rubber: bool) -> Field:
+    """d/dt of (ω, γ) (6,) by (2.4), with λ₀ of (2.5) if `rubber`."""
+
+    def rate(x: Array) -> Array:
+        spin = spin_torque(n, x[:3], x[3:]) if rubber else 0.0
+        return np.concatenate([acceleration(n, x[:3], x[3:], spin), cross(x[3:], x[:3])])
+
+    return rate
+
+
+def integral_gradients(M: Array, gamma: Array) -> Array:
+    """The gradients (3, 6) by (M, γ) of F₀ = γ², F₁ = (M, γ) and F₂ = M², halved where squares."""
+    zero = np.zeros(3)
+    return np.array([np.append(zero, gamma), np.append(gamma, M), np.append(M, zero)])
+
+
 def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float) -> float:
     """Σ ∂(ρ dx/dt)/∂x / ρ at a state x = (M, γ) of the reduced equations [1/s].
 
@@ -220,9 +241,14 @@ def jacobian(field: Field, at: Array) -> Array:
 
 def across(gamma: Array) -> Array:
     """Two unit vectors (2, 3) across γ and each other."""
-    first = cross(gamma, E[np.argmin(np.abs(gamma))])
-    first = first / np.linalg.norm(first)
+    first = unit(cross(gamma, E[np.argmin(np.abs(gamma))]))
     return np.stack([first, cross(gamma, first)])
+
+
+def sigma(n: Numbers, angle: Array | float) -> Array:
+    """Points (..., 3) of Σ¹, the circle (Ω,γ) = 0, at angles (...,) [rad]."""
+    first, second = across(unit(n.Omega))
+    return np.multiply.outer(np.cos(angle), first) + np.multiply.outer(np.sin(angle), second)
 
 
 def eigenvalues(field: Field, gamma: Array) -> Array:
@@ -244,8 +270,7 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
             linear = basis @ jacobian(field, gamma) @ basis.T
             step = np.linalg.lstsq(linear, basis @ field(gamma), rcond=1e-13)[0]
             length = float(np.linalg.norm(step))
-            gamma = gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300))
-            gamma = gamma / np.linalg.norm(gamma)
+            gamma = unit(gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300)))
             if length < 1e-13:
                 break
         at_rest = np.linalg.norm(field(gamma)) < 1e-12
@@ -285,7 +310,7 @@ def states(seed: int, count: int = 100) -> Iterator[_State]:
         Omega, K, Omega_rate, k_rate, omega, M, gamma = random.normal(size=(7, 3))
         I = np.diag(random.uniform(0.5, 1.0, 3))
         n = Numbers(I, random.uniform(0.2, 2.0), Omega, K, 1.0, Omega_rate, k_rate)
-        yield _State(n, omega, gamma / np.linalg.norm(gamma), M)
+        yield _State(n, omega, unit(gamma), M)
 
 
 def still(n: Numbers) -> Numbers:

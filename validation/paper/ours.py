@@ -12,13 +12,7 @@ from scipy.integrate import cumulative_simpson
 from robotball import InputError, sample_times, simulate
 from robotball.designing import masses_allowed
 from robotball.engines.ensembles.orbits import kernel_start
-from robotball.qualitative.basins import (
-    CHAOS,
-    TORUS,
-    Basins,
-    basins,
-    level_points,
-)
+from robotball.qualitative.basins import CHAOS, TORUS, Basins, basins, level_points
 from robotball.qualitative.cycles import Cycle, monodromy_of, nearest
 from robotball.qualitative.long_run import Drift, drift, exponents
 from robotball.qualitative.sections import section
@@ -31,9 +25,9 @@ from validation.paper.captions import line_ball
 from validation.paper.claim import Check, Claim, Residual, Value
 from validation.paper.engine_ball import CLASSICAL, MOTION, RUBBER, largest, seen
 from validation.paper.formulas import Numbers, Velocity, cross, paper_scene
-from validation.paper.point_masses import Ball, Body, moments
+from validation.paper.point_masses import MASSES, Ball, Body, moments
 from validation.paper.section_3 import MOMENTUM, energies
-from validation.paper.section_4_2 import cycle, with_K3
+from validation.paper.section_4_2 import cycle, four_fewer
 from validation.paper.section_5_1 import line
 from validation.paper.section_5_2 import F, andoyer
 from validation.paper.section_5_3 import LONG, chaotic, regular, settled, starts
@@ -73,11 +67,11 @@ def _full_rates(n: Numbers, velocity: Velocity, M: Array, gamma: Array) -> Array
 def _reversal(classical: bool, twist: float) -> Residual:
     """The rates at (Dγ, ∓DM), beside minus the images of those at (γ, M), if Ωᵢ = Kᵢ = 0."""
     worst, sign = 0.0, 1.0 if classical else -1.0
-    velocity = f.classical_velocity if classical else f.rubber_velocity
+    velocity = f.velocity_of(classical)
     D = np.array([1.0, -twist, 1.0])
     for state in f.states(91):
         n = replace(f.still(state.n), Omega=state.n.Omega * [1, 0, 1], K=state.n.K * [1, 0, 1])
-        M = state.M if classical else f.level(state.M, state.gamma)
+        M = state.momentum(classical)
         here = _full_rates(n, velocity, M, state.gamma)
         there = _full_rates(n, velocity, sign * D * M, D * state.gamma)
         off = np.concatenate([there[:3] + sign * D * here[:3], there[3:6] + D * here[3:6]])
@@ -89,7 +83,7 @@ def _mirror(twist: float) -> Residual:
     """The rates at (-γ, -M): those of M, γ turned round, Ẋ the same and Ẏ turned round."""
     worst = 0.0
     for state in f.states(92):
-        n, M = f.still(state.n), f.level(state.M, state.gamma)
+        n, M = f.still(state.n), state.momentum(classical=False)
         here = _full_rates(n, f.rubber_velocity, M, state.gamma)
         there = _full_rates(n, f.rubber_velocity, -M, -state.gamma)
         image = here * [*[-1.0] * 6, 1.0, -twist]
@@ -295,7 +289,7 @@ def _one_rotor(twist: float) -> Residual:
         rotor = Body(np.full(4, 0.01), np.zeros((4, 3)), np.zeros(3), f.E[2])
         d = (bare.mass + rotor.mass) * bare.a**2
         needed = wanted + (bare.shell.moment(bare.shell.axis) + twist * d) * bare.Omega
-        axis = needed / np.linalg.norm(needed)
+        axis = f.unit(needed)
         points = 0.2 * np.concatenate([f.across(axis), -f.across(axis)])
         rate = float(np.linalg.norm(needed)) / (rotor.mass * 0.2**2)
         ball = Ball(
@@ -349,19 +343,14 @@ CLAIMS_BALLS = (
         "the other ones",
     ),
     Claim(
-        "(A.3)",
-        "one rotor along K + (J_s + d)Ω gives any K",
-        _one_rotor,
-        "point masses",
-        "the sign of d",
+        "(A.3)", "one rotor along K + (J_s + d)Ω gives any K", _one_rotor, MASSES, "the sign of d"
     ),
 )
 
 
 def _vanishing(K3: float, more: int, twist: float) -> Residual:
     """How far the numbers of fixed points 1e-4 below and above K₃ are from `more` and four less."""
-    counts = [len(f.zeros(f.from_rest(with_K3(twist * K3 + side)), 200)) for side in (-1e-4, 1e-4)]
-    return Residual(abs(counts[0] - more) + abs(counts[1] - more + 4), bound=0, unit="points off")
+    return four_fewer(twist * K3, 1e-4, more, 200)
 
 
 def _cycle_period(K3: float, stated: float, twist: float) -> Value:
@@ -469,10 +458,7 @@ def number(place: str, statement: str, check: Check, means: str) -> Claim:
 
 CLAIMS_NUMBERS = (
     number(
-        "4.2",
-        "|κ₁| = 1 at K₃ = 0.51503: Δ disappears",
-        partial(_vanishing, 0.51503, 10),
-        "search",
+        "4.2", "|κ₁| = 1 at K₃ = 0.51503: Δ disappears", partial(_vanishing, 0.51503, 10), "search"
     ),
     number(
         "4.2", "|κ₂| = 1 at K₃ = 2.08207: Θ disappears", partial(_vanishing, 2.08207, 6), "search"

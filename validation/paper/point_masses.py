@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotball.rotations import Array
-from validation.paper.formulas import Numbers, across, cross
+from validation.paper.formulas import Numbers, across, cross, unit
 
+MASSES = "point masses"  # as a claim's means
 _RING = 6  # points: three and more make it dynamically symmetric
 
 
@@ -168,7 +169,7 @@ def moments(seed: int, count: int = 20, rotors: int = 2, centred: bool = False) 
     for _ in range(count):
         omega, gamma, v = random.normal(size=(3, 3))
         ball = _some_ball(random, rotors, 0.0 if centred else 0.3)
-        yield Moment(ball, omega, gamma / np.linalg.norm(gamma), v)
+        yield Moment(ball, omega, unit(gamma), v)
 
 
 def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> Ball:
@@ -193,8 +194,7 @@ def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> B
 
 def ring(random: np.random.Generator, radius: float, centre: Array, rates: Array) -> Body:
     """A ring of points about a random axis."""
-    axis = random.normal(size=3)
-    axis /= np.linalg.norm(axis)
+    axis = unit(random.normal(size=3))
     angles = np.linspace(0.0, 2 * np.pi, _RING, endpoint=False)
     points = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ across(axis)
     masses = np.full(_RING, random.uniform(0.01, 0.05))

@@ -22,12 +22,7 @@ def chaplygin(A: tuple[float, float, float] = (0.8, 0.6, 0.7)) -> Numbers:
 
 def rolling(n: Numbers, omega: Array, gamma: Array, rubber: bool) -> tuple[Array, Array]:
     """ω and γ (201, 3) by (2.4), with λ₀ of (2.5) if `rubber`."""
-
-    def rate(x: Array) -> Array:
-        spin = f.spin_torque(n, x[:3], x[3:]) if rubber else 0.0
-        return np.concatenate([f.acceleration(n, x[:3], x[3:], spin), cross(x[3:], x[:3])])
-
-    found = f.followed(rate, np.concatenate([omega, gamma]), _TIMES)
+    found = f.followed(f.unreduced(n, rubber), np.concatenate([omega, gamma]), _TIMES)
     return found[:, :3], found[:, 3:]
 
 

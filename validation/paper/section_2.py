@@ -35,10 +35,7 @@ from validation.paper.engine_ball import (
     seen_of,
 )
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import Moment, Rolled, moments, rolled
-
-_MASSES = "point masses"
-
+from validation.paper.point_masses import MASSES, Moment, Rolled, moments, rolled
 
 # The system ----------------------------------------------------------------------------------
 
@@ -128,19 +125,16 @@ CLAIMS_KINEMATICS = (
         "2",
         "the inertia does not change in the frame's axes",
         _mass_distribution,
-        _MASSES,
+        MASSES,
         "the axes: the shell's",
     ),
     Claim("Remark 1", "α, β and γ stay orthonormal", _orthonormal, "scipy", "the sign of dβ/dt"),
     Claim("2", "ω̂ = dS/dt Sᵀ", _quasi_velocities, MOTION, "the sign of ω̂"),
     Claim("(2.1)", "v + aγ×(ω - Ω) = 0", _no_slip, MOTION, "the sign of Ω"),
     Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", _no_spin, MOTION, "the sign of Ω"),
-    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", _kinetic_energy, _MASSES, "the sign of k"),
-    Claim("2", "k = Σ jφ̇n - J_sΩ", _gyrostatic_momentum, _MASSES, "the sign of J_s"),
+    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", _kinetic_energy, MASSES, "the sign of k"),
+    Claim("2", "k = Σ jφ̇n - J_sΩ", _gyrostatic_momentum, MASSES, "the sign of J_s"),
 )
-
-
-_BY_MASSES = "point masses"
 
 
 def _plane_force(ball: Seen) -> Array:
@@ -322,26 +316,24 @@ CLAIMS_EQUATIONS = (
     ),
     Claim("Remark 3", "gravity has no part", _without_gravity, MOTION, "the centre of mass"),
     Claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", _reaction, MOTION, "the sign of its last term"),
-    Claim(
-        "(2.4)", "classical: dω/dt", partial(_full_equations, False), _BY_MASSES, "the sign of W"
-    ),
-    Claim("(2.4)", "rubber: dω/dt", partial(_full_equations, True), _BY_MASSES, "the sign of W"),
+    Claim("(2.4)", "classical: dω/dt", partial(_full_equations, False), MASSES, "the sign of W"),
+    Claim("(2.4)", "rubber: dω/dt", partial(_full_equations, True), MASSES, "the sign of W"),
     Claim("(2.4)", "dω/dt while Ω and k change", _driven_equations, MOTION, "the sign of λ₀"),
     Claim(
         "E4, (2.4)",
         "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point",
         _contact_inertia,
-        _BY_MASSES,
+        MASSES,
         "the sign of γ²",
         printed="ma²(γ² - γ⊗γ), where I is …",
     ),
-    Claim("(2.5)", "λ₀, with Ω and k changing", _multiplier, _BY_MASSES, "the sign of Ω̇"),
+    Claim("(2.5)", "λ₀, with Ω and k changing", _multiplier, MASSES, "the sign of Ω̇"),
     Claim("(2.5)", "λ₀ is the torque of the contact", _contact_torque, MOTION, "the sign of λ₀"),
     Claim(
         "E3, (2.5)",
         "the rate of (2.2): … - (Ω̇, γ) = 0",
         _constraint_rate,
-        _BY_MASSES,
+        MASSES,
         "the sign of (Ω̇, γ)",
         printed="… + (Ω̇, γ) = 0",
     ),

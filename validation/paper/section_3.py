@@ -139,13 +139,9 @@ def _kept_integrals(name: str, twist: float) -> Residual:
     scene = paper_scene(name)
     classical = scene.rolling == "classical"
     gamma, M = section_state(0.0, 0.6, 0.0, 25.0, c=3.0 if classical else 0.0)
-    n, velocity = f.numbers(scene.parameters), f.velocity_of(classical)
-
-    def rate(x: Array) -> Array:
-        omega = velocity(n, x[:3], x[3:])
-        return np.concatenate([twist * cross(x[:3], omega), cross(x[3:], omega)])
-
-    found = f.followed(rate, np.concatenate([M, gamma]), np.linspace(0.0, 20.0, 101))
+    rate = f.reduced(f.velocity_of(classical), f.numbers(scene.parameters))
+    sense, start = np.repeat([twist, 1.0], 3), np.concatenate([M, gamma])
+    found = f.followed(lambda x: sense * rate(x), start, np.linspace(0.0, 20.0, 101))
     M_t, gamma_t = found[:, :3], found[:, 3:]
     size = float(M @ M)
     kept = [(gamma_t**2).sum(1), (M_t * gamma_t).sum(1) / np.sqrt(size), (M_t**2).sum(1) / size]
@@ -159,11 +155,9 @@ def _three_dimensional(classical: bool, twist: float) -> Residual:
     """
     wrong = 0
     for state in f.states(32):
-        gamma = state.gamma
         M = state.momentum(classical) * (1.0 if twist == 1 else 0.0)
-        zero = np.zeros(3)
-        gradients = [np.append(zero, gamma), np.append(gamma, M), np.append(M, zero)]
-        wrong += bool(np.linalg.matrix_rank(np.array(gradients), tol=1e-9) != 3)
+        gradients = f.integral_gradients(M, state.gamma)
+        wrong += bool(np.linalg.matrix_rank(gradients, tol=1e-9) != 3)
     return Residual(wrong, bound=0, unit="of 100 wrong")
 
 

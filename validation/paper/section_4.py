@@ -20,7 +20,7 @@ from validation.paper.captions import CAPTIONS, captioned_motion, off_orthonorma
 from validation.paper.claim import Claim, Residual
 from validation.paper.engine_ball import INNER, MOTION, Seen, largest, long, rate, seen, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import moments
+from validation.paper.point_masses import MASSES, moments
 from validation.paper.section_3 import MOMENTUM
 
 _SPIN_UP = "spin_up_from_rest"
@@ -76,13 +76,10 @@ def _integral_without_turning(twist: float) -> Residual:
     """The change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which know no M and no (4.1)."""
     worst = 0.0
     for n, gamma in _gyrostats(41):
-
-        def rate_of(x: Array, n: Numbers = n) -> Array:
-            spin = f.spin_torque(n, x[:3], x[3:])
-            return np.append(f.acceleration(n, x[:3], x[3:], spin), cross(x[3:], x[:3]))
-
         start = np.append(f.rubber_velocity(n, np.zeros(3), gamma), gamma)
-        path = f.followed(rate_of, start, np.linspace(0.0, 20.0, 41), rtol=1e-10)[:, 3:]
+        path = f.followed(
+            f.unreduced(n, rubber=True), start, np.linspace(0.0, 20.0, 41), rtol=1e-10
+        )[:, 3:]
         kept = (path @ n.A @ n.K) ** 2 / ((path @ n.A * path).sum(axis=1)) ** twist
         worst = max(worst, float(np.ptp(kept)))
     return Residual(worst, bound=5e-8)
@@ -255,12 +252,6 @@ def circle(index: int, bound: float, twist: float) -> Residual:
 # The circle Σ¹ -------------------------------------------------------------------------------
 
 
-def _on_sigma(n: Numbers, angle: float) -> Array:
-    """γ with (Ω,γ) = 0."""
-    first, second = f.across(n.Omega / np.linalg.norm(n.Omega))
-    return np.cos(angle) * first + np.sin(angle) * second
-
-
 def _side(n: Numbers, gamma: Array) -> float:
     """(Aγ, γ×Ω): positive on Σ_s, negative on Σ_u."""
     return float(n.A @ gamma @ cross(gamma, n.Omega))
@@ -270,7 +261,7 @@ def _filled_circle(twist: float) -> Residual:
     """dγ/dt of (4.1) on (Ω,γ) = 0; twisted, with K."""
     worst = 0.0
     for i, n in enumerate(balls(48)):
-        at = _on_sigma(n, float(i))
+        at = f.sigma(n, float(i))
         n = n if twist == 1 else replace(n, K=f.E[2])
         worst = max(worst, float(np.abs(f.from_rest(n)(at)).max()))
     return Residual(worst, bound=1e-15, unit="1/s")
@@ -280,7 +271,7 @@ def _sides(twist: float) -> Residual:
     """Of how many points of Σ¹ the eigenvalue across has not the sign opposite to (Aγ, γ×Ω)."""
     wrong = 0
     for i, n in enumerate(balls(49)):
-        gamma = _on_sigma(n, float(i))
+        gamma = f.sigma(n, float(i))
         values = f.eigenvalues(f.from_rest(n), gamma).real
         across = values[np.argmax(np.abs(values))]  # along the circle it is 0
         wrong += bool(across * twist * _side(n, gamma) >= 0)
@@ -293,8 +284,8 @@ def _straight(twist: float) -> Residual:
     And how far its frame turns; twisted, with γ 0.01 rad off.
     """
     scene = paper_scene("fig05b")
-    angle = next(x for x in np.linspace(0, 6, 13) if _side(FIG5, _on_sigma(FIG5, x)) > 0.1)
-    gamma = _on_sigma(FIG5, angle)
+    angle = next(x for x in np.linspace(0, 6, 13) if _side(FIG5, f.sigma(FIG5, x)) > 0.1)
+    gamma = f.sigma(FIG5, angle)
     if twist != 1:
         gamma = f.turned_about(f.across(gamma)[0], 0.01) @ gamma
     alpha = f.across(gamma)[0]
@@ -312,7 +303,7 @@ CLAIMS_4_1 = (
         "Remark 7",
         "without a rotor K = -(J_s + d)Ω, not 0",
         _needs_momentum,
-        "point masses",
+        MASSES,
         "the sign of J_s",
     ),
     Claim("(4.3)", "in its time γ moves as Euler's top", _euler_case, MOTION, "dt, upside down"),
@@ -343,14 +334,14 @@ def ends(twist: float) -> Residual:
     ball, start = long("fig05b", 60.0), CAPTIONS["fig05b"].axes[2]
 
     def off_curve(angle: float) -> float:
-        gamma = _on_sigma(FIG5, angle)
+        gamma = f.sigma(FIG5, angle)
         return float(FIG5.A @ gamma @ gamma - FIG5.A @ start @ start)
 
     angles = np.linspace(0.0, 2 * np.pi, 201)
     crossings = [(x, y) for x, y in pairwise(angles) if off_curve(x) * off_curve(y) < 0]
-    meeting = [_on_sigma(FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
+    meeting = [f.sigma(FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
     stable = [gamma for gamma in meeting if twist * _side(FIG5, gamma) > 0]
-    all_over = [gamma for x in angles if _side(FIG5, gamma := _on_sigma(FIG5, x)) > 0]
+    all_over = [gamma for x in angles if _side(FIG5, gamma := f.sigma(FIG5, x)) > 0]
     near = min(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in stable)
     far = max(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in all_over)
     return Residual(float(near), bound=1e-6, printed=float(far))

@@ -222,9 +222,7 @@ def _scaled(twist: float) -> Residual:
 def _no_circle(twist: float) -> AtLeast:
     """The fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
     n = FIG6 if twist == 1 else CAPTIONS["fig05b"].n
-    first, second = f.across(n.Omega / np.linalg.norm(n.Omega))
-    angles = np.linspace(0.0, 2 * np.pi, 100)
-    rates = [f.from_rest(n)(np.cos(x) * first + np.sin(x) * second) for x in angles]
+    rates = [f.from_rest(n)(gamma) for gamma in f.sigma(n, np.linspace(0.0, 2 * np.pi, 100))]
     return AtLeast(float(np.linalg.norm(rates, axis=1).max()), bound=0.05, unit="1/s")
 
 
@@ -412,7 +410,15 @@ def _unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
 def _vanishing(j: int, K3: float, more: int, twist: float) -> Residual:
     """At the K₃ where |κⱼ| = 1: how far the numbers of fixed points on either side are off."""
     at = brentq(lambda x: abs(_kappa(with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
-    counts = [len(f.zeros(f.from_rest(with_K3(at + side)), 150)) for side in (-0.01, 0.01)]
+    return four_fewer(at, 0.01, more, 150)
+
+
+def four_fewer(K3: float, side: float, more: int, starts: int) -> Residual:
+    """Count by how many the fixed points beside K₃ differ from `more` below and four less above.
+
+    side: how far from K₃ they are searched for, from `starts` points.
+    """
+    counts = [len(f.zeros(f.from_rest(with_K3(K3 + each)), starts)) for each in (-side, side)]
     return Residual(abs(counts[0] - more) + abs(counts[1] - more + 4), bound=0, unit="points off")
 
 

@@ -14,7 +14,7 @@ from validation.paper import formulas as f
 from validation.paper.captions import captioned_motion, line_ball
 from validation.paper.claim import Claim, Residual, Value
 from validation.paper.engine_ball import MOTION, Seen, largest, long, seen_of
-from validation.paper.formulas import Numbers, cross, paper_scene
+from validation.paper.formulas import Numbers, cross, paper_scene, unit
 
 _BALL = "fig10"
 _Polynomial = Callable[[Numbers, Array], Array]
@@ -27,7 +27,7 @@ _SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)
 def started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
     """MuJoCo's ball of Fig. 10 from γ and M, with OX against M."""
     scene = paper_scene(_BALL)
-    alpha = -M / np.linalg.norm(M)
+    alpha = -unit(M)
     attitude = from_matrix(np.array([alpha, cross(gamma, alpha), gamma]))
     start = Start(attitude, np.array([-np.linalg.norm(M), 0.0, 0.0]))
     return seen_of(replace(scene, start=start), duration)
@@ -57,11 +57,6 @@ def random_lines(seed: int, count: int, kind: str = "any") -> list[tuple[Numbers
         gamma = unit(f.level(v, unit(Omega)))
         found.append((f.with_A(tuple(random.uniform(0.2, 1.0, 3)), Omega, K), gamma))
     return found
-
-
-def unit(v: Array) -> Array:
-    """v at length one."""
-    return v / np.linalg.norm(v)
 
 
 def linear(n: Numbers, gamma: Array) -> Array:
@@ -158,11 +153,8 @@ class _Line:
     @property
     def rates(self) -> Array:
         """The eigenvalues (3,) of (3.2) on the level of F₀, F₁, F₂."""
-        zero = np.zeros(3)
-        gamma, M = self.gamma, self.M
-        gradients = np.array([np.append(zero, gamma), np.append(gamma, M), np.append(M, zero)])
-        inside = np.linalg.svd(gradients)[2][3:]
-        return np.linalg.eigvals(inside @ linear(self.n, gamma) @ inside.T).astype(complex)
+        inside = np.linalg.svd(f.integral_gradients(self.M, self.gamma))[2][3:]
+        return np.linalg.eigvals(inside @ linear(self.n, self.gamma) @ inside.T).astype(complex)
 
     @property
     def stable(self) -> bool:
@@ -225,9 +217,7 @@ def _number_of_lines(twist: float) -> Residual:
     for n, level in balls(50):
         if twist != 1:
             n = replace(n, K=n.K + 2 * np.linalg.norm(n.K) * unit(n.Omega))
-        one, other = f.across(unit(n.Omega))
-        along = np.cos(angles)[:, None] * one + np.sin(angles)[:, None] * other
-        levels, K2 = (np.cross(along, n.K) ** 2).sum(axis=1), float(n.K @ n.K)
+        levels, K2 = (np.cross(f.sigma(n, angles), n.K) ** 2).sum(axis=1), float(n.K @ n.K)
         over = [levels > x for x in (level, 1.001 * K2)]
         meets = [int(np.count_nonzero(each != np.roll(each, 1))) for each in over]
         tops = (levels > np.roll(levels, 1)) & (levels >= np.roll(levels, -1))
@@ -326,20 +316,12 @@ def _directions(twist: float) -> Residual:
 
 CLAIMS = (
     Claim(
-        "(5.1)",
-        "M = γ₀×K, (Ω,γ₀) = 0: ω = 0, a straight line",
-        equilibria,
-        MOTION,
-        "the sign of M",
+        "(5.1)", "M = γ₀×K, (Ω,γ₀) = 0: ω = 0, a straight line", equilibria, MOTION, "the sign of M"
     ),
     Claim("Remark 8", "segways are stabilised like this", "of other machines"),
     Claim("(5.2)", "λ³P₃(λ), any K", _characteristic, "determinants of (3.2)", "the free term"),
     Claim(
-        "5.1",
-        "K along Ω: λ⁴P₂(λ)",
-        _characteristic_along,
-        "determinants of (3.2)",
-        "the free term",
+        "5.1", "K along Ω: λ⁴P₂(λ)", _characteristic_along, "determinants of (3.2)", "the free term"
     ),
     Claim("5.1", "K along Ω: all of Σ¹ has f = K²", _one_level, "(5.1)", "any K"),
     Claim(
@@ -357,12 +339,7 @@ CLAIMS = (
         "the sign of c₂²Ω²",
     ),
     Claim(
-        "Prop. 3",
-        "c₁, c₂ of σ₊, σ₋, δ₊, δ₋",
-        _coefficients,
-        "(3.2)",
-        "c₂, by a tenth",
-        control=1.1,
+        "Prop. 3", "c₁, c₂ of σ₊, σ₋, δ₊, δ₋", _coefficients, "(3.2)", "c₂, by a tenth", control=1.1
     ),
     Claim(
         "Prop. 3",

@@ -1,6 +1,6 @@
-"""What the pictures of the paper's figures share: the sheet, both motions, and their lines.
+"""The sheet that all pictures of the paper's figures are drawn on, both motions, and their lines.
 
-An orthographic view of space: points to the picture's plane, with their depth.
+Points in space are seen from far away: an orthographic view, with their depth.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def sheet(
     widths: Sequence[float],
     heights: Sequence[float] = (5.4,),
 ) -> tuple[Figure, dict[str, Axes]]:
-    """A figure with panels by their names, row by row, and its text on the right.
+    """Return a figure with panels by their names, row by row, and its text on the right.
 
     caption: what the paper's caption gives, and what was chosen; facts: what is so, corrected;
     widths, heights: of the columns and the rows [inches]. A name that stands in several places is
@@ -72,18 +72,18 @@ def sheet(
 
 
 def theory_motion(scene: Scene, times: Array) -> tuple[Array, Array]:
-    """Attitudes (n, 4) in principal axes and contact points (n, 2), by the compiled stepper."""
+    """Return attitudes (n, 4) in principal axes and contact points (n, 2) by the equations."""
     attitude = multiply(scene.start.attitude, scene.principal_quaternion)
     return orbit(scene.parameters, attitude, scene.start.momentum, times)
 
 
 def engine_motion(scene: Scene, times: Array, settings: str = "balanced") -> ContactMotion:
-    """The engine's motion, by a preset."""
+    """Return the engine's motion, by a preset."""
     return run(build(scene, preset(settings)), times)
 
 
 def draw_paths(axes: Axes, theory: Array, engine: Motion, title: str = "contact point") -> None:
-    """Both contact points' paths over the plane, to one scale; theory (n, 2)."""
+    """Draw both contact points' paths over the plane, to one scale; theory (n, 2)."""
     axes.plot(*theory.T, **THEORY_LINE, label="equations")
     axes.plot(*engine.contact_point.T, **ENGINE_LINE, label=ENGINE_NAME)
     axes.plot(*theory[0], "o", color=INK, markersize=5, label="start")
@@ -93,7 +93,7 @@ def draw_paths(axes: Axes, theory: Array, engine: Motion, title: str = "contact 
 
 @dataclass(frozen=True)
 class View:
-    """Seen from far away: the viewer's azimuth from the first axis and height over it [degrees]."""
+    """An orthographic view: azimuth of the viewer from the first axis, and elevation [degrees]."""
 
     azimuth: float
     elevation: float
@@ -107,14 +107,14 @@ class View:
         return np.stack([right, np.cross(toward, right), toward])
 
     def places(self, points: Array) -> Array:
-        """Where points (..., 3) are in the picture, (..., 2)."""
+        """Return where points (..., 3) are in the picture, (..., 2)."""
         return points @ self.axes[:2].T
 
     def place(self, point: Array) -> tuple[float, float]:
-        """Where a point (3,) is in the picture."""
+        """Return where a point (3,) is in the picture."""
         right, up = self.places(point).tolist()
         return right, up
 
     def depth(self, points: Array) -> Array:
-        """How near points (..., 3) are to the viewer, (...,)."""
+        """Return how near points (..., 3) are to the viewer, (...,)."""
         return points @ self.axes[2]

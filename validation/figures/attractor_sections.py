@@ -1,6 +1,6 @@
 """Fig. 11: the section g = 0 over (l, L/√f), with its attractors and the way to them.
 
-The introduction's remark: the rubber Chaplygin ball and a classical one wind the same tori.
+And the introduction's remark: the rubber Chaplygin ball and a classical one wind the same tori.
 """
 
 from collections.abc import Callable
@@ -59,7 +59,7 @@ _DOT: dict[str, Any] = {"marker": ".", "linestyle": "none", "mew": 0}
 
 
 def figure11a() -> Figure:
-    """A periodic orbit and a limit torus, with what settles on them, by both engines."""
+    """Draw a periodic orbit and a limit torus, with what settles on them, by both engines."""
     scene = load_scene("fig12")
     ball, balanced, coarse = (
         scene.parameters,
@@ -121,7 +121,7 @@ def figure11a() -> Figure:
 
 
 def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
-    """The strange attractor, by the equations and by the engine side by side."""
+    """Draw the strange attractor, by the equations and by the engine side by side."""
     scene = load_scene("fig14")
     theory = cloud_by_equations(scene.parameters, CHAOS, seed=1)
     engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2, progress=report)
@@ -157,18 +157,21 @@ def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
 
 
 def _parted(cloud: Cloud, starts: int, transient: int) -> tuple[Array, Array]:
-    """Places (2, n) of the first `transient` crossings of each start, and of the others."""
+    """Return places (2, n) of the first `transient` crossings of each start, and of the others."""
     early = np.arange(len(cloud.L)) % (len(cloud.L) // starts) < transient
     return _places(cloud.l[early], cloud.L[early]), _places(cloud.l[~early], cloud.L[~early])
 
 
 def _places(l: Array, L: Array) -> Array:
-    """Points (2, n) of the picture: l from 0 to 2π, where attractors lie in one piece, and L/√f."""
+    """Return points (2, n) of the picture: l, from 0 to 2π, and L/√f.
+
+    With this cut of l the attractors lie in one piece.
+    """
     return np.stack([np.asarray(l) % (2 * np.pi), np.asarray(L) / _ROOT_F])
 
 
 def _annulus(axes: Axes, title: str) -> None:
-    """The section's bounds and scales."""
+    """Draw the section's bounds and scales."""
     axes.axhline(1.0, color=FAINT)
     axes.axhline(-1.0, color=FAINT)
     axes.set(xlabel="l [rad], once round", ylabel="L/√f", title=title,
@@ -177,7 +180,7 @@ def _annulus(axes: Axes, title: str) -> None:
 
 
 def caption_of(scene: Scene) -> tuple[str, ...]:
-    """The caption's numbers, of Figs 11 to 14."""
+    """Return the caption's numbers, of Figs 11 to 14."""
     p = scene.parameters
 
     def row(v: tuple[float, ...]) -> str:
@@ -203,7 +206,7 @@ _INTERVAL = 0.01  # s, between samples: the error of a crossing goes with its fo
 
 
 def figure_tori() -> Figure:
-    """Both balls' γ on one sphere, their sections on the same curves, and how they differ."""
+    """Draw both balls' γ on one sphere, their sections on the same curves, and how they differ."""
     balls: dict[str, Scene] = {
         scene.rolling: scene
         for scene in map(paper_scene, ("rubber_chaplygin_ball", "chaplygin_ball_same_tori"))
@@ -251,14 +254,14 @@ def figure_tori() -> Figure:
 
 
 def started(scene: Scene, l: float) -> Scene:
-    """The ball at the level (0, l) of ℓ, where (ℓ×γ)₃ = 0."""
+    """Start the ball at the level (0, l) of ℓ, where (ℓ×γ)₃ = 0."""
     gamma, level = section_state(0.0, l, 0.0, _TORI_F)
     M = np.cross(gamma, level) if scene.rolling == "rubber" else level
     return replace(scene, start=along_momentum(gamma, M))
 
 
 def _level_states(scene: Scene, duration: float) -> tuple[Array, Array, Array, Array]:
-    """Times (n,), γ, ℓ and ω (n, 3) of the ball by the equations."""
+    """Return times (n,), γ, ℓ and ω (n, 3) of the ball by the equations."""
     times = sample_times(duration, _INTERVAL)
     axes, p = rotation_matrix(theory_motion(scene, times)[0]), scene.parameters
     M = np.einsum("nji,j->ni", axes, scene.start.momentum)
@@ -267,17 +270,17 @@ def _level_states(scene: Scene, duration: float) -> tuple[Array, Array, Array, A
 
 
 def _of_model(scene: Scene, gamma: Array, M: Array) -> Array:
-    """ℓ (n, 3) of γ and M (n, 3)."""
+    """Return ℓ (n, 3) of γ and M (n, 3)."""
     return np.cross(M, gamma) if scene.rolling == "rubber" else M
 
 
 def crossings_of(scene: Scene) -> Crossings:
-    """Where (ℓ×γ)₃ = 0, in one direction, by the equations."""
+    """Find where (ℓ×γ)₃ = 0, in one direction, by the equations."""
     return sampled_crossings(*_level_states(scene, FOLLOWED)).only(1)
 
 
 def engine_crossings_of(scene: Scene) -> Crossings:
-    """The same by the engine."""
+    """Find where (ℓ×γ)₃ = 0, in one direction, by the engine."""
     motion = engine_motion(scene, sample_times(FOLLOWED), "fast")
     turned = rotation_matrix(motion.attitude) @ scene.principal_axes
     M = np.einsum("nji,nj->ni", turned, motion.momentum)
@@ -287,17 +290,17 @@ def engine_crossings_of(scene: Scene) -> Crossings:
 
 
 def points_of(found: Crossings) -> Array:
-    """γ and ℓ/√f side by side (n, 6)."""
+    """Return γ and ℓ/√f side by side (n, 6)."""
     return np.concatenate([found.gamma, found.momenta / _ROOT_F], axis=1)
 
 
 def apart(points: Array, curve: InvariantCurve) -> float:
-    """How far the farthest of the points (n, 6) is from a curve."""
+    """Measure how far the farthest of the points (n, 6) is from a curve."""
     return float(distance_to_curve(points, curve.at(np.linspace(0.0, 1.0, 20_000))).max())
 
 
 def kept(balls: dict[str, Scene]) -> float:
-    """By how much, relative, J changes along the motions of both balls."""
+    """Measure by how much, relative, J changes along the motions of both balls."""
     changes = []
     for scene in balls.values():
         _, gamma, level, _ = _level_states(started(scene, LEVELS[2]), SHOWN)
@@ -307,7 +310,7 @@ def kept(balls: dict[str, Scene]) -> float:
 
 
 def _draw_spheres(axes: Axes, balls: dict[str, Scene]) -> None:
-    """γ of both balls from the same point, for a while."""
+    """Draw γ of both balls from the same point, for a while."""
     globe = Globe(axes, _VIEW, f"vertical γ, {SHOWN:g} s from the same (γ, ℓ)")
     for rolling, ball in balls.items():
         scene = started(ball, LEVELS[2])
@@ -327,7 +330,7 @@ def _draw_sections(
     runs: dict[tuple[str, float], Crossings],
     curves: dict[tuple[str, float], InvariantCurve],
 ) -> None:
-    """The crossings of both balls by both engines, on the curves of the classical one."""
+    """Draw the crossings of both balls by both engines, on the curves of the classical one."""
     for l in LEVELS:
         states = curves["classical", l].at(np.linspace(0.0, 1.0, 2000))
         axes.plot(np.arctan2(states[:, 3], states[:, 4]), states[:, 5], color=FAINT, linewidth=0.8)

@@ -42,7 +42,7 @@ class _Solid:
 
 
 def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> _Solid:
-    """A body's shapes turned (3, 3) and then shifted (3,), but for its glass and what blurs."""
+    """Return a body's shapes turned (3, 3), then shifted (3,), without its glass and what blurs."""
     solid = [shape for shape in shapes if shape.material not in ("shell", BLUR)]
     corners = [triangles_of(shape) for shape in solid]
     colour = [
@@ -53,7 +53,7 @@ def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> _Solid:
 
 
 def _draw_solid(axes: Axes, view: View, solids: Sequence[_Solid]) -> None:
-    """The triangles of all, the farthest first, each in one shade."""
+    """Draw the triangles of all bodies, the farthest first, each in one shade."""
     corners = np.concatenate([solid.corners for solid in solids])
     plain = np.concatenate([solid.colours for solid in solids])
     edges = np.diff(corners, axis=1)
@@ -84,7 +84,7 @@ _FREE = 3.561  # rad: the direction in Fig. 3 that is farthest from all other na
 
 
 def figure3() -> Figure:
-    """The ball of Fig. 12 at its start: shell, frame and one rotor, with what turns about what."""
+    """Draw the ball of Fig. 12 at its start: shell, frame and one rotor, and their axes."""
     scene = paper_scene(_SCENE)
     ball, rates = scene.ball, [float(drive.rate(0.0)) for drive in scene.drives]
     caption = (
@@ -128,7 +128,7 @@ def figure3() -> Figure:
 
 
 def figure4() -> Figure:
-    """The same ball after a while on the plane: the axes of space and of the frame."""
+    """Draw the ball of Fig. 12 after a while on the plane: the axes of space and of the frame."""
     scene, times = paper_scene(_SCENE), sample_times(_ROLLED)
     theory, engine = integrate(scene, times), engine_motion(scene, times)
     frame, a = rotation_matrix(theory.attitude[-1]), scene.ball.radius
@@ -175,7 +175,7 @@ def figure4() -> Figure:
 
 
 def _posed(scene: Scene, motion: Motion, time: float) -> dict[str, _Solid]:
-    """The bodies of a scene's ball as its motion has them at a time [s], in radii."""
+    """Return the bodies of a scene's ball as its motion has them at a time [s], in radii."""
     track, looks = track_of(motion), looks_of(scene.ball)
     stands = track.stands(track.at(np.array([time])))
     return {
@@ -185,7 +185,7 @@ def _posed(scene: Scene, motion: Motion, time: float) -> dict[str, _Solid]:
 
 
 def _draw_ball(axes: Axes, bodies: Mapping[str, _Solid], centre: Array) -> None:
-    """The bodies, the shell see-through."""
+    """Draw the bodies, the shell see-through."""
     place = _VIEW.place(centre)
     axes.add_patch(Circle(place, 1.0, facecolor="#DCE6EF", edgecolor="none", zorder=1))
     _draw_solid(axes, _VIEW, list(bodies.values()))
@@ -196,7 +196,7 @@ def _draw_ball(axes: Axes, bodies: Mapping[str, _Solid], centre: Array) -> None:
 
 
 def _draw_arrow(axes: Axes, begin: Array, end: Array, colour: str) -> None:
-    """An arrow in space, from (3,) to (3,)."""
+    """Draw an arrow in space, from (3,) to (3,)."""
     axes.annotate(
         "",
         _VIEW.place(end),
@@ -208,7 +208,7 @@ def _draw_arrow(axes: Axes, begin: Array, end: Array, colour: str) -> None:
 
 
 def _draw_turning(axes: Axes, begin: Array, along: Array, colour: str) -> None:
-    """An arrow from a point (3,) along an axis (3,), and one about it for the sense of turning."""
+    """Draw an arrow from a point (3,) along an axis (3,), and one about it for its sense."""
     _draw_arrow(axes, begin, begin + along, colour)
     axis = along / np.linalg.norm(along)
     side = np.cross(axis, _VIEW.axes[2])
@@ -221,7 +221,7 @@ def _draw_turning(axes: Axes, begin: Array, along: Array, colour: str) -> None:
 
 
 def _draw_name(axes: Axes, name: str, point: Array, away: Array, colour: str = INK) -> None:
-    """A name beside a point (3,), on the side that turns away from another (3,)."""
+    """Draw a name beside a point (3,), on the side that turns away from another (3,)."""
     out = _VIEW.places(point - away)
     x, y = _VIEW.places(point) + 0.13 * out / np.linalg.norm(out)
     axes.text(
@@ -231,7 +231,7 @@ def _draw_name(axes: Axes, name: str, point: Array, away: Array, colour: str = I
 
 
 def _draw_floor(axes: Axes, points: Array) -> None:
-    """The plane's square grid under points (n, 2)."""
+    """Draw the plane's square grid under points (n, 2)."""
     low, high = np.floor(points.min(axis=0)) - 1.0, np.ceil(points.max(axis=0)) + 1.0
     for axis in (0, 1):
         for at in np.arange(low[axis], high[axis] + 0.5):
@@ -241,9 +241,9 @@ def _draw_floor(axes: Axes, points: Array) -> None:
 
 
 def _outermost(body: _Solid, centre: Array, axis: Array) -> Array:
-    """A point (3,) of a body's surface that is farthest out in the picture, across an axis (3,).
+    """Return the point (3,) of a body's surface that is farthest out, across an axis (3,).
 
-    Of the two, on either side, the one nearer to the viewer.
+    There is one on either side in the picture; the one nearer to the viewer is taken.
     """
     points = body.corners.reshape(-1, 3)
     out = (points - centre) @ np.cross(axis, _VIEW.axes[2])

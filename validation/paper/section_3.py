@@ -38,7 +38,7 @@ _LONG = 2000.0  # s
 
 
 def _momentum(classical: bool, n: Numbers, omega: Array, gamma: Array, sign: float = 1.0) -> Array:
-    """γ×(Ĩω + K) of (3.1) or Ĩω + K + d(Ω,γ)γ of 3.2; -1 is the sign that the paper prints."""
+    """Return γ×(Ĩω + K) of (3.1), or Ĩω + K + d(Ω,γ)γ of 3.2; the sign -1 is the printed one."""
     carried = f.contact_inertia(n, gamma) @ omega
     if classical:
         return carried + n.K + sign * n.d * (n.Omega @ gamma) * gamma
@@ -47,7 +47,7 @@ def _momentum(classical: bool, n: Numbers, omega: Array, gamma: Array, sign: flo
 
 @cache
 def _driven(classical: bool) -> Seen:
-    """The ball of Fig. 12 while its rates swing; in the classical model with (M, γ) = 3."""
+    """Roll the ball of Fig. 12 while its rates swing; in the classical model with (M, γ) = 3."""
     if not classical:
         return seen(DRIVEN)
     scene = paper_scene(DRIVEN)
@@ -58,12 +58,12 @@ def _driven(classical: bool) -> Seen:
 
 
 def _bound(classical: bool) -> float:
-    """The error of M and of ω that MuJoCo leaves in 10 s."""
+    """Return the error of M and of ω that MuJoCo leaves in 10 s."""
     return 4e-6 if classical else 2e-7
 
 
 def _kept_momentum(classical: bool, twist: float) -> Residual:
-    """How far M moves in space, by the corrected and by the printed sign."""
+    """Measure how far M moves in space, by the corrected and by the printed sign."""
     ball = seen(CLASSICAL if classical else RUBBER)
 
     def drift(sign: float) -> float:
@@ -80,7 +80,7 @@ def _momentum_of_the_bodies(classical: bool, twist: float) -> Residual:
 
 
 def _under_changing_rates(classical: bool, twist: float) -> Residual:
-    """How far M moves in space while Ω and K change; twisted, with the K of the start."""
+    """Measure how far M moves in space while Ω and K change; twisted, with the K of the start."""
     ball = _driven(classical)
     first = ball.numbers[0].K
 
@@ -135,7 +135,7 @@ def _velocity(classical: bool, twist: float) -> Residual:
 
 
 def _kept_integrals(name: str, twist: float) -> Residual:
-    """γ², (M, γ) and M² over 20 s of the reduced equations, relative to their sizes."""
+    """Compute the changes of γ², (M, γ) and M² over 20 s of the reduced equations, relative."""
     scene = paper_scene(name)
     classical = scene.rolling == "classical"
     gamma, M = section_state(0.0, 0.6, 0.0, 25.0, c=3.0 if classical else 0.0)
@@ -149,7 +149,7 @@ def _kept_integrals(name: str, twist: float) -> Residual:
 
 
 def _three_dimensional(classical: bool, twist: float) -> Residual:
-    """The rank of the gradients of F₀, F₁, F₂ at 100 states: how often it is not 3.
+    """Count how often the gradients of F₀, F₁, F₂ at 100 states have not the rank 3.
 
     Twisted, at M = 0, where the level is the sphere of section 4.
     """
@@ -165,7 +165,7 @@ def _three_dimensional(classical: bool, twist: float) -> Residual:
 
 
 def energies(ball: Seen, classical: bool, twist: float = 1.0) -> Array:
-    """(ω, A⁻¹ω)/2 - (Ω, A⁻¹ω), less d(γ, ω-Ω)²/2 if classical, at all times."""
+    """Return (ω, A⁻¹ω)/2 - (Ω, A⁻¹ω), less d(γ, ω-Ω)²/2 if classical, at all times."""
 
     def energy(n: Numbers, omega: Array, gamma: Array) -> float:
         carried = (n.I + n.d * f.E) @ omega
@@ -176,7 +176,7 @@ def energies(ball: Seen, classical: bool, twist: float = 1.0) -> Array:
 
 
 def _no_energy(twist: float) -> AtLeast:
-    """The change of E of Fig. 12's ball; twisted, of Routh's sphere."""
+    """Compute the change of E of Fig. 12's ball; twisted, of Routh's sphere."""
     ball = seen(RUBBER) if twist == 1 else _routh(rubber=True)
     E = energies(ball, classical=False)
     return AtLeast(float(np.ptp(E)), bound=1.0, unit="J")
@@ -184,26 +184,26 @@ def _no_energy(twist: float) -> AtLeast:
 
 @cache
 def _routh(rubber: bool) -> Seen:
-    """Routh's sphere, all turning on its axis of symmetry, in either model."""
+    """Roll Routh's sphere, all turning on its axis of symmetry, in either model."""
     scene = paper_scene(_ROUTH_SPHERE)
     return seen(_ROUTH_SPHERE) if not rubber else seen_of(_as_rubber(scene), 10.0)
 
 
 def _as_rubber(scene: Scene) -> Scene:
-    """The same ball without spinning, from (L, l) = (3, 0.6) at g = 0 with f = 25."""
+    """Return the ball without spinning, from (L, l) = (3, 0.6) at g = 0 with f = 25."""
     gamma, M = section_state(3.0, 0.6, 0.0, 25.0)
     axes = scene.principal_axes
     return replace(scene, rolling="rubber", start=along_momentum(axes @ gamma, axes @ M))
 
 
 def _routh_energy(rubber: bool, twist: float) -> Residual:
-    """The change of E of Routh's sphere."""
+    """Compute the change of E of Routh's sphere."""
     E = energies(_routh(rubber), not rubber, twist)
     return Residual(float(np.ptp(E)), bound=2e-6, unit="J")
 
 
 def _measure(classical: bool, twist: float) -> Residual:
-    """The divergence of ρ times (3.2) or (3.3) for random Routh spheres.
+    """Compute the divergence of ρ times (3.2) or (3.3) for random Routh spheres.
 
     ρ is (Aγ,γ)^(-1/2), or (1/d - (Aγ,γ))^(-1/2) if classical.
     """
@@ -215,13 +215,13 @@ def _measure(classical: bool, twist: float) -> Residual:
 
 
 def _symmetric(n: Numbers) -> Numbers:
-    """The ball with I₁ = I₂, and with Ω and K along the third axis."""
+    """Return the ball with I₁ = I₂, and with Ω and K along the third axis."""
     I = np.diag(n.I[[0, 0, 2], [0, 0, 2]])
     return replace(f.still(n), I=I, Omega=n.Omega * f.E[2], K=n.K * f.E[2])
 
 
 def _no_measure(twist: float) -> AtLeast:
-    """How far the volume near a cycle of Fig. 11a is from coming back: |ln det| over a period.
+    """Measure how far the volume near a cycle of Fig. 11a is from coming back: |ln det| per period.
 
     With a continuous density it would. Twisted, near a motion of Routh's sphere, which has one.
     """
@@ -240,14 +240,14 @@ def _no_measure(twist: float) -> AtLeast:
 
 
 def _horizontal(ball: Seen, twist: float = 1.0) -> tuple[Array, Array, Array]:
-    """M, M - cγ (n, 3) and √(f - c²) (n,) of a motion."""
+    """Return M, M - cγ (n, 3) and √(f - c²) (n,) of a motion."""
     M, gamma = ball.momentum, ball.gamma
     c = (M * gamma).sum(axis=1)
     return M, M - twist * c[:, None] * gamma, np.sqrt((M * M).sum(axis=1) - c * c)
 
 
 def _space_axes(twist: float) -> Residual:
-    """α = -(M - cγ)/√(f - c²) and β = M×γ/√(f - c²), beside MuJoCo's, where OX is laid so."""
+    """Compare α = -(M - cγ)/√(f - c²) and β = M×γ/√(f - c²) with MuJoCo's, where OX is laid so."""
     ball = seen(CLASSICAL)
     M, level, size = _horizontal(ball)
     alpha, beta = -twist * level / size[:, None], np.cross(M, ball.gamma) / size[:, None]
@@ -257,7 +257,7 @@ def _space_axes(twist: float) -> Residual:
 
 
 def _path(name: str, bound: float, twist: float) -> Residual:
-    """Ẋ = a(M×γ, ω - Ω)/√(f - c²) and Ẏ = a(M - cγ, ω - Ω)/√(f - c²), beside MuJoCo's."""
+    """Compare Ẋ = a(M×γ, ω - Ω)/√(f - c²) and Ẏ = a(M - cγ, ω - Ω)/√(f - c²) with MuJoCo's."""
     ball = seen(name)
     M, level, size = _horizontal(ball)
     shell = ball.of(lambda n, omega, _: n.a * (omega - n.Omega))
@@ -268,7 +268,7 @@ def _path(name: str, bound: float, twist: float) -> Residual:
 
 
 def _bounded(name: str, twist: float) -> Residual:
-    """|ω - Ω| over 2000 s, relative to its maximum over all γ, M with the same f.
+    """Compute |ω - Ω| over 2000 s, relative to its maximum over all γ, M with the same f.
 
     c is 0; twisted, of a motion with more M.
     """

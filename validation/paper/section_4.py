@@ -27,7 +27,7 @@ _SPIN_UP = "spin_up_from_rest"
 
 
 def _stays_at_rest(twist: float) -> Residual:
-    """|M| of MuJoCo's bodies, while Ω and K ramp up from 0; twisted, the classical M."""
+    """Compute |M| of MuJoCo's bodies, while Ω and K ramp up from 0; twisted, the classical M."""
     ball = seen(_SPIN_UP)
     M = ball.momentum
     if twist != 1:
@@ -36,14 +36,14 @@ def _stays_at_rest(twist: float) -> Residual:
 
 
 def _field_on_the_sphere(twist: float) -> Residual:
-    """dγ/dt by differences of MuJoCo's γ, beside (4.1)."""
+    """Compare dγ/dt, by differences of MuJoCo's γ, with (4.1)."""
     ball = seen("fig06")
     found = ball.of(lambda n, _, gamma: f.from_rest(replace(n, K=twist * n.K))(gamma))
     return Residual(largest(rate(ball.gamma) - found[INNER]), bound=2e-7, unit="1/s")
 
 
 def _path_from_rest(twist: float) -> Residual:
-    """dα/dt, dβ/dt, Ẋ and Ẏ of (4.2), with ω = A(Zγ - K), by differences of MuJoCo's motion."""
+    """Compare dα/dt, dβ/dt, Ẋ, Ẏ of (4.2), ω = A(Zγ - K), with differences of MuJoCo's motion."""
     ball = seen("fig06")
 
     def velocity(n: Numbers, _: Array, gamma: Array) -> Array:
@@ -64,7 +64,7 @@ def _path_from_rest(twist: float) -> Residual:
 
 
 def _gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
-    """Five random balls with Ω = 0, and a γ each."""
+    """Return five random balls with Ω = 0, and a γ each."""
     zero = np.zeros(3)
     return [
         (replace(f.still(each.n), Omega=zero, K=2 * each.n.K), each.gamma)
@@ -73,7 +73,7 @@ def _gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
 
 
 def _integral_without_turning(twist: float) -> Residual:
-    """The change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which know no M and no (4.1)."""
+    """Compute the change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which do not use (4.1)."""
     worst = 0.0
     for n, gamma in _gyrostats(41):
         start = np.append(f.rubber_velocity(n, np.zeros(3), gamma), gamma)
@@ -86,7 +86,7 @@ def _integral_without_turning(twist: float) -> Residual:
 
 
 def closed(twist: float) -> Residual:
-    """How near γ of (4.1) comes back to its start in 60 s, for Ω = 0; twisted, for Ω ≠ 0."""
+    """Measure how far from its start γ of (4.1) comes back in 60 s, Ω = 0; twisted, for Ω ≠ 0."""
     worst = 0.0
     for (n, gamma), other in zip(_gyrostats(42), f.states(43), strict=False):
         n = n if twist == 1 else replace(n, Omega=other.n.Omega)
@@ -98,7 +98,7 @@ def closed(twist: float) -> Residual:
 
 
 def _opposite_points(twist: float) -> Residual:
-    """dγ/dt at -γ is minus that at γ; twisted, at γ with one part reversed."""
+    """Compare dγ/dt at -γ with minus that at γ; twisted, at γ with one part reversed."""
     worst = 0.0
     for state in f.states(44):
         field, gamma = f.from_rest(state.n), state.gamma
@@ -128,14 +128,14 @@ FIG5 = CAPTIONS["fig05b"].n
 
 
 def integral(twist: float) -> Residual:
-    """The change of (Aγ,γ) along MuJoCo's motions of Figs 5b and 5c."""
+    """Compute the change of (Aγ,γ) along MuJoCo's motions of Figs 5b and 5c."""
     balls = [seen(name) for name in ("fig05b", "fig05c")]
     kept = [b.of(lambda n, _, g: n.A @ (g * [1.0, 1.0, twist]) @ g) for b in balls]
     return Residual(float(np.ptp(kept, axis=1).max()), bound=3e-8)
 
 
 def _needs_momentum(twist: float) -> Residual:
-    """K of point-mass balls without rotors, from Σ r×mu at ω = 0, beside -(J_s + d)Ω."""
+    """Compare K of point-mass balls without rotors, from Σ r×mu at ω = 0, with -(J_s + d)Ω."""
     worst = 0.0
     for moment in moments(45, rotors=0):
         ball, n = moment.ball, moment.ball.numbers
@@ -146,7 +146,9 @@ def _needs_momentum(twist: float) -> Residual:
 
 
 def _euler_case(twist: float) -> Residual:
-    """MuJoCo's γ of Fig. 5c beside Euler's top in the time ∫(Ω,γ)/(Aγ,γ) dt, by Jacobi's functions.
+    """Compare MuJoCo's γ of Fig. 5c with Euler's top in the time ∫(Ω,γ)/(Aγ,γ) dt.
+
+    Euler's top is given by Jacobi's functions.
 
     γ' = γ×Aγ with a₁ > a₂ > a₃ and γ closer to the first axis.
     """
@@ -167,7 +169,7 @@ def _euler_case(twist: float) -> Residual:
 
 
 def balls(seed: int, count: int = 200) -> list[Numbers]:
-    """Random ones with K = 0 and a₁ < a₂ < a₃, no Ωᵢ zero."""
+    """Return random balls with K = 0 and a₁ < a₂ < a₃, no Ωᵢ zero."""
     random = np.random.default_rng(seed)
     found = []
     for _ in range(count):
@@ -178,7 +180,7 @@ def balls(seed: int, count: int = 200) -> list[Numbers]:
 
 
 def _six_points(twist: float) -> Residual:
-    """Of the zeros of (4.1), but those with (Ω,γ) = 0: how many are not (4.4), or of it missing."""
+    """Count the zeros of (4.1) with (Ω,γ) ≠ 0 that are not (4.4), and those of (4.4) missing."""
     wrong = 0
     axes = np.concatenate([f.E, -f.E])
     for n in balls(46, 5):
@@ -190,8 +192,10 @@ def _six_points(twist: float) -> Residual:
 
 
 def _stability(twist: float) -> Residual:
-    """How many of Γ₁…Γ₆ are not as Prop. 1 has it: Γ₃,₄ with a growing direction, at the others
-    imaginary eigenvalues and (Aγ,γ) least or greatest.
+    """Count how many of Γ₁…Γ₆ are not as Prop. 1 has it.
+
+    It has a growing direction at Γ₃,₄; at the others imaginary eigenvalues, and (Aγ,γ) least or
+    greatest.
     """
     wrong = 0
     for n in balls(47):
@@ -207,7 +211,7 @@ def _stability(twist: float) -> Residual:
 
 @cache
 def _on_circle(index: int) -> Seen:
-    """Fig. 5's ball, started at Γ₁ or Γ₅ with α = -e₂ or e₂, rolled by MuJoCo."""
+    """Roll Fig. 5's ball by MuJoCo, started at Γ₁ or Γ₅ with α = -e₂ or e₂."""
     scene = paper_scene("fig05d")
     gamma, alpha = f.E[index], -f.E[1] if index == 0 else f.E[1]
     attitude = from_matrix(np.array([alpha, cross(gamma, alpha), gamma]))
@@ -215,7 +219,7 @@ def _on_circle(index: int) -> Seen:
 
 
 def _axes_at_5(twist: float) -> Residual:
-    """α = (sin, cos, 0) and β = (-cos, sin, 0) of Ω₃t + φ₀ at Γ₅, beside MuJoCo's."""
+    """Compare α = (sin, cos, 0) and β = (-cos, sin, 0) of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
     phase, zero = twist * FIG5.Omega[2] * ball.motion.times, 0 * ball.motion.times  # φ₀ = 0
     alpha = np.stack([np.sin(phase), np.cos(phase), zero], axis=1)
@@ -226,7 +230,7 @@ def _axes_at_5(twist: float) -> Residual:
 
 
 def _velocity_at_5(twist: float) -> Residual:
-    """Ẋ = aΩ₁cos - aΩ₂sin and Ẏ = aΩ₂cos + aΩ₁sin of Ω₃t + φ₀ at Γ₅, beside MuJoCo's."""
+    """Compare Ẋ = aΩ₁cos - aΩ₂sin and Ẏ = aΩ₂cos + aΩ₁sin of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
     Omega1, Omega2, Omega3 = FIG5.Omega
     phase = Omega3 * ball.motion.times[INNER]
@@ -236,7 +240,7 @@ def _velocity_at_5(twist: float) -> Residual:
 
 
 def circle(index: int, bound: float, twist: float) -> Residual:
-    """How far MuJoCo's contact point is from the circle of radius a√(Ωⱼ² + Ωₖ²)/|Ωᵢ| at Γ.
+    """Measure how far MuJoCo's contact point is from the circle of radius a√(Ωⱼ² + Ωₖ²)/|Ωᵢ| at Γ.
 
     The centre is that of the circle that fits best.
     """
@@ -253,12 +257,12 @@ def circle(index: int, bound: float, twist: float) -> Residual:
 
 
 def _side(n: Numbers, gamma: Array) -> float:
-    """(Aγ, γ×Ω): positive on Σ_s, negative on Σ_u."""
+    """Return (Aγ, γ×Ω): positive on Σ_s, negative on Σ_u."""
     return float(n.A @ gamma @ cross(gamma, n.Omega))
 
 
 def _filled_circle(twist: float) -> Residual:
-    """dγ/dt of (4.1) on (Ω,γ) = 0; twisted, with K."""
+    """Compute dγ/dt of (4.1) on (Ω,γ) = 0; twisted, with K."""
     worst = 0.0
     for i, n in enumerate(balls(48)):
         at = f.sigma(n, float(i))
@@ -268,7 +272,7 @@ def _filled_circle(twist: float) -> Residual:
 
 
 def _sides(twist: float) -> Residual:
-    """Of how many points of Σ¹ the eigenvalue across has not the sign opposite to (Aγ, γ×Ω)."""
+    """Count the points of Σ¹ where the eigenvalue across has not the sign opposite to (Aγ, γ×Ω)."""
     wrong = 0
     for i, n in enumerate(balls(49)):
         gamma = f.sigma(n, float(i))
@@ -279,7 +283,7 @@ def _sides(twist: float) -> Residual:
 
 
 def _straight(twist: float) -> Residual:
-    """MuJoCo's ball of Fig. 5 on Σ_s: how far its path is from a straight one at a|Ω|.
+    """Measure how far MuJoCo's ball of Fig. 5 on Σ_s is from a straight path at a|Ω|.
 
     And how far its frame turns; twisted, with γ 0.01 rad off.
     """
@@ -327,9 +331,10 @@ CLAIMS_4_1 = (
 
 
 def ends(twist: float) -> Residual:
-    """Where Fig. 5b's motion is after 60 s, beside Σ_s ∩ ζ; as printed it may be all over Σ_s.
+    """Compare the γ in which Fig. 5b's motion is after 60 s with Σ_s ∩ ζ.
 
-    Σ_s ∩ ζ: (Ω,γ) = 0, (Aγ,γ) that of the start, and (Aγ, γ×Ω) > 0.
+    Σ_s ∩ ζ: (Ω,γ) = 0, (Aγ,γ) that of the start, and (Aγ, γ×Ω) > 0. As printed it may be all over
+    Σ_s.
     """
     ball, start = long("fig05b", 60.0), CAPTIONS["fig05b"].axes[2]
 
@@ -348,7 +353,7 @@ def ends(twist: float) -> Residual:
 
 
 def _periodic(twist: float) -> Residual:
-    """How far beside its start MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, comes back.
+    """Measure how far beside its start MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, comes back.
 
     Twisted, of Fig. 5b.
     """
@@ -364,7 +369,7 @@ def _periodic(twist: float) -> Residual:
 
 
 def _misprint(name: str, row: int, printed: tuple[float, ...], twist: float) -> Residual:
-    """The largest entry of SSᵀ - E of a caption, corrected and printed."""
+    """Compute the largest entry of SSᵀ - E of a caption, corrected and printed."""
     axes = CAPTIONS[name].axes.copy()
     axes[row] = printed
     return Residual(orthonormal(name, twist).corrected, 1e-15, off_orthonormal(axes))

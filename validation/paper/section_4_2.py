@@ -22,7 +22,7 @@ _DELTA, _THETA = 1, 0  # the index j of the γⱼ that is not zero, beside γ₃
 
 @cache
 def balls() -> tuple[Numbers, ...]:
-    """Random ones with K = (0, 0, K₃), numbers of either sign; |Ω₃| < 1, for E10's arcsin."""
+    """Return random balls with K = (0, 0, K₃); |Ω₃| < 1, so that the arcsin of E10 exists."""
     random = np.random.default_rng(51)
     found = []
     for _ in range(200):
@@ -33,13 +33,13 @@ def balls() -> tuple[Numbers, ...]:
 
 
 def _A1_A2(n: Numbers) -> tuple[float, float]:
-    """a₁a₃K₃ + (a₁ - a₃)Ω₃ and a₂a₃K₃ + (a₂ - a₃)Ω₃ of Prop. 2."""
+    """Return a₁a₃K₃ + (a₁ - a₃)Ω₃ and a₂a₃K₃ + (a₂ - a₃)Ω₃ of Prop. 2."""
     (a1, a2, a3), K3, Omega3 = n.moments, n.K[2], n.Omega[2]
     return a1 * a3 * K3 + (a1 - a3) * Omega3, a2 * a3 * K3 + (a2 - a3) * Omega3
 
 
 def _preserved(twist: float) -> Residual:
-    """Of how many of the six points (4.4) it is wrong that those with γ₃ = ±1 stay, and only they.
+    """Count the points of (4.4) that stay though γ₃ ≠ ±1, or do not stay though γ₃ = ±1.
 
     Twisted, with K along e₁.
     """
@@ -56,10 +56,11 @@ def _preserved(twist: float) -> Residual:
 
 
 def _taylor(n: Numbers, top: float) -> Array:
-    """Coefficients (2, 3, 3) of γ₁ⁱγ₂ʲ in dγ₁/dt and dγ₂/dt where γ₃ = top √(1 - γ₁² - γ₂²).
+    """Return coefficients (2, 3, 3) of γ₁ⁱγ₂ʲ in dγ₁/dt and dγ₂/dt where γ₃ = top √(1 - γ₁² - γ₂²).
 
     By Cauchy's integrals: the mean over circles of complex γ₁ and γ₂.
     """
+    # Aliasing is of the order of radius^count, rounding of 1e-16/radius² at second order.
     count, radius = 16, 0.05
     circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
     field = f.from_rest(n)
@@ -74,7 +75,10 @@ def _taylor(n: Numbers, top: float) -> Array:
 
 
 def _expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False) -> Array:
-    """Prop. 2's dγ₁/dt and dγ₂/dt to second order (2, 3, 3); its quadratic signs turn with γ₃."""
+    """Return Prop. 2's dγ₁/dt and dγ₂/dt to second order (2, 3, 3).
+
+    The quadratic signs turn with γ₃.
+    """
     (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
     A1, A2 = _A1_A2(n)
     terms = np.zeros((2, 3, 3))
@@ -94,7 +98,7 @@ _SECOND_ORDER = np.add.outer(np.arange(3), np.arange(3)) <= 2
 
 
 def _off_expansion(component: int, top: float, twist: float, printed: bool = False) -> float:
-    """The largest difference of a component's expansion from Taylor's, over 20 balls."""
+    """Return the largest difference of a component's expansion from Taylor's, over 20 balls."""
     return max(
         float(
             np.abs(
@@ -106,12 +110,12 @@ def _off_expansion(component: int, top: float, twist: float, printed: bool = Fal
 
 
 def _first_component(twist: float) -> Residual:
-    """dγ₁/dt = -A₂γ₂/a₃ - (a₂-a₃)(Ω₁γ₁γ₂ + Ω₂γ₂²)/a₃ at Γ₅."""
+    """Compare dγ₁/dt = -A₂γ₂/a₃ - (a₂-a₃)(Ω₁γ₁γ₂ + Ω₂γ₂²)/a₃ at Γ₅ with Taylor's."""
     return Residual(_off_expansion(0, 1.0, twist), bound=2e-14, unit="1/s")
 
 
 def _second_component(twist: float) -> Residual:
-    """dγ₂/dt = A₁γ₁/a₃ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²)/a₃ at Γ₅, and as printed."""
+    """Compute dγ₂/dt = A₁γ₁/a₃ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²)/a₃ at Γ₅, and as printed."""
     return Residual(
         _off_expansion(1, 1.0, twist),
         bound=2e-14,
@@ -121,15 +125,19 @@ def _second_component(twist: float) -> Residual:
 
 
 def _signs_at_6(twist: float) -> Residual:
-    """Both at Γ₆, where the quadratic terms have the other sign, and with those printed for Γ₆."""
+    """Compare both components at Γ₆, where the quadratic signs are the other ones, with Taylor's.
+
+    As printed, with Γ₅'s signs.
+    """
     corrected = max(_off_expansion(i, -1.0, twist) for i in (0, 1))
     printed = max(_off_expansion(i, -1.0, -1.0) for i in (0, 1))
     return Residual(corrected, bound=2e-14, printed=printed, unit="1/s")
 
 
 def kinds(twist: float) -> Residual:
-    """Of how many balls the eigenvalues at Γ₅ are not real of other signs iff A₁A₂ < 0, else
-    imaginary.
+    """Count the balls whose eigenvalues at Γ₅ are not as Prop. 2 says.
+
+    It says real of other signs if A₁A₂ < 0, else imaginary.
     """
     wrong = 0
     for n in balls():
@@ -149,7 +157,10 @@ class _Focus:
     growth: float
 
     def criterion(self, twist: float = 1.0) -> float:
-        """B/A₁, with B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²); twisted, with another sign in it."""
+        """Return B/A₁, with B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²).
+
+        Twisted, with another sign in it.
+        """
         (a1, a2, a3), (Omega1, Omega2, _) = self.n.moments, self.n.Omega
         A1, A2 = _A1_A2(self.n)
         B = Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - twist * (a1 - a3) ** 2 * A2**2)
@@ -158,7 +169,7 @@ class _Focus:
 
 @cache
 def _foci() -> tuple[_Focus, ...]:
-    """Those of 100 balls with A₁A₂ > 0.01 whose r changes by over 1e-10, by scipy."""
+    """Return those of 100 balls with A₁A₂ > 0.01 whose r changes by over 1e-10, by scipy."""
     found = []
     for n in balls()[:100]:
         A1, A2 = _A1_A2(n)
@@ -169,7 +180,7 @@ def _foci() -> tuple[_Focus, ...]:
 
 
 def growth_in_a_turn(n: Numbers, r: float) -> float:
-    """r of the next crossing of γ₂ = 0 on the same side, less r."""
+    """Return r of the next crossing of γ₂ = 0 on the same side, less r."""
     field = f.from_rest(n)
     start = np.array([r, 0.0, sqrt(1 - r * r)])
     # In a little more than the period of the linear part.
@@ -181,26 +192,26 @@ def growth_in_a_turn(n: Numbers, r: float) -> float:
 
 
 def wrong(criterion: Callable[[_Focus], float]) -> int:
-    """How many of the foci shrink in a turn where it is not negative, or the other way round."""
+    """Count the foci that shrink in a turn where `criterion` is not negative, or the reverse."""
     return sum((criterion(each) < 0) != (each.growth < 0) for each in _foci())
 
 
 def _stable_foci(twist: float) -> Residual:
-    """The focus is stable iff B/A₁ < 0, and > 0 as printed."""
+    """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
     corrected = wrong(lambda each: twist * each.criterion())
     printed = wrong(lambda each: -each.criterion())
     return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
 
 
 def _B_of_the_foci(twist: float) -> Residual:
-    """With B as corrected, and with the factor K₃ as printed."""
+    """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     corrected = wrong(lambda each: each.criterion(twist))
     printed = wrong(lambda each: each.n.K[2] * each.criterion())
     return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
 
 
 def _scaled(twist: float) -> Residual:
-    """x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂), beside Taylor's at Γ₅."""
+    """Compare x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂) with Taylor's at Γ₅."""
     worst = 0.0
     for focus in _foci()[:20]:
         n = focus.n
@@ -220,7 +231,7 @@ def _scaled(twist: float) -> Residual:
 
 
 def _no_circle(twist: float) -> AtLeast:
-    """The fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
+    """Compute the fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
     n = FIG6 if twist == 1 else CAPTIONS["fig05b"].n
     rates = [f.from_rest(n)(gamma) for gamma in f.sigma(n, np.linspace(0.0, 2 * np.pi, 100))]
     return AtLeast(float(np.linalg.norm(rates, axis=1).max()), bound=0.05, unit="1/s")
@@ -230,47 +241,47 @@ def _no_circle(twist: float) -> AtLeast:
 
 
 def with_K3(K3: float) -> Numbers:
-    """The ball of Figs 6 to 8 with another K₃."""
+    """Return the ball of Figs 6 to 8 with another K₃."""
     return f.with_A((0.5, 0.4, 0.3), FIG6.Omega, np.array([0.0, 0.0, K3]))
 
 
 def _kappa(n: Numbers, j: int, twist: float = 1.0) -> float:
-    """κ₁ (j = 1) or κ₂ (j = 0)."""
+    """Return κ₁ (j = 1) or κ₂ (j = 0)."""
     a, a3, Omega3 = n.moments[j], n.moments[2], n.Omega[2]
     root = sqrt(n.Omega[j] ** 2 + Omega3**2)
     return float(((a - a3) * Omega3 + twist * 2 * a * a3 * n.K[2]) / (root * (a3 - a)))
 
 
 def _nu(n: Numbers, j: int) -> float:
-    """ν₁ or ν₂ by E10: atan2(Ω₃, Ωⱼ)."""
+    """Return ν₁ or ν₂ by E10: atan2(Ω₃, Ωⱼ)."""
     return float(arctan2(n.Omega[2], n.Omega[j]))
 
 
 def _printed_nu(n: Numbers, j: int) -> float:
-    """arcsin(Ω₃²/√(Ωⱼ² + Ω₃²))."""
+    """Return arcsin(Ω₃²/√(Ωⱼ² + Ω₃²))."""
     return float(arcsin(n.Omega[2] ** 2 / sqrt(n.Omega[j] ** 2 + n.Omega[2] ** 2)))
 
 
 def _angles(arc: float, shift: float) -> list[float]:
-    """φ of δ₁ to δ₄ or θ₁ to θ₄, with E11, where arc = arcsin κ and shift = ν."""
+    """Return φ of δ₁ to δ₄ or θ₁ to θ₄, with E11, where arc = arcsin κ and shift = ν."""
     one, other = (arc - shift) / 2, -(arc + shift) / 2
     return [one, one + pi, other + pi / 2, other + 3 * pi / 2]
 
 
 def _point(j: int, phi: float) -> Array:
-    """γⱼ = sin φ, γ₃ = cos φ."""
+    """Return γⱼ = sin φ, γ₃ = cos φ."""
     gamma = np.zeros(3)
     gamma[j], gamma[2] = np.sin(phi), np.cos(phi)
     return gamma
 
 
 def _speed(n: Numbers, j: int, phi: float) -> float:
-    """|dγ/dt| of (4.1)."""
+    """Return |dγ/dt| of (4.1)."""
     return float(np.linalg.norm(f.from_rest(n)(_point(j, phi))))
 
 
 def _at_rest(j: int, twist: float) -> Residual:
-    """The largest dγ/dt at δ₁ to δ₄, or θ₁ to θ₄, of random balls, with ν as printed too."""
+    """Compute the largest dγ/dt at δ₁…δ₄, or θ₁…θ₄, of random balls, with ν as printed too."""
     corrected = printed = 0.0
     for n in balls():
         k, with_twist = _kappa(n, j), _kappa(n, j, twist)
@@ -283,7 +294,7 @@ def _at_rest(j: int, twist: float) -> Residual:
 
 
 def _theta_3(twist: float) -> Residual:
-    """The largest dγ/dt at θ₃, for -(arcsin κ₂ + ν₂)/2 + π/2, and times π as printed."""
+    """Compute the largest dγ/dt at θ₃, for -(arcsin κ₂ + ν₂)/2 + π/2, and times π as printed."""
     corrected = printed = 0.0
     for n in balls():
         if abs(_kappa(n, _THETA)) < 1:
@@ -297,7 +308,7 @@ def _theta_3(twist: float) -> Residual:
 
 
 def _named(n: Numbers = FIG6) -> dict[str, Array]:
-    """The fixed points of Fig. 6 by their names."""
+    """Return the fixed points of Fig. 6 by their names."""
     found = {"Γ₅": f.E[2], "Γ₆": -f.E[2]}
     for letter, j in (("δ", _DELTA), ("θ", _THETA)):
         for index, phi in zip("₁₂₃₄", _angles(arcsin(_kappa(n, j)), _nu(n, j)), strict=True):
@@ -306,7 +317,10 @@ def _named(n: Numbers = FIG6) -> dict[str, Array]:
 
 
 def _existence(twist: float) -> Residual:
-    """2 + 4[|κ₁| < 1] + 4[|κ₂| < 1] fixed points, or [0 < κ < 1] as printed, by a search."""
+    """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1].
+
+    A search finds them; as printed, with [0 < κ < 1].
+    """
     wrong = printed = 0
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
         n = with_K3(K3)
@@ -317,7 +331,7 @@ def _existence(twist: float) -> Residual:
 
 
 def kind(n: Numbers, gamma: Array) -> str:
-    """By the eigenvalues, and of a weak focus by a turn about it."""
+    """Return the type of a fixed point by its eigenvalues, of a weak focus by a turn about it."""
     values = f.eigenvalues(f.from_rest(n), gamma)
     if abs(values.imag).max() == 0:
         if values[0].real * values[1].real < 0:
@@ -337,7 +351,7 @@ _KINDS = {
 
 
 def _types(twist: float) -> Residual:
-    """How many of the ten points of Fig. 6 are of another type, or not found by a search."""
+    """Count the points of Fig. 6 that are of another type, or not found by a search."""
     points, found = _named(), f.zeros(f.from_rest(FIG6))
     if twist != 1:  # the names of Δ and Θ exchanged
         points = {name.translate(str.maketrans("δθ", "θδ")): at for name, at in points.items()}
@@ -349,7 +363,7 @@ def _types(twist: float) -> Residual:
 
 
 def _contour(twist: float) -> Residual:
-    """How many branches of the saddles δ₃ and δ₄ do not end at the nodes δ₁ and δ₂.
+    """Count the branches of the saddles δ₃ and δ₄ that do not end at the nodes δ₁ and δ₂.
 
     The stable manifolds, followed back; as printed the unstable ones too; twisted, those alone.
     """
@@ -360,7 +374,7 @@ def _contour(twist: float) -> Residual:
 
 
 def _branches_off(sense: float) -> int:
-    """Of the four branches that leave δ₃ and δ₄ in a sense of time, how many end elsewhere."""
+    """Count the branches that leave δ₃ and δ₄ in a sense of time and end elsewhere, of four."""
     field, points, off = f.from_rest(FIG6), _named(), 0
     for saddle in (points["δ₃"], points["δ₄"]):
         basis = f.across(saddle)
@@ -375,21 +389,21 @@ def _branches_off(sense: float) -> int:
 
 
 def number(K3: float, stated: int, twist: float) -> Value:
-    """The fixed points of (4.1) at K₃, by a search; twisted, at -K₃/2."""
+    """Count the fixed points of (4.1) at K₃, by a search; twisted, at -K₃/2."""
     n = with_K3(K3 if twist == 1 else -K3 / 2)
     return Value(len(f.zeros(f.from_rest(n))), corrected=stated, bound=0)
 
 
 @cache
 def cycle(K3: float, longest: float) -> Cycle | None:
-    """The only limit cycle of the ball with K₃, if there is one."""
+    """Return the only limit cycle of the ball with K₃, if there is one."""
     name = {0.52: "fig07", 3.0: "fig08", 0.3: "fig06"}[K3]
     found = limit_cycles(paper_scene(name).parameters, longest, starts=16)
     return found[0] if len(found) == 1 else None
 
 
 def _unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
-    """By what a neighbour's distance grows in a period of (4.1), by scipy, if that closes.
+    """Measure the growth of a neighbour's distance in a period of (4.1), by scipy, if that closes.
 
     Followed back in time, in which it shrinks. Twisted, with Fig. 6's K₃.
     """
@@ -408,13 +422,13 @@ def _unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
 
 
 def _vanishing(j: int, K3: float, more: int, twist: float) -> Residual:
-    """At the K₃ where |κⱼ| = 1: how far the numbers of fixed points on either side are off."""
+    """Measure how far the counts of fixed points beside the K₃ where |κⱼ| = 1 are off."""
     at = brentq(lambda x: abs(_kappa(with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
     return four_fewer(at, 0.01, more, 150)
 
 
 def four_fewer(K3: float, side: float, more: int, starts: int) -> Residual:
-    """Count by how many the fixed points beside K₃ differ from `more` below and four less above.
+    """Measure how far the counts of fixed points beside K₃ are from `more` below, and 4 less above.
 
     side: how far from K₃ they are searched for, from `starts` points.
     """

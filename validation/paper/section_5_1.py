@@ -25,7 +25,7 @@ _SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)
 
 
 def started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
-    """MuJoCo's ball of Fig. 10 from γ and M, with OX against M."""
+    """Roll the ball of Fig. 10 by MuJoCo from γ and M, with OX against M."""
     scene = paper_scene(_BALL)
     alpha = -unit(M)
     attitude = from_matrix(np.array([alpha, cross(gamma, alpha), gamma]))
@@ -34,7 +34,7 @@ def started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
 
 
 def equilibria(twist: float) -> Residual:
-    """|ω| of MuJoCo's ball from M = γ₀×K and (Ω,γ₀) = 0, and how far its path is from straight."""
+    """Compute |ω| of MuJoCo's ball from M = γ₀×K, (Ω,γ₀) = 0, and its distance from a line."""
     worst = 0.0
     n = f.numbers(paper_scene(_BALL).parameters)
     for angle in (0.3, 2.0, 4.0):
@@ -47,7 +47,7 @@ def equilibria(twist: float) -> Residual:
 
 
 def random_lines(seed: int, count: int, kind: str = "any") -> list[tuple[Numbers, Array]]:
-    """Balls and γ₀ with (Ω,γ₀) = 0; K any, along Ω ("along"), or across it ("across")."""
+    """Return balls and γ₀ with (Ω,γ₀) = 0; K any, along Ω ("along"), or across it ("across")."""
     random = np.random.default_rng(seed)
     found = []
     for _ in range(count):
@@ -60,13 +60,13 @@ def random_lines(seed: int, count: int, kind: str = "any") -> list[tuple[Numbers
 
 
 def linear(n: Numbers, gamma: Array) -> Array:
-    """∂/∂(M, γ) (6, 6) of (3.2) at M = γ×K, γ."""
+    """Return ∂/∂(M, γ) (6, 6) of (3.2) at M = γ×K, γ."""
     state = np.concatenate([cross(gamma, n.K), gamma])
     return f.jacobian(f.reduced(f.rubber_velocity, n), state)
 
 
 def P3(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
-    """The coefficients (4,) of (5.2), highest power first."""
+    """Return the coefficients (4,) of (5.2), highest power first."""
     N, D = n.A @ gamma @ gamma, np.linalg.det(n.A)
     turned, K_gamma = cross(gamma, n.Omega), n.K @ gamma
     middle = K_gamma**2 - n.K @ np.linalg.inv(n.A) @ n.Omega
@@ -75,14 +75,14 @@ def P3(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
 
 
 def _P2(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
-    """The coefficients (3,) of P₂, for K along Ω."""
+    """Return the coefficients (3,) of P₂, for K along Ω."""
     N, D = n.A @ gamma @ gamma, np.linalg.det(n.A)
     last = n.K @ np.linalg.inv(n.A) @ n.Omega
     return np.array([1.0, n.A @ gamma @ cross(gamma, n.Omega) / N, -twist * D * last / N])
 
 
 def _worst_polynomial(kind: str, seed: int, power: int, coefficients: _Polynomial) -> float:
-    """det(λ - ∂(3.2)) of 200 balls beside λ to a power times a polynomial, at six λ; relative."""
+    """Compare det(λ - ∂(3.2)) of 200 balls, at six λ, with a power of λ times a polynomial."""
     worst = 0.0
     for n, gamma in random_lines(seed, 200, kind):
         J, expected = linear(n, gamma), coefficients(n, gamma)
@@ -95,25 +95,26 @@ def _worst_polynomial(kind: str, seed: int, power: int, coefficients: _Polynomia
 
 
 def _characteristic(twist: float) -> Residual:
-    """λ³P₃(λ) of (5.2), with any K."""
+    """Compare the characteristic polynomial, with any K, with λ³P₃(λ) of (5.2)."""
     return Residual(_worst_polynomial("any", 61, 3, lambda n, g: P3(n, g, twist)), bound=1e-12)
 
 
 def _characteristic_along(twist: float) -> Residual:
-    """λ⁴P₂(λ), with K along Ω."""
+    """Compare the characteristic polynomial, with K along Ω, with λ⁴P₂(λ)."""
     return Residual(_worst_polynomial("along", 62, 4, lambda n, g: _P2(n, g, twist)), bound=1e-12)
 
 
 def _one_level(twist: float) -> Residual:
-    """M² = (γ₀×K)² beside K², for K along Ω; twisted, for any K."""
+    """Compare M² = (γ₀×K)² with K², for K along Ω; twisted, for any K."""
     lines = random_lines(63, 100, "along" if twist == 1 else "any")
     off = [cross(g, n.K) @ cross(g, n.K) / (n.K @ n.K) - 1 for n, g in lines]
     return Residual(float(np.abs(off).max()), bound=4e-15)
 
 
 def _transverse(twist: float) -> Residual:
-    """df/ds along Σ¹ by differences, beside -2(K,γ₀)(K, γ₀×Ω)/|Ω|, the last term of P₃ but for
-    a factor that is never 0; relative to K².
+    """Compare df/ds along Σ¹, by differences, with -2(K,γ₀)(K, γ₀×Ω)/|Ω|; relative to K².
+
+    That is the last term of P₃ but for a factor that is never 0.
     """
     worst = 0.0
     for n, gamma in random_lines(64, 100):
@@ -158,12 +159,12 @@ class _Line:
 
     @property
     def stable(self) -> bool:
-        """Whether all of them have negative real parts."""
+        """True where all of them have negative real parts."""
         return bool(self.rates.real.max() < 0)
 
 
 def line(n: Numbers, level: float, name: str) -> _Line:
-    """σ₊, σ₋, δ₊ or δ₋ of Prop. 3 at f = level."""
+    """Return σ₊, σ₋, δ₊ or δ₋ of Prop. 3 at f = level."""
     square, Omega2, (s1, s2) = float(n.K @ n.K), float(n.Omega @ n.Omega), _SIGNS[name]
     c1, c2 = sqrt(square - level) / square, sqrt(level) / (square * sqrt(Omega2))
     return _Line(n, float(s1 * c1), float(s2 * c2))
@@ -171,7 +172,7 @@ def line(n: Numbers, level: float, name: str) -> _Line:
 
 @cache
 def balls(count: int = 500) -> tuple[tuple[Numbers, float], ...]:
-    """Random ones with K ⊥ Ω, and an f < K² each."""
+    """Return random balls with K ⊥ Ω, and an f < K² each."""
     random = np.random.default_rng(65)
     lines = random_lines(66, count, "across")
     return tuple((n, random.uniform(0.0, 1.0) * float(n.K @ n.K)) for n, _ in lines)
@@ -181,7 +182,7 @@ def balls(count: int = 500) -> tuple[tuple[Numbers, float], ...]:
 
 
 def _combination(twist: float) -> Residual:
-    """γ² = K²(c₁² + c₂²Ω²) and M² = c₂²K⁴Ω² of (5.3) with any c₁ and c₂, and (Ω,γ) = 0."""
+    """Compare γ² and M² with K²(c₁² + c₂²Ω²) and c₂²K⁴Ω² of (5.3) for any c₁ and c₂; (Ω,γ) = 0."""
     random, worst = np.random.default_rng(67), 0.0
     for n, _ in balls():
         c1, c2 = random.normal(size=2).tolist()
@@ -195,7 +196,7 @@ def _combination(twist: float) -> Residual:
 
 
 def _coefficients(twist: float) -> Residual:
-    """γ² = 1, M² = f and ω = 0 at Prop. 3's four; relative to K²."""
+    """Compare γ² with 1, M² with f and ω with 0 at Prop. 3's four; relative to K²."""
     worst = 0.0
     for n, level in balls():
         for name in _SIGNS:
@@ -209,8 +210,9 @@ def _coefficients(twist: float) -> Residual:
 
 
 def _number_of_lines(twist: float) -> Residual:
-    """How often Σ¹, followed round, does not meet f < K² four times, f > K² never, and touch
-    f = K² twice; twisted, for K that is not across Ω.
+    """Count the balls whose Σ¹ does not meet f < K² four times, f > K² never and f = K² twice.
+
+    Twisted, for K that is not across Ω.
     """
     wrong = 0
     angles = np.linspace(0.0, 2 * np.pi, 2000, endpoint=False) + 0.001
@@ -227,7 +229,7 @@ def _number_of_lines(twist: float) -> Residual:
 
 
 def _free_coefficient(twist: float) -> Residual:
-    """P₃(0) > 0 iff c₁c₂ < 0: how often not."""
+    """Count how often P₃(0) > 0 and c₁c₂ < 0 do not agree."""
     wrong = 0
     for n, level in balls():
         for name in _SIGNS:
@@ -237,14 +239,14 @@ def _free_coefficient(twist: float) -> Residual:
 
 
 def _always_unstable(twist: float) -> Residual:
-    """How many of σ₊ and δ₋ are stable; twisted, of σ₋ and δ₊."""
+    """Count how many of σ₊ and δ₋ are stable; twisted, of σ₋ and δ₊."""
     names = ("σ₊", "δ₋") if twist == 1 else ("σ₋", "δ₊")
     stable = sum(line(n, level, name).stable for n, level in balls() for name in names)
     return Residual(stable, bound=0, unit="of 1000 stable")
 
 
 def _conditions(each: _Line, bracket: float = 1.0, square: bool = True) -> bool:
-    """(5.4) at σ₋ or δ₊, with c₁K×Ω - c₂Ω²K times `bracket`; c₁²K⁴, or c₁K⁴ if not `square`."""
+    """Return (5.4) at σ₋ or δ₊: c₁K×Ω - c₂Ω²K times `bracket`; c₁²K⁴, or c₁K⁴ if not `square`."""
     n, c1, c2 = each.n, each.c1, each.c2
     K2, Omega2 = n.K @ n.K, n.Omega @ n.Omega
     A_gamma = c1 * n.A @ n.K + c2 * n.A @ cross(n.K, n.Omega)
@@ -256,23 +258,26 @@ def _conditions(each: _Line, bracket: float = 1.0, square: bool = True) -> bool:
 
 @cache
 def _candidates() -> tuple[tuple[_Line, bool], ...]:
-    """σ₋ and δ₊ of the balls, and whether their eigenvalues say that they are stable."""
+    """Return σ₋ and δ₊ of the balls, and whether their eigenvalues say that they are stable."""
     lines = [line(n, level, name) for n, level in balls(1000) for name in ("σ₋", "δ₊")]
     return tuple((each, each.stable) for each in lines)
 
 
 def _wrongly(bracket: float = 1.0, square: bool = True) -> int:
-    """How often (5.4) and the eigenvalues do not agree."""
+    """Count how often (5.4) and the eigenvalues do not agree."""
     return sum(_conditions(each, bracket, square) != stable for each, stable in _candidates())
 
 
 def _second_bracket(twist: float) -> Residual:
-    """With c₁K×Ω - c₂Ω²K; as printed, c₁Ω×K + c₂Ω², with the K that would make it a vector."""
+    """Count where (5.4) fails with c₁K×Ω - c₂Ω²K.
+
+    As printed, c₁Ω×K + c₂Ω², with the K that would make it a vector.
+    """
     return Residual(_wrongly(bracket=twist), 0, _wrongly(bracket=-1.0), "of 2000 wrong")
 
 
 def _third_bracket(twist: float) -> Residual:
-    """With c₁²K⁴; and c₁K⁴ as printed."""
+    """Count where (5.4) fails with c₁²K⁴; and with c₁K⁴ as printed."""
     return Residual(_wrongly(square=twist == 1), 0, _wrongly(square=False), "of 2000 wrong")
 
 
@@ -280,7 +285,7 @@ def _third_bracket(twist: float) -> Residual:
 
 
 def limit(twist: float) -> Value:
-    """The f at which σ₋ and δ₊ of Fig. 10 lose their stability, and the caption's f."""
+    """Compute the f at which σ₋ and δ₊ of Fig. 10 lose their stability, and the caption's f."""
     n = line_ball()
     n = replace(n, K=n.K * [twist, 1.0, 1.0])
 
@@ -293,14 +298,17 @@ def limit(twist: float) -> Value:
 
 
 def _arrives(twist: float) -> Residual:
-    """How far MuJoCo's γ, from near σ₊ at f = 2, is from δ₊ after 200 s; twisted, from σ₋."""
+    """Measure how far MuJoCo's γ, from near σ₊ at f = 2, is from δ₊ after 200 s.
+
+    Twisted, from σ₋.
+    """
     target = line(line_ball(), 2.0, "δ₊" if twist == 1 else "σ₋").gamma
     end = long("fig10_stable", 200.0).gamma[-1]
     return Residual(float(np.linalg.norm(end - target)), bound=1e-4)
 
 
 def _directions(twist: float) -> Residual:
-    """X and Y of MuJoCo's ball after 1 s on each line at f = 2, beside 0 and ∓a|Ω|.
+    """Compare X and Y of MuJoCo's ball after 1 s on each line at f = 2 with 0 and ∓a|Ω|.
 
     - for σ and + for δ; as printed the reverse.
     """

@@ -3,7 +3,6 @@
 And the introduction's remark: the rubber Chaplygin ball and a classical one wind the same tori.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -35,7 +34,6 @@ from validation.figures.sphere import Globe
 from validation.paper.formulas import paper_scene
 from validation.studies.contact_sections import (
     COARSE,
-    Cloud,
     Recipe,
     Torus,
     cloud_by_contact,
@@ -61,11 +59,7 @@ _DOT: dict[str, Any] = {"marker": ".", "linestyle": "none", "mew": 0}
 def figure11a() -> Figure:
     """Draw a periodic orbit and a limit torus, with what settles on them, by both engines."""
     scene = load_scene("fig12")
-    ball, balanced, coarse = (
-        scene.parameters,
-        build(scene, preset("balanced")),
-        build(scene, COARSE),
-    )
+    ball, balanced = scene.parameters, build(scene, preset("balanced"))
     cycle = fixed_point(ball, 3.6, 0.6, _F)
     own = section(ball, cycle.attitude[None], cycle.momentum[None], 2)
     ours = [
@@ -95,22 +89,22 @@ def figure11a() -> Figure:
     )  # fmt: skip
     crossed = np.array([[each.l, each.L] for each in ours])
     of_theory = cloud_by_equations(ball, REGULAR, seed=1), curve, np.stack([own.l[0], own.L[0]], 1)
-    of_engine = cloud_by_contact(coarse, REGULAR_BY_CONTACT, seed=2), points, crossed
-    for each, (clouds, colour, name, transient) in zip(
+    of_engine = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2), points, crossed
+    for each, (clouds, colour, name, recipe) in zip(
         axes.values(),
         (
-            (of_theory, THEORY, "equations", _REGULAR_TRANSIENT),
-            (of_engine, ENGINE_COLOUR, ENGINE_NAME, REGULAR_BY_CONTACT.count),
+            (of_theory, THEORY, "equations", REGULAR),
+            (of_engine, ENGINE_COLOUR, ENGINE_NAME, REGULAR_BY_CONTACT),
         ),
         strict=True,
     ):
         cloud, torus, orbit = clouds
-        starts = len(cloud.L) // (REGULAR.count if name == "equations" else transient)
-        early, late = _parted(cloud, starts, transient)
-        each.plot(*early, **_DOT, color=FAINT, markersize=2.2, label="on the way")
+        early = np.arange(len(cloud.L)) % recipe.count < _REGULAR_TRANSIENT
+        each.plot(*_places(cloud.l[early], cloud.L[early]), **_DOT, color=FAINT, markersize=2.2,
+                  label="on the way")  # fmt: skip
         each.plot(*_places(torus.l, torus.L), **_DOT, color=colour, markersize=3.5,
                   label="limit torus")  # fmt: skip
-        each.plot(*late, **_DOT, color=colour, markersize=4)
+        each.plot(*_places(cloud.l[~early], cloud.L[~early]), **_DOT, color=colour, markersize=4)
         each.plot(*_places(*orbit.T), "o", mfc="none", mec=INK, ms=12, label="periodic orbit")
         each.plot(*_places(*orbit.T), "+", color=colour, ms=9, mew=2)
         _annulus(each, f"section g = 0, {name}")
@@ -120,11 +114,11 @@ def figure11a() -> Figure:
     return figure
 
 
-def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
+def figure11b() -> Figure:
     """Draw the strange attractor, by the equations and by the engine side by side."""
     scene = load_scene("fig14")
     theory = cloud_by_equations(scene.parameters, CHAOS, seed=1)
-    engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2, progress=report)
+    engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2)
     facts = (
         "A strange attractor:",
         "  λ₁ = 0.1160 ± 0.0001, λ₆ = -0.1394 1/s",
@@ -140,26 +134,22 @@ def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
         "Fig. 11b: a strange attractor",
         caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
     )  # fmt: skip
-    for each, (cloud, colour, size, name) in zip(
+    for each, (cloud, count, colour, size, name) in zip(
         axes.values(),
-        ((theory, THEORY, 1.8, "equations"), (engine, ENGINE_COLOUR, 3.4, ENGINE_NAME)),
+        (
+            (theory, CHAOS.count, THEORY, 1.8, "equations"),
+            (engine, CHAOS_BY_CONTACT.count, ENGINE_COLOUR, 3.4, ENGINE_NAME),
+        ),
         strict=True,
     ):
-        early, _ = _parted(cloud, CHAOS.starts, _CHAOS_TRANSIENT)
-        each.plot(*early, **_DOT, color=FAINT, markersize=2.2)
-        late = np.arange(len(cloud.L)) % (len(cloud.L) // CHAOS.starts) >= _CHAOS_TRANSIENT
+        late = np.arange(len(cloud.L)) % count >= _CHAOS_TRANSIENT
+        each.plot(*_places(cloud.l[~late], cloud.L[~late]), **_DOT, color=FAINT, markersize=2.2)
         for direction, alpha in ((1, 1.0), (-1, 0.35)):
             which = late & (cloud.directions == direction)
             each.plot(*_places(cloud.l[which], cloud.L[which]), **_DOT, color=colour, alpha=alpha,
                       markersize=size)  # fmt: skip
         _annulus(each, f"section g = 0, {name}")
     return figure
-
-
-def _parted(cloud: Cloud, starts: int, transient: int) -> tuple[Array, Array]:
-    """Return places (2, n) of the first `transient` crossings of each start, and of the others."""
-    early = np.arange(len(cloud.L)) % (len(cloud.L) // starts) < transient
-    return _places(cloud.l[early], cloud.L[early]), _places(cloud.l[~early], cloud.L[~early])
 
 
 def _places(l: Array, L: Array) -> Array:
@@ -195,11 +185,7 @@ def caption_of(scene: Scene) -> tuple[str, ...]:
 
 
 _VIEW = View(azimuth=30.0, elevation=35.0)
-_CLASSICAL = (
-    "#AA3377"  # the classical ball by the equations; the rubber one has the theory's colour
-)
-_COLOURS = {"rubber": THEORY, "classical": _CLASSICAL}
-_TORI_F = 25.0
+_COLOURS = {"rubber": THEORY, "classical": "#AA3377"}  # of both balls by the equations
 LEVELS = (0.2, 0.4, 0.5, 0.6, 1.0, 1.2)  # l of ℓ at the start, where L = 0 [rad]: a torus each
 FOLLOWED, SHOWN = 210.0, 12.0  # s
 _INTERVAL = 0.01  # s, between samples: the error of a crossing goes with its fourth power
@@ -255,7 +241,7 @@ def figure_tori() -> Figure:
 
 def started(scene: Scene, l: float) -> Scene:
     """Start the ball at the level (0, l) of ℓ, where (ℓ×γ)₃ = 0."""
-    gamma, level = section_state(0.0, l, 0.0, _TORI_F)
+    gamma, level = section_state(0.0, l, 0.0, _F)
     M = np.cross(gamma, level) if scene.rolling == "rubber" else level
     return replace(scene, start=along_momentum(gamma, M))
 

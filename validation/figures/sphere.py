@@ -4,7 +4,7 @@ On either chart stands the phase portrait of motion from rest, (4.1).
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -45,24 +45,6 @@ _NAME: dict[str, Any] = {
     "path_effects": halo(),
     "zorder": 8,
 }
-
-
-class Chart(Protocol):
-    """A picture of the sphere, to draw lines, marks and names on."""
-
-    axes: Axes
-
-    def line(self, gamma: Array, **style: Any) -> None:
-        """Draw a line through γ (n, 3)."""
-
-    def marks(self, gamma: Array, mark: str, **style: Any) -> None:
-        """Draw a mark at each γ (n, 3)."""
-
-    def name(self, gamma: Array, text: str, **style: Any) -> None:
-        """Draw a name beside γ (3,)."""
-
-    def arrow(self, gamma: Array, colour: str) -> None:
-        """Draw an arrow head halfway along a line γ (n, 3), where that is in sight."""
 
 
 class Globe:
@@ -158,6 +140,9 @@ class Involute:
     def arrow(self, gamma: Array, colour: str) -> None:
         """Draw an arrow head halfway along a line γ (n, 3)."""
         _arrow_head(self.axes, self.places(gamma), colour)
+
+
+Chart = Globe | Involute
 
 
 def draw_gamma(chart: Chart, theory: Array, engine: Array) -> None:

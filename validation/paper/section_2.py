@@ -115,24 +115,6 @@ def _gyrostatic_momentum(twist: float) -> Residual:
     return Residual(worst, bound=9e-15, unit="kg m²/s")
 
 
-CLAIMS_KINEMATICS = (
-    Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours"),
-    Claim(
-        "2",
-        "the inertia does not change in the frame's axes",
-        _mass_distribution,
-        MASSES,
-        "the axes: the shell's",
-    ),
-    Claim("Remark 1", "α, β and γ stay orthonormal", _orthonormal, "scipy", "the sign of dβ/dt"),
-    Claim("2", "ω̂ = dS/dt Sᵀ", _quasi_velocities, MOTION, "the sign of ω̂"),
-    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", _no_slip, MOTION, "the sign of Ω"),
-    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", _no_spin, MOTION, "the sign of Ω"),
-    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", _kinetic_energy, MASSES, "the sign of k"),
-    Claim("2", "k = Σ jφ̇n - J_sΩ", _gyrostatic_momentum, MASSES, "the sign of J_s"),
-)
-
-
 def _plane_force(ball: Seen) -> Array:
     """Return λ (n, 3) of MuJoCo's contact, without the weight's part, in frame axes."""
     in_space = ball.motion.loads.contact_force.copy()
@@ -308,7 +290,21 @@ def _plane_symmetry(twist: float) -> Residual:
     return Residual(worst, bound=3e-10, unit="rad/s, m")
 
 
-CLAIMS_EQUATIONS = (
+CLAIMS = (
+    Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours"),
+    Claim(
+        "2",
+        "the inertia does not change in the frame's axes",
+        _mass_distribution,
+        MASSES,
+        "the axes: the shell's",
+    ),
+    Claim("Remark 1", "α, β and γ stay orthonormal", _orthonormal, "scipy", "the sign of dβ/dt"),
+    Claim("2", "ω̂ = dS/dt Sᵀ", _quasi_velocities, MOTION, "the sign of ω̂"),
+    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", _no_slip, MOTION, "the sign of Ω"),
+    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", _no_spin, MOTION, "the sign of Ω"),
+    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", _kinetic_energy, MASSES, "the sign of k"),
+    Claim("2", "k = Σ jφ̇n - J_sΩ", _gyrostatic_momentum, MASSES, "the sign of J_s"),
     Claim(
         "(2.3)",
         "both lines, with the contact's λ and λ₀",

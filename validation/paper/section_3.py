@@ -177,16 +177,16 @@ def energies(ball: Seen, classical: bool, twist: float = 1.0) -> Array:
 
 def _no_energy(twist: float) -> AtLeast:
     """Compute the change of E of Fig. 12's ball; twisted, of Routh's sphere."""
-    ball = seen(RUBBER) if twist == 1 else _routh(rubber=True)
+    ball = seen(RUBBER) if twist == 1 else _routh(classical=False)
     E = energies(ball, classical=False)
     return AtLeast(float(np.ptp(E)), bound=1.0, unit="J")
 
 
 @cache
-def _routh(rubber: bool) -> Seen:
+def _routh(classical: bool) -> Seen:
     """Roll Routh's sphere, all turning on its axis of symmetry, in either model."""
     scene = paper_scene(_ROUTH_SPHERE)
-    return seen(_ROUTH_SPHERE) if not rubber else seen_of(_as_rubber(scene), 10.0)
+    return seen(_ROUTH_SPHERE) if classical else seen_of(_as_rubber(scene), 10.0)
 
 
 def _as_rubber(scene: Scene) -> Scene:
@@ -196,9 +196,9 @@ def _as_rubber(scene: Scene) -> Scene:
     return replace(scene, rolling="rubber", start=along_momentum(axes @ gamma, axes @ M))
 
 
-def _routh_energy(rubber: bool, twist: float) -> Residual:
+def _routh_energy(classical: bool, twist: float) -> Residual:
     """Compute the change of E of Routh's sphere."""
-    E = energies(_routh(rubber), not rubber, twist)
+    E = energies(_routh(classical), classical, twist)
     return Residual(float(np.ptp(E)), bound=2e-6, unit="J")
 
 
@@ -339,19 +339,15 @@ CLAIMS_3_1 = (
         "M = 0",
     ),
     Claim("Remark 5", "in general E is no integral", _no_energy, MOTION, "A, Ω, K on one axis"),
-    Claim(
-        "Remark 5",
-        "A, Ω, K on one axis: E stays; rubber",
-        partial(_routh_energy, True),
-        MOTION,
-        "the sign of (Ω, A⁻¹ω)",
-    ),
-    Claim(
-        "Remark 5",
-        "A, Ω, K on one axis: E stays; classical",
-        partial(_routh_energy, False),
-        MOTION,
-        "the sign of (Ω, A⁻¹ω)",
+    *(
+        Claim(
+            "Remark 5",
+            f"A, Ω, K on one axis: E stays; {rolling}",
+            partial(_routh_energy, rolling == "classical"),
+            MOTION,
+            "the sign of (Ω, A⁻¹ω)",
+        )
+        for rolling in ("rubber", "classical")
     ),
     Claim(
         "Remark 5",
@@ -444,20 +440,15 @@ CLAIMS_3_3 = (
         MOTION,
         "the sign of Ẏ",
     ),
-    Claim(
-        "3.3",
-        "the shell's speed is bounded by f; rubber",
-        partial(_bounded, "fig14"),
-        "maximum over the level",
-        "the size of M",
-        control=4.0,
-    ),
-    Claim(
-        "3.3",
-        "the shell's speed is bounded by f; classical",
-        partial(_bounded, "classical_regular"),
-        "maximum over the level",
-        "the size of M",
-        control=4.0,
+    *(
+        Claim(
+            "3.3",
+            f"the shell's speed is bounded by f; {rolling}",
+            partial(_bounded, name),
+            "maximum over the level",
+            "the size of M",
+            control=4.0,
+        )
+        for rolling, name in (("rubber", "fig14"), ("classical", "classical_regular"))
     ),
 )

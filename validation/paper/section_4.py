@@ -301,35 +301,6 @@ def _straight(twist: float) -> Residual:
     return Residual(max(largest(off), largest(ball.omega)), bound=4e-10, unit="m, rad/s")
 
 
-CLAIMS_4_1 = (
-    Claim("4.1", "(Aγ,γ) stays", integral, MOTION, "the sign of a₃"),
-    Claim(
-        "Remark 7",
-        "without a rotor K = -(J_s + d)Ω, not 0",
-        _needs_momentum,
-        MASSES,
-        "the sign of J_s",
-    ),
-    Claim("(4.3)", "in its time γ moves as Euler's top", _euler_case, MOTION, "dt, upside down"),
-    Claim("(4.4)", "six isolated fixed points, ±e₁, ±e₂, ±e₃", _six_points, "search", "K ≠ 0"),
-    Claim(
-        "Prop. 1", "Γ₃,₄ unstable, Γ₁,₂ and Γ₅,₆ stable", _stability, "eigenvalues", "the indices"
-    ),
-    Claim("Prop. 1", "α and β at Γ₅", _axes_at_5, MOTION, "the sign of Ω₃"),
-    Claim("Prop. 1", "Ẋ and Ẏ at Γ₅", _velocity_at_5, MOTION, "the sign of Ω₂"),
-    Claim(
-        "Prop. 1",
-        "a circle of radius a√(Ω₁² + Ω₂²)/|Ω₃|",
-        partial(circle, 2, 6e-6),
-        MOTION,
-        "the sign of Ω₂²",
-    ),
-    Claim("4.1", "Σ¹ is a circle of fixed points", _filled_circle, "(4.1)", "K ≠ 0"),
-    Claim("4.1", "stable where (Aγ, γ×Ω) > 0, unstable < 0", _sides, "eigenvalues", "the sign"),
-    Claim("4.1", "on Σ¹ the frame rests, the path is straight", _straight, MOTION, "γ, by 0.01"),
-)
-
-
 def ends(twist: float) -> Residual:
     """Compare the γ in which Fig. 5b's motion is after 60 s with Σ_s ∩ ζ.
 
@@ -375,7 +346,32 @@ def _misprint(name: str, row: int, printed: tuple[float, ...], twist: float) -> 
     return Residual(orthonormal(name, twist).corrected, 1e-15, off_orthonormal(axes))
 
 
-CLAIMS_4_1_ORBITS = (
+CLAIMS_4_1 = (
+    Claim("4.1", "(Aγ,γ) stays", integral, MOTION, "the sign of a₃"),
+    Claim(
+        "Remark 7",
+        "without a rotor K = -(J_s + d)Ω, not 0",
+        _needs_momentum,
+        MASSES,
+        "the sign of J_s",
+    ),
+    Claim("(4.3)", "in its time γ moves as Euler's top", _euler_case, MOTION, "dt, upside down"),
+    Claim("(4.4)", "six isolated fixed points, ±e₁, ±e₂, ±e₃", _six_points, "search", "K ≠ 0"),
+    Claim(
+        "Prop. 1", "Γ₃,₄ unstable, Γ₁,₂ and Γ₅,₆ stable", _stability, "eigenvalues", "the indices"
+    ),
+    Claim("Prop. 1", "α and β at Γ₅", _axes_at_5, MOTION, "the sign of Ω₃"),
+    Claim("Prop. 1", "Ẋ and Ẏ at Γ₅", _velocity_at_5, MOTION, "the sign of Ω₂"),
+    Claim(
+        "Prop. 1",
+        "a circle of radius a√(Ω₁² + Ω₂²)/|Ω₃|",
+        partial(circle, 2, 6e-6),
+        MOTION,
+        "the sign of Ω₂²",
+    ),
+    Claim("4.1", "Σ¹ is a circle of fixed points", _filled_circle, "(4.1)", "K ≠ 0"),
+    Claim("4.1", "stable where (Aγ, γ×Ω) > 0, unstable < 0", _sides, "eigenvalues", "the sign"),
+    Claim("4.1", "on Σ¹ the frame rests, the path is straight", _straight, MOTION, "γ, by 0.01"),
     Claim("4.1", "ζ that misses Σ¹ is periodic", _periodic, MOTION, "ζ that meets Σ¹"),
     Claim(
         "E24, 4.1",

@@ -279,7 +279,33 @@ def _strange(twist: float) -> Value:
     return Value(total / (12 * piece), corrected=0.116, bound=0.08, printed=0.0, unit="1/s")
 
 
-CLAIMS_5_3 = (
+def _mean_motion(name: str, twist: float) -> AtLeast:
+    """Compute X of MuJoCo's contact point after 150 s, over the time; twisted, Y."""
+    end = long(name, 150.0).motion.contact_point[-1]
+    return AtLeast(abs(float(end[0 if twist == 1 else 1])) / 150.0, bound=1.0, unit="m/s")
+
+
+def _bounded_across(name: str, twist: float) -> Residual:
+    """Compute the range of Y in 150 s of MuJoCo's motion over that in half of it.
+
+    Twisted, of Fig. 14.
+    """
+    Y = long(name if twist == 1 else "fig14", 150.0).motion.contact_point[:, 1]
+    return Residual(float(np.ptp(Y) / np.ptp(Y[: len(Y) // 2])), bound=1.03)
+
+
+def _grows_across(twist: float) -> AtLeast:
+    """Compute the range of Y in 4000 s of Fig. 14's motion by (3.2) over that in 100 s.
+
+    Twisted, of 13.
+    """
+    parameters, attitude, momentum = kernel_start(paper_scene("fig14" if twist == 1 else "fig13"))
+    times = np.arange(0.0, 4000.0, 0.05)
+    _, path = orbit(parameters, attitude[0], momentum[0], times, 1e-10)
+    return AtLeast(float(np.ptp(path[:, 1]) / np.ptp(path[:2000, 1])), bound=2.0)
+
+
+CLAIMS = (
     Claim(
         "E23, Fig. 11a",
         "the two concentrations are one periodic motion",
@@ -342,36 +368,6 @@ CLAIMS_5_3 = (
         "Fig. 12's start",
         printed='"the stable limit cycle" in Fig. 11b',
     ),
-)
-
-
-def _mean_motion(name: str, twist: float) -> AtLeast:
-    """Compute X of MuJoCo's contact point after 150 s, over the time; twisted, Y."""
-    end = long(name, 150.0).motion.contact_point[-1]
-    return AtLeast(abs(float(end[0 if twist == 1 else 1])) / 150.0, bound=1.0, unit="m/s")
-
-
-def _bounded_across(name: str, twist: float) -> Residual:
-    """Compute the range of Y in 150 s of MuJoCo's motion over that in half of it.
-
-    Twisted, of Fig. 14.
-    """
-    Y = long(name if twist == 1 else "fig14", 150.0).motion.contact_point[:, 1]
-    return Residual(float(np.ptp(Y) / np.ptp(Y[: len(Y) // 2])), bound=1.03)
-
-
-def _grows_across(twist: float) -> AtLeast:
-    """Compute the range of Y in 4000 s of Fig. 14's motion by (3.2) over that in 100 s.
-
-    Twisted, of 13.
-    """
-    parameters, attitude, momentum = kernel_start(paper_scene("fig14" if twist == 1 else "fig13"))
-    times = np.arange(0.0, 4000.0, 0.05)
-    _, path = orbit(parameters, attitude[0], momentum[0], times, 1e-10)
-    return AtLeast(float(np.ptp(path[:, 1]) / np.ptp(path[:2000, 1])), bound=2.0)
-
-
-CLAIMS_5_3_PATHS = (
     captioned_motion("fig12", 4e-7),
     captioned_motion("fig13", 4e-7),
     captioned_motion("fig14", 1e-6),

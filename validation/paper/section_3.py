@@ -281,6 +281,7 @@ def _bounded(name: str, twist: float) -> Residual:
         return -float(np.linalg.norm(velocity(n, M, gamma) - n.Omega))
 
     random = np.random.default_rng(35)
+    # The search is local, so it begins at several places and the greatest maximum counts.
     starts = random.uniform(0.0, 2 * np.pi, (6, 3))
     most = max(-float(minimize(slowness, x).fun) for x in starts)
     parameters, attitude, momentum = kernel_start(scene)

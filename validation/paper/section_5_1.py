@@ -86,6 +86,7 @@ def _worst_polynomial(kind: str, seed: int, power: int, coefficients: _Polynomia
     worst = 0.0
     for n, gamma in random_lines(seed, 200, kind):
         J, expected = linear(n, gamma), coefficients(n, gamma)
+        # Both are monic of degree 6, so that six values determine them.
         for x in (0.5, -1.0, 2.0, 1j, 2j, 1 + 1j):
             determinant = np.linalg.det(x * np.eye(6) - J)
             formula = x**power * np.polyval(expected, x)
@@ -124,6 +125,7 @@ def _transverse(twist: float) -> Residual:
             M = cross(np.cos(s) * at + np.sin(s) * side, n.K)
             return float(M @ M)
 
+        # Central differences: their error is of the order of the step squared, 1e-10.
         slope = (level_of(1e-5) - level_of(-1e-5)) / 2e-5
         formula = -2 * (n.K @ gamma) * (n.K @ cross(gamma, n.Omega)) / np.linalg.norm(n.Omega)
         worst = max(worst, abs(float(slope - twist * formula)) / float(n.K @ n.K))

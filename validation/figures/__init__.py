@@ -1,1 +1,120 @@
-"""The paper's figures as pictures."""
+"""The sheet that all pictures of the paper's figures are drawn on, both motions, and their lines.
+
+Points in space are seen from far away: an orthographic view, with their depth.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from robotball import ContactMotion, Motion, Scene, preset
+from robotball.engines.ensembles.orbits import orbit
+from robotball.engines.mujoco import LABEL
+from robotball.engines.mujoco.model import build
+from robotball.engines.mujoco.run import run
+from robotball.engines.reduced import LABEL as EQUATIONS
+from robotball.film.looks import INK
+from robotball.rotations import Array, multiply
+
+# The one place that knows which engine is drawn over the theory, and in which colour.
+ENGINE_NAME, ENGINE_COLOUR, THEORY = LABEL.name, LABEL.colour, EQUATIONS.colour
+THEORY_LINE: dict[str, Any] = {"color": THEORY, "linewidth": 4.5, "alpha": 0.55}
+ENGINE_LINE: dict[str, Any] = {"color": ENGINE_COLOUR, "linewidth": 1.1}
+FAINT = "#9AA0A6"  # what is neither engine's: fields, boundaries
+_TEXT_WIDE, _LINE_HIGH = 3.7, 0.27  # inches
+UNBUILDABLE = "Mass outside the shell: not to be built."
+
+
+def sheet(
+    title: str,
+    caption: Sequence[str],
+    facts: Sequence[str],
+    panels: Sequence[Sequence[str]],
+    widths: Sequence[float],
+    heights: Sequence[float] = (5.4,),
+) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure with panels by their names, row by row, and its text on the right.
+
+    caption: what the paper's caption gives, and what was chosen; facts: what is so, corrected;
+    widths, heights: of the columns and the rows [inches]. A name that stands in several places is
+    one panel over all of them.
+    """
+    size = (sum(widths) + _TEXT_WIDE, sum(heights) + 0.4)
+    figure = Figure(figsize=size, layout="constrained")
+    figure.suptitle(title, color=INK, fontsize=14)
+    axes: dict[str, Axes] = figure.subplot_mosaic(
+        [[*row, "text"] for row in panels],
+        width_ratios=[*widths, _TEXT_WIDE],
+        height_ratios=list(heights),
+    )
+    text = axes.pop("text")
+    text.axis("off")
+    lines = ["Parameters", *caption, "", "Facts", *facts]
+    for i, line in enumerate(lines):
+        text.text(
+            0.02,
+            1.0 - (0.1 + _LINE_HIGH * i) / sum(heights),
+            line,
+            transform=text.transAxes,
+            color=INK,
+            fontsize=10,
+            fontweight="bold" if line in ("Parameters", "Facts") else "normal",
+            va="top",
+        )
+    for each in axes.values():
+        each.grid(alpha=0.3)
+    return figure, axes
+
+
+def theory_motion(scene: Scene, times: Array) -> tuple[Array, Array]:
+    """Return attitudes (n, 4) in principal axes and contact points (n, 2) by the equations."""
+    attitude = multiply(scene.start.attitude, scene.principal_quaternion)
+    return orbit(scene.parameters, attitude, scene.start.momentum, times)
+
+
+def engine_motion(scene: Scene, times: Array, settings: str = "balanced") -> ContactMotion:
+    """Return the engine's motion, by a preset."""
+    return run(build(scene, preset(settings)), times)
+
+
+def draw_paths(axes: Axes, theory: Array, engine: Motion, title: str = "contact point") -> None:
+    """Draw both contact points' paths over the plane, to one scale; theory (n, 2)."""
+    axes.plot(*theory.T, **THEORY_LINE, label="equations")
+    axes.plot(*engine.contact_point.T, **ENGINE_LINE, label=ENGINE_NAME)
+    axes.plot(*theory[0], "o", color=INK, markersize=5, label="start")
+    axes.set(xlabel="X [m]", ylabel="Y [m]", title=title)
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+@dataclass(frozen=True)
+class View:
+    """An orthographic view: azimuth of the viewer from the first axis, and elevation [degrees]."""
+
+    azimuth: float
+    elevation: float
+
+    @cached_property
+    def axes(self) -> Array:
+        """(3, 3): the picture's right, its up, and the direction to the viewer."""
+        turn, rise = np.radians([self.azimuth, self.elevation])
+        toward = np.array([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])
+        right = np.array([-np.sin(turn), np.cos(turn), 0.0])
+        return np.stack([right, np.cross(toward, right), toward])
+
+    def places(self, points: Array) -> Array:
+        """Return where points (..., 3) are in the picture, (..., 2)."""
+        return points @ self.axes[:2].T
+
+    def place(self, point: Array) -> tuple[float, float]:
+        """Return where a point (3,) is in the picture."""
+        right, up = self.places(point).tolist()
+        return right, up
+
+    def depth(self, points: Array) -> Array:
+        """Return how near points (..., 3) are to the viewer, (...,)."""
+        return points @ self.axes[2]

@@ -1,9 +1,8 @@
 """Fig. 11: the section g = 0 over (l, L/√f), with its attractors and the way to them.
 
-The introduction's remark: the rubber Chaplygin ball and a classical one wind the same tori.
+And the introduction's remark: the rubber Chaplygin ball and a classical one wind the same tori.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +18,7 @@ from robotball.qualitative.sections import Crossings, fixed_point, sampled_cross
 from robotball.qualitative.tori import InvariantCurve, invariant_curve, shared_integral
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_COLOUR,
     ENGINE_LINE,
     ENGINE_NAME,
@@ -35,7 +34,6 @@ from validation.figures.sphere import Globe
 from validation.paper.formulas import paper_scene
 from validation.studies.contact_sections import (
     COARSE,
-    Cloud,
     Recipe,
     Torus,
     cloud_by_contact,
@@ -59,13 +57,9 @@ _DOT: dict[str, Any] = {"marker": ".", "linestyle": "none", "mew": 0}
 
 
 def figure11a() -> Figure:
-    """A periodic orbit and a limit torus, with what settles on them, by both engines."""
+    """Draw a periodic orbit and a limit torus, with what settles on them, by both engines."""
     scene = load_scene("fig12")
-    ball, balanced, coarse = (
-        scene.parameters,
-        build(scene, preset("balanced")),
-        build(scene, COARSE),
-    )
+    ball, balanced = scene.parameters, build(scene, preset("balanced"))
     cycle = fixed_point(ball, 3.6, 0.6, _F)
     own = section(ball, cycle.attitude[None], cycle.momentum[None], 2)
     ours = [
@@ -95,22 +89,22 @@ def figure11a() -> Figure:
     )  # fmt: skip
     crossed = np.array([[each.l, each.L] for each in ours])
     of_theory = cloud_by_equations(ball, REGULAR, seed=1), curve, np.stack([own.l[0], own.L[0]], 1)
-    of_engine = cloud_by_contact(coarse, REGULAR_BY_CONTACT, seed=2), points, crossed
-    for each, (clouds, colour, name, transient) in zip(
+    of_engine = cloud_by_contact(build(scene, COARSE), REGULAR_BY_CONTACT, seed=2), points, crossed
+    for each, (clouds, colour, name, recipe) in zip(
         axes.values(),
         (
-            (of_theory, THEORY, "equations", _REGULAR_TRANSIENT),
-            (of_engine, ENGINE_COLOUR, ENGINE_NAME, REGULAR_BY_CONTACT.count),
+            (of_theory, THEORY, "equations", REGULAR),
+            (of_engine, ENGINE_COLOUR, ENGINE_NAME, REGULAR_BY_CONTACT),
         ),
         strict=True,
     ):
         cloud, torus, orbit = clouds
-        starts = len(cloud.L) // (REGULAR.count if name == "equations" else transient)
-        early, late = _parted(cloud, starts, transient)
-        each.plot(*early, **_DOT, color=FAINT, markersize=2.2, label="on the way")
+        early = np.arange(len(cloud.L)) % recipe.count < _REGULAR_TRANSIENT
+        each.plot(*_places(cloud.l[early], cloud.L[early]), **_DOT, color=FAINT, markersize=2.2,
+                  label="on the way")  # fmt: skip
         each.plot(*_places(torus.l, torus.L), **_DOT, color=colour, markersize=3.5,
                   label="limit torus")  # fmt: skip
-        each.plot(*late, **_DOT, color=colour, markersize=4)
+        each.plot(*_places(cloud.l[~early], cloud.L[~early]), **_DOT, color=colour, markersize=4)
         each.plot(*_places(*orbit.T), "o", mfc="none", mec=INK, ms=12, label="periodic orbit")
         each.plot(*_places(*orbit.T), "+", color=colour, ms=9, mew=2)
         _annulus(each, f"section g = 0, {name}")
@@ -120,11 +114,11 @@ def figure11a() -> Figure:
     return figure
 
 
-def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
-    """The strange attractor, by the equations and by the engine side by side."""
+def figure11b() -> Figure:
+    """Draw the strange attractor, by the equations and by the engine side by side."""
     scene = load_scene("fig14")
     theory = cloud_by_equations(scene.parameters, CHAOS, seed=1)
-    engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2, progress=report)
+    engine = cloud_by_contact(build(scene, COARSE), CHAOS_BY_CONTACT, seed=2)
     facts = (
         "A strange attractor:",
         "  λ₁ = 0.1160 ± 0.0001, λ₆ = -0.1394 1/s",
@@ -140,14 +134,16 @@ def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
         "Fig. 11b: a strange attractor",
         caption_of(scene), facts, [["theory", "engine"]], (5.6, 5.6),
     )  # fmt: skip
-    for each, (cloud, colour, size, name) in zip(
+    for each, (cloud, count, colour, size, name) in zip(
         axes.values(),
-        ((theory, THEORY, 1.8, "equations"), (engine, ENGINE_COLOUR, 3.4, ENGINE_NAME)),
+        (
+            (theory, CHAOS.count, THEORY, 1.8, "equations"),
+            (engine, CHAOS_BY_CONTACT.count, ENGINE_COLOUR, 3.4, ENGINE_NAME),
+        ),
         strict=True,
     ):
-        early, _ = _parted(cloud, CHAOS.starts, _CHAOS_TRANSIENT)
-        each.plot(*early, **_DOT, color=FAINT, markersize=2.2)
-        late = np.arange(len(cloud.L)) % (len(cloud.L) // CHAOS.starts) >= _CHAOS_TRANSIENT
+        late = np.arange(len(cloud.L)) % count >= _CHAOS_TRANSIENT
+        each.plot(*_places(cloud.l[~late], cloud.L[~late]), **_DOT, color=FAINT, markersize=2.2)
         for direction, alpha in ((1, 1.0), (-1, 0.35)):
             which = late & (cloud.directions == direction)
             each.plot(*_places(cloud.l[which], cloud.L[which]), **_DOT, color=colour, alpha=alpha,
@@ -156,19 +152,16 @@ def figure11b(report: Callable[[float], None] = lambda _: None) -> Figure:
     return figure
 
 
-def _parted(cloud: Cloud, starts: int, transient: int) -> tuple[Array, Array]:
-    """Places (2, n) of the first `transient` crossings of each start, and of the others."""
-    early = np.arange(len(cloud.L)) % (len(cloud.L) // starts) < transient
-    return _places(cloud.l[early], cloud.L[early]), _places(cloud.l[~early], cloud.L[~early])
-
-
 def _places(l: Array, L: Array) -> Array:
-    """Points (2, n) of the picture: l from 0 to 2π, where attractors lie in one piece, and L/√f."""
+    """Return points (2, n) of the picture: l, from 0 to 2π, and L/√f.
+
+    With this cut of l the attractors lie in one piece.
+    """
     return np.stack([np.asarray(l) % (2 * np.pi), np.asarray(L) / _ROOT_F])
 
 
 def _annulus(axes: Axes, title: str) -> None:
-    """The section's bounds and scales."""
+    """Draw the section's bounds and scales."""
     axes.axhline(1.0, color=FAINT)
     axes.axhline(-1.0, color=FAINT)
     axes.set(xlabel="l [rad], once round", ylabel="L/√f", title=title,
@@ -177,7 +170,7 @@ def _annulus(axes: Axes, title: str) -> None:
 
 
 def caption_of(scene: Scene) -> tuple[str, ...]:
-    """The caption's numbers, of Figs 11 to 14."""
+    """Return the caption's numbers, of Figs 11 to 14."""
     p = scene.parameters
 
     def row(v: tuple[float, ...]) -> str:
@@ -192,18 +185,14 @@ def caption_of(scene: Scene) -> tuple[str, ...]:
 
 
 _VIEW = View(azimuth=30.0, elevation=35.0)
-_CLASSICAL = (
-    "#AA3377"  # the classical ball by the equations; the rubber one has the theory's colour
-)
-_COLOURS = {"rubber": THEORY, "classical": _CLASSICAL}
-_TORI_F = 25.0
+_COLOURS = {"rubber": THEORY, "classical": "#AA3377"}  # of both balls by the equations
 LEVELS = (0.2, 0.4, 0.5, 0.6, 1.0, 1.2)  # l of ℓ at the start, where L = 0 [rad]: a torus each
 FOLLOWED, SHOWN = 210.0, 12.0  # s
 _INTERVAL = 0.01  # s, between samples: the error of a crossing goes with its fourth power
 
 
 def figure_tori() -> Figure:
-    """Both balls' γ on one sphere, their sections on the same curves, and how they differ."""
+    """Draw both balls' γ on one sphere, their sections on the same curves, and how they differ."""
     balls: dict[str, Scene] = {
         scene.rolling: scene
         for scene in map(paper_scene, ("rubber_chaplygin_ball", "chaplygin_ball_same_tori"))
@@ -251,14 +240,14 @@ def figure_tori() -> Figure:
 
 
 def started(scene: Scene, l: float) -> Scene:
-    """The ball at the level (0, l) of ℓ, where (ℓ×γ)₃ = 0."""
-    gamma, level = section_state(0.0, l, 0.0, _TORI_F)
+    """Start the ball at the level (0, l) of ℓ, where (ℓ×γ)₃ = 0."""
+    gamma, level = section_state(0.0, l, 0.0, _F)
     M = np.cross(gamma, level) if scene.rolling == "rubber" else level
     return replace(scene, start=along_momentum(gamma, M))
 
 
 def _level_states(scene: Scene, duration: float) -> tuple[Array, Array, Array, Array]:
-    """Times (n,), γ, ℓ and ω (n, 3) of the ball by the equations."""
+    """Return times (n,), γ, ℓ and ω (n, 3) of the ball by the equations."""
     times = sample_times(duration, _INTERVAL)
     axes, p = rotation_matrix(theory_motion(scene, times)[0]), scene.parameters
     M = np.einsum("nji,j->ni", axes, scene.start.momentum)
@@ -267,17 +256,17 @@ def _level_states(scene: Scene, duration: float) -> tuple[Array, Array, Array, A
 
 
 def _of_model(scene: Scene, gamma: Array, M: Array) -> Array:
-    """ℓ (n, 3) of γ and M (n, 3)."""
+    """Return ℓ (n, 3) of γ and M (n, 3)."""
     return np.cross(M, gamma) if scene.rolling == "rubber" else M
 
 
 def crossings_of(scene: Scene) -> Crossings:
-    """Where (ℓ×γ)₃ = 0, in one direction, by the equations."""
+    """Find where (ℓ×γ)₃ = 0, in one direction, by the equations."""
     return sampled_crossings(*_level_states(scene, FOLLOWED)).only(1)
 
 
 def engine_crossings_of(scene: Scene) -> Crossings:
-    """The same by the engine."""
+    """Find where (ℓ×γ)₃ = 0, in one direction, by the engine."""
     motion = engine_motion(scene, sample_times(FOLLOWED), "fast")
     turned = rotation_matrix(motion.attitude) @ scene.principal_axes
     M = np.einsum("nji,nj->ni", turned, motion.momentum)
@@ -287,17 +276,17 @@ def engine_crossings_of(scene: Scene) -> Crossings:
 
 
 def points_of(found: Crossings) -> Array:
-    """γ and ℓ/√f side by side (n, 6)."""
+    """Return γ and ℓ/√f side by side (n, 6)."""
     return np.concatenate([found.gamma, found.momenta / _ROOT_F], axis=1)
 
 
 def apart(points: Array, curve: InvariantCurve) -> float:
-    """How far the farthest of the points (n, 6) is from a curve."""
+    """Measure how far the farthest of the points (n, 6) is from a curve."""
     return float(distance_to_curve(points, curve.at(np.linspace(0.0, 1.0, 20_000))).max())
 
 
 def kept(balls: dict[str, Scene]) -> float:
-    """By how much, relative, J changes along the motions of both balls."""
+    """Measure by how much, relative, J changes along the motions of both balls."""
     changes = []
     for scene in balls.values():
         _, gamma, level, _ = _level_states(started(scene, LEVELS[2]), SHOWN)
@@ -307,7 +296,7 @@ def kept(balls: dict[str, Scene]) -> float:
 
 
 def _draw_spheres(axes: Axes, balls: dict[str, Scene]) -> None:
-    """γ of both balls from the same point, for a while."""
+    """Draw γ of both balls from the same point, for a while."""
     globe = Globe(axes, _VIEW, f"vertical γ, {SHOWN:g} s from the same (γ, ℓ)")
     for rolling, ball in balls.items():
         scene = started(ball, LEVELS[2])
@@ -327,7 +316,7 @@ def _draw_sections(
     runs: dict[tuple[str, float], Crossings],
     curves: dict[tuple[str, float], InvariantCurve],
 ) -> None:
-    """The crossings of both balls by both engines, on the curves of the classical one."""
+    """Draw the crossings of both balls by both engines, on the curves of the classical one."""
     for l in LEVELS:
         states = curves["classical", l].at(np.linspace(0.0, 1.0, 2000))
         axes.plot(np.arctan2(states[:, 3], states[:, 4]), states[:, 5], color=FAINT, linewidth=0.8)

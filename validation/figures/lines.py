@@ -12,7 +12,7 @@ from robotball.film.looks import INK
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_LINE,
     FAINT,
     THEORY,
@@ -35,18 +35,14 @@ _SIDE = 8.0  # of Fig. 9's region [kg m²/s]
 FINENESS = 90  # of the map's grid, each way
 SHOWN, LONG = 80.0, 600.0  # s, of Fig. 10
 _VIEW = View(azimuth=48.0, elevation=22.0)
-_BALL_LINES = (
-    "A = diag(.5, .3, .6) 1/(kg m²)",
-    "Ω = (0, 0, 1) rad/s, a = 1 m",
-    UNBUILDABLE,
-)
+_BALL_LINES = ("A = diag(.5, .3, .6) 1/(kg m²)", "Ω = (0, 0, 1) rad/s, a = 1 m", UNBUILDABLE)
 
 
 def growth_rate(ball: Parameters, K: Vector, f: float, which: str = "σ₋") -> float:
-    """The largest real part of the eigenvalues of a straight-line motion of the
-    ball with K = (K₁, K₂, 0) instead of its own, and Ω along e₃ [1/s].
+    """Return the largest real part of the eigenvalues of a straight-line motion [1/s].
 
-    NaN where K² < f, and there is no straight-line motion.
+    The ball has K = (K₁, K₂, 0) instead of its own, and Ω along e₃. NaN where K² < f, and there is
+    no straight-line motion.
     """
     if f > K[0] ** 2 + K[1] ** 2:
         return np.nan
@@ -55,9 +51,9 @@ def growth_rate(ball: Parameters, K: Vector, f: float, which: str = "σ₋") -> 
 
 
 def line_verticals(f: float, K: Vector) -> dict[str, Array]:
-    """γ (3,) of the straight-line motions σ± (M along e₃) and δ± (against it), with Ω along e₃.
+    """Return γ (3,) of the straight-line motions σ± (M along e₃) and δ± (against it).
 
-    There γ is across Ω and M = γ×K, whose square is f: (K,γ)² = K² - f.
+    Ω is along e₃. There γ is across Ω and M = γ×K, whose square is f: (K,γ)² = K² - f.
     """
     angle, off = np.arctan2(K[1], K[0]), np.arcsin(np.sqrt(f) / np.hypot(K[0], K[1]))
     turns = {"σ₊": -off, "σ₋": off + np.pi, "δ₊": off, "δ₋": np.pi - off}
@@ -68,7 +64,7 @@ def line_verticals(f: float, K: Vector) -> dict[str, Array]:
 
 
 def figure9() -> Figure:
-    """Where in the plane of K straight-line motions are stable, for two values of f."""
+    """Draw where in the plane of K straight-line motions are stable, for two values of f."""
     caption = (
         *_BALL_LINES,
         "K = (K₁, K₂, 0) kg m²/s",
@@ -110,7 +106,7 @@ def figure9() -> Figure:
 
 
 def figure10() -> Figure:
-    """The ball leaves one straight line and takes up another, the opposite way."""
+    """Draw how the ball leaves one straight line and takes up another, the opposite way."""
     scene, stable = paper_scene("fig10"), paper_scene("fig10_stable")
     verticals = line_verticals(3.0, LINE_K)
     caption = (
@@ -162,7 +158,7 @@ def figure10() -> Figure:
 def _draw_momentum(
     axes: Axes, times: Array, frame: Array, momentum: Array, engine: Motion, scene: Scene
 ) -> None:
-    """M₁, M₂, M₃ in principal axes over time, by both engines; frame (n, 3, 3)."""
+    """Draw M₁, M₂, M₃ in principal axes over time, by both engines; frame (n, 3, 3)."""
     turned = rotation_matrix(engine.attitude) @ scene.principal_axes
     theory = np.einsum("nji,j->ni", frame, momentum)
     ours = np.einsum("nji,nj->ni", turned, engine.momentum)
@@ -175,7 +171,7 @@ def _draw_momentum(
 
 
 def _draw_speed(axes: Axes, scene: Scene, dashes: str | tuple[int, tuple[float, float]]) -> None:
-    """dY/dt of the contact point over a long time, by both engines."""
+    """Draw dY/dt of the contact point over a long time, by both engines."""
     times = sample_times(LONG, 0.25)
     middle = (times[1:] + times[:-1]) / 2
     theory, engine = theory_motion(scene, times)[1], engine_motion(scene, times).contact_point

@@ -39,7 +39,7 @@ FIGURES: dict[str, dict[str, Callable[[], Figure]]] = {
 def draw_figures(
     names: Sequence[str], out: Path, report: Callable[[float, str], None] = lambda *_: None
 ) -> list[Path]:
-    """The pictures of the figures named, or of all for none, as PNGs in the folder `out`.
+    """Draw the pictures of the figures named, or of all for none, as PNGs in the folder `out`.
 
     report is called with how many pictures are done and which was the last. Raises InputError for a
     figure that there is not.
@@ -58,7 +58,7 @@ def _draw(out: Path, name: str) -> Path:
 
 
 def chosen(names: Sequence[str]) -> dict[str, Callable[[], Figure]]:
-    """The pictures of the figures named, or of all for none, by their files' names."""
+    """Return the pictures of the figures named, or of all for none, by their files' names."""
     for name in names:
         if name not in FIGURES:
             raise InputError(f"no figure {name} to draw; there are 3 to 14, and tori")

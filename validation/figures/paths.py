@@ -8,8 +8,7 @@ from robotball import load_scene, sample_times
 from robotball.film.looks import INK
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.figures.attractor_sections import caption_of
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_COLOUR,
     ENGINE_NAME,
     View,
@@ -18,6 +17,7 @@ from validation.figures.sheets import (
     sheet,
     theory_motion,
 )
+from validation.figures.attractor_sections import caption_of
 from validation.figures.sphere import Globe, draw_gamma
 
 _VIEW = View(azimuth=40.0, elevation=25.0)
@@ -29,7 +29,7 @@ _DRIFT_FACTS = (
 
 
 def figure12() -> Figure:
-    """γ and the path on the limit cycle."""
+    """Draw γ and the path on the limit cycle."""
     facts = (
         "Near the periodic orbit of Fig. 11a:",
         "dX/dt = 3.65907 m/s in the mean,",
@@ -39,13 +39,13 @@ def figure12() -> Figure:
 
 
 def figure13() -> Figure:
-    """γ and the path on the limit torus."""
+    """Draw γ and the path on the limit torus."""
     facts = ("Near the limit torus of Fig. 11a:", "dX/dt = 3.665 m/s in the mean,", *_DRIFT_FACTS)
     return _sphere_and_path(13, "(L, l) = (0, 1.96)", "on the limit torus", facts)
 
 
 def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]) -> Figure:
-    """The two panels of Figs 12 and 13, and below how far apart the engines are."""
+    """Draw the two panels of Figs 12 and 13, and below how far apart the engines are."""
     scene, duration = load_scene(f"fig{number}"), 40.0
     caption = (*caption_of(scene), f"start: {start}", f"Duration chosen: {duration:g} s.")
     figure, axes = sheet(
@@ -65,7 +65,7 @@ def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]
 
 
 def figure14() -> Figure:
-    """The path on the strange attractor, and how the engines part on it."""
+    """Draw the path on the strange attractor, and how the engines part on it."""
     scene, duration, exponent = load_scene("fig14"), 160.0, 0.116
     caption = (*caption_of(scene), "start: (L, l) = (0, 0.6)", f"Duration chosen: {duration:g} s.")
     facts = (
@@ -91,7 +91,7 @@ def figure14() -> Figure:
 
 
 def _unlike_scales(axes: Axes) -> None:
-    """A long path, its width stretched to be seen."""
+    """Stretch the width of a long path, to be seen."""
     axes.set_aspect("auto")
     axes.margins(y=0.25)
     axes.set_title(f"{axes.get_title()} (X and Y to unlike scales)")
@@ -99,7 +99,7 @@ def _unlike_scales(axes: Axes) -> None:
 
 
 def _draw_distances(axes: Axes, scene: Scene, times: Array, theory: Array) -> None:
-    """How far the engine's contact point is from that of the equations (n, 2), by three presets."""
+    """Draw the distance of the engine's contact points, by three presets, from theory (n, 2)."""
     for style, name in (("-.", "fast"), ("--", "balanced"), ("-", "accurate")):
         points = engine_motion(scene, times, name).contact_point
         distance = np.linalg.norm(points - theory, axis=1)

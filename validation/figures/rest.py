@@ -11,7 +11,7 @@ from robotball.qualitative.equilibria import fixed_circle, fixed_points, name_of
 from robotball.qualitative.portraits import Separatrix, limit_cycles, separatrices
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_LINE,
     ENGINE_NAME,
     UNBUILDABLE,
@@ -51,7 +51,7 @@ DURATION = 60.0  # s, of Figs 6 to 8, chosen
 
 
 def figure5() -> Figure:
-    """Three motions with K = 0, whose γ follows a curve (Aγ,γ) = const."""
+    """Draw three motions with K = 0, whose γ follows a curve (Aγ,γ) = const."""
     scenes = {
         name: replace(paper_scene(f"fig05{name}"), duration=duration)
         for name, duration in _DURATIONS5.items()
@@ -100,7 +100,7 @@ def figure5() -> Figure:
 
 
 def figure6() -> Figure:
-    """K₃ = 0.3: ten fixed points, and a motion into a stable focus."""
+    """Draw the motion with K₃ = 0.3: ten fixed points, and a motion into a stable focus."""
     facts = (
         "The slow foci Γ₅, Γ₆ have imaginary",
         "  eigenvalues and attract by their first",
@@ -116,7 +116,7 @@ def figure6() -> Figure:
 
 
 def figure7() -> Figure:
-    """K₃ = 0.52: a slow, unstable limit cycle."""
+    """Draw the motion with K₃ = 0.52: a slow, unstable limit cycle."""
     facts = (
         f"{ENGINE_NAME}, started on it, must leave it: in a",
         "  period an error grows by the multiplier.",
@@ -127,13 +127,13 @@ def figure7() -> Figure:
 
 
 def figure8() -> Figure:
-    """K₃ = 3: a fast, unstable limit cycle."""
+    """Draw the motion with K₃ = 3: a fast, unstable limit cycle."""
     facts = (f"{ENGINE_NAME}, started on it, follows it once.", "θ₁ … θ₄ are gone as well.")
     return _portrait_figure(8, "3", _STARTS78, facts)
 
 
 def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence[str]) -> Figure:
-    """The portrait on the sphere and on its involute, with one motion by both engines."""
+    """Draw the portrait on the sphere and on its involute, with one motion by both engines."""
     scene = replace(paper_scene(f"fig{number:02}"), duration=DURATION)
     ball = scene.parameters
     points, cycles = fixed_points(ball), limit_cycles(ball)
@@ -173,7 +173,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
 
 
 def closed_contour(scene: Scene, manifolds: Sequence[Separatrix]) -> list[Separatrix]:
-    """The stable manifolds of δ₃ and δ₄ that come from δ₁ and δ₂."""
+    """Return the stable manifolds of δ₃ and δ₄ that come from δ₁ and δ₂."""
     ball = scene.parameters
     return [
         each
@@ -186,14 +186,14 @@ def closed_contour(scene: Scene, manifolds: Sequence[Separatrix]) -> list[Separa
 
 
 def _on_cycle(scene: Scene, cycle: Cycle) -> ContactMotion:
-    """The engine's motion from a point of a limit cycle, for a period."""
+    """Run the engine from a point of a limit cycle, for a period."""
     start = own_start(scene, cycle.attitude, cycle.momentum)
     times = sample_times(cycle.period, cycle.period / 1000)
     return engine_motion(replace(scene, start=start), times)
 
 
 def both(scene: Scene) -> tuple[Array, Array, ContactMotion]:
-    """The equations' contact points (n, 2) and γ (n, 3), and the engine's motion."""
-    times = sample_times(scene.duration, scene.duration / 3000)
+    """Return the equations' contact points (n, 2) and γ (n, 3), and the engine's motion."""
+    times = sample_times(scene.duration, scene.duration / 3000)  # enough for a smooth line
     attitudes, path = theory_motion(scene, times)
     return path, rotation_matrix(attitudes)[:, 2], engine_motion(scene, times)

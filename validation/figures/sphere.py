@@ -1,10 +1,10 @@
 """The Poisson sphere of γ, drawn twice: as a ball seen from afar, and unrolled (the involute).
 
-The phase portrait of motion from rest (4.1), on any chart of the sphere.
+On either chart stands the phase portrait of motion from rest, (4.1).
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,7 +29,7 @@ from robotball.qualitative.portraits import (
     spread_points,
 )
 from robotball.rotations import Array, rotation_matrix
-from validation.figures.sheets import ENGINE_LINE, FAINT, THEORY_LINE, View
+from validation.figures import ENGINE_LINE, FAINT, THEORY_LINE, View
 from validation.output import halo
 
 _POLES = 0.62 * np.pi  # φ, where a pole's mark stands on the involute
@@ -45,24 +45,6 @@ _NAME: dict[str, Any] = {
     "path_effects": halo(),
     "zorder": 8,
 }
-
-
-class Chart(Protocol):
-    """A picture of the sphere, to draw lines, marks and names on."""
-
-    axes: Axes
-
-    def line(self, gamma: Array, **style: Any) -> None:
-        """A line through γ (n, 3)."""
-
-    def marks(self, gamma: Array, mark: str, **style: Any) -> None:
-        """A mark at each γ (n, 3)."""
-
-    def name(self, gamma: Array, text: str, **style: Any) -> None:
-        """A name beside γ (3,)."""
-
-    def arrow(self, gamma: Array, colour: str) -> None:
-        """An arrow head halfway along a line γ (n, 3), where that is in sight."""
 
 
 class Globe:
@@ -84,7 +66,7 @@ class Globe:
         axes.set_aspect("equal")
 
     def line(self, gamma: Array, **style: Any) -> None:
-        """A line through γ (n, 3), pale behind."""
+        """Draw a line through γ (n, 3), pale behind."""
         front, places = self.view.depth(gamma) >= 0, self.view.places(gamma)
         # Both parts have the sample at which the line turns round the rim.
         changes = np.flatnonzero(front[1:] != front[:-1])
@@ -101,7 +83,7 @@ class Globe:
             self.axes.plot(*np.where(shown[:, None], places, np.nan).T, **own)
 
     def marks(self, gamma: Array, mark: str, **style: Any) -> None:
-        """A mark at each γ (n, 3), pale behind."""
+        """Draw a mark at each γ (n, 3), pale behind."""
         front, places = self.view.depth(gamma) >= 0, self.view.places(gamma)
         for side, alpha in ((front, 1.0), (~front, _BACK_ALPHA)):
             if side.any():
@@ -109,12 +91,12 @@ class Globe:
                 self.axes.plot(*places[side].T, mark, linestyle="none", alpha=alpha, **own)
 
     def name(self, gamma: Array, text: str, **style: Any) -> None:
-        """A name beside γ (3,), if it is in front."""
+        """Draw a name beside γ (3,), if it is in front."""
         if self.view.depth(gamma) >= 0:
             self.axes.annotate(text, self.view.place(gamma), **{**_NAME, **style})
 
     def arrow(self, gamma: Array, colour: str) -> None:
-        """An arrow head halfway along a line γ (n, 3), if that is in front."""
+        """Draw an arrow head halfway along a line γ (n, 3), if that is in front."""
         if self.view.depth(gamma[len(gamma) // 2]) > 0.1:
             _arrow_head(self.axes, self.view.places(gamma), colour)
 
@@ -131,44 +113,47 @@ class Involute:
         axes.grid(alpha=0.3)
 
     def places(self, gamma: Array) -> Array:
-        """Where γ (..., 3) is, (..., 2); arctan(γ₁/γ₂) is the angle from γ₂ towards γ₁.
+        """Return the places (..., 2) of γ (..., 3); arctan(γ₁/γ₂) is the angle from γ₂ towards γ₁.
 
-        A pole is a whole edge: it is shown at POLES.
+        A pole is a whole edge: it is shown at _POLES.
         """
         phi = (np.pi / 4 + np.arctan2(gamma[..., 0], gamma[..., 1])) % (2 * np.pi)
         polar = np.hypot(gamma[..., 0], gamma[..., 1]) < 1e-9
         return np.stack([np.where(polar, _POLES, phi), gamma[..., 2]], axis=-1)
 
     def line(self, gamma: Array, **style: Any) -> None:
-        """A line through γ (n, 3), broken where it is cut open."""
+        """Draw a line through γ (n, 3), broken where it is cut open."""
         places = self.places(gamma)
         jumps = np.flatnonzero(np.abs(np.diff(places[:, 0])) > np.pi) + 1
         self.axes.plot(*np.insert(places, jumps, np.nan, axis=0).T, **style)
 
     def marks(self, gamma: Array, mark: str, **style: Any) -> None:
-        """A mark at each γ (n, 3)."""
+        """Draw a mark at each γ (n, 3)."""
         self.axes.plot(*self.places(gamma).T, mark, linestyle="none", clip_on=False, **style)
 
     def name(self, gamma: Array, text: str, **style: Any) -> None:
-        """A name beside γ (3,)."""
+        """Draw a name beside γ (3,)."""
         x, y = self.places(gamma).tolist()
         down = {"xytext": (8, -15)} if y > 0.9 else {}
         self.axes.annotate(text, (x, y), annotation_clip=False, **{**_NAME, **down, **style})
 
     def arrow(self, gamma: Array, colour: str) -> None:
-        """An arrow head halfway along a line γ (n, 3)."""
+        """Draw an arrow head halfway along a line γ (n, 3)."""
         _arrow_head(self.axes, self.places(gamma), colour)
 
 
+Chart = Globe | Involute
+
+
 def draw_gamma(chart: Chart, theory: Array, engine: Array) -> None:
-    """γ (n, 3) of both motions."""
+    """Draw γ (n, 3) of both motions."""
     chart.line(theory, **THEORY_LINE, zorder=4)
     chart.line(engine, **ENGINE_LINE, zorder=5)
     chart.marks(theory[:1], "o", color=INK, markersize=5, zorder=5)
 
 
 def _bare(axes: Axes, title: str) -> None:
-    """No frame, ticks or grid."""
+    """Remove frame, ticks and grid."""
     axes.set_title(title)
     axes.grid(visible=False)
     axes.set_xticks([])
@@ -178,7 +163,7 @@ def _bare(axes: Axes, title: str) -> None:
 
 
 def _arrow_head(axes: Axes, places: Array, colour: str) -> None:
-    """An arrow head halfway along a line (n, 2)."""
+    """Draw an arrow head halfway along a line (n, 2)."""
     k = len(places) // 2
     step = np.linalg.norm(places[k] - places[k - 1]) if k else 0.0
     if 1e-6 < step < 1:
@@ -209,7 +194,7 @@ VIEW = View(azimuth=62.0, elevation=30.0)
 
 
 def draw_field(chart: Chart, parameters: Parameters, duration: float) -> None:
-    """Pale orbits with arrows from points all over the sphere, each for a duration [s]."""
+    """Draw pale orbits with arrows from points all over the sphere, each for a duration [s]."""
     starts = spread_points(_STARTS_DRAWN)
     attitudes = attitude_at(starts)
     times = np.linspace(0.0, duration, 800)
@@ -224,7 +209,7 @@ def draw_field(chart: Chart, parameters: Parameters, duration: float) -> None:
 
 
 def draw_points(chart: Chart, parameters: Parameters, points: Sequence[FixedPoint]) -> None:
-    """A mark at each fixed point, by its type, with the paper's name where it has one."""
+    """Draw a mark at each fixed point, by its type, with the paper's name where it has one."""
     for kind in dict.fromkeys(point.kind for point in points):
         mark, fill = _MARKS[kind]
         places = np.array([point.gamma for point in points if point.kind == kind])
@@ -235,7 +220,7 @@ def draw_points(chart: Chart, parameters: Parameters, points: Sequence[FixedPoin
 
 
 def draw_circle(chart: Chart, circle: FixedCircle) -> None:
-    """The circle of fixed points: Σ_s solid, Σ_u dashed."""
+    """Draw the circle of fixed points: Σ_s solid, Σ_u dashed."""
     quarter = np.linspace(0.0, np.pi / 2, 100)
     for k, (colour, dashes, name) in enumerate(
         2
@@ -252,7 +237,7 @@ def draw_circle(chart: Chart, circle: FixedCircle) -> None:
 def draw_separatrices(
     chart: Chart, found: Sequence[Separatrix], contour: Sequence[Separatrix]
 ) -> None:
-    """The saddles' manifolds; those of a closed contour in the colour of a cycle."""
+    """Draw the saddles' manifolds; those of a closed contour in the colour of a cycle."""
     for k, each in enumerate(contour):
         label = "closed contour" if k == 0 else None
         chart.line(each.path, color=_CYCLE, linewidth=2.4, label=label, zorder=3)
@@ -267,13 +252,13 @@ def draw_separatrices(
 
 
 def _beginning(path: Array) -> Array:
-    """The first radians of a line γ (n, 3) on the sphere: later it winds round a focus."""
+    """Return the first radians of a line γ (n, 3) on the sphere: later it winds round a focus."""
     lengths = np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))
     return path[: int(np.searchsorted(lengths, _DRAWN)) + 2]
 
 
 def draw_cycles(chart: Chart, parameters: Parameters, cycles: Sequence[Cycle]) -> None:
-    """Limit cycles: solid where they attract, dashed where they repel."""
+    """Draw limit cycles: solid where they attract, dashed where they repel."""
     known: set[str] = set()
     for cycle in cycles:
         curve = curve_of(parameters, cycle.gamma, cycle.period)
@@ -294,7 +279,7 @@ def portrait(
     circle: FixedCircle | None,
     cycles: Sequence[Cycle],
 ) -> Figure:
-    """All that stands still or repeats, on the sphere and on its involute, without a motion."""
+    """Draw all that stands still or repeats on the sphere and on its involute, without a motion."""
     figure = Figure(figsize=(13.0, 5.8), layout="constrained")
     figure.suptitle(f"{title}: motion from rest", color=INK)
     left, right = figure.subplots(1, 2, width_ratios=[4.6, 8.4])
@@ -316,6 +301,6 @@ def portrait(
 
 
 def counted(points: Sequence[FixedPoint]) -> list[str]:
-    """How many fixed points there are of each type."""
+    """Return how many fixed points there are of each type, a line each."""
     kinds = [point.kind for point in points]
     return [f"  {kinds.count(kind)} × {kind}" for kind in dict.fromkeys(kinds)]

@@ -1,8 +1,7 @@
-"""The looks of a ball as shaded triangles, for drawings that need no OpenGL.
+"""Figs 3 and 4: the structure of the ball and its axes, drawn from a scene's bodies and motion.
 
-Figs 3 and 4: the structure of the ball and its axes, drawn from a scene's bodies and motion.
-
-The unit of length is the ball's radius, as in the parts of mjcf/.
+The bodies are shaded triangles in matplotlib, the farthest drawn first, so that no OpenGL is
+needed. The unit of length is the ball's radius, as in the parts of mjcf/.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,7 @@ from robotball import Motion, Scene, integrate, sample_times
 from robotball.film.looks import BLUR, INK, Shape, colours, looks_of, triangles_of
 from robotball.film.tracks import track_of
 from robotball.rotations import Array, rotation_matrix
-from validation.figures.sheets import (
+from validation.figures import (
     ENGINE_LINE,
     ENGINE_NAME,
     FAINT,
@@ -43,7 +42,7 @@ class _Solid:
 
 
 def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> _Solid:
-    """A body's shapes turned (3, 3) and then shifted (3,), but for its glass and what blurs."""
+    """Return a body's shapes turned (3, 3), then shifted (3,), without its glass and what blurs."""
     solid = [shape for shape in shapes if shape.material not in ("shell", BLUR)]
     corners = [triangles_of(shape) for shape in solid]
     colour = [
@@ -54,7 +53,7 @@ def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> _Solid:
 
 
 def _draw_solid(axes: Axes, view: View, solids: Sequence[_Solid]) -> None:
-    """The triangles of all, the farthest first, each in one shade."""
+    """Draw the triangles of all bodies, the farthest first, each in one shade."""
     corners = np.concatenate([solid.corners for solid in solids])
     plain = np.concatenate([solid.colours for solid in solids])
     edges = np.diff(corners, axis=1)
@@ -80,11 +79,12 @@ _VIEW = View(azimuth=114.0, elevation=20.0)
 _ROLLED = 0.8  # s, before Fig. 4
 _SHELL, _FRAME, _ROTOR = "shell", "frame", "rotor1"
 _FRAME_AXES, _OMEGA, _ROTOR_AXIS = "#117733", "#CC3311", "#8A5A00"
-_NAMES_AT, APART = 1.42, 0.3  # radii from the centre; rad, at least, between two names
+_NAMES_AT = 1.42  # radii from the centre
+_FREE = 3.561  # rad: the direction in Fig. 3 that is farthest from all other names
 
 
 def figure3() -> Figure:
-    """The ball of Fig. 12 at its start: shell, frame and one rotor, with what turns about what."""
+    """Draw the ball of Fig. 12 at its start: shell, frame and one rotor, and their axes."""
     scene = paper_scene(_SCENE)
     ball, rates = scene.ball, [float(drive.rate(0.0)) for drive in scene.drives]
     caption = (
@@ -128,7 +128,7 @@ def figure3() -> Figure:
 
 
 def figure4() -> Figure:
-    """The same ball after a while on the plane: the axes of space and of the frame."""
+    """Draw the ball of Fig. 12 after a while on the plane: the axes of space and of the frame."""
     scene, times = paper_scene(_SCENE), sample_times(_ROLLED)
     theory, engine = integrate(scene, times), engine_motion(scene, times)
     frame, a = rotation_matrix(theory.attitude[-1]), scene.ball.radius
@@ -175,7 +175,7 @@ def figure4() -> Figure:
 
 
 def _posed(scene: Scene, motion: Motion, time: float) -> dict[str, _Solid]:
-    """The bodies of a scene's ball as its motion has them at a time [s], in radii."""
+    """Return the bodies of a scene's ball as its motion has them at a time [s], in radii."""
     track, looks = track_of(motion), looks_of(scene.ball)
     stands = track.stands(track.at(np.array([time])))
     return {
@@ -185,7 +185,7 @@ def _posed(scene: Scene, motion: Motion, time: float) -> dict[str, _Solid]:
 
 
 def _draw_ball(axes: Axes, bodies: Mapping[str, _Solid], centre: Array) -> None:
-    """The bodies, the shell see-through."""
+    """Draw the bodies, the shell see-through."""
     place = _VIEW.place(centre)
     axes.add_patch(Circle(place, 1.0, facecolor="#DCE6EF", edgecolor="none", zorder=1))
     _draw_solid(axes, _VIEW, list(bodies.values()))
@@ -196,7 +196,7 @@ def _draw_ball(axes: Axes, bodies: Mapping[str, _Solid], centre: Array) -> None:
 
 
 def _draw_arrow(axes: Axes, begin: Array, end: Array, colour: str) -> None:
-    """An arrow in space, from (3,) to (3,)."""
+    """Draw an arrow in space, from (3,) to (3,)."""
     axes.annotate(
         "",
         _VIEW.place(end),
@@ -208,7 +208,7 @@ def _draw_arrow(axes: Axes, begin: Array, end: Array, colour: str) -> None:
 
 
 def _draw_turning(axes: Axes, begin: Array, along: Array, colour: str) -> None:
-    """An arrow from a point (3,) along an axis (3,), and one about it for the sense of turning."""
+    """Draw an arrow from a point (3,) along an axis (3,), and one about it for its sense."""
     _draw_arrow(axes, begin, begin + along, colour)
     axis = along / np.linalg.norm(along)
     side = np.cross(axis, _VIEW.axes[2])
@@ -221,7 +221,7 @@ def _draw_turning(axes: Axes, begin: Array, along: Array, colour: str) -> None:
 
 
 def _draw_name(axes: Axes, name: str, point: Array, away: Array, colour: str = INK) -> None:
-    """A name beside a point (3,), on the side that turns away from another (3,)."""
+    """Draw a name beside a point (3,), on the side that turns away from another (3,)."""
     out = _VIEW.places(point - away)
     x, y = _VIEW.places(point) + 0.13 * out / np.linalg.norm(out)
     axes.text(
@@ -231,7 +231,7 @@ def _draw_name(axes: Axes, name: str, point: Array, away: Array, colour: str = I
 
 
 def _draw_floor(axes: Axes, points: Array) -> None:
-    """The plane's square grid under points (n, 2)."""
+    """Draw the plane's square grid under points (n, 2)."""
     low, high = np.floor(points.min(axis=0)) - 1.0, np.ceil(points.max(axis=0)) + 1.0
     for axis in (0, 1):
         for at in np.arange(low[axis], high[axis] + 0.5):
@@ -241,9 +241,9 @@ def _draw_floor(axes: Axes, points: Array) -> None:
 
 
 def _outermost(body: _Solid, centre: Array, axis: Array) -> Array:
-    """A point (3,) of a body's surface that is farthest out in the picture, across an axis (3,).
+    """Return the point (3,) of a body's surface that is farthest out, across an axis (3,).
 
-    Of the two, on either side, the one nearer to the viewer.
+    There is one on either side in the picture; the one nearer to the viewer is taken.
     """
     points = body.corners.reshape(-1, 3)
     out = (points - centre) @ np.cross(axis, _VIEW.axes[2])
@@ -252,18 +252,16 @@ def _outermost(body: _Solid, centre: Array, axis: Array) -> Array:
 
 
 def _draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None:
-    """Names on a ring around the ball, each towards its point (3,), no two too near.
+    """Write names on a ring around the ball, each in the direction of its point (3,).
 
-    The shell is everywhere: its name is where most room is left. C stands at the centre.
+    The shell is everywhere, so its name is where most room is left. C stands at the centre.
     """
     middle = _VIEW.places(centre)
     places = {name: _VIEW.places(point) for name, point in anchors.items()}
-    angles = spread({name: _angle_of(place - middle) for name, place in places.items()})
-    free = widest_gap(list(angles.values()))
-    places["shell"], angles["shell"] = middle + direction(free), free
-    for name, angle in angles.items():
-        out = direction(angle)
-        line = np.stack([places[name], middle + (_NAMES_AT - 0.04) * out])
+    free = np.array([np.cos(_FREE), np.sin(_FREE)])
+    for name, place in {**places, "shell": middle + free}.items():
+        out = (place - middle) / np.linalg.norm(place - middle)
+        line = np.stack([place, middle + (_NAMES_AT - 0.04) * out])
         axes.plot(*line.T, color=INK, linewidth=0.8, zorder=7)
         across = "left" if out[0] > 0.2 else "right" if out[0] < -0.2 else "center"
         along = "center" if across != "center" else "bottom" if out[1] > 0 else "top"
@@ -280,29 +278,3 @@ def _draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None
         path_effects=halo(),
     )
     axes.set(xlim=(middle[0] - 2.1, middle[0] + 2.1), ylim=(middle[1] - 1.55, middle[1] + 1.55))
-
-
-def _angle_of(place: Array) -> float:
-    return float(np.arctan2(place[1], place[0]))
-
-
-def direction(angle: float) -> Array:
-    return np.array([np.cos(angle), np.sin(angle)])
-
-
-def spread(angles: Mapping[str, float]) -> dict[str, float]:
-    """The angles [rad] moved until neighbours on the circle are at least APART."""
-    order = sorted(angles, key=lambda name: angles[name])
-    moved = np.array([angles[name] for name in order])
-    for _ in range(200):
-        short = np.maximum(APART - np.diff(np.append(moved, moved[0] + 2 * np.pi)), 0.0) / 2
-        moved += np.roll(short, 1) - short
-    return dict(zip(order, moved.tolist(), strict=True))
-
-
-def widest_gap(angles: list[float]) -> float:
-    """The middle [rad] of the widest free stretch of a circle."""
-    taken = np.sort(np.mod(angles, 2 * np.pi))
-    gaps = np.diff(np.append(taken, taken[0] + 2 * np.pi))
-    widest = int(np.argmax(gaps))
-    return float(taken[widest] + gaps[widest] / 2)

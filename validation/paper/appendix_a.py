@@ -7,12 +7,11 @@ import numpy as np
 from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import INNER, MOTION, RUBBER, largest, rate, seen
+from validation.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import Ball, Body, moments
-from validation.paper.section_3_1 import MOMENTUM
+from validation.paper.point_masses import MASSES, Ball, Body, moments
+from validation.paper.section_3 import MOMENTUM
 
-_MASSES = "point masses"
 _CENTRE = np.zeros(3)
 
 
@@ -20,13 +19,13 @@ _CENTRE = np.zeros(3)
 
 
 def _shell_axes(angle: float) -> Array:
-    """Φ(t): from the shell's axes at φ = 0 to those of the frame."""
+    """Return Φ(t): from the shell's axes at φ = 0 to those of the frame."""
     cos, sin = np.cos(angle), np.sin(angle)
     return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _in_the_shells_axes(twist: float) -> Residual:
-    """u + aΓ×w and (w, Γ) of (A.1), with w by differences of the shell's attitude.
+    """Compute u + aΓ×w and (w, Γ) of (A.1), with w by differences of the shell's attitude.
 
     That attitude is MuJoCo's frame's, turned by P = RΦ of its hinge's angle; R = E, for the axis
     is e_z.
@@ -43,7 +42,7 @@ def _in_the_shells_axes(twist: float) -> Residual:
 
 
 def _turned_angular_velocity(twist: float) -> Residual:
-    """ω̂α = dα/dt in the frame's axes, with ω̂ = PŵPᵀ + ṖPᵀ of random rates.
+    """Compare ω̂α with dα/dt in the frame's axes, with ω̂ = PŵPᵀ + ṖPᵀ of random rates.
 
     As printed, PᵀŵP + PᵀṖ is tried for either sense of P, and the better one counts.
     """
@@ -65,7 +64,7 @@ def _turned_angular_velocity(twist: float) -> Residual:
 
 
 def _without(ball: Ball, *kept: str) -> Ball:
-    """The ball with the mass of all bodies but those kept taken away."""
+    """Return the ball with the mass of all bodies but those kept taken away."""
 
     def light(body: Body, name: str) -> Body:
         return body if name in kept else replace(body, masses=0 * body.masses)
@@ -75,7 +74,10 @@ def _without(ball: Ball, *kept: str) -> Ball:
 
 
 def _shell_energy(twist: float) -> Residual:
-    """Σ mu²/2 of the shell beside m_sv²/2 + (ω, RI_sRᵀω)/2 - J_s(ω, Ω), less that at v = ω = 0."""
+    """Compare Σ mu²/2 of the shell with m_sv²/2 + (ω, RI_sRᵀω)/2 - J_s(ω, Ω).
+
+    Less their values at v = ω = 0.
+    """
     worst = 0.0
     for moment in moments(81):
         w, v, shell = moment.omega, moment.v, _without(moment.ball, "shell")
@@ -87,7 +89,7 @@ def _shell_energy(twist: float) -> Residual:
 
 
 def _frame_and_rotor_energy(twist: float) -> Residual:
-    """Σ mu²/2 of frame and rotors beside mv²/2 + (ω, I_fω)/2 + Σ (ω + φ̇n, j(ω + φ̇n))/2.
+    """Compare Σ mu²/2 of frame and rotors with mv²/2 + (ω, I_fω)/2 + Σ (ω + φ̇n, j(ω + φ̇n))/2.
 
     The rotors' centres are the ball's, as the paper has them.
     """
@@ -104,7 +106,7 @@ def _frame_and_rotor_energy(twist: float) -> Residual:
 
 
 def _gyrostatic_momentum(twist: float) -> Residual:
-    """M of (3.1) with the k of (A.3) of three rotors, beside that of MuJoCo's bodies.
+    """Compare M of (3.1), where k is by (A.3) of three rotors, with that of MuJoCo's bodies.
 
     Twisted, without the third.
     """
@@ -126,7 +128,7 @@ def _gyrostatic_momentum(twist: float) -> Residual:
 
 
 def _steiner_terms(twist: float) -> Residual:
-    """Σ m(r²E - r⊗r) of all points, beside the sum over the bodies' own centres.
+    """Compare Σ m(r²E - r⊗r) of all points with the sum over the bodies' own centres.
 
     With μ(c²E - c⊗c) of the rotors' centres, and without as printed.
     """
@@ -161,15 +163,15 @@ CLAIMS = (
         "the sign of Ṗ",
         printed="ω̂ = PᵀŵP + PᵀṖ",
     ),
-    Claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", _shell_energy, _MASSES, "the sign of J_s"),
-    Claim("App. A", "T_f and T_i", _frame_and_rotor_energy, _MASSES, "the sign of φ̇"),
+    Claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", _shell_energy, MASSES, "the sign of J_s"),
+    Claim("App. A", "T_f and T_i", _frame_and_rotor_energy, MASSES, "the sign of φ̇"),
     Claim("E20, App. A", "μ_i is the rotor's mass, not m_i", "a name: nothing to compute"),
     Claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors", _gyrostatic_momentum, MOTION, "one rotor"),
     Claim(
         "E21, (A.3)",
         "I = RI_sRᵀ + I_f + Σ j + Steiner's terms",
         _steiner_terms,
-        _MASSES,
+        MASSES,
         "the sign of c²",
         printed="I = RI_sRᵀ + I_f + Σ j",
     ),

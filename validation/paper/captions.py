@@ -1,4 +1,4 @@
-"""The numbers that the paper's captions print, and the motions that they start."""
+"""The numbers printed by the paper's captions, and the motions that start from them."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,7 +9,7 @@ from numpy import sqrt
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import NAME, largest, seen
+from validation.paper.engine_ball import NAME, largest, seen
 from validation.paper.formulas import Numbers, cross, paper_scene
 
 
@@ -23,38 +23,37 @@ class _Caption:
 
 
 def _from_rest(K3: float, *axes: tuple[float, ...]) -> _Caption:
-    """Figs 5 to 8."""
+    """Return the start of one of Figs 5 to 8."""
     n = f.with_A((0.5, 0.4, 0.3), np.array([4.0, 2.0, 1.0]), np.array([0.0, 0.0, K3]))
     return _Caption(n, np.array(axes), np.zeros(3))
 
 
 def line_ball(f3: float = 1.0) -> Numbers:
-    """Figs 9 and 10, with Ω₃ = f3 and K = (4, 5, 0)."""
+    """Return the ball of Figs 9 and 10, with Ω₃ = f3 and K = (4, 5, 0)."""
     return f.with_A((0.5, 0.3, 0.6), np.array([0.0, 0.0, f3]), np.array([4.0, 5.0, 0.0]))
 
 
 def near_sigma_plus(level: float) -> _Caption:
-    """Fig. 10: 0.01 e₃ from σ₊, with OX against M."""
+    """Return Fig. 10's start: 0.01 e₃ from σ₊, with OX against M."""
     n = line_ball()
     square = n.K @ n.K
     gamma = sqrt(square - level) / square * n.K + sqrt(level) / square * cross(n.K, n.Omega)
-    gamma = gamma + 0.01 * f.E[2]
-    gamma = gamma / np.linalg.norm(gamma)
+    gamma = f.unit(gamma + 0.01 * f.E[2])
     M = f.level(f.E[2], gamma)
     M = M * sqrt(level / (M @ M))
     return _laid_against(n, M, gamma)
 
 
 def _laid_against(n: Numbers, M: Array, gamma: Array) -> _Caption:
-    """With α = -M/√f of section 3.3."""
-    alpha = -M / np.linalg.norm(M)
+    """Return a start with α = -M/√f, as section 3.3 lays OX."""
+    alpha = -f.unit(M)
     return _Caption(n, np.array([alpha, cross(gamma, alpha), gamma]), M)
 
 
 def _on_the_section(
     A: tuple[float, float, float], K: tuple[float, ...], L: float, l: float
 ) -> _Caption:
-    """Figs 12 to 14: f = 25 and (L, l) at g = 0, by (5.5)."""
+    """Return the start of one of Figs 12 to 14: f = 25 and (L, l) at g = 0, by (5.5)."""
     n, root = f.with_A(A, np.array([0.0, 0.0, 2.0]), np.array(K)), sqrt(25 - L**2)
     M = np.array([root * np.sin(l), root * np.cos(l), L])
     gamma = np.array([L / 5 * np.sin(l), L / 5 * np.cos(l), -root / 5])
@@ -86,7 +85,7 @@ CAPTIONS = {
 
 
 def motion(caption: _Caption, times: Array, rtol: float = 1e-12) -> tuple[Array, Array]:
-    """γ (n, 3) and (X, Y) (n, 2) by (2.6), (2.7) and (3.2), by scipy."""
+    """Integrate (2.6), (2.7) and (3.2) by scipy; γ (n, 3) and (X, Y) (n, 2)."""
     n = caption.n
 
     def rate(x: Array) -> Array:
@@ -102,7 +101,7 @@ def motion(caption: _Caption, times: Array, rtol: float = 1e-12) -> tuple[Array,
 
 
 def _as_captioned(name: str, bound: float, twist: float) -> Residual:
-    """MuJoCo's contact point over 10 s, relative to the path, and γ, beside the caption's."""
+    """Compare MuJoCo's contact point, relative to the path, and γ over 10 s with the caption's."""
     caption, ball = CAPTIONS[name], seen(name)
     caption = replace(caption, n=replace(caption.n, Omega=twist * caption.n.Omega))
     gamma, path = motion(caption, ball.motion.times)
@@ -112,24 +111,27 @@ def _as_captioned(name: str, bound: float, twist: float) -> Residual:
 
 
 def orthonormal(name: str, twist: float) -> Residual:
-    """How far a caption's α, β and γ are from orthonormal; twisted, with another sign of γ₁."""
+    """Measure how far a caption's axes are from orthonormal; twisted, with another sign in γ."""
     axes = CAPTIONS[name].axes.copy()
     axes[2] *= [twist, 1.0, 1.0] if name.startswith("fig05") else [1.0, twist, 1.0]
     return Residual(off_orthonormal(axes), bound=1e-15)
 
 
 def off_orthonormal(axes: Array) -> float:
-    """The largest entry of SSᵀ - E."""
+    """Return the largest entry of SSᵀ - E."""
     return float(np.abs(axes @ axes.T - f.E).max())
 
 
 def place(name: str) -> str:
-    """Where the paper has it: "Fig. 5b" for "fig05b"."""
+    """Return the paper's name of a figure: "Fig. 5b" for "fig05b"."""
     return "Fig. " + name.removeprefix("fig").lstrip("0")
 
 
 def captioned_motion(name: str, bound: float) -> Claim:
-    """The motion of a figure; the bound is of RK4's error, which the turning rate sets."""
+    """Return the claim that a figure's motion starts as captioned.
+
+    The bound is that of RK4's error, which the turning rate sets.
+    """
     return Claim(
         place(name),
         "the motion that starts as its caption says",
@@ -140,7 +142,7 @@ def captioned_motion(name: str, bound: float) -> Claim:
 
 
 def starting_axes(name: str) -> Claim:
-    """That a caption's vectors are axes."""
+    """Return the claim that a caption's vectors are axes."""
     check = partial(orthonormal, name)
     return Claim(
         place(name), "the caption's α, β, γ are orthonormal", check, "arithmetic", "the sign of γ₂"

@@ -1,6 +1,6 @@
-"""A claim of the paper, what is computed about it, and the verdict that follows.
+"""A claim of the paper, the evidence computed about it, and the verdict that follows.
 
-Findings, as a table in the terminal and as JSON.
+Findings are shown as a table in the terminal and written as JSON.
 """
 
 import json
@@ -25,7 +25,7 @@ _Verdict = Literal["holds", "holds as corrected", "does not reproduce", "not che
 
 @dataclass(frozen=True)
 class Residual:
-    """How far a statement is from being true: zero, where it is.
+    """The error of a statement: zero, where it is true.
 
     corrected: by the statement as it should be, `bound` the most that computing it may leave;
     printed: by the paper's own form where that is a misprint; all in `unit`.
@@ -130,7 +130,7 @@ class Section:
 
 @dataclass(frozen=True)
 class _Finding:
-    """What became of a claim; evidence is words where there are no numbers."""
+    """The verdict on a claim; evidence is words where there are no numbers."""
 
     claim: Claim
     verdict: _Verdict
@@ -152,7 +152,7 @@ def examine(claim: Claim, twist: float = 1.0) -> _Finding:
 
 
 def verdict_on(evidence: Evidence) -> _Verdict:
-    """The verdict: a misprint is one only if the printed form fails where the corrected holds."""
+    """Return the verdict: of a misprint the printed form fails and the corrected one holds."""
     # Not a number is no agreement, and for a printed form no refutation either.
     if isinstance(evidence, AtLeast):
         return "holds" if evidence.measured >= evidence.bound else "does not reproduce"
@@ -205,7 +205,7 @@ def show_findings(parts: Sequence[Part], console: Console) -> None:
 
 
 def _table_of(part: Part) -> Table:
-    """The findings of a section."""
+    """Return the findings of a section as a table."""
     table = Table("place", "what is checked", "verdict", box=box.SIMPLE_HEAD, expand=True)
     table.padding, table.show_edge, table.pad_edge = (0, 0), False, False
     table.columns[0].width, table.columns[1].ratio, table.columns[2].width = _PLACE, 1, _VERDICT
@@ -222,13 +222,13 @@ def _table_of(part: Part) -> Table:
 
 
 def summary(parts: Sequence[Part]) -> str:
-    """How many claims met which verdict."""
+    """Return how many claims met which verdict."""
     counts = Counter(each.verdict for part in parts for each in part.findings)
     return ", ".join(f"{verdict}: {counts[verdict]}" for verdict in get_args(_Verdict))
 
 
 def _record(title: str, finding: _Finding) -> dict[str, Any]:
-    """One finding as plain data; numbers that are not finite are None."""
+    """Return one finding as plain data; numbers that are not finite are None."""
     claim, evidence = finding.claim, finding.evidence
     numbers = {} if isinstance(evidence, str) else asdict(evidence)
     return {
@@ -250,7 +250,7 @@ def _record(title: str, finding: _Finding) -> dict[str, Any]:
 
 
 def write_findings(path: Path, parts: Sequence[Part]) -> None:
-    """The records and the versions that they depend on."""
+    """Write the records and the versions that they depend on, as JSON."""
     claims = [_record(part.title, each) for part in parts for each in part.findings]
     content = {"versions": versions(), "claims": claims}
     text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)

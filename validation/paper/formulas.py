@@ -1,9 +1,8 @@
-"""The paper's formulas, typed a second time, with matrices, and what a check needs of them.
+"""The paper's formulas, typed a second time, with matrices, and the tools that the checks share.
 
-Nothing here comes from robotball.equations: these are what its motions are held against. A vector
-is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are corrected where a name says E….
-
-The catalog's scenes of the paper, for what the paper says of them.
+Nothing here comes from robotball.equations, because robotball's motions are compared with these
+formulas. A vector is (3,), a matrix (3, 3), in frame axes; SI units. Misprints are corrected where
+a name says E….
 """
 
 import warnings
@@ -24,7 +23,7 @@ E = np.eye(3)
 
 @dataclass(frozen=True)
 class Numbers:
-    """What the equations know of a ball: I and A (3, 3), d, a; Ω, K and their rates (3,)."""
+    """The constants of a ball's equations: I and A (3, 3), d, a; Ω, K and their rates (3,)."""
 
     I: Array
     d: float
@@ -50,31 +49,36 @@ class Numbers:
 
 
 def numbers(p: Parameters) -> Numbers:
-    """Those of a scene, in principal axes."""
+    """Return the numbers of a scene's parameters, in principal axes."""
     return Numbers(np.diag(p.I), p.d, np.array(p.Omega), np.array(p.K), p.a)
 
 
 def with_A(
     A: tuple[float, float, float], Omega: Array, K: Array, d: float = 0.5, a: float = 1.0
 ) -> Numbers:
-    """A ball with this diagonal A; d matters in the classical model only."""
+    """Return a ball with this diagonal A; d matters in the classical model only."""
     return Numbers(np.diag(1 / np.array(A) - d), d, np.array(Omega), np.array(K), a)
 
 
 def cross(u: Array, v: Array) -> Array:
-    """u × v, faster than NumPy's; of complex numbers too."""
+    """Return u × v, faster than NumPy's; of complex numbers too."""
     return np.array(
         [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
     )
 
 
+def unit(v: Array) -> Array:
+    """Return v at length one."""
+    return v / np.linalg.norm(v)
+
+
 def hat(w: Array) -> Array:
-    """ŵ (3, 3) of section 2, with ŵα = α×w."""
+    """Return ŵ (3, 3) of section 2, with ŵα = α×w."""
     return np.array([[0.0, w[2], -w[1]], [-w[2], 0.0, w[0]], [w[1], -w[0], 0.0]])
 
 
 def turned_about(axis: Array, angle: float) -> Array:
-    """The rotation (3, 3) about a unit vector."""
+    """Return the rotation (3, 3) about a unit vector."""
     cosine, side = np.cos(angle), hat(axis).T
     return cosine * E + np.sin(angle) * side + (1 - cosine) * np.outer(axis, axis)
 
@@ -83,24 +87,24 @@ def turned_about(axis: Array, angle: float) -> Array:
 
 
 def contact_inertia(n: Numbers, gamma: Array) -> Array:
-    """Ĩ = I + ma²(γ²E - γ⊗γ), after (2.4)."""
+    """Return Ĩ = I + ma²(γ²E - γ⊗γ), after (2.4)."""
     return n.I + n.d * (gamma @ gamma * E - np.outer(gamma, gamma))
 
 
 def drive_torque(n: Numbers, omega: Array, gamma: Array) -> Array:
-    """W of (2.5)."""
+    """Return W of (2.5)."""
     turning = n.d * (omega @ gamma) * cross(gamma, n.Omega)
     return turning + n.d * cross(gamma, cross(n.Omega_rate, gamma)) - n.k_rate
 
 
 def gyroscopic_torque(n: Numbers, omega: Array, gamma: Array) -> Array:
-    """(Ĩω + k)×ω + ma²(ω - Ω, γ)γ×ω of (2.4)."""
+    """Return (Ĩω + k)×ω + ma²(ω - Ω, γ)γ×ω of (2.4)."""
     carried = cross(contact_inertia(n, gamma) @ omega + n.k, omega)
     return carried + n.d * ((omega - n.Omega) @ gamma) * cross(gamma, omega)
 
 
 def spin_torque(n: Numbers, omega: Array, gamma: Array) -> float:
-    """λ₀ of (2.5)."""
+    """Return λ₀ of (2.5)."""
     per_gamma = np.linalg.solve(contact_inertia(n, gamma), gamma)
     torque = gyroscopic_torque(n, omega, gamma) + drive_torque(n, omega, gamma)
     drive = n.Omega @ cross(gamma, omega) + n.Omega_rate @ gamma
@@ -108,26 +112,26 @@ def spin_torque(n: Numbers, omega: Array, gamma: Array) -> float:
 
 
 def acceleration(n: Numbers, omega: Array, gamma: Array, lambda_0: float) -> Array:
-    """dω/dt of (2.4)."""
+    """Return dω/dt of (2.4)."""
     torque = gyroscopic_torque(n, omega, gamma) + lambda_0 * gamma + drive_torque(n, omega, gamma)
     return np.asarray(np.linalg.solve(contact_inertia(n, gamma), torque), dtype=float)
 
 
 def rubber_velocity(n: Numbers, M: Array, gamma: Array) -> Array:
-    """ω of (3.2)."""
+    """Return ω of (3.2)."""
     A_gamma = n.A @ gamma
     Z = (n.Omega + n.A @ n.K) @ gamma / (A_gamma @ gamma)
     return n.A @ (cross(M, A_gamma) / (A_gamma @ gamma) - n.K + Z * gamma)
 
 
 def classical_velocity(n: Numbers, M: Array, gamma: Array) -> Array:
-    """ω of (3.3)."""
+    """Return ω of (3.3)."""
     Z = (n.A @ (M - n.K) - n.Omega) @ gamma / (1 / n.d - n.A @ gamma @ gamma)
     return n.A @ (M - n.K + Z * gamma)
 
 
 def from_rest(n: Numbers) -> Field:
-    """dγ/dt of (4.1), as a function of γ."""
+    """Return dγ/dt of (4.1), as a function of γ."""
 
     def rate(gamma: Array) -> Array:
         Z = (n.Omega + n.A @ n.K) @ gamma / (n.A @ gamma @ gamma)
@@ -140,7 +144,7 @@ Velocity = Callable[[Numbers, Array, Array], Array]
 
 
 def reduced(velocity: Velocity, n: Numbers) -> Field:
-    """d/dt of (M, γ) (6,) by (3.2) or (3.3)."""
+    """Return d/dt of (M, γ) (6,) by (3.2) or (3.3), as a function of both."""
 
     def rate(state: Array) -> Array:
         M, gamma = state[:3], state[3:]
@@ -150,11 +154,49 @@ def reduced(velocity: Velocity, n: Numbers) -> Field:
     return rate
 
 
+def velocity_of(classical: bool) -> Velocity:
+    """Return ω(M, γ) of a rolling model: (3.3) of the classical one, (3.2) of rubber."""
+    return classical_velocity if classical else rubber_velocity
+
+
+def unreduced(n: Numbers, rubber: bool) -> Field:
+    """Return d/dt of (ω, γ) (6,) by (2.4), with λ₀ of (2.5) if `rubber`, as a function of both."""
+
+    def rate(x: Array) -> Array:
+        spin = spin_torque(n, x[:3], x[3:]) if rubber else 0.0
+        return np.concatenate([acceleration(n, x[:3], x[3:], spin), cross(x[3:], x[:3])])
+
+    return rate
+
+
+def integral_gradients(M: Array, gamma: Array) -> Array:
+    """Return the gradients (3, 6) by (M, γ) of F₀ = γ²/2, F₁ = (M, γ) and F₂ = M²/2."""
+    zero = np.zeros(3)
+    return np.array([np.append(zero, gamma), np.append(gamma, M), np.append(M, zero)])
+
+
+def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float) -> float:
+    """Return Σ ∂(ρ dx/dt)/∂x / ρ at a state x = (M, γ) of the reduced equations [1/s].
+
+    ρ is (Aγ,γ) to a power, or 1/d - (Aγ,γ) if classical. With the power -1/2 they are the densities
+    of Remark 5.
+    """
+
+    def weight(x: Array) -> Array:
+        A_gamma_gamma = n.A @ x[3:] @ x[3:]
+        return np.asarray((1 / n.d - A_gamma_gamma if classical else A_gamma_gamma) ** power)
+
+    rate = reduced(velocity_of(classical), n)
+    state = np.concatenate([M, gamma])
+    return float(np.trace(jacobian(lambda x: weight(x) * rate(x), state)) / weight(state))
+
+
 # What is done with them ----------------------------------------------------------------------
 
 
 def followed(field: Field, start: Array, times: Array, rtol: float = 1e-12) -> Array:
-    """States (n, k) at the times (n,) of an autonomous system, by scipy."""
+    """Integrate an autonomous system by scipy; states (n, k) at the times (n,)."""
+    # DOP853 has the highest order of scipy's explicit methods, which tight tolerances ask for.
     found = solve_ivp(
         lambda _, x: field(x),
         (float(times[0]), float(times[-1])),
@@ -168,7 +210,7 @@ def followed(field: Field, start: Array, times: Array, rtol: float = 1e-12) -> A
 
 
 def returns(field: Field, start: Array, normal: Array, duration: float, rtol: float) -> Array:
-    """States (m, k) in which (x - start, normal) passes 0 upwards again, by scipy."""
+    """Find the states (m, k) in which (x - start, normal) passes 0 upwards again, by scipy."""
 
     def ahead(_: float, x: Array) -> float:
         return float((x - start) @ normal)
@@ -185,35 +227,42 @@ def returns(field: Field, start: Array, normal: Array, duration: float, rtol: fl
     )
     assert found.t_events is not None
     assert found.y_events is not None
+    # The start itself is on the plane and may be found as a passage.
     return np.asarray(found.y_events[0][found.t_events[0] > 1e-3]).reshape(-1, len(start))
 
 
 def slope(field: Field, at: Array, along: Array) -> Array:
-    """The derivative of a rational function at a point along a direction, by a complex step."""
+    """Return the derivative of a rational function along a direction, by a complex step."""
+    # A complex step subtracts nothing, so it can be as small as this and is exact to rounding.
     return np.imag(field(at + 1e-30j * along)) / 1e-30
 
 
 def jacobian(field: Field, at: Array) -> Array:
-    """∂field/∂x (k, k)."""
+    """Return ∂field/∂x (k, k)."""
     return np.stack([slope(field, at, e) for e in np.eye(len(at))], axis=1)
 
 
 def across(gamma: Array) -> Array:
-    """Two unit vectors (2, 3) across γ and each other."""
-    first = cross(gamma, E[np.argmin(np.abs(gamma))])
-    first = first / np.linalg.norm(first)
+    """Return two unit vectors (2, 3) across γ and each other."""
+    first = unit(cross(gamma, E[np.argmin(np.abs(gamma))]))
     return np.stack([first, cross(gamma, first)])
 
 
+def sigma(n: Numbers, angle: Array | float) -> Array:
+    """Return points (..., 3) of Σ¹, the circle (Ω,γ) = 0, at angles (...,) [rad]."""
+    first, second = across(unit(n.Omega))
+    return np.multiply.outer(np.cos(angle), first) + np.multiply.outer(np.sin(angle), second)
+
+
 def eigenvalues(field: Field, gamma: Array) -> Array:
-    """Those (2,) of a field on the sphere at its zero γ, by real part."""
+    """Return the eigenvalues (2,) of a field on the sphere at its zero γ, by real part."""
     basis = across(gamma)
     values = np.linalg.eigvals(basis @ jacobian(field, gamma) @ basis.T).astype(complex)
     return values[np.argsort(values.real)]
 
 
 def zeros(field: Field, starts: int = 400) -> list[Array]:
-    """The isolated zeros (3,) of a field on the sphere that Newton's method finds from everywhere.
+    """Find the isolated zeros (3,) of a field on the sphere, by Newton's method from everywhere.
 
     Where the zeros fill a curve, some of its points come along.
     """
@@ -222,10 +271,10 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
         for _ in range(30):
             basis = across(gamma)
             linear = basis @ jacobian(field, gamma) @ basis.T
+            # On a curve of zeros `linear` is singular; the shortest step goes across the curve.
             step = np.linalg.lstsq(linear, basis @ field(gamma), rcond=1e-13)[0]
             length = float(np.linalg.norm(step))
-            gamma = gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300))
-            gamma = gamma / np.linalg.norm(gamma)
+            gamma = unit(gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300)))
             if length < 1e-13:
                 break
         at_rest = np.linalg.norm(field(gamma)) < 1e-12
@@ -235,8 +284,9 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
 
 
 def sphere(count: int) -> Array:
-    """Points (count, 3) spread evenly over the unit sphere, along a spiral."""
+    """Return points (count, 3) spread evenly over the unit sphere, along a spiral."""
     i = np.arange(count) + 0.5
+    # π(3 - √5) is the golden angle: points of neighbouring turns never line up.
     z, turn = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
     return np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], 1)
 
@@ -253,30 +303,38 @@ class _State:
     gamma: Array
     M: Array
 
+    def momentum(self, classical: bool) -> Array:
+        """Return M of a rolling model: any if classical, horizontal in the rubber one."""
+        return self.M if classical else level(self.M, self.gamma)
+
 
 def states(seed: int, count: int = 100) -> Iterator[_State]:
-    """Random ones: I of a body, Ω and K of either sign; ω and M any, (M, γ) ≠ 0."""
+    """Yield random states: I of a body, Ω and K of either sign; ω and M any, (M, γ) ≠ 0."""
     random = np.random.default_rng(seed)
     for _ in range(count):
         Omega, K, Omega_rate, k_rate, omega, M, gamma = random.normal(size=(7, 3))
+        # Any three moments from 0.5 to 1 satisfy the triangle inequality of a body.
         I = np.diag(random.uniform(0.5, 1.0, 3))
         n = Numbers(I, random.uniform(0.2, 2.0), Omega, K, 1.0, Omega_rate, k_rate)
-        yield _State(n, omega, gamma / np.linalg.norm(gamma), M)
+        yield _State(n, omega, unit(gamma), M)
 
 
 def still(n: Numbers) -> Numbers:
-    """The same with constant rates."""
+    """Return the ball with constant rates."""
     return replace(n, Omega_rate=np.zeros(3), k_rate=np.zeros(3))
 
 
 def level(v: Array, gamma: Array) -> Array:
-    """The horizontal part of v."""
+    """Return the horizontal part of v."""
     return v - (v @ gamma) * gamma
 
 
 @cache
 def paper_scene(name: str) -> Scene:
-    """A scene of the catalog; that its ball cannot be built is a claim of its own, no warning."""
+    """Load a scene of the catalog, without its warnings.
+
+    Whether its ball can be built is a claim of its own.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SceneWarning)
         return load_scene(name)

@@ -1,6 +1,7 @@
 """Statements that are ours and not the paper's.
 
-Balances, symmetries and sums; which balls exist; the numbers of the motions of its figures.
+Balances, symmetries and sums; the balls that can be built; the numbers of the motions of its
+figures.
 """
 
 from dataclasses import replace
@@ -12,13 +13,7 @@ from scipy.integrate import cumulative_simpson
 from robotball import InputError, sample_times, simulate
 from robotball.designing import masses_allowed
 from robotball.engines.ensembles.orbits import kernel_start
-from robotball.qualitative.basins import (
-    CHAOS,
-    TORUS,
-    Basins,
-    basins,
-    level_points,
-)
+from robotball.qualitative.basins import CHAOS, TORUS, Basins, basins, level_points
 from robotball.qualitative.cycles import Cycle, monodromy_of, nearest
 from robotball.qualitative.long_run import Drift, drift, exponents
 from robotball.qualitative.sections import section
@@ -29,12 +24,12 @@ from robotball.scene import along_momentum
 from validation.paper import formulas as f
 from validation.paper.captions import line_ball
 from validation.paper.claim import Check, Claim, Residual, Value
-from validation.paper.engine import CLASSICAL, MOTION, RUBBER, largest, seen
+from validation.paper.engine_ball import CLASSICAL, MOTION, RUBBER, largest, seen
 from validation.paper.formulas import Numbers, Velocity, cross, paper_scene
-from validation.paper.point_masses import Ball, Body, moments
-from validation.paper.section_3_1 import MOMENTUM, energies
-from validation.paper.section_4_2_points import cycle, with_K3
-from validation.paper.section_5_1_lines import line
+from validation.paper.point_masses import MASSES, Ball, Body, moments
+from validation.paper.section_3 import MOMENTUM, energies
+from validation.paper.section_4_2 import cycle, four_fewer
+from validation.paper.section_5_1 import line
 from validation.paper.section_5_2 import F, andoyer
 from validation.paper.section_5_3 import LONG, chaotic, regular, settled, starts
 
@@ -42,14 +37,14 @@ from validation.paper.section_5_3 import LONG, chaotic, regular, settled, starts
 
 
 def _turned_momentum(twist: float) -> Residual:
-    """M×γ, M from MuJoCo's bodies, beside the horizontal part of L = Ĩω + K + d(Ω,γ)γ."""
+    """Compare M×γ, M from MuJoCo's bodies, with the horizontal part of L = Ĩω + K + d(Ω,γ)γ."""
     ball = seen(RUBBER)
     L = ball.of(lambda n, w, g: f.level(f.contact_inertia(n, g) @ w + n.K, g))
     return Residual(largest(twist * np.cross(ball.momentum, ball.gamma) - L), 2e-7, unit=MOMENTUM)
 
 
 def _energy_balance(name: str, bound: float, twist: float) -> Residual:
-    """E(t) - E(0) along MuJoCo's motion, beside ∫ -(Ω, (A⁻¹ω + K)×ω) dt."""
+    """Compare E(t) - E(0) along MuJoCo's motion with ∫ -(Ω, (A⁻¹ω + K)×ω) dt."""
     ball = seen(name)
 
     def power(n: Numbers, omega: Array, _: Array) -> float:
@@ -62,7 +57,7 @@ def _energy_balance(name: str, bound: float, twist: float) -> Residual:
 
 
 def _full_rates(n: Numbers, velocity: Velocity, M: Array, gamma: Array) -> Array:
-    """dM/dt, dγ/dt and (Ẋ, Ẏ) of section 3.3 (8,)."""
+    """Return dM/dt, dγ/dt and (Ẋ, Ẏ) of section 3.3 (8,)."""
     omega, c = velocity(n, M, gamma), M @ gamma
     size = np.sqrt(M @ M - c * c)
     shell = n.a * (omega - n.Omega) / size
@@ -71,13 +66,13 @@ def _full_rates(n: Numbers, velocity: Velocity, M: Array, gamma: Array) -> Array
 
 
 def _reversal(classical: bool, twist: float) -> Residual:
-    """The rates at (Dγ, ∓DM), beside minus the images of those at (γ, M), if Ωᵢ = Kᵢ = 0."""
+    """Compare the rates at (Dγ, ∓DM) with minus the images of those at (γ, M), if Ωᵢ = Kᵢ = 0."""
     worst, sign = 0.0, 1.0 if classical else -1.0
-    velocity = f.classical_velocity if classical else f.rubber_velocity
+    velocity = f.velocity_of(classical)
     D = np.array([1.0, -twist, 1.0])
     for state in f.states(91):
         n = replace(f.still(state.n), Omega=state.n.Omega * [1, 0, 1], K=state.n.K * [1, 0, 1])
-        M = state.M if classical else f.level(state.M, state.gamma)
+        M = state.momentum(classical)
         here = _full_rates(n, velocity, M, state.gamma)
         there = _full_rates(n, velocity, sign * D * M, D * state.gamma)
         off = np.concatenate([there[:3] + sign * D * here[:3], there[3:6] + D * here[3:6]])
@@ -86,10 +81,10 @@ def _reversal(classical: bool, twist: float) -> Residual:
 
 
 def _mirror(twist: float) -> Residual:
-    """The rates at (-γ, -M): those of M, γ turned round, Ẋ the same and Ẏ turned round."""
+    """Compare the rates at (-γ, -M) with those at (γ, M): of M, γ and Y the sign is the other."""
     worst = 0.0
     for state in f.states(92):
-        n, M = f.still(state.n), f.level(state.M, state.gamma)
+        n, M = f.still(state.n), state.momentum(classical=False)
         here = _full_rates(n, f.rubber_velocity, M, state.gamma)
         there = _full_rates(n, f.rubber_velocity, -M, -state.gamma)
         image = here * [*[-1.0] * 6, 1.0, -twist]
@@ -98,27 +93,30 @@ def _mirror(twist: float) -> Residual:
 
 
 def _own_mirror_image(twist: float) -> Residual:
-    """How far -γ, -M of Fig. 11a's cycle are from it: they cross g = π where γ, M cross g = 0."""
+    """Measure how far -γ, -M of Fig. 11a's cycle are from it.
+
+    They cross g = π where γ, M cross g = 0.
+    """
     cycle = settled()[0]
     away = nearest(-twist * points(cycle), points(cycle, g=np.pi if twist == 1 else 0.3))
     return Residual(float(away.max()), bound=3e-13)
 
 
 def points(cycle: Cycle, g: float = 0.0) -> Array:
-    """γ and M/|M| side by side (4, 6) at four crossings of a periodic orbit."""
+    """Return γ and M/|M| side by side (4, 6) at four crossings of a periodic orbit."""
     through = section(regular(), cycle.attitude[None], cycle.momentum[None], count=4, g=g)
     return level_points(through.attitudes, cycle.momentum[None])[0]
 
 
 def _sum_on_a_cycle(twist: float) -> Residual:
-    """ln det of the monodromy of Fig. 11a's cycle, beside ∫ -(Aγ, γ×Ω)/(Aγ,γ) dt."""
+    """Compare ln det of the monodromy of Fig. 11a's cycle with ∫ -(Aγ, γ×Ω)/(Aγ,γ) dt."""
     cycle = settled()[0]
     _, monodromy, volume = monodromy_of(regular(), cycle.attitude, cycle.momentum, cycle.period)
     return Residual(float(np.log(np.linalg.det(monodromy))) - twist * volume, bound=2e-13)
 
 
 def _sum_on_straight_lines(twist: float) -> Residual:
-    """The eigenvalues near classical motions with ω = 0, beside (Aγ, γ×Ω)/(1/d - (Aγ,γ))."""
+    """Compare the eigenvalues near classical motions with ω = 0 with (Aγ, γ×Ω)/(1/d - (Aγ,γ))."""
     ball, off = paper_scene(CLASSICAL).parameters, 0.0
     n = f.numbers(ball)
     for gamma in np.array([[0.6, 0.48, 0.64], [-0.8, 0.36, -0.48], [0.48, -0.8, 0.36]]):
@@ -130,7 +128,7 @@ def _sum_on_straight_lines(twist: float) -> Residual:
 
 
 def _straight_classical(twist: float) -> Residual:
-    """Where MuJoCo's classical ball, from M = K + d(Ω,γ)γ, is after 5 s, beside a|γ×Ω|t."""
+    """Compare the way of MuJoCo's classical ball, from M = K + d(Ω,γ)γ, in 5 s with a|γ×Ω|t."""
     scene, gamma = paper_scene(CLASSICAL), np.array([0.6, 0.48, 0.64])
     n = f.numbers(scene.parameters)
     M = n.K + twist * n.d * (n.Omega @ gamma) * gamma
@@ -141,7 +139,7 @@ def _straight_classical(twist: float) -> Residual:
 
 
 def _one_way(twist: float) -> Residual:
-    """How many of 64 orbits of Fig. 11b cross g = 0 in one direction only, in 1000 crossings.
+    """Count how many of 64 orbits of Fig. 11b cross g = 0 in one direction only, in 1000 crossings.
 
     An orbit may keep to one direction for a while: two of these do for 50 crossings. Twisted, in
     the first 5.
@@ -153,7 +151,7 @@ def _one_way(twist: float) -> Residual:
 
 
 def _without_angles(twist: float) -> Residual:
-    """(M×γ)₃ beside -√(f - L²) sin g, by (5.5) at random L, l and g."""
+    """Compare (M×γ)₃ with -√(f - L²) sin g, by (5.5) at random L, l and g."""
     random, worst = np.random.default_rng(94), 0.0
     for _ in range(100):
         L, l, g = random.uniform(-5, 5), *random.uniform(0, 2 * np.pi, 2)
@@ -237,7 +235,7 @@ _UNBUILDABLE = ("fig05b", "fig05c", "fig05d", "fig06", "fig07", "fig08", "fig10"
 
 
 def _triangle_inequality(twist: float) -> Residual:
-    """d ≤ Σb - 2 max b, b = 1/a, says for how many of 1000 I = b - d wrongly if a body has it."""
+    """Count how often d ≤ Σb - 2 max b, b = 1/a, is wrong about I = b - d being that of a body."""
     random = np.random.default_rng(5)
     wrong = 0
     for _ in range(1000):
@@ -248,7 +246,7 @@ def _triangle_inequality(twist: float) -> Residual:
 
 
 def _is_an_inertia(tensor: Array) -> bool:
-    """Whether a rigid body can have the inertia (3, 3)."""
+    """Return whether a rigid body can have the inertia (3, 3)."""
     try:
         check_inertia("body", tensor)
     except InputError:
@@ -257,7 +255,7 @@ def _is_an_inertia(tensor: Array) -> bool:
 
 
 def _mass_inside(twist: float) -> Residual:
-    """d ≥ Σb/5 and max b ≤ (2/5) Σb: for how many of 1000 clouds of masses within a not so."""
+    """Count the clouds of masses within for which not d ≥ Σb/5 and max b ≤ (2/5) Σb, of 1000."""
     random = np.random.default_rng(6)
     wrong = 0
     for _ in range(1000):
@@ -272,7 +270,7 @@ def _mass_inside(twist: float) -> Residual:
 
 
 def limits(name: str, share: float, least: float, most: float, twist: float) -> Residual:
-    """max b/Σb, Σb/5 and Σb - 2 max b of a figure's A, beside what is stated; relative."""
+    """Compare max b/Σb, Σb/5 and Σb - 2 max b of a figure's A with the stated ones; relative."""
     b = 1 / np.array(paper_scene(name).parameters.A)
     found = np.array([b.max() / b.sum(), *masses_allowed(np.diag(b), 1.0)])
     stated = np.array([share, least, twist * most])
@@ -280,7 +278,7 @@ def limits(name: str, share: float, least: float, most: float, twist: float) -> 
 
 
 def _buildable(twist: float) -> Residual:
-    """Of how many of the catalog's balls it is wrong which can be built."""
+    """Count the balls of the catalog that can be built though it says not, or the reverse."""
     inside, outside = (_BUILDABLE, _UNBUILDABLE) if twist == 1 else (_UNBUILDABLE, _BUILDABLE)
     wrong = sum(bool(beyond_the_shell(paper_scene(name).ball)) for name in inside)
     wrong += sum(not beyond_the_shell(paper_scene(name).ball) for name in outside)
@@ -288,14 +286,17 @@ def _buildable(twist: float) -> Residual:
 
 
 def _one_rotor(twist: float) -> Residual:
-    """K by Σ r×mu of balls with one rotor along K + (J_s + d)Ω at |K + (J_s + d)Ω|/j, beside K."""
+    """Compare K, by Σ r×mu of balls with one rotor, with the wanted one.
+
+    The rotor is along K + (J_s + d)Ω and turns at |K + (J_s + d)Ω|/j.
+    """
     random, worst = np.random.default_rng(7), 0.0
     for moment in moments(93, rotors=0):
         bare, wanted = moment.ball, random.normal(size=3)
         rotor = Body(np.full(4, 0.01), np.zeros((4, 3)), np.zeros(3), f.E[2])
         d = (bare.mass + rotor.mass) * bare.a**2
         needed = wanted + (bare.shell.moment(bare.shell.axis) + twist * d) * bare.Omega
-        axis = needed / np.linalg.norm(needed)
+        axis = f.unit(needed)
         points = 0.2 * np.concatenate([f.across(axis), -f.across(axis)])
         rate = float(np.linalg.norm(needed)) / (rotor.mass * 0.2**2)
         ball = Ball(
@@ -307,7 +308,7 @@ def _one_rotor(twist: float) -> Residual:
 
 
 def _limited(name: str, place: str, statement: str, *numbers: float) -> Claim:
-    """A row of a figure's limits."""
+    """Return the claim of a figure's limits."""
     return Claim(
         place,
         statement,
@@ -349,23 +350,18 @@ CLAIMS_BALLS = (
         "the other ones",
     ),
     Claim(
-        "(A.3)",
-        "one rotor along K + (J_s + d)Ω gives any K",
-        _one_rotor,
-        "point masses",
-        "the sign of d",
+        "(A.3)", "one rotor along K + (J_s + d)Ω gives any K", _one_rotor, MASSES, "the sign of d"
     ),
 )
 
 
 def _vanishing(K3: float, more: int, twist: float) -> Residual:
-    """How far the numbers of fixed points 1e-4 below and above K₃ are from `more` and four less."""
-    counts = [len(f.zeros(f.from_rest(with_K3(twist * K3 + side)), 200)) for side in (-1e-4, 1e-4)]
-    return Residual(abs(counts[0] - more) + abs(counts[1] - more + 4), bound=0, unit="points off")
+    """Measure how far the counts of fixed points beside K₃ are from `more` and four less."""
+    return four_fewer(twist * K3, 1e-4, more, 200)
 
 
 def _cycle_period(K3: float, stated: float, twist: float) -> Value:
-    """The period of the only limit cycle of a figure."""
+    """Compute the period of the only limit cycle of a figure."""
     found = cycle(K3, 2 * stated)
     period = found.period if found else float("nan")
     return Value(
@@ -374,7 +370,7 @@ def _cycle_period(K3: float, stated: float, twist: float) -> Value:
 
 
 def _saddle_foci(twist: float) -> Residual:
-    """How many of the four lines at f = 3 are no saddle-foci: a real rate, a pair of other sign.
+    """Count the lines at f = 3 that are no saddle-foci: a real rate, a pair of other sign.
 
     Twisted, at f = 2.
     """
@@ -387,7 +383,7 @@ def _saddle_foci(twist: float) -> Residual:
 
 
 def _limit_for_any_turning(twist: float) -> Residual:
-    """Whether σ₋ is stable below and unstable above 16/7.69, at Ω₃ = 0.5, 1, 2 and 4."""
+    """Count the Ω₃ of 0.5, 1, 2, 4 at which σ₋ is not stable below and unstable above 16/7.69."""
     wrong = 0
     for Omega3 in (0.5, 1.0, 2.0, 4.0):
         n = line_ball(Omega3)
@@ -398,24 +394,24 @@ def _limit_for_any_turning(twist: float) -> Residual:
 
 
 def period(twist: float) -> Value:
-    """The period of Fig. 11a's periodic orbit."""
+    """Compute the period of Fig. 11a's periodic orbit."""
     return Value(float(settled()[0].period), twist * 8.74326, bound=1e-5, unit="s")
 
 
 def _multiplier(twist: float) -> Value:
-    """The modulus of its multipliers, a complex pair."""
+    """Compute the modulus of the periodic orbit's multipliers, a complex pair."""
     found = float(np.abs(settled()[0].multipliers).max())
     return Value(found, twist * 0.92816, bound=1e-5)
 
 
 @cache
 def reached() -> Basins:
-    """Where 64 starts of Fig. 11a end up."""
+    """Find where 64 starts of Fig. 11a end up."""
     return basins(regular(), *starts(64))
 
 
 def _attracting_cycles(twist: float) -> Value:
-    """How many periodic orbits attract, of 64 starts; what else attracts must be a torus.
+    """Count the periodic orbits that attract, of 64 starts; what else attracts must be a torus.
 
     Twisted, of 8 starts of Fig. 11b.
     """
@@ -425,7 +421,10 @@ def _attracting_cycles(twist: float) -> Value:
 
 
 def _one_torus(twist: float) -> Residual:
-    """How far the mean velocities of all starts that reach a torus are apart; twisted, of all."""
+    """Measure how far the mean velocities of all starts that reach a torus are apart.
+
+    Twisted, of all.
+    """
     attitudes, momenta = starts(64)
     chosen = reached().labels == TORUS if twist == 1 else slice(None)
     along = drift(regular(), attitudes[chosen], momenta[chosen], 2e4, 3000.0).velocities
@@ -434,7 +433,10 @@ def _one_torus(twist: float) -> Residual:
 
 
 def _classical_exponent(twist: float) -> Value:
-    """λ₁ of the classical ball with Fig. 14's numbers and c = 3; twisted, of the rubber one."""
+    """Compute λ₁ of the classical ball with Fig. 14's numbers and c = 3.
+
+    Twisted, of the rubber one.
+    """
     ball = paper_scene(CLASSICAL).parameters if twist == 1 else chaotic()
     found = exponents(ball, *starts(16, c=3.0 if twist == 1 else 0.0), 1e4)
     return Value(found.mean[0], corrected=0.34, bound=5e-3, unit="1/s")  # ± 0.001
@@ -442,7 +444,7 @@ def _classical_exponent(twist: float) -> Value:
 
 @cache
 def _drift_of(name: str) -> Drift:
-    """The mean motion of a figure's contact point; of Fig. 12 over whole periods."""
+    """Return the mean motion of a figure's contact point; of Fig. 12 over whole periods."""
     if name == "fig14":
         return drift(chaotic(), *starts(16), LONG)
     duration = 1000 * settled()[0].period if name == "fig12" else LONG
@@ -450,12 +452,12 @@ def _drift_of(name: str) -> Drift:
 
 
 def _drift_along(name: str, stated: float, bound: float, twist: float) -> Value:
-    """Along OX = -M/√f."""
+    """Compute the drift along OX = -M/√f."""
     return Value(float(_drift_of(name).mean[0]), twist * stated, bound=bound, unit="m/s")
 
 
 def _drift_across(twist: float) -> Residual:
-    """Along OY, in Figs 12, 13 and 14, the largest; twisted, along OX."""
+    """Compute the drift along OY in Figs 12, 13 and 14, the largest; twisted, along OX."""
     index = 1 if twist == 1 else 0
     across = [float(_drift_of(name).mean[index]) for name in ("fig12", "fig13", "fig14")]
     # Fig. 14's is a mean of chaos: the standard error is 1.3e-3.
@@ -463,16 +465,13 @@ def _drift_across(twist: float) -> Residual:
 
 
 def number(place: str, statement: str, check: Check, means: str) -> Claim:
-    """A row whose statement is a number; twisted, the number by a hundredth."""
+    """Return a claim whose statement is a number; twisted, the number by a hundredth."""
     return Claim(place, statement, check, means, "the number, by a hundredth", control=1.01)
 
 
 CLAIMS_NUMBERS = (
     number(
-        "4.2",
-        "|κ₁| = 1 at K₃ = 0.51503: Δ disappears",
-        partial(_vanishing, 0.51503, 10),
-        "search",
+        "4.2", "|κ₁| = 1 at K₃ = 0.51503: Δ disappears", partial(_vanishing, 0.51503, 10), "search"
     ),
     number(
         "4.2", "|κ₂| = 1 at K₃ = 2.08207: Θ disappears", partial(_vanishing, 2.08207, 6), "search"

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotball.rotations import Array
-from validation.paper.formulas import Numbers, across, cross
+from validation.paper.formulas import Numbers, across, cross, unit
 
+MASSES = "point masses"  # as a claim's means
 _RING = 6  # points: three and more make it dynamically symmetric
 
 
@@ -27,7 +28,7 @@ class Body:
     rate_rate: float = 0.0
 
     def moment(self, axis: Array) -> float:
-        """Σ m r² about an axis through its centre."""
+        """Return Σ m r² about an axis through its centre."""
         away = self.points - np.outer(self.points @ axis, axis)
         return float(self.masses @ (away * away).sum(axis=1))
 
@@ -60,7 +61,7 @@ class Ball:
 
     @property
     def numbers(self) -> Numbers:
-        """By (A.3), with the Steiner terms (E21): k = Σ jφ̇n - J_sΩ, K = k - dΩ."""
+        """The numbers by (A.3) with the Steiner terms of E21: k = Σ jφ̇n - J_sΩ, K = k - dΩ."""
         d, J_s = self.mass * self.a**2, self.shell.moment(self.shell.axis)
         Omega_rate = -self.shell.rate_rate * self.shell.axis
         k, k_rate = -J_s * self.Omega, -J_s * Omega_rate
@@ -71,7 +72,7 @@ class Ball:
         return Numbers(self.inertia(np.zeros(3)), d, self.Omega, K, self.a, Omega_rate, k_rate)
 
     def inertia(self, about: Array) -> Array:
-        """Σ m(r²E - r⊗r) (3, 3) about a point."""
+        """Return Σ m(r²E - r⊗r) (3, 3) about a point."""
         total = np.zeros((3, 3))
         for body in self.bodies:
             for mass, r in zip(body.masses, body.centre + body.points - about, strict=True):
@@ -79,7 +80,7 @@ class Ball:
         return total
 
     def momenta(self, v: Array, omega: Array) -> tuple[Array, Array, float]:
-        """Σ mu, Σ r×mu about the centre, and Σ mu²/2, at the velocities of the points."""
+        """Return Σ mu, Σ r×mu about the centre, and Σ mu²/2, at the velocities of the points."""
         p, G, T = np.zeros(3), np.zeros(3), 0.0
         for body in self.bodies:
             own = omega + body.rate * body.axis
@@ -90,7 +91,7 @@ class Ball:
         return p, G, T
 
     def rates(self, v: Array, omega: Array, v_rate: Array, omega_rate: Array) -> Array:
-        """Σ m du/dt and Σ r×m du/dt (6,), with v and ω changing at these rates in frame axes."""
+        """Return Σ m du/dt and Σ r×m du/dt (6,) for these rates of v and ω in frame axes."""
         total = np.zeros(6)
         for body in self.bodies:
             own = omega + body.rate * body.axis
@@ -104,7 +105,7 @@ class Ball:
         return total
 
     def turned(self, time: float) -> "Ball":
-        """With its shell and rotors where they are after a time at their rates."""
+        """Return the ball with its shell and rotors turned on for a time at their rates."""
 
         def body(each: Body) -> Body:
             along = np.outer(each.points @ each.axis, each.axis)
@@ -117,7 +118,7 @@ class Ball:
 
 @dataclass(frozen=True)
 class Rolled:
-    """What makes a ball of point masses roll: dω/dt, dv/dt, the force λ and the torque λ₀."""
+    """The accelerations, force and torque of a rolling point-mass ball: dω/dt, dv/dt, λ and λ₀."""
 
     omega_rate: Array
     v_rate: Array
@@ -126,7 +127,7 @@ class Rolled:
 
 
 def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> Rolled:
-    """By Newton and Euler's equations of all points with d/dt of (2.1), and of (2.2) if `rubber`.
+    """Solve Newton and Euler's equations with d/dt of (2.1), and of (2.2) if `rubber`.
 
     The plane pushes with λ at -aγ and twists with λ₀ about γ; the weight is left out, which acts
     at the centre.
@@ -163,16 +164,16 @@ class Moment:
 
 
 def moments(seed: int, count: int = 20, rotors: int = 2, centred: bool = False) -> Iterator[Moment]:
-    """Random ones; rates change, rotors are off centre unless `centred`, v is any."""
+    """Yield random moments; rates change, rotors are off centre unless `centred`, v is any."""
     random = np.random.default_rng(seed)
     for _ in range(count):
         omega, gamma, v = random.normal(size=(3, 3))
         ball = _some_ball(random, rotors, 0.0 if centred else 0.3)
-        yield Moment(ball, omega, gamma / np.linalg.norm(gamma), v)
+        yield Moment(ball, omega, unit(gamma), v)
 
 
 def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> Ball:
-    """A random ball, its rotors so far off centre."""
+    """Return a random ball, its rotors so far off centre."""
     turning = [
         ring(random, 0.2, random.normal(size=3) * off_centre, random.normal(size=2) * [30.0, 10.0])
         for _ in range(rotors)
@@ -192,9 +193,8 @@ def _some_ball(random: np.random.Generator, rotors: int, off_centre: float) -> B
 
 
 def ring(random: np.random.Generator, radius: float, centre: Array, rates: Array) -> Body:
-    """A ring of points about a random axis."""
-    axis = random.normal(size=3)
-    axis /= np.linalg.norm(axis)
+    """Return a ring of points about a random axis."""
+    axis = unit(random.normal(size=3))
     angles = np.linspace(0.0, 2 * np.pi, _RING, endpoint=False)
     points = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1) @ across(axis)
     masses = np.full(_RING, random.uniform(0.01, 0.05))

@@ -1,4 +1,4 @@
-"""The introduction: what it says of Chaplygin's ball, and of the frame's axes."""
+"""Section 1, the introduction: Chaplygin's ball in both models, and the axes of the frame."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from robotball.rotations import Array
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import DRIVEN, NAME, RUBBER, largest, seen, seen_of
+from validation.paper.engine_ball import DRIVEN, NAME, RUBBER, largest, seen, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
 
 _TIMES = np.linspace(0.0, 20.0, 201)
@@ -16,23 +16,18 @@ _GAMMA = np.array([0.6, 0.48, 0.64])
 
 
 def chaplygin(A: tuple[float, float, float] = (0.8, 0.6, 0.7)) -> Numbers:
-    """A ball in which nothing turns."""
+    """Return a ball in which nothing turns."""
     return f.with_A(A, np.zeros(3), np.zeros(3), d=0.9)
 
 
 def rolling(n: Numbers, omega: Array, gamma: Array, rubber: bool) -> tuple[Array, Array]:
-    """ω and γ (201, 3) by (2.4), with λ₀ of (2.5) if `rubber`."""
-
-    def rate(x: Array) -> Array:
-        spin = f.spin_torque(n, x[:3], x[3:]) if rubber else 0.0
-        return np.concatenate([f.acceleration(n, x[:3], x[3:], spin), cross(x[3:], x[:3])])
-
-    found = f.followed(rate, np.concatenate([omega, gamma]), _TIMES)
+    """Integrate (2.4), with λ₀ of (2.5) if `rubber`; ω and γ (201, 3)."""
+    found = f.followed(f.unreduced(n, rubber), np.concatenate([omega, gamma]), _TIMES)
     return found[:, :3], found[:, 3:]
 
 
 def _kept_energy(twist: float) -> Residual:
-    """T = (ω, Iω)/2 + mv²/2 with v = -aγ×ω of a classical ball; d = ma²."""
+    """Compute the change of a classical ball's T = (ω, Iω)/2 + mv²/2, v = -aγ×ω; d = ma²."""
     n = chaplygin()
     omega, gamma = rolling(n, np.array([3.0, -2.0, 1.0]), _GAMMA, rubber=False)
     v = np.cross(gamma, omega)
@@ -41,28 +36,16 @@ def _kept_energy(twist: float) -> Residual:
 
 
 def _invariant_measure(twist: float) -> Residual:
-    """The divergence of ρ times (3.3) for Ω = K = 0, where ρ = (1/d - (Aγ,γ))^(-1/2)."""
+    """Compute the divergence of ρ times (3.3) for Ω = K = 0, where ρ = (1/d - (Aγ,γ))^(-1/2)."""
     worst = 0.0
     for state in f.states(11):
         n = replace(f.still(state.n), Omega=np.zeros(3), K=np.zeros(3))
-        worst = max(worst, abs(_divergence(n, state.M, state.gamma, -0.5 * twist)))
+        worst = max(worst, abs(f.divergence(n, state.M, state.gamma, True, -0.5 * twist)))
     return Residual(worst, bound=1e-14, unit="1/s")
 
 
-def _divergence(n: Numbers, M: Array, gamma: Array, power: float) -> float:
-    """Σ ∂(ρ dx/dt)/∂x / ρ of (3.3), with ρ a power of 1/d - (Aγ,γ)."""
-
-    def density(x: Array) -> Array:
-        return (1 / n.d - n.A @ x[3:] @ x[3:]) ** power
-
-    rate = f.reduced(f.classical_velocity, n)
-    state = np.concatenate([M, gamma])
-    linear = f.jacobian(lambda x: density(x) * rate(x), state)
-    return float(np.trace(linear) / density(state))
-
-
 def _euler(twist: float) -> Residual:
-    """M = cγ: γ of (2.4) beside Euler's γ' = γ×Aγ in the time ct/(1 - d(Aγ,γ)), c = 3."""
+    """Compare γ of (2.4) from M = cγ with Euler's γ' = γ×Aγ in the time ct/(1 - d(Aγ,γ)), c = 3."""
     n, c = chaplygin(), 3.0
     omega = np.linalg.solve(f.contact_inertia(n, _GAMMA), c * _GAMMA).astype(float)
     _, gamma = rolling(n, omega, _GAMMA, rubber=False)
@@ -72,7 +55,7 @@ def _euler(twist: float) -> Residual:
 
 
 def _rubber_energy(twist: float) -> Residual:
-    """(ω, A⁻¹ω)/2 of a rubber ball, for which (ω, γ) = 0."""
+    """Compute the change of (ω, A⁻¹ω)/2 of a rubber ball, for which (ω, γ) = 0."""
     n = chaplygin()
     omega, _ = rolling(n, f.level(np.array([3.0, -2.0, 1.0]), _GAMMA), _GAMMA, rubber=True)
     T = (omega @ (n.I + twist * n.d * f.E) * omega).sum(axis=1) / 2
@@ -80,7 +63,7 @@ def _rubber_energy(twist: float) -> Residual:
 
 
 def _same_tori(twist: float) -> Residual:
-    """The energy of a classical ball, (M, γ) = 0, along the motion of the rubber ball of E/d - A.
+    """Compute a classical ball's energy, (M, γ) = 0, along the motion of E/d - A's rubber ball.
 
     At equal γ and M, the rubber ball's being M×γ turned back: both then run on the same tori.
     """
@@ -95,7 +78,7 @@ def _same_tori(twist: float) -> Residual:
 
 
 def _autonomous(twist: float) -> Residual:
-    """γ of MuJoCo's ball from 3 s on, beside γ of one started there with its hinges at zero."""
+    """Compare γ of MuJoCo's ball from 3 s on with γ of one started there, its hinges at zero."""
     scene = paper_scene(RUBBER if twist == 1 else DRIVEN)
     whole = seen(scene.name, 10.0)
     i = int(np.searchsorted(whole.motion.times, 3.0 - 1e-9))

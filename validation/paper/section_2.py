@@ -1,12 +1,8 @@
-"""Section 2 up to the kinetic energy, by point masses and along MuJoCo's motion.
+"""Section 2: the system, its constraints and energy, and the equations of motion.
 
-Point masses leave rounding. MuJoCo at "balanced" leaves 2e-8 in 10 s, and the differences by which
-rates of ω and of the contact point are taken, 1e-6.
-
-Section 2 from the equations of motion on, by point masses and along MuJoCo's motion.
-
-Point masses leave rounding. MuJoCo at "balanced" leaves 2e-8 in 10 s, and the differences by which
-rates of ω and of the contact point are taken, 1e-6 and more.
+Checked by point masses, which leave rounding, and along MuJoCo's motion. MuJoCo at "balanced"
+leaves 2e-8 in 10 s, and the differences by which rates of ω and of the contact point are taken,
+1e-6 and more.
 """
 
 from collections.abc import Iterator
@@ -21,7 +17,7 @@ from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import (
+from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
     EACH,
@@ -35,16 +31,13 @@ from validation.paper.engine import (
     seen_of,
 )
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import Moment, Rolled, moments, rolled
-
-_MASSES = "point masses"
-
+from validation.paper.point_masses import MASSES, Moment, Rolled, moments, rolled
 
 # The system ----------------------------------------------------------------------------------
 
 
 def _mass_distribution(twist: float) -> Residual:
-    """The inertia of the point masses as shell and rotors turn on, in the axes of the frame."""
+    """Compute the inertia of the point masses as shell and rotors turn on, in the frame's axes."""
     worst = 0.0
     for moment in moments(21):
         ball = moment.ball.turned(0.3)
@@ -56,7 +49,7 @@ def _mass_distribution(twist: float) -> Residual:
 
 
 def _orthonormal(twist: float) -> Residual:
-    """SSᵀ = E after 10 s of (2.6) and dγ/dt = γ×ω, each integrated by itself, ω(t) any."""
+    """Compare SSᵀ with E after 10 s of (2.6) and dγ/dt = γ×ω, integrated one by one, ω(t) any."""
     swing = np.array([3.0, -2.0, 1.0])
 
     def turning(x: Array) -> Array:
@@ -70,7 +63,7 @@ def _orthonormal(twist: float) -> Residual:
 
 
 def _quasi_velocities(twist: float) -> Residual:
-    """dS/dt Sᵀ by differences of MuJoCo's attitude, beside its ω."""
+    """Compare dS/dt Sᵀ, by differences of MuJoCo's attitude, with its ω."""
     ball = seen(RUBBER)
     S = ball.axes.transpose(0, 2, 1)
     found = rate(S) @ S[INNER].transpose(0, 2, 1)
@@ -82,7 +75,7 @@ def _quasi_velocities(twist: float) -> Residual:
 
 
 def _no_slip(twist: float) -> Residual:
-    """(2.1): v + aγ×(ω - Ω)."""
+    """Compute v + aγ×(ω - Ω) of (2.1)."""
     worst = 0.0
     for ball in map(seen, EACH):
         rolled_on = ball.of(lambda n, w, gamma: n.a * cross(gamma, w - twist * n.Omega))[INNER]
@@ -91,7 +84,7 @@ def _no_slip(twist: float) -> Residual:
 
 
 def _no_spin(twist: float) -> Residual:
-    """(2.2): (ω - Ω, γ)."""
+    """Compute (ω - Ω, γ) of (2.2)."""
     off = [seen(name).of(lambda n, w, g: (w - twist * n.Omega) @ g) for name in (RUBBER, DRIVEN)]
     return Residual(float(np.abs(off).max()), bound=1e-7, unit="rad/s")
 
@@ -100,7 +93,7 @@ def _no_spin(twist: float) -> Residual:
 
 
 def _kinetic_energy(twist: float) -> Residual:
-    """Σ mu²/2 beside mv²/2 + (ω, Iω)/2 + (k, ω), less its value where v = ω = 0."""
+    """Compare Σ mu²/2 with mv²/2 + (ω, Iω)/2 + (k, ω), less its value where v = ω = 0."""
     worst = 0.0
     for moment in moments(22):
         ball, n, w, v = moment.ball, moment.ball.numbers, moment.omega, moment.v
@@ -111,7 +104,7 @@ def _kinetic_energy(twist: float) -> Residual:
 
 
 def _gyrostatic_momentum(twist: float) -> Residual:
-    """Σ r×mu beside Iω + k, where k = Σ jφ̇n - J_sΩ."""
+    """Compare Σ r×mu with Iω + k, where k = Σ jφ̇n - J_sΩ."""
     worst = 0.0
     for moment in moments(23):
         ball, n = moment.ball, moment.ball.numbers
@@ -122,36 +115,15 @@ def _gyrostatic_momentum(twist: float) -> Residual:
     return Residual(worst, bound=9e-15, unit="kg m²/s")
 
 
-CLAIMS_KINEMATICS = (
-    Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours"),
-    Claim(
-        "2",
-        "the inertia does not change in the frame's axes",
-        _mass_distribution,
-        _MASSES,
-        "the axes: the shell's",
-    ),
-    Claim("Remark 1", "α, β and γ stay orthonormal", _orthonormal, "scipy", "the sign of dβ/dt"),
-    Claim("2", "ω̂ = dS/dt Sᵀ", _quasi_velocities, MOTION, "the sign of ω̂"),
-    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", _no_slip, MOTION, "the sign of Ω"),
-    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", _no_spin, MOTION, "the sign of Ω"),
-    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", _kinetic_energy, _MASSES, "the sign of k"),
-    Claim("2", "k = Σ jφ̇n - J_sΩ", _gyrostatic_momentum, _MASSES, "the sign of J_s"),
-)
-
-
-_BY_MASSES = "point masses"
-
-
 def _plane_force(ball: Seen) -> Array:
-    """λ (n, 3) of MuJoCo's contact, without the part that carries the weight, in frame axes."""
+    """Return λ (n, 3) of MuJoCo's contact, without the weight's part, in frame axes."""
     in_space = ball.motion.loads.contact_force.copy()
     in_space[:, 2] = 0.0  # the centre stays at its height, so λ has no vertical part
     return np.einsum("nij,ni->nj", ball.axes, in_space)
 
 
 def _poincare_suslov(twist: float) -> Residual:
-    """(2.3), both lines: the rates of Iω + k and mv against MuJoCo's λ at -aγ and λ₀ about γ."""
+    """Compare both lines of (2.3), the rates of Iω + k and mv, with MuJoCo's λ at -aγ and λ₀."""
     worst = 0.0
     for ball in map(seen, EACH):
         n, force = ball.numbers[0], _plane_force(ball)
@@ -166,7 +138,7 @@ def _poincare_suslov(twist: float) -> Residual:
 
 
 def _without_gravity(twist: float) -> Residual:
-    """MuJoCo's path at 9.81 and at 3.7 m/s²; twisted, of a ball whose centre of mass is off."""
+    """Compare MuJoCo's paths at 9.81 and 3.7 m/s²; twisted, with the centre of mass off."""
     scene = paper_scene(RUBBER)
     if twist != 1:
         ball, off = scene.ball, np.array([0.0, 0.0, 1e-5])
@@ -178,7 +150,7 @@ def _without_gravity(twist: float) -> Residual:
 
 
 def _reaction(twist: float) -> Residual:
-    """λ after (2.3), with dω/dt by differences, beside MuJoCo's contact force."""
+    """Compare λ after (2.3), with dω/dt by differences, with MuJoCo's contact force."""
     worst = 0.0
     for ball in map(seen, EACH):
         omega_rate = rate(ball.omega)
@@ -198,7 +170,7 @@ def _reaction(twist: float) -> Residual:
 
 
 def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array, Rolled]]:
-    """Random point-mass balls, their numbers, ω with (2.2) if `rubber`, and how they roll."""
+    """Yield random point-mass balls, their numbers, ω with (2.2) if `rubber`, and how they roll."""
     for moment in moments(seed):
         n, omega = moment.ball.numbers, moment.omega
         if rubber:
@@ -207,7 +179,7 @@ def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array
 
 
 def _full_equations(rubber: bool, twist: float) -> Residual:
-    """dω/dt of (2.4), with the λ₀ that Newton and Euler give."""
+    """Compare dω/dt of (2.4), with the λ₀ that Newton and Euler give, with theirs."""
     worst = 0.0
     for moment, n, omega, expected in _by_masses(24, rubber):
         torque = f.gyroscopic_torque(n, omega, moment.gamma)
@@ -219,7 +191,7 @@ def _full_equations(rubber: bool, twist: float) -> Residual:
 
 
 def _driven_equations(twist: float) -> Residual:
-    """dω/dt of (2.4)-(2.5) beside differences of MuJoCo's ω, while the rates swing."""
+    """Compare dω/dt of (2.4)-(2.5) with differences of MuJoCo's ω, while the rates swing."""
     ball = seen(DRIVEN)
 
     def formula(n: Numbers, omega: Array, gamma: Array) -> Array:
@@ -229,7 +201,7 @@ def _driven_equations(twist: float) -> Residual:
 
 
 def _multiplier(twist: float) -> Residual:
-    """λ₀ of (2.5) beside the spin torque of Newton and Euler's equations."""
+    """Compare λ₀ of (2.5) with the spin torque of Newton and Euler's equations."""
     worst = 0.0
     for moment, n, omega, expected in _by_masses(25, rubber=True):
         change = twist * n.Omega_rate
@@ -239,14 +211,17 @@ def _multiplier(twist: float) -> Residual:
 
 
 def _contact_torque(twist: float) -> Residual:
-    """λ₀ of (2.5) beside the torque that MuJoCo's contact feels, while the rates swing."""
+    """Compare λ₀ of (2.5) with the torque that MuJoCo's contact feels, while the rates swing."""
     ball = seen(DRIVEN)
     off = twist * ball.of(f.spin_torque) - ball.motion.loads.spin_torque
     return Residual(largest(off), bound=6e-8, unit="N m")
 
 
 def _contact_inertia(twist: float) -> Residual:
-    """Ĩ, beside Σ m(r²E - r⊗r) about the contact point; as printed, γ² from each of its entries."""
+    """Compare Ĩ with Σ m(r²E - r⊗r) about the contact point.
+
+    As printed, γ² is taken from each of its entries.
+    """
     corrected = printed = 0.0
     for moment in moments(26):
         ball, n, gamma = moment.ball, moment.ball.numbers, moment.gamma
@@ -259,7 +234,7 @@ def _contact_inertia(twist: float) -> Residual:
 
 
 def _constraint_rate(twist: float) -> Residual:
-    """(Ĩω̇, Ĩ⁻¹γ) - (Ω, γ×ω) - (Ω̇, γ) of rubber balls of point masses, and + (Ω̇, γ)."""
+    """Compute (Ĩω̇, Ĩ⁻¹γ) - (Ω, γ×ω) - (Ω̇, γ) of rubber balls of point masses, and + (Ω̇, γ)."""
 
     def off(sign: float) -> float:
         worst = 0.0
@@ -274,7 +249,7 @@ def _constraint_rate(twist: float) -> Residual:
 
 
 def _reconstruction(twist: float) -> Residual:
-    """(2.6): the rates of α and β by differences of MuJoCo's attitude, beside α×ω and β×ω."""
+    """Compare the rates of α and β, by differences of MuJoCo's attitude, with (2.6)."""
     worst = 0.0
     for ball in map(seen, EACH):
         for axis in (ball.axes[:, 0], ball.axes[:, 1]):
@@ -284,7 +259,7 @@ def _reconstruction(twist: float) -> Residual:
 
 
 def contact_point(twist: float) -> Residual:
-    """(2.7): Ẋ and Ẏ by differences of MuJoCo's path, beside a(β, ω - Ω) and -a(α, ω - Ω)."""
+    """Compare Ẋ and Ẏ, by differences of MuJoCo's path, with (2.7): a(β, ω-Ω) and -a(α, ω-Ω)."""
     worst = 0.0
     for ball in map(seen, EACH):
         shell = ball.of(lambda n, w, _: n.a * (w - n.Omega))
@@ -295,7 +270,10 @@ def contact_point(twist: float) -> Residual:
 
 
 def _plane_symmetry(twist: float) -> Residual:
-    """ω, γ and the path of MuJoCo's ball turned by 0.7 rad about OZ; twisted, about OX."""
+    """Compare ω, γ and the path of MuJoCo's ball with those turned 0.7 rad about OZ.
+
+    Twisted, about OX.
+    """
     worst = 0.0
     for name in (RUBBER, CLASSICAL):
         scene, ball = paper_scene(name), seen(name)
@@ -312,7 +290,21 @@ def _plane_symmetry(twist: float) -> Residual:
     return Residual(worst, bound=3e-10, unit="rad/s, m")
 
 
-CLAIMS_EQUATIONS = (
+CLAIMS = (
+    Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours"),
+    Claim(
+        "2",
+        "the inertia does not change in the frame's axes",
+        _mass_distribution,
+        MASSES,
+        "the axes: the shell's",
+    ),
+    Claim("Remark 1", "α, β and γ stay orthonormal", _orthonormal, "scipy", "the sign of dβ/dt"),
+    Claim("2", "ω̂ = dS/dt Sᵀ", _quasi_velocities, MOTION, "the sign of ω̂"),
+    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", _no_slip, MOTION, "the sign of Ω"),
+    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", _no_spin, MOTION, "the sign of Ω"),
+    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", _kinetic_energy, MASSES, "the sign of k"),
+    Claim("2", "k = Σ jφ̇n - J_sΩ", _gyrostatic_momentum, MASSES, "the sign of J_s"),
     Claim(
         "(2.3)",
         "both lines, with the contact's λ and λ₀",
@@ -322,26 +314,24 @@ CLAIMS_EQUATIONS = (
     ),
     Claim("Remark 3", "gravity has no part", _without_gravity, MOTION, "the centre of mass"),
     Claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", _reaction, MOTION, "the sign of its last term"),
-    Claim(
-        "(2.4)", "classical: dω/dt", partial(_full_equations, False), _BY_MASSES, "the sign of W"
-    ),
-    Claim("(2.4)", "rubber: dω/dt", partial(_full_equations, True), _BY_MASSES, "the sign of W"),
+    Claim("(2.4)", "classical: dω/dt", partial(_full_equations, False), MASSES, "the sign of W"),
+    Claim("(2.4)", "rubber: dω/dt", partial(_full_equations, True), MASSES, "the sign of W"),
     Claim("(2.4)", "dω/dt while Ω and k change", _driven_equations, MOTION, "the sign of λ₀"),
     Claim(
         "E4, (2.4)",
         "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point",
         _contact_inertia,
-        _BY_MASSES,
+        MASSES,
         "the sign of γ²",
         printed="ma²(γ² - γ⊗γ), where I is …",
     ),
-    Claim("(2.5)", "λ₀, with Ω and k changing", _multiplier, _BY_MASSES, "the sign of Ω̇"),
+    Claim("(2.5)", "λ₀, with Ω and k changing", _multiplier, MASSES, "the sign of Ω̇"),
     Claim("(2.5)", "λ₀ is the torque of the contact", _contact_torque, MOTION, "the sign of λ₀"),
     Claim(
         "E3, (2.5)",
         "the rate of (2.2): … - (Ω̇, γ) = 0",
         _constraint_rate,
-        _BY_MASSES,
+        MASSES,
         "the sign of (Ω̇, γ)",
         printed="… + (Ω̇, γ) = 0",
     ),

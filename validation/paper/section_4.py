@@ -18,16 +18,16 @@ from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, captioned_motion, off_orthonormal, orthonormal
 from validation.paper.claim import Claim, Residual
-from validation.paper.engine import INNER, MOTION, Seen, largest, long, rate, seen, seen_of
+from validation.paper.engine_ball import INNER, MOTION, Seen, largest, long, rate, seen, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import moments
-from validation.paper.section_3_1 import MOMENTUM
+from validation.paper.point_masses import MASSES, moments
+from validation.paper.section_3 import MOMENTUM
 
 _SPIN_UP = "spin_up_from_rest"
 
 
 def _stays_at_rest(twist: float) -> Residual:
-    """|M| of MuJoCo's bodies, while Ω and K ramp up from 0; twisted, the classical M."""
+    """Compute |M| of MuJoCo's bodies, while Ω and K ramp up from 0; twisted, the classical M."""
     ball = seen(_SPIN_UP)
     M = ball.momentum
     if twist != 1:
@@ -36,14 +36,14 @@ def _stays_at_rest(twist: float) -> Residual:
 
 
 def _field_on_the_sphere(twist: float) -> Residual:
-    """dγ/dt by differences of MuJoCo's γ, beside (4.1)."""
+    """Compare dγ/dt, by differences of MuJoCo's γ, with (4.1)."""
     ball = seen("fig06")
     found = ball.of(lambda n, _, gamma: f.from_rest(replace(n, K=twist * n.K))(gamma))
     return Residual(largest(rate(ball.gamma) - found[INNER]), bound=2e-7, unit="1/s")
 
 
 def _path_from_rest(twist: float) -> Residual:
-    """dα/dt, dβ/dt, Ẋ and Ẏ of (4.2), with ω = A(Zγ - K), by differences of MuJoCo's motion."""
+    """Compare dα/dt, dβ/dt, Ẋ, Ẏ of (4.2), ω = A(Zγ - K), with differences of MuJoCo's motion."""
     ball = seen("fig06")
 
     def velocity(n: Numbers, _: Array, gamma: Array) -> Array:
@@ -64,7 +64,7 @@ def _path_from_rest(twist: float) -> Residual:
 
 
 def _gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
-    """Five random balls with Ω = 0, and a γ each."""
+    """Return five random balls with Ω = 0, and a γ each."""
     zero = np.zeros(3)
     return [
         (replace(f.still(each.n), Omega=zero, K=2 * each.n.K), each.gamma)
@@ -73,23 +73,20 @@ def _gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
 
 
 def _integral_without_turning(twist: float) -> Residual:
-    """The change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which know no M and no (4.1)."""
+    """Compute the change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which do not use (4.1)."""
     worst = 0.0
     for n, gamma in _gyrostats(41):
-
-        def rate_of(x: Array, n: Numbers = n) -> Array:
-            spin = f.spin_torque(n, x[:3], x[3:])
-            return np.append(f.acceleration(n, x[:3], x[3:], spin), cross(x[3:], x[:3]))
-
         start = np.append(f.rubber_velocity(n, np.zeros(3), gamma), gamma)
-        path = f.followed(rate_of, start, np.linspace(0.0, 20.0, 41), rtol=1e-10)[:, 3:]
+        path = f.followed(
+            f.unreduced(n, rubber=True), start, np.linspace(0.0, 20.0, 41), rtol=1e-10
+        )[:, 3:]
         kept = (path @ n.A @ n.K) ** 2 / ((path @ n.A * path).sum(axis=1)) ** twist
         worst = max(worst, float(np.ptp(kept)))
     return Residual(worst, bound=5e-8)
 
 
 def closed(twist: float) -> Residual:
-    """How near γ of (4.1) comes back to its start in 60 s, for Ω = 0; twisted, for Ω ≠ 0."""
+    """Measure how far from its start γ of (4.1) comes back in 60 s, Ω = 0; twisted, for Ω ≠ 0."""
     worst = 0.0
     for (n, gamma), other in zip(_gyrostats(42), f.states(43), strict=False):
         n = n if twist == 1 else replace(n, Omega=other.n.Omega)
@@ -101,7 +98,7 @@ def closed(twist: float) -> Residual:
 
 
 def _opposite_points(twist: float) -> Residual:
-    """dγ/dt at -γ is minus that at γ; twisted, at γ with one part reversed."""
+    """Compare dγ/dt at -γ with minus that at γ; twisted, at γ with one part reversed."""
     worst = 0.0
     for state in f.states(44):
         field, gamma = f.from_rest(state.n), state.gamma
@@ -131,14 +128,14 @@ FIG5 = CAPTIONS["fig05b"].n
 
 
 def integral(twist: float) -> Residual:
-    """The change of (Aγ,γ) along MuJoCo's motions of Figs 5b and 5c."""
+    """Compute the change of (Aγ,γ) along MuJoCo's motions of Figs 5b and 5c."""
     balls = [seen(name) for name in ("fig05b", "fig05c")]
     kept = [b.of(lambda n, _, g: n.A @ (g * [1.0, 1.0, twist]) @ g) for b in balls]
     return Residual(float(np.ptp(kept, axis=1).max()), bound=3e-8)
 
 
 def _needs_momentum(twist: float) -> Residual:
-    """K of point-mass balls without rotors, from Σ r×mu at ω = 0, beside -(J_s + d)Ω."""
+    """Compare K of point-mass balls without rotors, from Σ r×mu at ω = 0, with -(J_s + d)Ω."""
     worst = 0.0
     for moment in moments(45, rotors=0):
         ball, n = moment.ball, moment.ball.numbers
@@ -149,7 +146,9 @@ def _needs_momentum(twist: float) -> Residual:
 
 
 def _euler_case(twist: float) -> Residual:
-    """MuJoCo's γ of Fig. 5c beside Euler's top in the time ∫(Ω,γ)/(Aγ,γ) dt, by Jacobi's functions.
+    """Compare MuJoCo's γ of Fig. 5c with Euler's top in the time ∫(Ω,γ)/(Aγ,γ) dt.
+
+    Euler's top is given by Jacobi's functions.
 
     γ' = γ×Aγ with a₁ > a₂ > a₃ and γ closer to the first axis.
     """
@@ -170,7 +169,7 @@ def _euler_case(twist: float) -> Residual:
 
 
 def balls(seed: int, count: int = 200) -> list[Numbers]:
-    """Random ones with K = 0 and a₁ < a₂ < a₃, no Ωᵢ zero."""
+    """Return random balls with K = 0 and a₁ < a₂ < a₃, no Ωᵢ zero."""
     random = np.random.default_rng(seed)
     found = []
     for _ in range(count):
@@ -181,7 +180,7 @@ def balls(seed: int, count: int = 200) -> list[Numbers]:
 
 
 def _six_points(twist: float) -> Residual:
-    """Of the zeros of (4.1), but those with (Ω,γ) = 0: how many are not (4.4), or of it missing."""
+    """Count the zeros of (4.1) with (Ω,γ) ≠ 0 that are not (4.4), and those of (4.4) missing."""
     wrong = 0
     axes = np.concatenate([f.E, -f.E])
     for n in balls(46, 5):
@@ -193,8 +192,10 @@ def _six_points(twist: float) -> Residual:
 
 
 def _stability(twist: float) -> Residual:
-    """How many of Γ₁…Γ₆ are not as Prop. 1 has it: Γ₃,₄ with a growing direction, at the others
-    imaginary eigenvalues and (Aγ,γ) least or greatest.
+    """Count how many of Γ₁…Γ₆ are not as Prop. 1 has it.
+
+    It has a growing direction at Γ₃,₄; at the others imaginary eigenvalues, and (Aγ,γ) least or
+    greatest.
     """
     wrong = 0
     for n in balls(47):
@@ -210,7 +211,7 @@ def _stability(twist: float) -> Residual:
 
 @cache
 def _on_circle(index: int) -> Seen:
-    """Fig. 5's ball, started at Γ₁ or Γ₅ with α = -e₂ or e₂, rolled by MuJoCo."""
+    """Roll Fig. 5's ball by MuJoCo, started at Γ₁ or Γ₅ with α = -e₂ or e₂."""
     scene = paper_scene("fig05d")
     gamma, alpha = f.E[index], -f.E[1] if index == 0 else f.E[1]
     attitude = from_matrix(np.array([alpha, cross(gamma, alpha), gamma]))
@@ -218,7 +219,7 @@ def _on_circle(index: int) -> Seen:
 
 
 def _axes_at_5(twist: float) -> Residual:
-    """α = (sin, cos, 0) and β = (-cos, sin, 0) of Ω₃t + φ₀ at Γ₅, beside MuJoCo's."""
+    """Compare α = (sin, cos, 0) and β = (-cos, sin, 0) of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
     phase, zero = twist * FIG5.Omega[2] * ball.motion.times, 0 * ball.motion.times  # φ₀ = 0
     alpha = np.stack([np.sin(phase), np.cos(phase), zero], axis=1)
@@ -229,7 +230,7 @@ def _axes_at_5(twist: float) -> Residual:
 
 
 def _velocity_at_5(twist: float) -> Residual:
-    """Ẋ = aΩ₁cos - aΩ₂sin and Ẏ = aΩ₂cos + aΩ₁sin of Ω₃t + φ₀ at Γ₅, beside MuJoCo's."""
+    """Compare Ẋ = aΩ₁cos - aΩ₂sin and Ẏ = aΩ₂cos + aΩ₁sin of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
     Omega1, Omega2, Omega3 = FIG5.Omega
     phase = Omega3 * ball.motion.times[INNER]
@@ -239,7 +240,7 @@ def _velocity_at_5(twist: float) -> Residual:
 
 
 def circle(index: int, bound: float, twist: float) -> Residual:
-    """How far MuJoCo's contact point is from the circle of radius a√(Ωⱼ² + Ωₖ²)/|Ωᵢ| at Γ.
+    """Measure how far MuJoCo's contact point is from the circle of radius a√(Ωⱼ² + Ωₖ²)/|Ωᵢ| at Γ.
 
     The centre is that of the circle that fits best.
     """
@@ -255,32 +256,26 @@ def circle(index: int, bound: float, twist: float) -> Residual:
 # The circle Σ¹ -------------------------------------------------------------------------------
 
 
-def _on_sigma(n: Numbers, angle: float) -> Array:
-    """γ with (Ω,γ) = 0."""
-    first, second = f.across(n.Omega / np.linalg.norm(n.Omega))
-    return np.cos(angle) * first + np.sin(angle) * second
-
-
 def _side(n: Numbers, gamma: Array) -> float:
-    """(Aγ, γ×Ω): positive on Σ_s, negative on Σ_u."""
+    """Return (Aγ, γ×Ω): positive on Σ_s, negative on Σ_u."""
     return float(n.A @ gamma @ cross(gamma, n.Omega))
 
 
 def _filled_circle(twist: float) -> Residual:
-    """dγ/dt of (4.1) on (Ω,γ) = 0; twisted, with K."""
+    """Compute dγ/dt of (4.1) on (Ω,γ) = 0; twisted, with K."""
     worst = 0.0
     for i, n in enumerate(balls(48)):
-        at = _on_sigma(n, float(i))
+        at = f.sigma(n, float(i))
         n = n if twist == 1 else replace(n, K=f.E[2])
         worst = max(worst, float(np.abs(f.from_rest(n)(at)).max()))
     return Residual(worst, bound=1e-15, unit="1/s")
 
 
 def _sides(twist: float) -> Residual:
-    """Of how many points of Σ¹ the eigenvalue across has not the sign opposite to (Aγ, γ×Ω)."""
+    """Count the points of Σ¹ where the eigenvalue across has not the sign opposite to (Aγ, γ×Ω)."""
     wrong = 0
     for i, n in enumerate(balls(49)):
-        gamma = _on_sigma(n, float(i))
+        gamma = f.sigma(n, float(i))
         values = f.eigenvalues(f.from_rest(n), gamma).real
         across = values[np.argmax(np.abs(values))]  # along the circle it is 0
         wrong += bool(across * twist * _side(n, gamma) >= 0)
@@ -288,13 +283,13 @@ def _sides(twist: float) -> Residual:
 
 
 def _straight(twist: float) -> Residual:
-    """MuJoCo's ball of Fig. 5 on Σ_s: how far its path is from a straight one at a|Ω|.
+    """Measure how far MuJoCo's ball of Fig. 5 on Σ_s is from a straight path at a|Ω|.
 
     And how far its frame turns; twisted, with γ 0.01 rad off.
     """
     scene = paper_scene("fig05b")
-    angle = next(x for x in np.linspace(0, 6, 13) if _side(FIG5, _on_sigma(FIG5, x)) > 0.1)
-    gamma = _on_sigma(FIG5, angle)
+    angle = next(x for x in np.linspace(0, 6, 13) if _side(FIG5, f.sigma(FIG5, x)) > 0.1)
+    gamma = f.sigma(FIG5, angle)
     if twist != 1:
         gamma = f.turned_about(f.across(gamma)[0], 0.01) @ gamma
     alpha = f.across(gamma)[0]
@@ -306,13 +301,58 @@ def _straight(twist: float) -> Residual:
     return Residual(max(largest(off), largest(ball.omega)), bound=4e-10, unit="m, rad/s")
 
 
+def ends(twist: float) -> Residual:
+    """Compare the γ in which Fig. 5b's motion is after 60 s with Σ_s ∩ ζ.
+
+    Σ_s ∩ ζ: (Ω,γ) = 0, (Aγ,γ) that of the start, and (Aγ, γ×Ω) > 0. As printed it may be all over
+    Σ_s.
+    """
+    ball, start = long("fig05b", 60.0), CAPTIONS["fig05b"].axes[2]
+
+    def off_curve(angle: float) -> float:
+        gamma = f.sigma(FIG5, angle)
+        return float(FIG5.A @ gamma @ gamma - FIG5.A @ start @ start)
+
+    angles = np.linspace(0.0, 2 * np.pi, 201)
+    crossings = [(x, y) for x, y in pairwise(angles) if off_curve(x) * off_curve(y) < 0]
+    meeting = [f.sigma(FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
+    stable = [gamma for gamma in meeting if twist * _side(FIG5, gamma) > 0]
+    all_over = [gamma for x in angles if _side(FIG5, gamma := f.sigma(FIG5, x)) > 0]
+    near = min(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in stable)
+    far = max(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in all_over)
+    return Residual(float(near), bound=1e-6, printed=float(far))
+
+
+def _periodic(twist: float) -> Residual:
+    """Measure how far beside its start MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, comes back.
+
+    Twisted, of Fig. 5b.
+    """
+    ball = seen("fig05c" if twist == 1 else "fig05b", 60.0)
+    away = ball.gamma - ball.gamma[0]
+    distance = np.linalg.norm(away, axis=1)
+    later = int(np.argmax(distance > 0.1))
+    i = later + int(np.argmin(distance[later:]))
+    direction = (ball.gamma[1] - ball.gamma[0]) / distance[1]
+    # The samples on either side lie along the motion.
+    beside = away[i] - (away[i] @ direction) * direction
+    return Residual(float(np.linalg.norm(beside)), bound=4e-6)
+
+
+def _misprint(name: str, row: int, printed: tuple[float, ...], twist: float) -> Residual:
+    """Compute the largest entry of SSᵀ - E of a caption, corrected and printed."""
+    axes = CAPTIONS[name].axes.copy()
+    axes[row] = printed
+    return Residual(orthonormal(name, twist).corrected, 1e-15, off_orthonormal(axes))
+
+
 CLAIMS_4_1 = (
     Claim("4.1", "(Aγ,γ) stays", integral, MOTION, "the sign of a₃"),
     Claim(
         "Remark 7",
         "without a rotor K = -(J_s + d)Ω, not 0",
         _needs_momentum,
-        "point masses",
+        MASSES,
         "the sign of J_s",
     ),
     Claim("(4.3)", "in its time γ moves as Euler's top", _euler_case, MOTION, "dt, upside down"),
@@ -332,54 +372,6 @@ CLAIMS_4_1 = (
     Claim("4.1", "Σ¹ is a circle of fixed points", _filled_circle, "(4.1)", "K ≠ 0"),
     Claim("4.1", "stable where (Aγ, γ×Ω) > 0, unstable < 0", _sides, "eigenvalues", "the sign"),
     Claim("4.1", "on Σ¹ the frame rests, the path is straight", _straight, MOTION, "γ, by 0.01"),
-)
-
-
-def ends(twist: float) -> Residual:
-    """Where Fig. 5b's motion is after 60 s, beside Σ_s ∩ ζ; as printed it may be all over Σ_s.
-
-    Σ_s ∩ ζ: (Ω,γ) = 0, (Aγ,γ) that of the start, and (Aγ, γ×Ω) > 0.
-    """
-    ball, start = long("fig05b", 60.0), CAPTIONS["fig05b"].axes[2]
-
-    def off_curve(angle: float) -> float:
-        gamma = _on_sigma(FIG5, angle)
-        return float(FIG5.A @ gamma @ gamma - FIG5.A @ start @ start)
-
-    angles = np.linspace(0.0, 2 * np.pi, 201)
-    crossings = [(x, y) for x, y in pairwise(angles) if off_curve(x) * off_curve(y) < 0]
-    meeting = [_on_sigma(FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
-    stable = [gamma for gamma in meeting if twist * _side(FIG5, gamma) > 0]
-    all_over = [gamma for x in angles if _side(FIG5, gamma := _on_sigma(FIG5, x)) > 0]
-    near = min(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in stable)
-    far = max(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in all_over)
-    return Residual(float(near), bound=1e-6, printed=float(far))
-
-
-def _periodic(twist: float) -> Residual:
-    """How far beside its start MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, comes back.
-
-    Twisted, of Fig. 5b.
-    """
-    ball = seen("fig05c" if twist == 1 else "fig05b", 60.0)
-    away = ball.gamma - ball.gamma[0]
-    distance = np.linalg.norm(away, axis=1)
-    later = int(np.argmax(distance > 0.1))
-    i = later + int(np.argmin(distance[later:]))
-    direction = (ball.gamma[1] - ball.gamma[0]) / distance[1]
-    # The samples on either side lie along the motion.
-    beside = away[i] - (away[i] @ direction) * direction
-    return Residual(float(np.linalg.norm(beside)), bound=4e-6)
-
-
-def _misprint(name: str, row: int, printed: tuple[float, ...], twist: float) -> Residual:
-    """The largest entry of SSᵀ - E of a caption, corrected and printed."""
-    axes = CAPTIONS[name].axes.copy()
-    axes[row] = printed
-    return Residual(orthonormal(name, twist).corrected, 1e-15, off_orthonormal(axes))
-
-
-CLAIMS_4_1_ORBITS = (
     Claim("4.1", "ζ that misses Σ¹ is periodic", _periodic, MOTION, "ζ that meets Σ¹"),
     Claim(
         "E24, 4.1",

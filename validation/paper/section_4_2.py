@@ -1,24 +1,28 @@
-"""Section 4.2 up to the fixed points Δ and Θ: K = (0, 0, K₃), Γ₅,₆ and Proposition 2."""
+"""Section 4.2, motion from rest with K = (0, 0, K₃): Γ₅,₆ and Prop. 2, Δ and Θ, Figs 6 to 8."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
-from numpy import sqrt
+from numpy import arcsin, arctan2, pi, sqrt
+from scipy.optimize import brentq
 
+from robotball.qualitative.cycles import Cycle
+from robotball.qualitative.portraits import limit_cycles
 from robotball.rotations import Array
 from validation.paper import formulas as f
-from validation.paper.captions import CAPTIONS
-from validation.paper.claim import AtLeast, Claim, Residual
-from validation.paper.formulas import Numbers
+from validation.paper.captions import CAPTIONS, captioned_motion, starting_axes
+from validation.paper.claim import AtLeast, Claim, Evidence, Residual, Value
+from validation.paper.formulas import Numbers, paper_scene
 
 FIG6 = CAPTIONS["fig06"].n
+_DELTA, _THETA = 1, 0  # the index j of the γⱼ that is not zero, beside γ₃
 
 
 @cache
 def balls() -> tuple[Numbers, ...]:
-    """Random ones with K = (0, 0, K₃), numbers of either sign; |Ω₃| < 1, for E10's arcsin."""
+    """Return random balls with K = (0, 0, K₃); |Ω₃| < 1, so that the arcsin of E10 exists."""
     random = np.random.default_rng(51)
     found = []
     for _ in range(200):
@@ -29,13 +33,13 @@ def balls() -> tuple[Numbers, ...]:
 
 
 def _A1_A2(n: Numbers) -> tuple[float, float]:
-    """a₁a₃K₃ + (a₁ - a₃)Ω₃ and a₂a₃K₃ + (a₂ - a₃)Ω₃ of Prop. 2."""
+    """Return a₁a₃K₃ + (a₁ - a₃)Ω₃ and a₂a₃K₃ + (a₂ - a₃)Ω₃ of Prop. 2."""
     (a1, a2, a3), K3, Omega3 = n.moments, n.K[2], n.Omega[2]
     return a1 * a3 * K3 + (a1 - a3) * Omega3, a2 * a3 * K3 + (a2 - a3) * Omega3
 
 
 def _preserved(twist: float) -> Residual:
-    """Of how many of the six points (4.4) it is wrong that those with γ₃ = ±1 stay, and only they.
+    """Count the points of (4.4) that stay though γ₃ ≠ ±1, or do not stay though γ₃ = ±1.
 
     Twisted, with K along e₁.
     """
@@ -52,10 +56,11 @@ def _preserved(twist: float) -> Residual:
 
 
 def _taylor(n: Numbers, top: float) -> Array:
-    """Coefficients (2, 3, 3) of γ₁ⁱγ₂ʲ in dγ₁/dt and dγ₂/dt where γ₃ = top √(1 - γ₁² - γ₂²).
+    """Return coefficients (2, 3, 3) of γ₁ⁱγ₂ʲ in dγ₁/dt and dγ₂/dt where γ₃ = top √(1 - γ₁² - γ₂²).
 
     By Cauchy's integrals: the mean over circles of complex γ₁ and γ₂.
     """
+    # Aliasing is of the order of radius^count, rounding of 1e-16/radius² at second order.
     count, radius = 16, 0.05
     circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
     field = f.from_rest(n)
@@ -70,7 +75,10 @@ def _taylor(n: Numbers, top: float) -> Array:
 
 
 def _expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False) -> Array:
-    """Prop. 2's dγ₁/dt and dγ₂/dt to second order (2, 3, 3); its quadratic signs turn with γ₃."""
+    """Return Prop. 2's dγ₁/dt and dγ₂/dt to second order (2, 3, 3).
+
+    The quadratic signs turn with γ₃.
+    """
     (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
     A1, A2 = _A1_A2(n)
     terms = np.zeros((2, 3, 3))
@@ -90,7 +98,7 @@ _SECOND_ORDER = np.add.outer(np.arange(3), np.arange(3)) <= 2
 
 
 def _off_expansion(component: int, top: float, twist: float, printed: bool = False) -> float:
-    """The largest difference of a component's expansion from Taylor's, over 20 balls."""
+    """Return the largest difference of a component's expansion from Taylor's, over 20 balls."""
     return max(
         float(
             np.abs(
@@ -102,12 +110,12 @@ def _off_expansion(component: int, top: float, twist: float, printed: bool = Fal
 
 
 def _first_component(twist: float) -> Residual:
-    """dγ₁/dt = -A₂γ₂/a₃ - (a₂-a₃)(Ω₁γ₁γ₂ + Ω₂γ₂²)/a₃ at Γ₅."""
+    """Compare dγ₁/dt = -A₂γ₂/a₃ - (a₂-a₃)(Ω₁γ₁γ₂ + Ω₂γ₂²)/a₃ at Γ₅ with Taylor's."""
     return Residual(_off_expansion(0, 1.0, twist), bound=2e-14, unit="1/s")
 
 
 def _second_component(twist: float) -> Residual:
-    """dγ₂/dt = A₁γ₁/a₃ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²)/a₃ at Γ₅, and as printed."""
+    """Compute dγ₂/dt = A₁γ₁/a₃ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²)/a₃ at Γ₅, and as printed."""
     return Residual(
         _off_expansion(1, 1.0, twist),
         bound=2e-14,
@@ -117,15 +125,19 @@ def _second_component(twist: float) -> Residual:
 
 
 def _signs_at_6(twist: float) -> Residual:
-    """Both at Γ₆, where the quadratic terms have the other sign, and with those printed for Γ₆."""
+    """Compare both components at Γ₆, where the quadratic signs are the other ones, with Taylor's.
+
+    As printed, with Γ₅'s signs.
+    """
     corrected = max(_off_expansion(i, -1.0, twist) for i in (0, 1))
     printed = max(_off_expansion(i, -1.0, -1.0) for i in (0, 1))
     return Residual(corrected, bound=2e-14, printed=printed, unit="1/s")
 
 
 def kinds(twist: float) -> Residual:
-    """Of how many balls the eigenvalues at Γ₅ are not real of other signs iff A₁A₂ < 0, else
-    imaginary.
+    """Count the balls whose eigenvalues at Γ₅ are not as Prop. 2 says.
+
+    It says real of other signs if A₁A₂ < 0, else imaginary.
     """
     wrong = 0
     for n in balls():
@@ -145,7 +157,10 @@ class _Focus:
     growth: float
 
     def criterion(self, twist: float = 1.0) -> float:
-        """B/A₁, with B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²); twisted, with another sign in it."""
+        """Return B/A₁, with B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²).
+
+        Twisted, with another sign in it.
+        """
         (a1, a2, a3), (Omega1, Omega2, _) = self.n.moments, self.n.Omega
         A1, A2 = _A1_A2(self.n)
         B = Omega1 * Omega2 * ((a2 - a3) ** 2 * A1**2 - twist * (a1 - a3) ** 2 * A2**2)
@@ -154,7 +169,7 @@ class _Focus:
 
 @cache
 def _foci() -> tuple[_Focus, ...]:
-    """Those of 100 balls with A₁A₂ > 0.01 whose r changes by over 1e-10, by scipy."""
+    """Return those of 100 balls with A₁A₂ > 0.01 whose r changes by over 1e-10, by scipy."""
     found = []
     for n in balls()[:100]:
         A1, A2 = _A1_A2(n)
@@ -165,7 +180,7 @@ def _foci() -> tuple[_Focus, ...]:
 
 
 def growth_in_a_turn(n: Numbers, r: float) -> float:
-    """r of the next crossing of γ₂ = 0 on the same side, less r."""
+    """Return r of the next crossing of γ₂ = 0 on the same side, less r."""
     field = f.from_rest(n)
     start = np.array([r, 0.0, sqrt(1 - r * r)])
     # In a little more than the period of the linear part.
@@ -177,26 +192,26 @@ def growth_in_a_turn(n: Numbers, r: float) -> float:
 
 
 def wrong(criterion: Callable[[_Focus], float]) -> int:
-    """How many of the foci shrink in a turn where it is not negative, or the other way round."""
+    """Count the foci that shrink in a turn where `criterion` is not negative, or the reverse."""
     return sum((criterion(each) < 0) != (each.growth < 0) for each in _foci())
 
 
 def _stable_foci(twist: float) -> Residual:
-    """The focus is stable iff B/A₁ < 0, and > 0 as printed."""
+    """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
     corrected = wrong(lambda each: twist * each.criterion())
     printed = wrong(lambda each: -each.criterion())
     return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
 
 
 def _B_of_the_foci(twist: float) -> Residual:
-    """With B as corrected, and with the factor K₃ as printed."""
+    """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     corrected = wrong(lambda each: each.criterion(twist))
     printed = wrong(lambda each: each.n.K[2] * each.criterion())
     return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
 
 
 def _scaled(twist: float) -> Residual:
-    """x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂), beside Taylor's at Γ₅."""
+    """Compare x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂) with Taylor's at Γ₅."""
     worst = 0.0
     for focus in _foci()[:20]:
         n = focus.n
@@ -216,12 +231,209 @@ def _scaled(twist: float) -> Residual:
 
 
 def _no_circle(twist: float) -> AtLeast:
-    """The fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
+    """Compute the fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
     n = FIG6 if twist == 1 else CAPTIONS["fig05b"].n
-    first, second = f.across(n.Omega / np.linalg.norm(n.Omega))
-    angles = np.linspace(0.0, 2 * np.pi, 100)
-    rates = [f.from_rest(n)(np.cos(x) * first + np.sin(x) * second) for x in angles]
+    rates = [f.from_rest(n)(gamma) for gamma in f.sigma(n, np.linspace(0.0, 2 * np.pi, 100))]
     return AtLeast(float(np.linalg.norm(rates, axis=1).max()), bound=0.05, unit="1/s")
+
+
+# Δ and Θ ------------------------------------------------------------------------------------
+
+
+def with_K3(K3: float) -> Numbers:
+    """Return the ball of Figs 6 to 8 with another K₃."""
+    return f.with_A((0.5, 0.4, 0.3), FIG6.Omega, np.array([0.0, 0.0, K3]))
+
+
+def _kappa(n: Numbers, j: int, twist: float = 1.0) -> float:
+    """Return κ₁ (j = 1) or κ₂ (j = 0)."""
+    a, a3, Omega3 = n.moments[j], n.moments[2], n.Omega[2]
+    root = sqrt(n.Omega[j] ** 2 + Omega3**2)
+    return float(((a - a3) * Omega3 + twist * 2 * a * a3 * n.K[2]) / (root * (a3 - a)))
+
+
+def _nu(n: Numbers, j: int) -> float:
+    """Return ν₁ or ν₂ by E10: atan2(Ω₃, Ωⱼ)."""
+    return float(arctan2(n.Omega[2], n.Omega[j]))
+
+
+def _printed_nu(n: Numbers, j: int) -> float:
+    """Return arcsin(Ω₃²/√(Ωⱼ² + Ω₃²))."""
+    return float(arcsin(n.Omega[2] ** 2 / sqrt(n.Omega[j] ** 2 + n.Omega[2] ** 2)))
+
+
+def _angles(arc: float, shift: float) -> list[float]:
+    """Return φ of δ₁ to δ₄ or θ₁ to θ₄, with E11, where arc = arcsin κ and shift = ν."""
+    one, other = (arc - shift) / 2, -(arc + shift) / 2
+    return [one, one + pi, other + pi / 2, other + 3 * pi / 2]
+
+
+def _point(j: int, phi: float) -> Array:
+    """Return γⱼ = sin φ, γ₃ = cos φ."""
+    gamma = np.zeros(3)
+    gamma[j], gamma[2] = np.sin(phi), np.cos(phi)
+    return gamma
+
+
+def _speed(n: Numbers, j: int, phi: float) -> float:
+    """Return |dγ/dt| of (4.1)."""
+    return float(np.linalg.norm(f.from_rest(n)(_point(j, phi))))
+
+
+def _at_rest(j: int, twist: float) -> Residual:
+    """Compute the largest dγ/dt at δ₁…δ₄, or θ₁…θ₄, of random balls, with ν as printed too."""
+    corrected = printed = 0.0
+    for n in balls():
+        k, with_twist = _kappa(n, j), _kappa(n, j, twist)
+        if abs(k) < 1 and abs(with_twist) < 1:
+            for phi in _angles(arcsin(with_twist), _nu(n, j)):
+                corrected = max(corrected, _speed(n, j, phi))
+            for phi in _angles(arcsin(k), _printed_nu(n, j)):
+                printed = max(printed, _speed(n, j, phi))
+    return Residual(corrected, bound=3e-14, printed=printed, unit="1/s")
+
+
+def _theta_3(twist: float) -> Residual:
+    """Compute the largest dγ/dt at θ₃, for -(arcsin κ₂ + ν₂)/2 + π/2, and times π as printed."""
+    corrected = printed = 0.0
+    for n in balls():
+        if abs(_kappa(n, _THETA)) < 1:
+            half = -(arcsin(_kappa(n, _THETA)) + _nu(n, _THETA)) / 2
+            corrected = max(corrected, _speed(n, _THETA, half + twist * pi / 2))
+            printed = max(printed, _speed(n, _THETA, half * pi))
+    return Residual(corrected, bound=3e-14, printed=printed, unit="1/s")
+
+
+# Figs 6 to 8 -------------------------------------------------------------------------------
+
+
+def _named(n: Numbers = FIG6) -> dict[str, Array]:
+    """Return the fixed points of Fig. 6 by their names."""
+    found = {"Γ₅": f.E[2], "Γ₆": -f.E[2]}
+    for letter, j in (("δ", _DELTA), ("θ", _THETA)):
+        for index, phi in zip("₁₂₃₄", _angles(arcsin(_kappa(n, j)), _nu(n, j)), strict=True):
+            found[letter + index] = _point(j, phi)
+    return found
+
+
+def _existence(twist: float) -> Residual:
+    """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1].
+
+    A search finds them; as printed, with [0 < κ < 1].
+    """
+    wrong = printed = 0
+    for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
+        n = with_K3(K3)
+        number = len(f.zeros(f.from_rest(n), 150))
+        wrong += number != 2 + 4 * sum(abs(_kappa(n, j, twist)) < 1 for j in (_DELTA, _THETA))
+        printed += number != 2 + 4 * sum(0 < _kappa(n, j) < 1 for j in (_DELTA, _THETA))
+    return Residual(wrong, bound=0, printed=printed, unit="of 8 wrong")
+
+
+def kind(n: Numbers, gamma: Array) -> str:
+    """Return the type of a fixed point by its eigenvalues, of a weak focus by a turn about it."""
+    values = f.eigenvalues(f.from_rest(n), gamma)
+    if abs(values.imag).max() == 0:
+        if values[0].real * values[1].real < 0:
+            return "saddle"
+        return "stable node" if values[1].real < 0 else "unstable node"
+    if abs(values.real).max() < 1e-12:
+        return "slow stable focus" if growth_in_a_turn(n, 0.01) < 0 else "slow unstable focus"
+    return "stable focus" if values[1].real < 0 else "unstable focus"
+
+
+_KINDS = {
+    "saddle": ("θ₁", "θ₂", "δ₃", "δ₄"),
+    "stable focus": ("θ₃", "θ₄"),
+    "unstable node": ("δ₁", "δ₂"),
+    "slow stable focus": ("Γ₅", "Γ₆"),
+}
+
+
+def _types(twist: float) -> Residual:
+    """Count the points of Fig. 6 that are of another type, or not found by a search."""
+    points, found = _named(), f.zeros(f.from_rest(FIG6))
+    if twist != 1:  # the names of Δ and Θ exchanged
+        points = {name.translate(str.maketrans("δθ", "θδ")): at for name, at in points.items()}
+    off = abs(len(found) - 10)
+    for name, at in points.items():
+        seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
+        off += not (seen and name in _KINDS.get(kind(FIG6, at), ()))
+    return Residual(off, bound=0, unit="of 10 off")
+
+
+def _contour(twist: float) -> Residual:
+    """Count the branches of the saddles δ₃ and δ₄ that do not end at the nodes δ₁ and δ₂.
+
+    The stable manifolds, followed back; as printed the unstable ones too; twisted, those alone.
+    """
+    stable, unstable = _branches_off(-1.0), _branches_off(1.0)
+    return Residual(
+        stable if twist == 1 else unstable, bound=0, printed=stable + unstable, unit="of 4, 8 off"
+    )
+
+
+def _branches_off(sense: float) -> int:
+    """Count the branches that leave δ₃ and δ₄ in a sense of time and end elsewhere, of four."""
+    field, points, off = f.from_rest(FIG6), _named(), 0
+    for saddle in (points["δ₃"], points["δ₄"]):
+        basis = f.across(saddle)
+        values, vectors = np.linalg.eig(basis @ f.jacobian(field, saddle) @ basis.T)
+        leaving = basis.T @ vectors[:, np.argmax(sense * values.real)].real
+        for side in (1e-5, -1e-5):
+            start = saddle + side * leaving
+            times = np.array([0.0, 300.0])
+            end = f.followed(lambda x: sense * field(x), start, times, rtol=1e-9)[-1]
+            off += bool(min(np.linalg.norm(end - points[node]) for node in ("δ₁", "δ₂")) > 1e-5)
+    return off
+
+
+def number(K3: float, stated: int, twist: float) -> Value:
+    """Count the fixed points of (4.1) at K₃, by a search; twisted, at -K₃/2."""
+    n = with_K3(K3 if twist == 1 else -K3 / 2)
+    return Value(len(f.zeros(f.from_rest(n))), corrected=stated, bound=0)
+
+
+@cache
+def cycle(K3: float, longest: float) -> Cycle | None:
+    """Return the only limit cycle of the ball with K₃, if there is one."""
+    name = {0.52: "fig07", 3.0: "fig08", 0.3: "fig06"}[K3]
+    found = limit_cycles(paper_scene(name).parameters, longest, starts=16)
+    return found[0] if len(found) == 1 else None
+
+
+def _unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
+    """Measure the growth of a neighbour's distance in a period of (4.1), by scipy, if that closes.
+
+    Followed back in time, in which it shrinks. Twisted, with Fig. 6's K₃.
+    """
+    K3 = K3 if twist == 1 else 0.3
+    found = cycle(K3, longest)
+    if found is None:
+        return AtLeast(float("nan"), bound=1.01)
+    field, times, gamma = f.from_rest(with_K3(K3)), np.array([0.0, found.period]), found.gamma
+    beside = np.cross(gamma, field(gamma))
+    beside *= 1e-5 / np.linalg.norm(beside)
+    starts = (gamma, gamma + beside, gamma - beside)
+    ends = [f.followed(lambda x: -field(x), start, times, 1e-12)[-1] for start in starts]
+    closes = np.linalg.norm(ends[0] - gamma) < 1e-8
+    shrinking = float((ends[1] - ends[2]) @ beside / (2 * beside @ beside))
+    return AtLeast(1 / abs(shrinking) if closes else float("nan"), bound=1.01)
+
+
+def _vanishing(j: int, K3: float, more: int, twist: float) -> Residual:
+    """Measure how far the counts of fixed points beside the K₃ where |κⱼ| = 1 are off."""
+    at = brentq(lambda x: abs(_kappa(with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
+    return four_fewer(at, 0.01, more, 150)
+
+
+def four_fewer(K3: float, side: float, more: int, starts: int) -> Residual:
+    """Measure how far the counts of fixed points beside K₃ are from `more` below, and 4 less above.
+
+    side: how far from K₃ they are searched for, from `starts` points.
+    """
+    counts = [len(f.zeros(f.from_rest(with_K3(K3 + each)), starts)) for each in (-side, side)]
+    return Residual(abs(counts[0] - more) + abs(counts[1] - more + 4), bound=0, unit="points off")
 
 
 CLAIMS = (
@@ -268,4 +480,93 @@ CLAIMS = (
     ),
     Claim("Prop. 2", "x' and y', scaled", _scaled, "Cauchy's integrals", "the sign of x² in y'"),
     Claim("4.2", "K₃ ≠ 0: (Ω,γ) = 0 is no circle of fixed points", _no_circle, "(4.1)", "K₃ = 0"),
+    Claim(
+        "E10, 4.2",
+        "Δ: φ by κ₁ and ν₁ = atan2(Ω₃, Ω₂)",
+        partial(_at_rest, _DELTA),
+        "(4.1)",
+        "the sign of K₃",
+        printed="ν₁ = arcsin(Ω₃²/√(Ω₂² + Ω₃²))",
+    ),
+    Claim(
+        "E10, 4.2",
+        "Θ: φ by κ₂ and ν₂ = atan2(Ω₃, Ω₁)",
+        partial(_at_rest, _THETA),
+        "(4.1)",
+        "the sign of K₃",
+        printed="ν₂ = arcsin(Ω₃²/√(Ω₁² + Ω₃²))",
+    ),
+    Claim(
+        "E11, 4.2",
+        "θ₃: φ = -(arcsin κ₂ + ν₂)/2 + π/2",
+        _theta_3,
+        "(4.1)",
+        "π/2, by a half",
+        control=0.5,
+        printed="φ = -(arcsin κ₂ + ν₂)/2 π",
+    ),
+    Claim(
+        "E12, 4.2",
+        "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1",
+        _existence,
+        "search",
+        "the sign of K₃",
+        printed="0 < κ₂ < κ₁ < 1 and so on",
+    ),
+    Claim(
+        "Fig. 6",
+        "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂",
+        _types,
+        "search, eigenvalues",
+        "δ, θ",
+    ),
+    Claim(
+        "Fig. 6",
+        "stable manifolds of δ₃,₄ and δ₁,₂: a closed contour",
+        _contour,
+        "(4.1) by scipy",
+        "unstable for stable",
+        printed="unstable and stable manifolds",
+    ),
+    starting_axes("fig06"),
+    captioned_motion("fig06", 6e-6),
+    Claim(
+        "4.2",
+        "Δ disappears where |κ₁| = 1",
+        partial(_vanishing, _DELTA, 0.5, 10),
+        "search",
+        "the factor of K₃",
+        control=0.9,
+    ),
+    Claim(
+        "Fig. 7", "|κ₂| < 1 < |κ₁|: six points", partial(number, 0.52, 6), "search", "another K₃"
+    ),
+    Claim(
+        "Fig. 7",
+        "an unstable limit cycle: growth in a period",
+        partial(_unstable_cycle, 0.52, 120.0),
+        "(4.1) by scipy",
+        "K₃ of Fig. 6",
+    ),
+    starting_axes("fig07"),
+    captioned_motion("fig07", 4e-6),
+    Claim(
+        "4.2",
+        "Θ disappears where |κ₂| = 1",
+        partial(_vanishing, _THETA, 2.0, 6),
+        "search",
+        "the factor of K₃",
+        control=0.9,
+    ),
+    Claim("Fig. 8", "1 < |κ₂| < |κ₁|: Γ₅ and Γ₆", partial(number, 3.0, 2), "search", "another K₃"),
+    Claim(
+        "Fig. 8",
+        "an unstable limit cycle: growth in a period",
+        partial(_unstable_cycle, 3.0, 12.0),
+        "(4.1) by scipy",
+        "K₃ of Fig. 6",
+    ),
+    starting_axes("fig08"),
+    captioned_motion("fig08", 7e-7),
+    Claim("4.2", "a classification of the portraits", "open, the paper says; a study of its own"),
 )

@@ -12,14 +12,14 @@ from robotball.scene import section_state
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
 from validation.paper.claim import AtLeast, Claim, Residual, Value
-from validation.paper.engine import MOTION, RUBBER, seen
-from validation.paper.formulas import cross, paper_scene
+from validation.paper.engine_ball import MOTION, RUBBER, seen
+from validation.paper.formulas import paper_scene
 
 F = 25.0  # M² of Figs 11 to 14, (kg m²/s)²
 
 
 def andoyer(L: float, l: float, g: float, level: float = F) -> tuple[Array, Array]:
-    """M and γ (3,) of (5.5)."""
+    """Return M and γ (3,) of (5.5)."""
     root, share = sqrt(level - L**2), L / sqrt(level)
     M = np.array([root * sin(l), root * cos(l), L])
     gamma = np.array(
@@ -33,19 +33,20 @@ def andoyer(L: float, l: float, g: float, level: float = F) -> tuple[Array, Arra
 
 
 def _no_lines(twist: float) -> AtLeast:
-    """By how much f exceeds (γ×K)² on all of (Ω,γ) = 0, in Figs 11a and 11b; twisted, f = 5."""
+    """Measure by how much f exceeds (γ×K)² on all of (Ω,γ) = 0, in Figs 11a and 11b.
+
+    Twisted, f = 5.
+    """
     level, least = F if twist == 1 else 5.0, np.inf
     for name in ("fig12", "fig14"):
         n = CAPTIONS[name].n
-        one, other = f.across(n.Omega / np.linalg.norm(n.Omega))
-        for angle in np.linspace(0.0, 2 * np.pi, 721):
-            M = cross(cos(angle) * one + sin(angle) * other, n.K)
-            least = min(least, level - float(M @ M))
+        M = np.cross(f.sigma(n, np.linspace(0.0, 2 * np.pi, 721)), n.K)
+        least = min(least, level - float((M * M).sum(axis=1).max()))
     return AtLeast(float(least), bound=1.0, unit="(kg m²/s)²")
 
 
 def _on_the_level(twist: float) -> Residual:
-    """γ² = 1, (M, γ) = 0 and M² = f by (5.5), and that robotball.scene has the same M and γ."""
+    """Check γ² = 1, (M, γ) = 0 and M² = f by (5.5), and M and γ with those of robotball.scene."""
     random, worst = np.random.default_rng(71), 0.0
     for _ in range(100):
         L, l, g = random.uniform(-5, 5), *random.uniform(0, 2 * np.pi, 2)
@@ -58,14 +59,14 @@ def _on_the_level(twist: float) -> Residual:
 
 
 def _angle_g(M: Array, gamma: Array) -> float:
-    """g by (5.5): sin g = γ₁cos l - γ₂sin l, cos g = -γ₃/√(1 - L²/f)."""
+    """Return g by (5.5): sin g = γ₁cos l - γ₂sin l, cos g = -γ₃/√(1 - L²/f)."""
     across = np.hypot(M[0], M[1])
     sine = (gamma[0] * M[1] - gamma[1] * M[0]) / across
     return float(np.arctan2(sine, -gamma[2] * np.linalg.norm(M) / across))
 
 
 def _crossings(twist: float) -> Residual:
-    """(l, L) where MuJoCo's ball of Fig. 12 has g = 0 by (5.5), beside robotball's section.
+    """Compare (l, L) where MuJoCo's ball of Fig. 12 has g = 0 by (5.5) with robotball's section.
 
     Between samples by splines; twisted, where it has g = π.
     """
@@ -87,7 +88,7 @@ def _crossings(twist: float) -> Residual:
 
 
 def edge(twist: float) -> Value:
-    """The distance of γ at l = 0 from γ at l = π, both at L = √f: one point, were it a pole."""
+    """Compute the distance of γ at l = 0 from γ at l = π, both at L = √f: 0, were it a pole."""
     ends = [andoyer(sqrt(F), l, g=0.0)[1] for l in (0.0, np.pi * (1 + twist) / 2)]
     apart = float(np.linalg.norm(ends[1] - ends[0]))
     return Value(apart, corrected=2.0, bound=1e-12, printed=0.0)

@@ -1,14 +1,12 @@
-"""All six Lyapunov exponents of (3.2) in (M, γ), by six neighbours side by side, compiled.
+"""Section 5.3: the attractors of Fig. 11, their exponents, and the contact point in Figs 12 to 14.
 
-robotball.qualitative.long_run knows one neighbour's small turn and the divergence; here nothing is
-left out, and the four that the constants of the motion make zero have to come out so.
+All six Lyapunov exponents of (3.2) in (M, γ) are computed here by six neighbours side by side.
+robotball.qualitative.long_run takes one neighbour's small turn and the divergence instead; here
+nothing is left out, and the four that the constants of the motion make zero have to come out so.
 
-Section 5.3: the attractors of Fig. 11 and their exponents.
-
-What is chaotic is measured over 1e5 s by 16 starts, to standard errors of 2.3e-4 (Λ₁), 2.7e-4 (Λ₆)
-and 9.5e-4 (D). Bounds are 5 of them or more, and half of the last digit that is stated.
-
-Section 5.3, the contact point in Figs 12 to 14.
+Chaotic numbers are measured over 1e5 s by 16 starts, to standard errors of 2.3e-4 (Λ₁),
+2.7e-4 (Λ₆) and 9.5e-4 (D). Bounds are 5 of them or more, and half of the last digit that is
+stated.
 """
 
 from collections.abc import Callable
@@ -32,7 +30,7 @@ from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, captioned_motion, place
 from validation.paper.claim import AtLeast, Claim, Residual, Value
-from validation.paper.engine import MOTION, NAME, long
+from validation.paper.engine_ball import MOTION, NAME, long
 from validation.paper.formulas import Numbers, paper_scene
 from validation.paper.section_5_2 import F
 
@@ -44,14 +42,14 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def _compiled(function: Function) -> Function:
-    """Numba's njit, with its type kept."""
+    """Compile by numba's njit, with the function's type kept."""
     result: Function = numba.njit(cache=True)(function)
     return result
 
 
 @_compiled
 def rate(x: Array, a: Array, Omega: Array, K: Array) -> Array:
-    """d/dt of (M, γ) by (3.2); x (6,) may be complex."""
+    """Return d/dt of (M, γ) by (3.2); x (6,) may be complex."""
     M, gamma = x[:3], x[3:]
     along, Z = 0.0 * x[0], 0.0 * x[0]
     for i in range(3):
@@ -72,8 +70,8 @@ def rate(x: Array, a: Array, Omega: Array, K: Array) -> Array:
 
 @_compiled
 def _growths(start: Array, a: Array, Omega: Array, K: Array, rounds: int) -> Array:
-    """Σ ln of the six neighbours' growths (6,) over rounds of STEPS_PER_QR steps."""
-    tiny = 1e-30
+    """Return Σ ln of the six neighbours' growths (6,) over rounds of _STEPS_PER_QR steps."""
+    tiny = 1e-30  # the complex step; it subtracts nothing, and so loses no digits
     bundle = np.eye(6)
     state, total = start.copy(), np.zeros(6)
     for _ in range(rounds):
@@ -97,9 +95,10 @@ def _growths(start: Array, a: Array, Omega: Array, K: Array, rounds: int) -> Arr
 
 
 def _six_exponents(n: Numbers, M: Array, gamma: Array, duration: float) -> Array:
-    """The exponents (6,) over a duration [s] after a tenth of it, largest first [1/s]."""
+    """Return the exponents (6,) over a duration [s] after a tenth of it, largest first [1/s]."""
     rounds = int(duration / (_STEP * _STEPS_PER_QR))
     a, start = np.ascontiguousarray(n.moments), np.concatenate([M, gamma])
+    # In the first tenth the neighbours turn into their directions.
     early = _growths(start, a, n.Omega, n.K, rounds // 10)
     whole = _growths(start, a, n.Omega, n.K, rounds + rounds // 10)
     return np.sort((whole - early) / (rounds * _STEP * _STEPS_PER_QR))[::-1]
@@ -109,17 +108,17 @@ LONG = 1e5  # s
 
 
 def regular() -> Parameters:
-    """The ball of Figs 11a, 12 and 13."""
+    """Return the ball of Figs 11a, 12 and 13."""
     return paper_scene("fig12").parameters
 
 
 def chaotic() -> Parameters:
-    """The ball of Figs 11b and 14."""
+    """Return the ball of Figs 11b and 14."""
     return paper_scene("fig14").parameters
 
 
 def starts(n: int, c: float = 0.0) -> tuple[Array, Array]:
-    """Attitudes (n, 4) and momenta (n, 3) over the section g = 0."""
+    """Return attitudes (n, 4) and momenta (n, 3) over the section g = 0."""
     random = np.random.default_rng(2)
     return section_starts(random.uniform(-4.5, 4.5, n), random.uniform(0, 2 * np.pi, n), F, c=c)
 
@@ -129,7 +128,7 @@ def starts(n: int, c: float = 0.0) -> tuple[Array, Array]:
 
 @cache
 def settled() -> tuple[Cycle, Array]:
-    """The periodic motion that Fig. 12's settles on, and three crossings (3, 6) of it in a row.
+    """Return the periodic motion that Fig. 12's settles on, and three crossings (3, 6) in a row.
 
     A crossing is M and γ.
     """
@@ -141,15 +140,15 @@ def settled() -> tuple[Cycle, Array]:
 
 
 def _flow(twist: float = 1.0) -> f.Field:
-    """d/dt of (M, γ) of Fig. 11a's ball; twisted, back in time."""
+    """Return d/dt of (M, γ) of Fig. 11a's ball; twisted, back in time."""
     rate = f.reduced(f.rubber_velocity, f.numbers(regular()))
     return lambda x: twist * rate(x)
 
 
 def _one_periodic_motion(twist: float) -> Residual:
-    """From one concentration (3.2) leads to the other, and after a period back to the first.
+    """Follow (3.2) from one concentration to the other, and after a period back to the first.
 
-    Twisted, after half as long.
+    Twisted, for half as long.
     """
     cycle, (one, other, again) = settled()
     times = np.linspace(0.0, cycle.period * (1.0 if twist == 1 else 0.5), 401)
@@ -162,7 +161,7 @@ def _one_periodic_motion(twist: float) -> Residual:
 
 
 def _attracts(twist: float) -> Residual:
-    """What is left of a neighbour's distance from that motion after ten periods of (3.2).
+    """Measure the rest of a neighbour's distance from that motion after ten periods of (3.2).
 
     Twisted, back in time.
     """
@@ -175,7 +174,7 @@ def _attracts(twist: float) -> Residual:
         for S in (f.E, turn)
     ]
     # Along the motion a neighbour stays as far ahead; that part does not count.
-    direction = _flow()(one) / np.linalg.norm(_flow()(one))
+    direction = f.unit(_flow()(one))
     away = ends[1] - ends[0]
     aside = away - (away @ direction) * direction
     return Residual(float(np.linalg.norm(aside)) / (1e-4 * np.sqrt(F)), bound=0.8)
@@ -183,13 +182,13 @@ def _attracts(twist: float) -> Residual:
 
 @cache
 def _torus_points(L: float, l: float) -> Array:
-    """(l, L/√f) (n, 2) of 2000 crossings of g = 0 after as many, with 0 ≤ l < 2π."""
+    """Return (l, L/√f) (n, 2) of 2000 crossings of g = 0 after as many, with 0 ≤ l < 2π."""
     found = section(regular(), *section_starts(L, l, F), count=4000)
     return np.stack([found.l[0, 2000:] % (2 * np.pi), found.L[0, 2000:] / np.sqrt(F)], axis=1)
 
 
 def _parts_of_the_curve(twist: float) -> Value:
-    """How many pieces Fig. 13's crossings make, where those within 0.2 are joined.
+    """Count the pieces that Fig. 13's crossings make, where those within 0.2 are joined.
 
     Twisted, with l to be counted from the middle of a piece.
     """
@@ -202,7 +201,10 @@ def _parts_of_the_curve(twist: float) -> Value:
 
 
 def _limit_torus(twist: float) -> Residual:
-    """How far from Fig. 13's crossings those of another start settle; twisted, of Fig. 12's."""
+    """Measure how far from Fig. 13's crossings those of another start settle.
+
+    Twisted, of Fig. 12's.
+    """
     other = _torus_points(0.3, 1.8) if twist == 1 else _torus_points(3.6, 0.6)
     return Residual(float(np.max(cKDTree(_torus_points(0.0, 1.96)).query(other)[0])), bound=0.05)
 
@@ -212,53 +214,50 @@ def _limit_torus(twist: float) -> Residual:
 
 @cache
 def six() -> Array:
-    """Λ₁ to Λ₆ of Fig. 14's motion over 6000 s."""
+    """Return Λ₁ to Λ₆ of Fig. 14's motion over 6000 s."""
     caption = CAPTIONS["fig14"]
     return _six_exponents(caption.n, caption.M, caption.axes[2], 6000.0)
 
 
 def _four_zeros(twist: float) -> Residual:
-    """Λ₂ to Λ₅; twisted, Λ₁ to Λ₄."""
+    """Compute Λ₂ to Λ₅; twisted, Λ₁ to Λ₄."""
     four = six()[1:5] if twist == 1 else six()[:4]
     return Residual(float(np.abs(four).max()), bound=4e-3, unit="1/s")
 
 
 def _outer_two(twist: float) -> Residual:
-    """How far Λ₁ and Λ₆ are from 0.116 and -0.139; the bound is 5 standard errors at 6000 s."""
+    """Measure how far Λ₁ and Λ₆ are from 0.116 and -0.139.
+
+    The bound is 5 standard errors at 6000 s.
+    """
     off = six()[[0, 5]] - [0.116, -0.139 * twist]
     return Residual(float(np.abs(off).max()), bound=0.02, unit="1/s")
 
 
 @cache
 def ensemble() -> Exponents:
-    """Those of Fig. 11b from 16 starts."""
+    """Return the exponents of Fig. 11b from 16 starts."""
     return exponents(chaotic(), *starts(16), duration=LONG)
 
 
-def _largest_exponent(twist: float) -> Value:
-    """λ₁ of Fig. 11b; twisted, λ₆."""
-    index = 0 if twist == 1 else 1
-    return Value(ensemble().mean[index], corrected=0.116, bound=2e-3, printed=0.11, unit="1/s")
-
-
-def _smallest_exponent(twist: float) -> Value:
-    """λ₆ of Fig. 11b; twisted, λ₁."""
-    index = 1 if twist == 1 else 0
-    return Value(ensemble().mean[index], corrected=-0.139, bound=2e-3, printed=-0.13, unit="1/s")
+def _outer_exponent(index: int, corrected: float, printed: float, twist: float) -> Value:
+    """Return λ₁ (index 0) or λ₆ (1) of Fig. 11b; twisted, the other one."""
+    found = ensemble().mean[index if twist == 1 else 1 - index]
+    return Value(found, corrected, bound=2e-3, printed=printed, unit="1/s")
 
 
 def _dimension(twist: float) -> Value:
-    """D = 1 + Λ₁/|Λ₆|."""
+    """Compute D = 1 + Λ₁/|Λ₆|."""
     first, last = ensemble().mean
     found = 1 + twist * first / abs(last)
     return Value(found, corrected=1.832, bound=5.5e-3, printed=1.84)
 
 
 def _strange(twist: float) -> Value:
-    """The rate at which MuJoCo's neighbours part, twelve times 20 s on from Fig. 14's start.
+    """Compute the rate at which MuJoCo's neighbours part, 12 times 20 s from Fig. 14's start.
 
-    By ln of the distance's growth; that of a limit cycle's neighbours is 0 or less. Twisted, on
-    from Fig. 12's.
+    It is by ln of the distance's growth; that of a limit cycle's neighbours is 0 or less. Twisted,
+    on from Fig. 12's.
     """
     scene, piece, apart = paper_scene("fig14" if twist == 1 else "fig12"), 20.0, 1e-5
     attitude, momentum = scene.start.attitude, scene.start.momentum
@@ -275,12 +274,38 @@ def _strange(twist: float) -> Value:
             [away[2, 1] - away[1, 2], away[0, 2] - away[2, 0], away[1, 0] - away[0, 1]]
         )
         total += np.log(np.linalg.norm(vector) / 2 / apart)
-        attitude, turn = ends[0], vector / np.linalg.norm(vector)
+        attitude, turn = ends[0], f.unit(vector)
     # Over 240 s the exponent scatters by 0.02.
     return Value(total / (12 * piece), corrected=0.116, bound=0.08, printed=0.0, unit="1/s")
 
 
-CLAIMS_5_3 = (
+def _mean_motion(name: str, twist: float) -> AtLeast:
+    """Compute X of MuJoCo's contact point after 150 s, over the time; twisted, Y."""
+    end = long(name, 150.0).motion.contact_point[-1]
+    return AtLeast(abs(float(end[0 if twist == 1 else 1])) / 150.0, bound=1.0, unit="m/s")
+
+
+def _bounded_across(name: str, twist: float) -> Residual:
+    """Compute the range of Y in 150 s of MuJoCo's motion over that in half of it.
+
+    Twisted, of Fig. 14.
+    """
+    Y = long(name if twist == 1 else "fig14", 150.0).motion.contact_point[:, 1]
+    return Residual(float(np.ptp(Y) / np.ptp(Y[: len(Y) // 2])), bound=1.03)
+
+
+def _grows_across(twist: float) -> AtLeast:
+    """Compute the range of Y in 4000 s of Fig. 14's motion by (3.2) over that in 100 s.
+
+    Twisted, of 13.
+    """
+    parameters, attitude, momentum = kernel_start(paper_scene("fig14" if twist == 1 else "fig13"))
+    times = np.arange(0.0, 4000.0, 0.05)
+    _, path = orbit(parameters, attitude[0], momentum[0], times, 1e-10)
+    return AtLeast(float(np.ptp(path[:, 1]) / np.ptp(path[:2000, 1])), bound=2.0)
+
+
+CLAIMS = (
     Claim(
         "E23, Fig. 11a",
         "the two concentrations are one periodic motion",
@@ -314,7 +339,7 @@ CLAIMS_5_3 = (
     Claim(
         "E26, 5.3",
         "the largest exponent Λ₁",
-        _largest_exponent,
+        partial(_outer_exponent, 0, 0.116, 0.11),
         "16 runs of 1e5 s",
         "Λ₆ for Λ₁",
         printed="Λ₁ ≈ 0.11",
@@ -322,7 +347,7 @@ CLAIMS_5_3 = (
     Claim(
         "E26, 5.3",
         "the smallest exponent Λ₆",
-        _smallest_exponent,
+        partial(_outer_exponent, 1, -0.139, -0.13),
         "16 runs of 1e5 s",
         "Λ₁ for Λ₆",
         printed="Λ₆ ≈ -0.13",
@@ -343,30 +368,6 @@ CLAIMS_5_3 = (
         "Fig. 12's start",
         printed='"the stable limit cycle" in Fig. 11b',
     ),
-)
-
-
-def _mean_motion(name: str, twist: float) -> AtLeast:
-    """X of MuJoCo's contact point after 150 s, over the time; twisted, Y."""
-    end = long(name, 150.0).motion.contact_point[-1]
-    return AtLeast(abs(float(end[0 if twist == 1 else 1])) / 150.0, bound=1.0, unit="m/s")
-
-
-def _bounded_across(name: str, twist: float) -> Residual:
-    """The range of Y in 150 s of MuJoCo's motion over that in half of it; twisted, of Fig. 14."""
-    Y = long(name if twist == 1 else "fig14", 150.0).motion.contact_point[:, 1]
-    return Residual(float(np.ptp(Y) / np.ptp(Y[: len(Y) // 2])), bound=1.03)
-
-
-def _grows_across(twist: float) -> AtLeast:
-    """The range of Y in 4000 s of Fig. 14's motion by (3.2) over that in 100 s; twisted, of 13."""
-    parameters, attitude, momentum = kernel_start(paper_scene("fig14" if twist == 1 else "fig13"))
-    times = np.arange(0.0, 4000.0, 0.05)
-    _, path = orbit(parameters, attitude[0], momentum[0], times, 1e-10)
-    return AtLeast(float(np.ptp(path[:, 1]) / np.ptp(path[:2000, 1])), bound=2.0)
-
-
-CLAIMS_5_3_PATHS = (
     captioned_motion("fig12", 4e-7),
     captioned_motion("fig13", 4e-7),
     captioned_motion("fig14", 1e-6),

@@ -8,9 +8,9 @@ from robotball.film.looks import Shape
 from robotball.qualitative.equilibria import closed_form_points
 from robotball.rotations import rotation_matrix
 from tests.figures import from_rest
-from validation.figures.sheets import View
+from validation.figures import View
 from validation.figures.sphere import Globe, Involute
-from validation.figures.structure import APART, solid_of, spread, widest_gap
+from validation.figures.structure import solid_of
 
 
 def test_a_view_is_a_right_handed_frame() -> None:
@@ -87,13 +87,3 @@ def test_the_triangles_of_a_body_close_it(shape: Shape, volume: float) -> None:
     corners = solid_of([shape], turn, np.array([1.0, 2.0, 3.0])).corners
     assert np.linalg.det(corners).sum() / 6 == pytest.approx(volume, rel=0.11)
     assert np.linalg.det(corners).sum() / 6 < volume * (1 + 1e-12)
-
-
-def test_names_on_the_ring_keep_apart() -> None:
-    """Three at nearly one place are spread; the free place is opposite."""
-    moved = spread({"a": 0.0, "b": 0.05, "c": 0.06, "d": 3.0})
-    angles = np.sort(list(moved.values()))
-    assert np.diff(angles).min() > 0.99 * APART
-    assert moved["d"] == pytest.approx(3.0)
-    assert moved["a"] < moved["b"] < moved["c"]
-    assert widest_gap([0.0, 1.0, 2.0]) == pytest.approx(1 + np.pi)

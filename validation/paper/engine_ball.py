@@ -1,4 +1,4 @@
-"""What MuJoCo's ball does, as the rows that the paper's formulas take."""
+"""MuJoCo's ball: its motion, given as the rows that the paper's formulas take."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -54,33 +54,33 @@ class Seen:
         return np.einsum("nij,ni->nj", self.axes[INNER], self.path_velocity)
 
     def of(self, formula: Callable[[Numbers, Array, Array], Array | float]) -> Array:
-        """A function of the ball's numbers, ω and γ, at all times."""
+        """Return a function of the ball's numbers, ω and γ, at all times."""
         states = zip(self.numbers, self.omega, self.gamma, strict=True)
         return np.array([formula(n, omega, gamma) for n, omega, gamma in states])
 
     def carried(self, rows: Array) -> Array:
-        """The first of vectors (n, 3) given in principal axes, as one that stays in space."""
+        """Return the first of vectors (n, 3) in principal axes, as one that stays in space."""
         return np.einsum("nij,i->nj", self.axes, self.axes[0] @ rows[0])
 
     def drift(self, rows: Array) -> float:
-        """The largest change of a vector (n, 3) in space, over the motion."""
+        """Return the largest change of a vector (n, 3) in space, over the motion."""
         return largest(rows - self.carried(rows))
 
 
 @cache
 def seen(name: str, duration: float = 10.0) -> Seen:
-    """A scene of the catalog, rolled by MuJoCo at "balanced"."""
+    """Roll a scene of the catalog by MuJoCo at "balanced", sampled at each step."""
     return seen_of(paper_scene(name), duration)
 
 
 @cache
 def long(name: str, duration: float) -> Seen:
-    """The same, sampled every 0.05 s only."""
+    """Roll a scene of the catalog by MuJoCo at "balanced", sampled every 0.05 s only."""
     return seen_of(paper_scene(name), duration, 0.05)
 
 
 def seen_of(scene: Scene, duration: float, interval: float = _INTERVAL) -> Seen:
-    """A scene, rolled by MuJoCo at "balanced" for a duration [s]."""
+    """Roll a scene by MuJoCo at "balanced" for a duration [s]."""
     motion = simulate(scene, sample_times(duration, interval))
     return Seen(
         motion=motion,
@@ -91,7 +91,7 @@ def seen_of(scene: Scene, duration: float, interval: float = _INTERVAL) -> Seen:
 
 
 def _numbers_at(scene: Scene, times: Array) -> list[Numbers]:
-    """The ball's numbers at n times, with their rates."""
+    """Return the ball's numbers at n times, with their rates."""
     if scene.steady:
         return [numbers(scene.parameters)] * len(times)
     # Ω and k are linear in the hinges' rates, so their rates are those of the accelerations.
@@ -104,11 +104,11 @@ def _numbers_at(scene: Scene, times: Array) -> list[Numbers]:
 
 
 def largest(rows: Array) -> float:
-    """The greatest length of vectors (n, k), or size of numbers (n,)."""
+    """Return the greatest length of vectors (n, k), or size of numbers (n,)."""
     return float(np.abs(rows).max() if rows.ndim == 1 else np.linalg.norm(rows, axis=1).max())
 
 
 def rate(samples: Array) -> Array:
-    """d/dt (n - 4, …) of samples (n, …) at INTERVAL, by differences of fourth order."""
+    """Return d/dt (n - 4, …) of samples (n, …) at _INTERVAL, by differences of fourth order."""
     ahead, behind = samples[3:-1] - samples[1:-3], samples[4:] - samples[:-4]
     return (8 * ahead - behind) / (12 * _INTERVAL)

@@ -16,7 +16,7 @@ from validation.paper.captions import CAPTIONS, captioned_motion, starting_axes
 from validation.paper.claim import AtLeast, Claim, Evidence, Residual, Value
 from validation.paper.formulas import Numbers, paper_scene
 
-FIG6 = CAPTIONS["fig06"].n
+_FIG6 = CAPTIONS["fig06"].n
 _DELTA, _THETA = 1, 0  # the index j of the γⱼ that is not zero, beside γ₃
 
 
@@ -173,13 +173,13 @@ def _foci() -> tuple[_Focus, ...]:
     found = []
     for n in balls()[:100]:
         A1, A2 = _A1_A2(n)
-        growth = growth_in_a_turn(n, 0.01) if A1 * A2 > 0.01 else 0.0
+        growth = _growth_in_a_turn(n, 0.01) if A1 * A2 > 0.01 else 0.0
         if abs(growth) > 1e-10:
             found.append(_Focus(n, growth))
     return tuple(found)
 
 
-def growth_in_a_turn(n: Numbers, r: float) -> float:
+def _growth_in_a_turn(n: Numbers, r: float) -> float:
     """Return r of the next crossing of γ₂ = 0 on the same side, less r."""
     field = f.from_rest(n)
     start = np.array([r, 0.0, sqrt(1 - r * r)])
@@ -232,7 +232,7 @@ def _scaled(twist: float) -> Residual:
 
 def _no_circle(twist: float) -> AtLeast:
     """Compute the fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
-    n = FIG6 if twist == 1 else CAPTIONS["fig05b"].n
+    n = _FIG6 if twist == 1 else CAPTIONS["fig05b"].n
     rates = [f.from_rest(n)(gamma) for gamma in f.sigma(n, np.linspace(0.0, 2 * np.pi, 100))]
     return AtLeast(float(np.linalg.norm(rates, axis=1).max()), bound=0.05, unit="1/s")
 
@@ -240,9 +240,9 @@ def _no_circle(twist: float) -> AtLeast:
 # Δ and Θ ------------------------------------------------------------------------------------
 
 
-def with_K3(K3: float) -> Numbers:
+def _with_K3(K3: float) -> Numbers:
     """Return the ball of Figs 6 to 8 with another K₃."""
-    return f.with_A((0.5, 0.4, 0.3), FIG6.Omega, np.array([0.0, 0.0, K3]))
+    return f.with_A((0.5, 0.4, 0.3), _FIG6.Omega, np.array([0.0, 0.0, K3]))
 
 
 def _kappa(n: Numbers, j: int, twist: float = 1.0) -> float:
@@ -307,7 +307,7 @@ def _theta_3(twist: float) -> Residual:
 # Figs 6 to 8 -------------------------------------------------------------------------------
 
 
-def _named(n: Numbers = FIG6) -> dict[str, Array]:
+def _named(n: Numbers = _FIG6) -> dict[str, Array]:
     """Return the fixed points of Fig. 6 by their names."""
     found = {"Γ₅": f.E[2], "Γ₆": -f.E[2]}
     for letter, j in (("δ", _DELTA), ("θ", _THETA)):
@@ -323,7 +323,7 @@ def _existence(twist: float) -> Residual:
     """
     wrong = printed = 0
     for K3 in (-3.0, -1.2, -0.5, -0.1, 0.2, 0.5, 1.0, 2.5):
-        n = with_K3(K3)
+        n = _with_K3(K3)
         number = len(f.zeros(f.from_rest(n), 150))
         wrong += number != 2 + 4 * sum(abs(_kappa(n, j, twist)) < 1 for j in (_DELTA, _THETA))
         printed += number != 2 + 4 * sum(0 < _kappa(n, j) < 1 for j in (_DELTA, _THETA))
@@ -338,7 +338,7 @@ def kind(n: Numbers, gamma: Array) -> str:
             return "saddle"
         return "stable node" if values[1].real < 0 else "unstable node"
     if abs(values.real).max() < 1e-12:
-        return "slow stable focus" if growth_in_a_turn(n, 0.01) < 0 else "slow unstable focus"
+        return "slow stable focus" if _growth_in_a_turn(n, 0.01) < 0 else "slow unstable focus"
     return "stable focus" if values[1].real < 0 else "unstable focus"
 
 
@@ -352,13 +352,13 @@ _KINDS = {
 
 def _types(twist: float) -> Residual:
     """Count the points of Fig. 6 that are of another type, or not found by a search."""
-    points, found = _named(), f.zeros(f.from_rest(FIG6))
+    points, found = _named(), f.zeros(f.from_rest(_FIG6))
     if twist != 1:  # the names of Δ and Θ exchanged
         points = {name.translate(str.maketrans("δθ", "θδ")): at for name, at in points.items()}
     off = abs(len(found) - 10)
     for name, at in points.items():
         seen = min(np.linalg.norm(at - other) for other in found) < 1e-9
-        off += not (seen and name in _KINDS.get(kind(FIG6, at), ()))
+        off += not (seen and name in _KINDS.get(kind(_FIG6, at), ()))
     return Residual(off, bound=0, unit="of 10 off")
 
 
@@ -375,7 +375,7 @@ def _contour(twist: float) -> Residual:
 
 def _branches_off(sense: float) -> int:
     """Count the branches that leave δ₃ and δ₄ in a sense of time and end elsewhere, of four."""
-    field, points, off = f.from_rest(FIG6), _named(), 0
+    field, points, off = f.from_rest(_FIG6), _named(), 0
     for saddle in (points["δ₃"], points["δ₄"]):
         basis = f.across(saddle)
         values, vectors = np.linalg.eig(basis @ f.jacobian(field, saddle) @ basis.T)
@@ -390,7 +390,7 @@ def _branches_off(sense: float) -> int:
 
 def number(K3: float, stated: int, twist: float) -> Value:
     """Count the fixed points of (4.1) at K₃, by a search; twisted, at -K₃/2."""
-    n = with_K3(K3 if twist == 1 else -K3 / 2)
+    n = _with_K3(K3 if twist == 1 else -K3 / 2)
     return Value(len(f.zeros(f.from_rest(n))), corrected=stated, bound=0)
 
 
@@ -411,7 +411,7 @@ def _unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
     found = cycle(K3, longest)
     if found is None:
         return AtLeast(float("nan"), bound=1.01)
-    field, times, gamma = f.from_rest(with_K3(K3)), np.array([0.0, found.period]), found.gamma
+    field, times, gamma = f.from_rest(_with_K3(K3)), np.array([0.0, found.period]), found.gamma
     beside = np.cross(gamma, field(gamma))
     beside *= 1e-5 / np.linalg.norm(beside)
     starts = (gamma, gamma + beside, gamma - beside)
@@ -423,7 +423,7 @@ def _unstable_cycle(K3: float, longest: float, twist: float) -> Evidence:
 
 def _vanishing(j: int, K3: float, more: int, twist: float) -> Residual:
     """Measure how far the counts of fixed points beside the K₃ where |κⱼ| = 1 are off."""
-    at = brentq(lambda x: abs(_kappa(with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
+    at = brentq(lambda x: abs(_kappa(_with_K3(x), j, twist)) - 1, K3 / 2, 2 * K3)
     return four_fewer(at, 0.01, more, 150)
 
 
@@ -432,7 +432,7 @@ def four_fewer(K3: float, side: float, more: int, starts: int) -> Residual:
 
     side: how far from K₃ they are searched for, from `starts` points.
     """
-    counts = [len(f.zeros(f.from_rest(with_K3(K3 + each)), starts)) for each in (-side, side)]
+    counts = [len(f.zeros(f.from_rest(_with_K3(K3 + each)), starts)) for each in (-side, side)]
     return Residual(abs(counts[0] - more) + abs(counts[1] - more + 4), bound=0, unit="points off")
 
 

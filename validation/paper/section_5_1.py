@@ -24,7 +24,7 @@ _SIGNS = {"σ₊": (1, 1), "σ₋": (-1, 1), "δ₊": (1, -1), "δ₋": (-1, -1)
 # The family ----------------------------------------------------------------------------------
 
 
-def started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
+def _started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
     """Roll the ball of Fig. 10 by MuJoCo from γ and M, with OX against M."""
     scene = paper_scene(_BALL)
     alpha = -unit(M)
@@ -39,14 +39,14 @@ def equilibria(twist: float) -> Residual:
     n = f.numbers(paper_scene(_BALL).parameters)
     for angle in (0.3, 2.0, 4.0):
         gamma = np.array([np.cos(angle), np.sin(angle), 0.0])
-        ball = started(gamma, twist * cross(gamma, n.K))
+        ball = _started(gamma, twist * cross(gamma, n.K))
         alpha, beta, _ = ball.axes[0]
         line = ball.motion.times[:, None] * n.a * np.array([-beta @ n.Omega, alpha @ n.Omega])
         worst = max(worst, largest(ball.omega), largest(ball.motion.contact_point - line))
     return Residual(worst, bound=5e-11, unit="rad/s, m")
 
 
-def random_lines(seed: int, count: int, kind: str = "any") -> list[tuple[Numbers, Array]]:
+def _random_lines(seed: int, count: int, kind: str = "any") -> list[tuple[Numbers, Array]]:
     """Return balls and γ₀ with (Ω,γ₀) = 0; K any, along Ω ("along"), or across it ("across")."""
     random = np.random.default_rng(seed)
     found = []
@@ -65,7 +65,7 @@ def linear(n: Numbers, gamma: Array) -> Array:
     return f.jacobian(f.reduced(f.rubber_velocity, n), state)
 
 
-def P3(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
+def _P3(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
     """Return the coefficients (4,) of (5.2), highest power first."""
     N, D = n.A @ gamma @ gamma, np.linalg.det(n.A)
     turned, K_gamma = cross(gamma, n.Omega), n.K @ gamma
@@ -84,7 +84,7 @@ def _P2(n: Numbers, gamma: Array, twist: float = 1.0) -> Array:
 def _worst_polynomial(kind: str, seed: int, power: int, coefficients: _Polynomial) -> float:
     """Compare det(λ - ∂(3.2)) of 200 balls, at six λ, with a power of λ times a polynomial."""
     worst = 0.0
-    for n, gamma in random_lines(seed, 200, kind):
+    for n, gamma in _random_lines(seed, 200, kind):
         J, expected = linear(n, gamma), coefficients(n, gamma)
         # Both are monic of degree 6, so that six values determine them.
         for x in (0.5, -1.0, 2.0, 1j, 2j, 1 + 1j):
@@ -97,7 +97,7 @@ def _worst_polynomial(kind: str, seed: int, power: int, coefficients: _Polynomia
 
 def _characteristic(twist: float) -> Residual:
     """Compare the characteristic polynomial, with any K, with λ³P₃(λ) of (5.2)."""
-    return Residual(_worst_polynomial("any", 61, 3, lambda n, g: P3(n, g, twist)), bound=1e-12)
+    return Residual(_worst_polynomial("any", 61, 3, lambda n, g: _P3(n, g, twist)), bound=1e-12)
 
 
 def _characteristic_along(twist: float) -> Residual:
@@ -107,7 +107,7 @@ def _characteristic_along(twist: float) -> Residual:
 
 def _one_level(twist: float) -> Residual:
     """Compare M² = (γ₀×K)² with K², for K along Ω; twisted, for any K."""
-    lines = random_lines(63, 100, "along" if twist == 1 else "any")
+    lines = _random_lines(63, 100, "along" if twist == 1 else "any")
     off = [cross(g, n.K) @ cross(g, n.K) / (n.K @ n.K) - 1 for n, g in lines]
     return Residual(float(np.abs(off).max()), bound=4e-15)
 
@@ -118,7 +118,7 @@ def _transverse(twist: float) -> Residual:
     That is the last term of P₃ but for a factor that is never 0.
     """
     worst = 0.0
-    for n, gamma in random_lines(64, 100):
+    for n, gamma in _random_lines(64, 100):
         along = unit(cross(gamma, n.Omega))
 
         def level_of(s: float, n: Numbers = n, at: Array = gamma, side: Array = along) -> float:
@@ -176,7 +176,7 @@ def line(n: Numbers, level: float, name: str) -> _Line:
 def balls(count: int = 500) -> tuple[tuple[Numbers, float], ...]:
     """Return random balls with K ⊥ Ω, and an f < K² each."""
     random = np.random.default_rng(65)
-    lines = random_lines(66, count, "across")
+    lines = _random_lines(66, count, "across")
     return tuple((n, random.uniform(0.0, 1.0) * float(n.K @ n.K)) for n, _ in lines)
 
 
@@ -236,7 +236,7 @@ def _free_coefficient(twist: float) -> Residual:
     for n, level in balls():
         for name in _SIGNS:
             each = line(n, level, name)
-            wrong += bool((P3(n, each.gamma)[3] > 0) != (twist * each.c1 * each.c2 < 0))
+            wrong += bool((_P3(n, each.gamma)[3] > 0) != (twist * each.c1 * each.c2 < 0))
     return Residual(wrong, bound=0, unit="of 2000 wrong")
 
 
@@ -317,7 +317,7 @@ def _directions(twist: float) -> Residual:
     corrected = printed = 0.0
     for name in _SIGNS:
         each = line(line_ball(), 2.0, name)
-        end = started(each.gamma, each.M, duration=1.0).motion.contact_point[-1]
+        end = _started(each.gamma, each.M, duration=1.0).motion.contact_point[-1]
         speed = (-1.0 if name.startswith("σ") else 1.0) * each.n.a * np.linalg.norm(each.n.Omega)
         corrected = max(corrected, float(np.linalg.norm(end - [0.0, twist * speed])))
         printed = max(printed, float(np.linalg.norm(end - [0.0, -speed])))

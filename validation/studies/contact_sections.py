@@ -243,7 +243,7 @@ class Torus(Recipe):
 
 
 @dataclass(frozen=True)
-class Cloud:
+class _Cloud:
     """Section points of one engine.
 
     states: (n, 6), as the function of that name gives them; L, l and directions (n,); velocities:
@@ -257,7 +257,7 @@ class Cloud:
     velocities: Array
 
 
-def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> Cloud:
+def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> _Cloud:
     """Return the recipe's cloud by the equations.
 
     Raises InputError where a start gives too few points.
@@ -274,12 +274,12 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> Clo
     M = np.einsum("nji,nj->ni", axes, np.repeat(momenta, recipe.count, axis=0))
     L, l = found.L[:, late].ravel(), found.l[:, late].ravel()
     directions = found.directions[:, late].ravel()
-    return Cloud(states(axes[:, 2], M), L, l, directions, np.empty((0, 2)))
+    return _Cloud(states(axes[:, 2], M), L, l, directions, np.empty((0, 2)))
 
 
 def cloud_by_contact(
     model: Model, recipe: Recipe, seed: int, progress: Callable[[float], None] | None = None
-) -> Cloud:
+) -> _Cloud:
     """Return the recipe's cloud by MuJoCo. Raises InputError where a run has a fault."""
     parts, velocities = [], []
     for i, (attitude, momentum) in enumerate(zip(*recipe.points(seed), strict=True)):
@@ -292,7 +292,7 @@ def cloud_by_contact(
         if progress is not None:
             progress((i + 1) / recipe.starts)
     points = joined(parts)
-    return Cloud(
+    return _Cloud(
         states(points.gamma, points.momenta), points.L, points.l, points.directions,
         np.array(velocities),
     )  # fmt: skip

@@ -15,7 +15,8 @@ from tests.conftest import Robotball
 from tests.validation.examples import example
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
-from validation.studies.convergence import FIXED, ORDERS, Order, Runs, measure_convergence
+from validation.studies.convergence import FIXED, ORDERS, Runs, measure_convergence
+from validation.studies.orders import Order
 
 BOTH = ("fig12", "classical_regular")
 SOFT = ("softness", "noslip")

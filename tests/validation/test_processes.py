@@ -114,11 +114,14 @@ def test_compiled_code_that_does_not_return_is_given_up(tmp_path: Path) -> None:
 
 
 def test_killed_workers_cost_nothing(tmp_path: Path) -> None:
-    """SIGKILL of any process that runs cells, eight times: no failure, the identical table."""
+    """SIGKILL of any process that runs cells, seven times: no failure, the identical table.
+
+    All fall before the lost cells are run again: a second loss is a cell's failure.
+    """
     cells, moments = cells_of(tmp_path, 40, seconds=0.01), random.Random(8)
 
     def kill(done: float, what: str) -> None:
-        if done in range(4, 36, 4):
+        if done in range(4, 32, 4):
             time.sleep(moments.uniform(0.0, 0.01))
             *_, one, two = map(int, (tmp_path / "pids").read_text().split())
             with suppress(ProcessLookupError):
@@ -126,7 +129,7 @@ def test_killed_workers_cost_nothing(tmp_path: Path) -> None:
 
     killed = sweep(square, cells, tmp_path / "a", workers=WORKERS, show=kill)
     assert not failures(killed)
-    assert runs(tmp_path).total() <= 40 + 8
+    assert runs(tmp_path).total() <= 40 + 7
     write_table(tmp_path / "killed.csv", killed)
     write_table(tmp_path / "whole.csv", sweep(square, cells, tmp_path / "b", workers=3))
     assert (tmp_path / "killed.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()

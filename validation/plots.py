@@ -99,7 +99,7 @@ class _Run:
 
 @dataclass(frozen=True)
 class Sheet:
-    """What a scene's pictures show.
+    """The lines, names and scales of a scene's pictures.
 
     momentum_labels: the names of M's components by their heights; scale: kg m²/s, of M.
     """

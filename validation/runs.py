@@ -72,7 +72,7 @@ class Comparing:
 
 @dataclass(frozen=True)
 class Compared:
-    """What is kept of a scene's agreements.
+    """The records and pictures of a scene's agreements.
 
     records: as results.record has them; windows: the files of the faulty runs' fault windows;
     pictures: their files; refused: why there is nothing, if the scene cannot be run.

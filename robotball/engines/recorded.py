@@ -223,7 +223,7 @@ def _hinges(scene: Scene, trajectory: Trajectory) -> tuple[Array, Array]:
     angles = np.full((len(times), len(scene.hinges)), np.nan)
     rates = angles.copy()
     for i, hinge in enumerate(scene.hinges):
-        # The angle of a motor's hinge depends on its load, which the commands do not tell.
+        # The angle of a motor's hinge depends on its load, which the commands do not give.
         if hinge.motor is None:
             angles[:, i] = hinge.angle + hinge.command.angle(times)
             rates[:, i] = hinge.command.rate(times)

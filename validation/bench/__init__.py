@@ -1,1 +1,1 @@
-"""What things cost: ratios in one run, set-up outside the clock."""
+"""Measurements of cost: ratios in one run, set-up outside the clock."""

@@ -11,7 +11,7 @@ _loaded, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 def __getattr__(name: str) -> object:
     try:
         return _loaded(name)
-    except (AttributeError, RuntimeError) as error:
+    except (AttributeError, RuntimeError, ImportError) as error:
         # Python would take an AttributeError of MuJoCo's import to say that this module has no such
         # name. Only where MUJOCO_GL names an OpenGL does that import fail so.
         if os.environ.get("MUJOCO_GL"):

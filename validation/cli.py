@@ -133,7 +133,7 @@ def _refusal(error: Exception) -> str | None:
             return f"{what}{error.strerror or error}"
         case MemoryError():
             return "there is not enough memory for this; ask for less"
-        case AttributeError() | RuntimeError():
+        case AttributeError() | RuntimeError() | ImportError():
             from robotball.film.gl import advice, ended_import
 
             return advice() if ended_import(error) else None

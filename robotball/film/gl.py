@@ -15,6 +15,8 @@ from typing import Any
 _PATIENCE = 60.0  # s, for one candidate: several times what a loaded machine needs
 _OFF = ("disable", "disabled", "off", "false", "0")
 _ANY = ("", "enable", "enabled", "on", "true", "1")
+# Modules whose import loads the OpenGL that MUJOCO_GL names.
+_LOADING = {"mujoco", "dm_control._render"}
 _FIX = {
     "Linux": "sudo apt-get install libosmesa6",
     "Darwin": "a session with a window server",
@@ -53,6 +55,10 @@ def context(width: int, height: int, backend: str | None) -> Any:
 def advice() -> str:
     """Return one line: why there is no off-screen GL, and how to get one."""
     chosen = os.environ.get("MUJOCO_GL")
+    platform_of_pyopengl = os.environ.get("PYOPENGL_PLATFORM")
+    if chosen and platform_of_pyopengl not in (None, "", chosen):
+        both = f"MUJOCO_GL={chosen} and PYOPENGL_PLATFORM={platform_of_pyopengl}"
+        return f"no off-screen GL with {both}; unset both, or name the same one twice"
     if chosen:
         return f"no off-screen GL with MUJOCO_GL={chosen}; unset it, or name one that works here"
     fix = _FIX.get(platform.system(), "an OpenGL driver")
@@ -60,9 +66,9 @@ def advice() -> str:
 
 
 def ended_import(error: Exception) -> bool:
-    """Return whether the error was raised in MuJoCo's import, which loads MUJOCO_GL's OpenGL."""
-    modules = (frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__))
-    return bool(os.environ.get("MUJOCO_GL")) and "mujoco" in modules
+    """Return whether the error was raised in an import that loads MUJOCO_GL's OpenGL."""
+    modules = {frame.f_globals.get("__name__") for frame, _ in walk_tb(error.__traceback__)}
+    return bool(os.environ.get("MUJOCO_GL")) and bool(modules & _LOADING)
 
 
 def _candidates() -> tuple[str, ...]:

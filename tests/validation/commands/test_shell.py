@@ -150,9 +150,19 @@ def test_an_opengl_that_is_not_there_is_one_line(
     (tmp_path / "OpenGL").mkdir()
     (tmp_path / "OpenGL" / "__init__.py").write_text("raise AttributeError('glGetError')")
     path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    done = shell(*arguments.split(), MUJOCO_GL="osmesa", PYTHONPATH=path)
+    done = shell(*arguments.split(), MUJOCO_GL="osmesa", PYOPENGL_PLATFORM="", PYTHONPATH=path)
     assert done.returncode == 2
     assert done.stderr.startswith(NO_OPENGL)
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", ["compare fig12", "engines"])
+def test_two_opengls_that_are_named_are_one_line(shell: Run, arguments: str) -> None:
+    """MuJoCo's and dm-control's imports end in an ImportError of their own."""
+    done = shell(*arguments.split(), MUJOCO_GL="osmesa", PYOPENGL_PLATFORM="egl")
+    assert done.returncode == 2
+    assert "MUJOCO_GL=osmesa and PYOPENGL_PLATFORM=egl; unset both" in done.stderr
     assert done.stderr.count("\n") == 1
 
 

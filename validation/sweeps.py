@@ -29,7 +29,7 @@ from robotball.cores import cores
 from robotball.errors import check_count, check_positive
 from robotball.files.replacing import no_regular_file
 from robotball.processes import Answer, EndedError, Worker, pool
-from validation.output import Show, versions, writable_file, write_rows
+from validation.output import Show, versions, writable_file
 
 Cell = Mapping[str, Any]
 """Plain data, as JSON has it, that says everything about one run: it is the run's identity."""
@@ -154,11 +154,6 @@ def duration(seconds: float) -> str:
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-def write_table(path: Path, results: Sequence[Result]) -> None:
-    """Write the results as CSV, a row a cell. Equal results make equal files."""
-    write_rows(path, rows_of(results))
 
 
 def rows_of(results: Sequence[Result]) -> list[dict[str, Any]]:

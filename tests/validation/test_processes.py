@@ -18,7 +18,8 @@ import pytest
 
 from robotball import InputError
 from tests.validation.work import WORKERS, cells_of, failures, lines_of, runs, square
-from validation.sweeps import sweep, write_table
+from validation.output import write_rows
+from validation.sweeps import rows_of, sweep
 
 FORKSERVER = multiprocessing.get_context("forkserver")
 linux = pytest.mark.skipif(sys.platform != "linux", reason="rests on Linux' signals and /proc")
@@ -80,12 +81,14 @@ def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(tmp_path: Path
     with file.open("a") as torn:
         torn.write('{"cell": {"x": 59, "ra')
     cells = cells_of(tmp_path, 60, seconds=0.02)
-    write_table(tmp_path / "killed.csv", sweep(square, cells, file, workers=WORKERS))
+    write_rows(tmp_path / "killed.csv", rows_of(sweep(square, cells, file, workers=WORKERS)))
     ran = runs(tmp_path)
     assert all(ran[x] == times for x, times in before.items())
     # A death costs at most what was handed in: two cells a worker.
     assert 60 <= ran.total() <= 60 + 3 * 2 * WORKERS
-    write_table(tmp_path / "whole.csv", sweep(square, cells, tmp_path / "b", workers=WORKERS))
+    write_rows(
+        tmp_path / "whole.csv", rows_of(sweep(square, cells, tmp_path / "b", workers=WORKERS))
+    )
     assert (tmp_path / "killed.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
 
 
@@ -130,8 +133,8 @@ def test_killed_workers_cost_nothing(tmp_path: Path) -> None:
     killed = sweep(square, cells, tmp_path / "a", workers=WORKERS, show=kill)
     assert not failures(killed)
     assert runs(tmp_path).total() <= 40 + 7
-    write_table(tmp_path / "killed.csv", killed)
-    write_table(tmp_path / "whole.csv", sweep(square, cells, tmp_path / "b", workers=3))
+    write_rows(tmp_path / "killed.csv", rows_of(killed))
+    write_rows(tmp_path / "whole.csv", rows_of(sweep(square, cells, tmp_path / "b", workers=3)))
     assert (tmp_path / "killed.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
 
 

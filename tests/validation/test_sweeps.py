@@ -8,8 +8,8 @@ import pytest
 
 from robotball import InputError
 from tests.validation.work import WORKERS, cells_of, failures, runs, square
-from validation.output import progress_bar
-from validation.sweeps import Cell, Result, duration, sweep, write_table
+from validation.output import progress_bar, write_rows
+from validation.sweeps import Cell, Result, duration, rows_of, sweep
 
 
 def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
         Result({"x": 2, "y": None}, None, "ValueError: a, b"),
         Result({"x": 3, "y": {"a": "é"}}, {"z": None, "more": True}, None),
     ]
-    write_table(tmp_path / "table.csv", results)
+    write_rows(tmp_path / "table.csv", rows_of(results))
     with (tmp_path / "table.csv").open() as table:
         assert list(csv.reader(table)) == [
             ["x", "y", "z", "more", "failure"],

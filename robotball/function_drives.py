@@ -143,8 +143,8 @@ class Polynomials:
 
     edges   (n + 1,)  s
     slopes  n         coefficients of the derivative, Chebyshev's, on -1 to 1
-    areas   n         of the integral from the panel's begin
-    before  (n,)      the integral from edges[0] to the panel's begin
+    areas   n         of the integral from the panel's begin, to rounding
+    before  (n,)      the integral from edges[0] to the panel's begin, less the rounding there
     off     (n,)      how far the polynomial may be off the function
     size              the function's largest value
     """
@@ -199,12 +199,13 @@ def _polynomials_of(function: _Function, edges: list[float]) -> Polynomials:
         slopes.append(np.asarray(chebyshev.chebder(coefficients) / half, dtype=float))
         integral = chebyshev.chebint(coefficients, lbnd=-1.0)
         areas.append(np.asarray(integral * half, dtype=float))
-    whole = [float(chebyshev.chebval(1.0, area)) for area in areas]
+    # What rounding leaves at a panel's begin depends on the processor; the integral begins at 0.
+    begins, ends = (np.array([chebyshev.chebval(x, area) for area in areas]) for x in (-1.0, 1.0))
     return Polynomials(
         edges=np.array([panels[0][0], *(end for _, end, _ in panels)]),
         slopes=slopes,
         areas=areas,
-        before=np.cumsum([0.0, *whole[:-1]]),
+        before=np.cumsum([0.0, *(ends - begins)[:-1]]) - begins,
         off=np.array(off),
         size=size,
     )

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any, BinaryIO
 
 import pytest
 
@@ -29,26 +28,14 @@ OPTIONS = (
 
 
 class Browser:
-    """One page of a headless Chromium.
+    """One page of a headless Chromium that listens to one pipe and answers by another.
 
     console: what the page wrote there, errors and warnings included; requests: every address that
-    it asked for, its own first. To be used in a `with`.
+    it asked for, its own first.
     """
 
-    def __init__(self, folder: Path, width: int, height: int, dark: bool) -> None:
-        assert BROWSER is not None
-        theirs_in, self._to = os.pipe()
-        own, theirs_out = os.pipe()
-        self._from = os.fdopen(own, "rb")
-        self._process = subprocess.Popen(
-            ["bash", "-c", f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}', "bash", BROWSER, *OPTIONS,
-             f"--user-data-dir={folder / 'browser'}", "about:blank"],
-            pass_fds=(theirs_in, theirs_out),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        os.close(theirs_in)
-        os.close(theirs_out)
+    def __init__(self, to: int, answers: BinaryIO) -> None:
+        self._to, self._answers = to, answers
         self._number, self._session = count(1), ""
         self.console: list[str] = []
         self.requests: list[str] = []
@@ -57,15 +44,6 @@ class Browser:
         self._session = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
-        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        self.call("Emulation.setEmulatedMedia", features=[scheme])
-        self.call(
-            "Emulation.setDeviceMetricsOverride",
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=width < 600,
-        )
 
     def call(self, method: str, **parameters: Any) -> Any:
         """The answer to a method of the protocol; events on the way are kept."""
@@ -79,11 +57,6 @@ class Browser:
         assert "error" not in answer, answer["error"]
         return answer["result"]
 
-    def open(self, path: Path) -> None:
-        """Opens a file, and waits until it has loaded."""
-        self.call("Page.navigate", url=path.absolute().as_uri())
-        self.run("new Promise(d => document.readyState === 'complete' ? d() : onload = d)")
-
     def run(self, script: str) -> Any:
         """What an expression comes to, as JSON; a promise is waited for."""
         answer = self.call(
@@ -91,10 +64,6 @@ class Browser:
         )
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
-
-    def screenshot(self, path: Path) -> None:
-        """The page as it is seen, as PNG."""
-        path.write_bytes(b64decode(self.call("Page.captureScreenshot")["data"]))
 
     def pdf(self) -> bytes:
         """The page as it is printed on A4."""
@@ -104,7 +73,7 @@ class Browser:
     def _read(self) -> Any:
         message = b""
         while not message.endswith(b"\0"):
-            part = self._from.read(1)
+            part = self._answers.read(1)
             assert part, "the browser has ended"
             message += part
         return json.loads(message[:-1])
@@ -121,28 +90,37 @@ class Browser:
             case "Network.requestWillBeSent":
                 self.requests.append(inside["request"]["url"])
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._process.terminate()
-        self._process.wait()
-        os.close(self._to)
-        self._from.close()
-
 
 @contextmanager
 def opened(
     page: str, folder: Path, width: int = 1000, height: int = 800, dark: bool = False
 ) -> Iterator[Browser]:
-    """An HTML text opened in a browser window of so many pixels."""
+    """An HTML text opened in a browser window of so many pixels, and loaded."""
+    assert BROWSER is not None
     path = folder / "page.html"
     path.write_text(page, encoding="utf-8")
-    with Browser(folder, width, height, dark) as browser:
-        browser.open(path)
-        yield browser
+    theirs_in, to = os.pipe()
+    own, theirs_out = os.pipe()
+    process = subprocess.Popen(
+        ["bash", "-c", f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}', "bash", BROWSER, *OPTIONS,
+         f"--user-data-dir={folder / 'browser'}", "about:blank"],
+        pass_fds=(theirs_in, theirs_out),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    os.close(theirs_in)
+    os.close(theirs_out)
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 600}
+    scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+    try:
+        with os.fdopen(own, "rb") as answers:
+            browser = Browser(to, answers)
+            browser.call("Emulation.setEmulatedMedia", features=[scheme])
+            browser.call("Emulation.setDeviceMetricsOverride", **size)
+            browser.call("Page.navigate", url=path.absolute().as_uri())
+            browser.run("new Promise(d => document.readyState === 'complete' ? d() : onload = d)")
+            yield browser
+    finally:
+        process.terminate()
+        process.wait()
+        os.close(to)

@@ -1,8 +1,9 @@
 """Each of examples/ runs as it is, and shows what it says."""
 
+import ast
 import json
 import os
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -11,55 +12,44 @@ import pytest
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
-def run(folder: Path, *arguments: str) -> str:
-    """The output of Python in an empty folder; fails where it fails."""
-    project = str(EXAMPLES.parent)
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": project},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
-@pytest.mark.slow
-def test_the_script_compares_side_by_side(tmp_path: Path) -> None:
-    """Two presets, with their errors, and a picture."""
-    out = run(tmp_path, str(EXAMPLES / "side_by_side.py"), "fig06", "fast", "balanced")
-    assert out.count("agrees") == 2
-    assert (tmp_path / "out" / "fig06-side-by-side.png").read_bytes()[:4] == b"\x89PNG"
-
-
-@pytest.mark.slow
-def test_the_regression_test_of_a_robot_passes(tmp_path: Path) -> None:
-    """By pytest, with no configuration of ours."""
-    file = EXAMPLES / "test_my_robot.py"
-    options = ("-q", "-p", "no:cacheprovider", "-c", os.devnull)
-    assert "3 passed" in run(tmp_path, "-m", "pytest", *options, str(file))
-
-
-@pytest.mark.slow
-def test_the_notebook_runs_from_top_to_bottom(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Cell by cell, as a kernel does it, and what a cell ends with can be shown."""
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder to run in."""
     monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_the_script_compares_side_by_side(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two presets, with their errors, and a picture."""
+    monkeypatch.setattr(sys, "argv", ["side_by_side.py", "fig06", "fast", "balanced"])
+    runpy.run_path(str(EXAMPLES / "side_by_side.py"), run_name="__main__")
+    assert capsys.readouterr().out.count("agrees") == 2
+    assert (folder / "out" / "fig06-side-by-side.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_regression_test_of_a_robot_passes() -> None:
+    """By pytest, with no configuration of ours."""
+    options = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-c", os.devnull)
+    assert pytest.main([*options, str(EXAMPLES / "test_my_robot.py")]) == 0
+
+
+@pytest.mark.slow
+def test_the_notebook_runs_from_top_to_bottom() -> None:
+    """Cell by cell, as a kernel does it, and what a cell ends with can be shown."""
     book = json.loads((EXAMPLES / "tutorial.ipynb").read_text(encoding="utf-8"))
-    cells = ["".join(each["source"]) for each in book["cells"] if each["cell_type"] == "code"]
+    cells = [each for each in book["cells"] if each["cell_type"] == "code"]
     names: dict[str, object] = {}
     shown = 0
     for cell in cells:
-        *lines, last = cell.splitlines()
-        try:
-            ending = compile(last, "cell", "eval")
-        except SyntaxError:
-            exec(cell, names)
-            continue
-        exec("\n".join(lines), names)
-        value = eval(ending, names)
-        shown += any(hasattr(value, f"_repr_{kind}_") for kind in ("html", "png"))
+        *lines, last = ast.parse("".join(cell["source"])).body
+        exec(compile(ast.Module(lines, []), "cell", "exec"), names)
+        if isinstance(last, ast.Expr):
+            value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+            shown += any(hasattr(value, f"_repr_{kind}_") for kind in ("html", "png"))
+        else:
+            exec(compile(ast.Module([last], []), "cell", "exec"), names)
     assert shown == 6  # a scene, two motions, a picture, two agreements
-    assert all(each["outputs"] == [] for each in book["cells"] if each["cell_type"] == "code")
+    assert all(each["outputs"] == [] for each in cells)

@@ -1,38 +1,87 @@
-"""Sweeps: nothing done is lost, nothing is done twice, and one failure is one failure."""
+"""Sweeps: nothing done is lost, nothing is done twice, and one failure is one failure.
 
-import csv
+That holds whatever ends, hangs or stops their processes, on this machine and on a dask cluster. The
+file of a sweep has whole lines, of one work and one set of versions, by one sweep at a time.
+"""
+
+import fcntl
+import json
+import multiprocessing
+import os
+import random
+import resource
+import signal
+import sys
+import time
+import types
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from robotball import InputError
-from tests.validation.work import WORKERS, cells_of, failures, runs, square
-from validation.output import progress_bar, write_rows
+from tests.validation.work import WORKERS, cells_of, failures, lines_of, runs, square
+from validation.output import write_rows
 from validation.sweeps import Cell, Result, duration, rows_of, sweep
 
+linux = pytest.mark.skipif(sys.platform != "linux", reason="rests on Linux' signals and /proc")
 
-def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path) -> None:
-    """Whatever a cell does, its reason is one line, and the innocent beside it have records."""
-    cells = cells_of(tmp_path, 12)
-    for x, trouble in enumerate(("raises", "ends", "nan", "list", "spins"), start=2):
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """The file of a sweep."""
+    return tmp_path / "sweep.jsonl"
+
+
+def table(path: Path, results: list[Result]) -> bytes:
+    """The CSV file of a sweep."""
+    write_rows(path, rows_of(results))
+    return path.read_bytes()
+
+
+# Cells -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers: int) -> None:
+    """Whatever a cell does, its reason is one line, and the innocent beside it have records.
+
+    Every result is told of, those that were there before at once. Failures are kept, and the file
+    may hold more than is asked for.
+    """
+    cells, file = cells_of(tmp_path, 10), tmp_path / "deep" / "sweep.jsonl"
+    sweep(square, cells[:2], file, workers=workers)
+    for x, trouble in enumerate(("raises", "ends", "nan", "list", "spins", "hangs"), start=2):
         cells[x]["trouble"] = trouble
-    results = sweep(square, cells, tmp_path / "sweep.jsonl", workers=WORKERS, limit=0.2)
+    told: list[tuple[float, str]] = []
+    results = sweep(
+        square, cells, file, workers=workers, limit=0.2, show=lambda *words: told.append(words)
+    )
     assert [result.cell for result in results] == cells
-    told = failures(results)
-    told[4] = told[4].removesuffix(": nan")  # which Python 3.12 adds
-    assert told == {
+    reasons = failures(results)
+    reasons[4] = reasons[4].removesuffix(": nan")  # which Python 3.12 adds
+    assert reasons == {
         2: "ValueError: no square",
         3: "ended its process with status 7",
         4: "ValueError: Out of range float values are not JSON compliant",
         5: "TypeError: a record must be a mapping, not list",
         6: "took longer than 0.2 s",
+        7: "took longer than 0.2 s",
     }
+    assert {result.cell["x"] for result in results if result.outlasted} == {6, 7}
     squares = [result.record and result.record["square"] for result in results]
-    assert squares == [0, 1, *[None] * 5, *[x**2 for x in range(7, 12)]]
+    assert squares == [0, 1, *[None] * 6, 64, 81]
+    assert [done for done, _ in told] == [*range(2, 11)]
+    assert told[0][1] == "2 of 10 cells"
+    assert told[-1][1] == "10 of 10 cells, 6 failed"
+    assert all(words.endswith((" s left", " min left")) for _, words in told[1:-1])
     ran = runs(tmp_path)
-    assert sweep(square, cells, tmp_path / "sweep.jsonl", workers=WORKERS) == results
-    assert runs(tmp_path) == ran  # failures are kept
+    assert sweep(square, cells[:4:-1], file, show=lambda *words: told.append(words)) == results[:4:-1]
+    assert told[-1] == (5, "5 of 5 cells, 3 failed")
+    assert runs(tmp_path) == ran
+    assert all(ran[x] == 1 for x in range(10) if x != 3)  # whose process died: run once more
 
 
 @pytest.mark.parametrize(
@@ -47,42 +96,17 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path) -> None
     ],
 )
 def test_unusable_input_is_refused(
-    tmp_path: Path, cells: list[Cell], options: dict[str, Any], message: str
+    file: Path, cells: list[Cell], options: dict[str, Any], message: str
 ) -> None:
     """One line that says what is wrong."""
     with pytest.raises(InputError, match=message):
-        sweep(square, cells, tmp_path / "sweep.jsonl", **options)
-
-
-def test_progress_says_how_many_failed_and_the_time_left(tmp_path: Path) -> None:
-    """Every result is told of, those that were there before at once."""
-    cells, file = cells_of(tmp_path, 4), tmp_path / "sweep.jsonl"
-    cells[0]["trouble"] = "raises"
-    sweep(square, cells[:2], file, workers=WORKERS)
-    told: list[tuple[float, str]] = []
-    sweep(square, cells, file, workers=WORKERS, show=lambda *words: told.append(words))
-    assert [done for done, _ in told] == [2, 3, 4]
-    assert told[0][1] == "2 of 4 cells, 1 failed"
-    assert told[1][1].startswith("3 of 4 cells, 1 failed, ")
-    assert told[1][1].endswith(" s left")
-    assert told[2][1] == "4 of 4 cells, 1 failed"
+        sweep(square, cells, file, **options)
 
 
 def test_time_left_has_a_unit_that_suits_it() -> None:
     """Seconds, minutes, hours."""
-    assert [duration(s) for s in (4.4, 89, 720, 9000)] == ["4 s", "89 s", "12 min", "2.5 h"]
-
-
-def test_long_work_leaves_a_line_now_and_then_in_a_log(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Where standard error is no terminal, the first line comes after the interval, not before."""
-    clock = iter((0.0, 29.0, 31.0, 31.0, 45.0))
-    monkeypatch.setattr("validation.output.time.monotonic", lambda: next(clock))
-    with progress_bar(8) as show:
-        for done in (1, 2, 3):
-            show(done, f"{done} of 8 cells")
-    assert capsys.readouterr().err == "25%: 2 of 8 cells\n"
+    shown = [duration(s) for s in (4.4, 89, 90, 720, 5399, 5400, 9000)]
+    assert shown == ["4 s", "89 s", "2 min", "12 min", "90 min", "1.5 h", "2.5 h"]
 
 
 def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
@@ -92,11 +116,304 @@ def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
         Result({"x": 2, "y": None}, None, "ValueError: a, b"),
         Result({"x": 3, "y": {"a": "é"}}, {"z": None, "more": True}, None),
     ]
-    write_rows(tmp_path / "table.csv", rows_of(results))
-    with (tmp_path / "table.csv").open() as table:
-        assert list(csv.reader(table)) == [
-            ["x", "y", "z", "more", "failure"],
-            ["1", "[1, 2]", "0.1", "", ""],
-            ["2", "", "", "", "ValueError: a, b"],
-            ["3", '{"a": "é"}', "", "True", ""],
-        ]
+    assert table(tmp_path / "table.csv", results).decode().splitlines() == [
+        "x,y,z,more,failure",
+        '1,"[1, 2]",0.1,,',
+        '2,,,,"ValueError: a, b"',
+        '3,"{""a"": ""é""}",,True,',
+    ]
+
+
+# The file --------------------------------------------------------------------------------------
+
+HEADER = '{"work": "tests.validation.work.square", "versions": {"python": "2.7"}}\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"work": "a.b", "versions": {}}\n', r"is the record of a\.b, not of tests\..*work\.squa"),
+        (HEADER, "was made with python 2.7, and this"),
+        ("a,b\n1,2", "is not the record of a sweep: move it, or give another folder with --out"),
+        ("somebody's only line", "is not the record of a sweep: move it, or give another folder"),
+        (None, r"line 2 of .* is no result: delete that line"),
+    ],
+)
+def test_a_file_of_something_else_is_refused_and_left_alone(
+    file: Path, text: str | None, message: str
+) -> None:
+    """Another work's, another version's, no sweep's at all, or one with a line that is no result.
+
+    A whole line that cannot be read is not a kill's doing, and is not dropped in silence.
+    """
+    if text is None:
+        sweep(square, [], file)
+        text = f"{file.read_text()}{{}}\n"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        sweep(square, [], file)
+    assert file.read_text() == text
+
+
+def test_a_file_that_is_being_written_is_refused(file: Path) -> None:
+    """Two sweeps never write one file."""
+
+    def meanwhile(done: float, what: str) -> None:
+        with pytest.raises(InputError, match="is being written by another sweep: wait for it, or"):
+            sweep(square, [], file)
+
+    sweep(square, [], file, show=meanwhile)
+
+
+def test_a_disk_that_fills_up_ends_the_sweep_in_one_line(tmp_path: Path, file: Path) -> None:
+    """What was written is whole, and when there is room again the rest is added."""
+    cells = cells_of(tmp_path, 3)
+    sweep(square, cells[:2], file, workers=WORKERS)
+    written = lines_of(file)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    room = len(written[0]) // 2  # for a part of the next line
+    resource.setrlimit(resource.RLIMIT_FSIZE, (file.stat().st_size + room, hard))
+    try:
+        with pytest.raises(InputError, match=r"sweep\.jsonl cannot be used: File too large"):
+            sweep(square, cells, file)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert lines_of(file)[:2] == written
+    assert not file.read_text().endswith("\n")
+    sweep(square, cells, file)
+    assert lines_of(file)[:2] == written
+    assert len(lines_of(file)) == 3
+
+
+def test_a_file_that_cannot_be_opened_is_refused(tmp_path: Path) -> None:
+    """A name too long, a link to itself, a folder, a device, which would never end: a line each."""
+    circle, device = tmp_path / "circle.jsonl", tmp_path / "sweep.jsonl"
+    circle.symlink_to(circle)
+    device.symlink_to(os.devnull)
+    for path, message in (
+        (tmp_path / ("x" * 256), "cannot be written: File name too long"),
+        (circle, "cannot be written: Too many levels of symbolic links"),
+        (tmp_path, "cannot be written: it is a folder"),
+        (device, r"sweep\.jsonl is no regular file, as a sweep's record"),
+    ):
+        with pytest.raises(InputError, match=message):
+            sweep(square, [], path)
+
+
+# Processes -------------------------------------------------------------------------------------
+
+FORKSERVER = multiprocessing.get_context("forkserver")
+
+
+def to_be_killed(folder: Path) -> None:
+    sweep(square, cells_of(folder, 60, seconds=0.02), folder / "sweep.jsonl", workers=WORKERS)
+
+
+def to_be_left(folder: Path) -> None:
+    sweep(square, cells_of(folder, 1, trouble="hangs"), folder / "sweep.jsonl")
+
+
+def to_be_stopped(folder: Path) -> None:
+    sweep(square, cells_of(folder, 1, trouble="pauses"), folder / "sweep.jsonl", limit=1.0)
+
+
+@pytest.fixture
+def started(tmp_path: Path) -> Callable[..., Any]:
+    """Starts a sweep in a process, by the server that starts a sweep's own."""
+    sweep(square, cells_of(tmp_path, 1), tmp_path / "first.jsonl")
+    (tmp_path / "ran").unlink()
+
+    def start(sweeping: Callable[[Path], None]) -> Any:
+        process = FORKSERVER.Process(target=sweeping, args=(tmp_path,))
+        process.start()
+        return process
+
+    return start
+
+
+def within(seconds: float, done: Callable[[], bool]) -> bool:
+    """Whether that is so before the seconds are over."""
+    end = time.monotonic() + seconds
+    while not (there := done()) and time.monotonic() < end:
+        time.sleep(0.001)
+    return there
+
+
+@pytest.mark.slow
+def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(
+    tmp_path: Path, file: Path, started: Callable[..., Any]
+) -> None:
+    """SIGKILL at any moment costs the cells that were running, and no result is made twice."""
+    moments = random.Random(4)
+    before: dict[int, int] = {}
+    for enough in (1, 25):
+        process = started(to_be_killed)
+        assert within(60, lambda least=enough: len(lines_of(file)) >= least)  # type: ignore[misc]
+        time.sleep(moments.uniform(0.0, 0.05))
+        process.kill()
+        process.join()
+        ran = runs(tmp_path)
+        assert all(ran[x] == times for x, times in before.items())
+        before = {x: ran[x] for x in (json.loads(line)["cell"]["x"] for line in lines_of(file))}
+    assert 25 <= len(before) < 60
+    with file.open("a") as torn:
+        torn.write('{"cell": {"x": 59, "ra')
+    cells = cells_of(tmp_path, 60, seconds=0.02)
+    killed = table(tmp_path / "killed.csv", sweep(square, cells, file, workers=WORKERS))
+    ran = runs(tmp_path)
+    assert all(ran[x] == times for x, times in before.items())
+    # A death costs at most what was handed in: two cells a worker.
+    assert 60 <= ran.total() <= 60 + 2 * 2 * WORKERS
+    whole = sweep(square, cells, tmp_path / "whole.jsonl", workers=WORKERS)
+    assert killed == table(tmp_path / "whole.csv", whole)
+
+
+def test_killed_workers_cost_nothing(tmp_path: Path, file: Path) -> None:
+    """SIGKILL of any process that runs cells, four times: no failure.
+
+    All fall before the lost cells are run again: a second loss is a cell's failure.
+    """
+    cells, moments = cells_of(tmp_path, 24, seconds=0.01), random.Random(8)
+
+    def kill(done: float, what: str) -> None:
+        if done in range(4, 20, 4):
+            time.sleep(moments.uniform(0.0, 0.01))
+            *_, one, two = map(int, (tmp_path / "pids").read_text().split())
+            with suppress(ProcessLookupError):
+                os.kill(moments.choice((one, two)), signal.SIGKILL)
+
+    results = sweep(square, cells, file, workers=WORKERS, show=kill)
+    assert [result.record and result.record["square"] for result in results] == [
+        x**2 for x in range(24)
+    ]
+    assert 24 < runs(tmp_path).total() <= 24 + 4
+
+
+def test_ctrl_c_ends_what_runs_and_leaves_the_file_whole(tmp_path: Path, file: Path) -> None:
+    """No process is left, though one would run its cell for a minute; the rest is done later."""
+    cells = cells_of(tmp_path, 6)
+    slow = [{**cells[0], "seconds": 60.0}, *cells[1:]]
+
+    def interrupt(done: float, what: str) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(square, slow, file, workers=WORKERS, show=interrupt)
+    assert not multiprocessing.active_children()
+    assert len(lines_of(file)) == 3
+    assert file.read_text().endswith("\n")
+    assert not failures(sweep(square, cells, file, workers=1))
+    assert runs(tmp_path).total() <= 6 + 2 * WORKERS
+
+
+@linux
+def test_a_killed_sweep_leaves_no_process(tmp_path: Path, started: Callable[..., Any]) -> None:
+    """Not even one in compiled code that keeps the interpreter's lock."""
+
+    def is_free() -> bool:
+        with (tmp_path / "held").open("w") as opened, suppress(BlockingIOError):
+            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        return False
+
+    process = started(to_be_left)
+    assert within(60, (tmp_path / "hangs").exists)
+    assert not is_free()
+    process.kill()
+    process.join()
+    assert within(10, is_free)
+
+
+@linux
+def test_a_time_in_which_all_is_stopped_does_not_count(
+    file: Path, started: Callable[..., Any]
+) -> None:
+    """Stopped for longer than its limit, as when the machine sleeps, a cell has its record."""
+    started(to_be_stopped).join(60)
+    (line,) = lines_of(file)
+    assert json.loads(line)["failure"] is None
+
+
+@linux
+def test_a_process_has_one_thread(tmp_path: Path, file: Path) -> None:
+    """BLAS has no threads of its own, which would take the other cells' cores."""
+    (result,) = sweep(square, cells_of(tmp_path, 1, trouble="threads"), file)
+    assert result.record == {"sum": 400.0**3, "threads": 1}
+
+
+def test_a_work_that_no_process_can_load_is_refused(
+    tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is not the cells' failure: none is written."""
+    module = types.ModuleType("nowhere")
+    exec("def work(cell): return {}", module.__dict__)
+    monkeypatch.setitem(sys.modules, "nowhere", module)
+    with pytest.raises(InputError, match="no cells can run on the local cores: ChildProcessError"):
+        sweep(module.work, cells_of(tmp_path, 3), file)
+    assert lines_of(file) == []
+
+
+# A dask cluster --------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    """Two workers under a nanny each, as `dask worker` starts them."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        yield cluster
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_results(tmp_path: Path, file: Path, cluster: Any) -> None:
+    """Records and failures by dask are those by the local cores, resumed ones too."""
+    cells = cells_of(tmp_path, 8)
+    for x, trouble in {2: "raises", 5: "ends", 7: "hangs"}.items():
+        cells[x]["trouble"] = trouble
+    local = sweep(square, cells, tmp_path / "local.jsonl", workers=WORKERS, limit=0.5)
+    assert failures(local).keys() == {2, 5, 7}
+    sweep(square, cells[:3], file, cluster=cluster.scheduler_address)
+    assert sweep(square, cells, file, cluster=cluster.scheduler_address, limit=0.5) == local
+
+
+@pytest.mark.slow
+def test_a_cluster_whose_workers_have_gone_is_not_waited_for(
+    tmp_path: Path, file: Path, cluster: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One line, and what was done is kept."""
+    monkeypatch.setattr("validation.sweeps._CHECK", 0.2)
+    monkeypatch.setattr("validation.sweeps._ABSENCE", 0.5)
+    address = cluster.scheduler_address
+
+    def leave(done: float, what: str) -> None:
+        if done == 3:
+            cluster.scale(0)
+
+    with pytest.raises(InputError, match=f"all workers of {address} have gone: start some, and"):
+        sweep(square, cells_of(tmp_path, 50, seconds=0.5), file, cluster=address, show=leave)
+    assert len(lines_of(file)) >= 3
+    with pytest.raises(InputError, match=f"{address} has no workers: start some with `dask worker"):
+        sweep(square, cells_of(tmp_path, 50, seconds=0.5), file, cluster=address)
+    cluster.scale(2)
+
+
+@pytest.mark.parametrize(
+    ("installed", "message"),
+    [
+        (True, r"no dask scheduler answers at tcp://127\.0\.0\.1:1: "),
+        (False, r"pip install 'robotball\[cluster\]'"),
+    ],
+)
+def test_a_cluster_that_does_not_answer_is_refused(
+    tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch, installed: bool, message: str
+) -> None:
+    """In one line within seconds; where dask is not installed it says how to install the extra."""
+    if installed:
+        pytest.importorskip("distributed")
+    else:
+        monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=message):
+        sweep(square, cells_of(tmp_path, 1), file, cluster="tcp://127.0.0.1:1")

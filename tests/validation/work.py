@@ -63,11 +63,6 @@ def pause(seconds: float) -> None:
         os.kill(process, signal.SIGSTOP)
 
 
-def other(cell: Cell) -> Mapping[str, Any]:
-    """Another work."""
-    return {}
-
-
 def cells_of(folder: Path, count: int, **more: Any) -> list[dict[str, Any]]:
     """Cells for `square`, which writes down what it runs in this folder."""
     return [{"x": x, "ran": str(folder / "ran"), **more} for x in range(count)]

@@ -1,0 +1,383 @@
+"""The commands: exit status, results on standard output and in files, whole files or none."""
+
+import csv
+import json
+import re
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import robotball as rb
+from tests.conftest import Robotball
+from validation.cli import COMMANDS, main
+from validation.studies.ablation import CHOICES
+from validation.studies.extreme_maps import MAPS
+from validation.studies.portrait_maps import PLANES
+
+# What each command is run with, and what it prints then.
+RUNS = {
+    "scenes": r"\n *fig12 +rubber +10 s",
+    "compare fig12 --duration 1": r"fig12 +rubber +balanced +5 .* agrees\s+plots: out/fig12-",
+    "compare fig12 --preset fast --duration 0.1 --no-plots --keep-going": "fast .* agrees",
+    "engines wobbling_drive --only mujoco --quick --duration 0.2 --workers 1": "MuJoCo",
+    "model fig12 --explain": r"one along K \+ \(J_s \+ d\)Ω makes the same motion",
+    "model chaplygin_ball --explain": (
+        r"torsional friction row \(condim 4\)[\s\S]*rotor bodies: the scene has none"
+    ),
+    "view fig12 --web --duration 0.1": r"^out/fig12-mujoco-balanced-0\.1s-view\.html$",
+    "figures 3 --json a.json": r"out/fig03\.png",
+    "section fig12 --count 40 --preset fast --json a.json": (
+        r"equations: 40 crossings, 20 with g growing, 20 falling\nMuJoCo: 40 crossings"
+    ),
+    "section fig10_stable --count 20 --json a.json": (
+        r"attracts: what ends there crosses only by\nrounding; 'robotball equilibria fig10_stable'"
+    ),
+    "section classical_chaotic --starts 3 --count 20 --skip 2 --g 0.4 --json a.json": (
+        r"equations: 60 crossings"
+    ),
+    "lyapunov fig14 --starts 4 --duration 200 --transient 50 --preset fast --json a.json": (
+        r"λ₁ \[1/s\] +0\.1[\s\S]*λ₁ by MuJoCo, fast"
+    ),
+    "basins fig12 --starts 24 --transient 2000 --json a.json": r"cycle of period 8\.743261 s +0\.",
+    "basins fig10_stable --starts 8 --json a.json": r"straight line +1\.000",
+    "equilibria fig07 --longest 70 --json a.json": r"saddle[\s\S]*period 60\.0086320 s",
+    "equilibria fig05c --json a.json": (
+        r"Γ₁ [\s\S]*centre,[\s\S]*Σ_s [\s\S]*attracts[\s\S]*Σ_u [\s\S]*repels[\s\S]*"
+        r"points add up to 2, with the 0 of the circle[\s\S]*out/fig05c-equilibria\.png"
+    ),
+    "equilibria rubber_chaplygin_gyrostat --longest 0 --json a.json": (
+        r"at rest[\s\S]*every motion from rest is closed"
+    ),
+    "equilibria classical_regular --json a.json": r"straight +0\.",
+    "attractors --quick --json a.json": "holds",
+}
+# Run below, and by the tests of their studies, of the film and of the demo's table.
+ELSEWHERE = {
+    "ablation", "convergence", "demo", "design", "export", "extremes", "judge", "paper",
+    "portraits", "replay", "report", "steer", "tradeoff", "video",
+}  # fmt: skip
+QUICK = {"scenes", "compare", "model", "equilibria"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        pytest.param(*each, marks=[] if each[0].split()[0] in QUICK else pytest.mark.slow)
+        for each in RUNS.items()
+    ],
+)
+def test_a_command_says_its_result_and_writes_it(
+    robotball: Robotball, tmp_path: Path, arguments: str, words: str
+) -> None:
+    """Status 0, the result on standard output, and the same as JSON with its versions.
+
+    Forty columns cut no table, and copied text has no lines of a box in it.
+    """
+    status, out, _ = robotball(*arguments.split())
+    assert status == 0
+    assert re.search(words, out, re.MULTILINE)
+    assert not re.search("[│┃┏└]", out)
+    if "--json" in arguments:
+        record = json.loads((tmp_path / "a.json").read_text())
+        assert record["versions"]["mujoco"] == mujoco.__version__
+    for picture in tmp_path.glob("out/*.png"):
+        assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_every_command_is_run() -> None:
+    """Here or elsewhere."""
+    assert {*COMMANDS} == {each.split()[0] for each in RUNS} | ELSEWHERE
+
+
+# compare ---------------------------------------------------------------------------------------
+
+
+def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_path: Path) -> None:
+    """The JSON has every number, setting and version; run again it gives the same numbers.
+
+    Every preset counts, however it is given, and takes no scene. Status 1, as one is faulty.
+    """
+    found = []
+    for presets in ("--preset naive --preset fast", "--preset=naive,fast,"):
+        status, out, _ = robotball(
+            "compare", *presets.split(), "fig12", "classical_regular", "--duration", 1,
+            "--no-plots", "--json", "a.json", "--csv", "a.csv",
+        )  # fmt: skip
+        assert status == 1
+        found.append(json.loads((tmp_path / "a.json").read_text()))
+    assert "faulty" in out
+    assert "fig12, naive: hinge rate off by over 0.001 at t =" in " ".join(out.split())
+    assert [(each["scene"], each["preset"]) for each in found[0]] == [
+        ("fig12", "naive"), ("fig12", "fast"),
+        ("classical_regular", "naive"), ("classical_regular", "fast"),
+    ]  # fmt: skip
+    errors = [[each["path_error"] for each in records] for records in found]
+    with (tmp_path / "a.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert errors[0] == errors[1] == [float(row["path_error"]) for row in rows]
+    naive, fast = found[0][:2]
+    assert (fast["duration"], fast["samples"]) == (1.0, 51)
+    assert fast["settings"]["timestep"] == fast["timestep"] == 0.02
+    assert fast["settings"]["drive"] == {"armature": 1e14}
+    assert fast["versions"]["mujoco"] == mujoco.__version__
+    assert fast["needs"]["torsional_friction"] == pytest.approx(1.873, abs=1e-3)  # m
+    assert len(fast["needs"]["motor_torques"]) == 2
+    assert (fast["agrees"], naive["agrees"]) == (True, False)
+    assert naive["settings"]["drive"]["gain"] == 10.0
+    assert naive["faults"][0]["cause"] == "hinge rate off by over 0.001"
+
+
+def test_a_dash_is_standard_output(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It holds the result alone, whole; the table goes to standard error, and no file is left."""
+    monkeypatch.chdir(tmp_path)
+    for option, begin in (("--json", '[\n  {\n    "scene": "fig12",'), ("--csv", "scene,rolling,")):
+        with pytest.raises(SystemExit, match="0"):
+            main(["compare", "fig12", "--duration", "0.1", "--no-plots", option, "-"])
+        out, err = capfd.readouterr()
+        assert out.startswith(begin)
+        assert "agrees" in err
+    assert list(tmp_path.iterdir()) == []
+
+
+# A weight that turns so fast that it lifts the ball.
+LIFTING_OFF = replace(rb.load_scene("pendulum_robot"), motors=(), frame_rate=25.0)
+
+
+@pytest.mark.parametrize("others", [[], ["fig12", "fig13"]])
+def test_a_scene_refused_by_the_equations_does_not_end_the_batch(
+    robotball: Robotball, tmp_path: Path, others: list[str]
+) -> None:
+    """The others are run and written; a line names the scene and its file; status 2.
+
+    Where there is no other nothing is left, though it is found out after the folder was checked.
+    """
+    (tmp_path / "off.toml").write_text(rb.scene_toml(LIFTING_OFF))
+    arguments = ("off.toml", *others, "--preset", "fast", "--duration", 0.2, "--no-plots")
+    status, out, err = robotball("compare", *arguments, "--json", "a.json", "--out", "new/folder")
+    assert status == 2
+    assert re.fullmatch(
+        r"robotball: off \(off\.toml\): the ball lifts off the plane at t = 0\.1017\d+ s, .*\n",
+        err,
+    )
+    assert [line.split()[0] for line in out.splitlines() if "agrees" in line] == others
+    left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == (["a.json", "off.toml"] if others else ["off.toml"])
+
+
+def test_an_old_result_stays_whole_when_writing_fails(
+    robotball: Robotball, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that fills up leaves the file that was there, and no fragment beside it."""
+    old = tmp_path / "a.json"
+    old.write_text("old")
+
+    def full_disk(path: Path, text: str, **_: str) -> int:
+        path.touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    arguments = ("compare", "fig12", "--duration", 0.1, "--no-plots", "--json", "a.json")
+    status, _, err = robotball(*arguments)
+    assert status == 2
+    assert "a.json cannot be written: No space left on device" in err
+    assert old.read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_a_users_text_is_shown_as_it_is(robotball: Robotball, tmp_path: Path) -> None:
+    """Neither a formula in a picture nor a style in the terminal: title, file's name, settings."""
+    name = "x$_{$[red]"
+    scene = replace(rb.load_scene("fig12"), title="$5 and $6 [/b] [red] \\")
+    (tmp_path / f"{name}.toml").write_text(rb.scene_toml(scene))
+    status, out, _ = robotball("compare", f"{name}.toml", "--preset", "naive", "--duration", 0.1)
+    assert status == 1
+    assert name in out
+    window = tmp_path / "out" / f"{name}-mujoco-naive-fault.json"
+    window.write_text(window.read_text().replace("hinge rate", "hinge [/rate]"))
+    status, out, _ = robotball("replay", window)
+    assert status == 0
+    assert f"{name}, naive: hinge [/rate]" in out
+
+
+# Scenes and robots -----------------------------------------------------------------------------
+
+
+def test_model_prints_mjcf_that_is_complete(robotball: Robotball, tmp_path: Path) -> None:
+    """What is printed compiles by itself, and starts at the scene's start."""
+    status, out, _ = robotball("model", "fig12")
+    assert status == 0
+    model = mujoco.MjModel.from_xml_string(out)
+    start = rb.load_scene("fig12").start.attitude
+    assert model.key_qpos[0, 3:7].tolist() == start.tolist()
+    assert robotball("model", "fig12", "--out", "m.xml")[0] == 0
+    assert (tmp_path / "m.xml").read_text().strip() == out.strip()
+
+
+def test_design_prints_bodies_and_writes_a_scene_that_runs(robotball: Robotball) -> None:
+    """Masses, radii, rates and the verdict; the scene beside them agrees in both engines."""
+    status, out, _ = robotball("design", "fig12", "--rotor-speed", 20)
+    assert status == 0
+    assert re.search(r"rotor1 .* ring of radius .* rad/s", out)
+    assert "can be built: mass lies inside the shell" in out
+    path = out.split()[-1]
+    assert path == "out/fig12_designed-rotor-speed-20.toml"
+    assert robotball("compare", path, "--duration", 1, "--no-plots")[0] == 0
+
+
+def test_rotors_are_counted_from_one_in_every_message(robotball: Robotball, tmp_path: Path) -> None:
+    """As the bodies are named: by a wrong key, a wrong value, a servo without a gain, a body."""
+    text = rb.scene_toml(rb.load_scene("three_rotors"))
+    first, *rotors = text.split("[[rotor]]")
+    changes = {
+        "rotor2.mas": ("mass", "mas"),
+        "rotor2.mass: it must be a number": ("mass = ", "mass = true #"),
+        "rotor2.mass must be finite": ("mass = ", "mass = nan #"),
+        'rotor2: drive = "servo" needs the key': ("rate = ", 'drive = "servo"\nrate = '),
+        "rotor2's mass must be positive": ("mass = ", "mass = -"),
+        "rotor2's axis must have a length": ("axis = ", "axis = [0.0, 0.0, 0.0] #"),
+    }
+    for words, change in changes.items():
+        changed = [rotors[0], rotors[1].replace(*change), *rotors[2:]]
+        (tmp_path / "bad.toml").write_text("[[rotor]]".join([first, *changed]))
+        status, _, err = robotball("compare", "bad.toml")
+        assert status == 2
+        assert words in err
+        assert "rotor[" not in err
+
+
+HALF = ("three_rotors", "--path", "circle", "--size", 0.5, "--turns", 0.25, "--duration", 2)
+
+
+@pytest.mark.slow
+def test_a_robot_is_steered_along_an_arc(robotball: Robotball, tmp_path: Path) -> None:
+    """Status 0; the scene it writes rolls there by the equations, and its pictures are drawn.
+
+    Where a hinge may not turn so fast status 1 and a line that begins with `cannot`.
+    """
+    status, out, _ = robotball("steer", *HALF)
+    assert status == 0
+    assert "circle of 0.7854 m in 2 s" in out
+    assert "MuJoCo: agrees" in out
+    off = float(re.findall(r"equations: at most (\S+) m off the path", out)[0])
+    assert off < 3e-5  # measured 1.2e-5, by the interpolation of the rates
+    *_, file, path, momentum = map(Path, out.splitlines())
+    assert file.name == "three_rotors_circle-size-0.5-turns-0.25-2s.toml"
+    assert all((tmp_path / each).read_bytes()[:4] == b"\x89PNG" for each in (path, momentum))
+    motion = rb.integrate(rb.load_scene(tmp_path / file))
+    # A quarter of a circle of 0.5 m to the left of X, from rest to rest.
+    assert motion.contact_point[-1] == pytest.approx([0.5, 0.5], abs=3e-5)
+    radii = np.linalg.norm(motion.contact_point - [0.0, 0.5], axis=1)
+    assert radii == pytest.approx(0.5, abs=3e-5)
+    status, out, _ = robotball("steer", *HALF, "--rate-limit", 1)
+    assert status == 1
+    assert re.search(r"^cannot: .*rad/s", out, re.MULTILINE)
+
+
+# judge -----------------------------------------------------------------------------------------
+
+
+def test_what_is_exported_can_be_judged(robotball: Robotball, tmp_path: Path) -> None:
+    """The reference of an export agrees: status 0; every file is named."""
+    status, out, _ = robotball("export", "fig12", "--to", "ball", "--duration", 1)
+    assert status == 0
+    names = sorted(path.name for path in (tmp_path / "ball").iterdir())
+    assert [Path(line).name for line in out.split()] == names
+    status, out, _ = robotball("judge", "ball/scene.toml", "ball/reference.csv", "--json", "a.json")
+    assert status == 0
+    assert "agrees within 0.01 in path and momentum" in out
+    record = json.loads((tmp_path / "a.json").read_text())
+    (file,) = record["files"]
+    assert record["agrees"]
+    assert file["path_error"] < 1e-13
+    assert {"slip", "slip_known_to", "spin", "lag", "trials", "mistakes"} <= set(file)
+    assert record["versions"]["robotball"]
+
+
+@pytest.fixture
+def right(tmp_path: Path) -> Path:
+    """A right file of fig12."""
+    path = tmp_path / "right.csv"
+    rb.integrate(rb.load_scene("fig12"), np.linspace(0, 2, 101)).save(path)
+    return path
+
+
+def test_a_mistake_is_named_beside_the_plain_errors(robotball: Robotball, right: Path) -> None:
+    """Status 1; the errors under the candidate stand beside those of the file as it is."""
+    text = right.read_text().replace("t,x,y,qw,qx,qy,qz", "t,x,y,qx,qy,qz,qw")
+    (right.parent / "order.csv").write_text(text)
+    status, out, _ = robotball("judge", "fig12", "order.csv")
+    assert status == 1
+    assert "WRONG: qx, qy, qz, qw hold w, x, y, z\n" in out
+    assert re.search(r"without that: path error 0\.0e\+00", out)
+    assert re.search(r"\nall is as it should be +0\.0e\+00 +3\.\de\+00", out)
+    mistaken = r"\nqx, qy, qz, qw hold w, x, y, z +0\.0e\+00 +\d\.\de[-+]\d\d +0\.0e\+00"
+    assert re.search(mistaken, out)
+
+
+def test_units_and_a_byte_order_mark_are_told(robotball: Robotball, right: Path) -> None:
+    """A line each."""
+    lines = right.read_text().split("\n")
+    first = next(i for i, line in enumerate(lines) if line.startswith("t,"))
+    lines[first] = lines[first].replace("t,x,y", "t,x [mm],y [mm]")
+    for i, line in enumerate(lines[first + 1 :], first + 1):
+        if line:
+            t, x, y, *others = line.split(",")
+            lines[i] = ",".join([t, repr(1e3 * float(x)), repr(1e3 * float(y)), *others])
+    (right.parent / "mm.csv").write_text("\n".join(lines), encoding="utf-8-sig")
+    status, out, _ = robotball("judge", "fig12", "mm.csv")
+    assert status == 0
+    assert "\n  it begins with a byte order mark, which is skipped\n" in out
+    assert "\n  x, y: in mm, as the file says, and taken so\n" in out
+
+
+@pytest.mark.slow
+def test_files_of_several_timesteps_have_an_order(robotball: Robotball, tmp_path: Path) -> None:
+    """As the docs print it."""
+    scene, times = rb.load_scene("fig12"), rb.sample_times(1.2)
+    for name, step in (("a", 4e-3), ("b", 2e-3), ("c", 1e-3)):
+        settings = replace(rb.preset("fast"), timestep=step)
+        rb.simulate(scene, times, settings).save(tmp_path / f"{name}.csv")
+    files = ("a.csv", "b.csv", "c.csv", "--timestep", "0.004,0.002,0.001")
+    status, out, _ = robotball("judge", "fig12", *files)
+    assert status == 0
+    assert "order" in out
+
+
+# Help ------------------------------------------------------------------------------------------
+
+
+def test_the_help_lists_the_commands_and_the_values_of_options(robotball: Robotball) -> None:
+    """Each command with a sentence; all values beside an option; on one line the versions."""
+    status, out, _ = robotball("--help")
+    assert status == 0
+    assert all(f"• {name}" in out for name in COMMANDS)
+    status, out, _ = robotball("--version")
+    assert status == 0
+    versions = rf"robotball {version('robotball')} \(.*mujoco {version('mujoco')}.*\n"
+    assert re.fullmatch(versions, out)
+    for option, values in {
+        **dict.fromkeys((f"{each} --preset" for each in ("compare", "section", "model")), rb.PRESETS),
+        "convergence --without": [choice.name for choice in CHOICES],
+        "extremes MAP...": MAPS,
+        "portraits MAP...": PLANES,
+    }.items():
+        command, name = option.split(" ")
+        out = robotball(command, "--help")[1]
+        assert out.count("Example: robotball") == 1
+        (beside, _) = re.findall(
+            rf"^  {re.escape(name)}(.*?)(^  -|^ +$)", out, re.MULTILINE | re.DOTALL
+        )[0]
+        assert all(re.search(rf"\b{value}\b", beside) for value in values), option
+
+
+def test_a_shell_can_complete_commands_and_options(robotball: Robotball) -> None:
+    """By what `--tyro-print-completion` prints."""
+    status, out, _ = robotball("--tyro-print-completion", "bash")
+    assert status == 0
+    assert all(word in out for word in (*COMMANDS, "--preset", "--accuracy"))

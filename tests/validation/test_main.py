@@ -1,0 +1,240 @@
+"""The command as a process: its streams, its signals and its exit status; no half file is left."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import robotball as rb
+
+WORK = """
+import ctypes, sys, time
+from pathlib import Path
+from robotball.files.replacing import replacing
+from validation.__main__ import ended_by_signals
+
+def in_compiled_code():
+    lock, lock_it = ctypes.create_string_buffer(64), ctypes.CDLL(None).pthread_mutex_lock
+    lock_it(lock)
+    lock_it(lock)  # waits for good, and returns for no signal
+
+def in_python():
+    time.sleep(60)
+
+def in_an_exec_of_text():
+    exec("time.sleep(60)")
+
+def in_a_library_that_makes_another_error_of_it():
+    try:
+        time.sleep(60)
+    except KeyboardInterrupt:
+        raise ImportError("of a part of it") from None
+
+def in_one_that_makes_nothing_of_it():
+    while True:
+        try:
+            time.sleep(60)
+        except KeyboardInterrupt:
+            pass
+
+with ended_by_signals(), replacing(Path("result.json")) as temporary:
+    temporary.write_text("half of")
+    print("at work", flush=True)
+    globals()[sys.argv[1]]()
+"""
+
+
+@pytest.fixture(autouse=True)
+def interruptible() -> Iterator[None]:
+    """What is started in the background of a shell ignores Ctrl-C, and hands that on."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def start(folder: Path, module: str, *arguments: str) -> "subprocess.Popen[str]":
+    """A module as a process in a folder."""
+    return subprocess.Popen(
+        [sys.executable, "-m", module, *arguments],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def ended(process: "subprocess.Popen[str]", number: int) -> tuple[int, str]:
+    """Exit status and standard error of a process after a signal to it."""
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    return process.returncode, err
+
+
+def run(
+    folder: Path, arguments: str, streams: str = "", **environment: str
+) -> "subprocess.CompletedProcess[str]":
+    """The end of a module with arguments; streams: redirections, as a shell writes them."""
+    return subprocess.run(
+        ["bash", "-c", f'exec "$@" {streams}', "bash", sys.executable, "-m", *arguments.split()],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+    )
+
+
+# Signals ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("number", "where"),
+    [
+        (signal.SIGINT, "in_compiled_code"),
+        (signal.SIGTERM, "in_compiled_code"),
+        (signal.SIGINT, "in_python"),
+        (signal.SIGTERM, "in_python"),
+        (signal.SIGINT, "in_an_exec_of_text"),
+        (signal.SIGINT, "in_a_library_that_makes_another_error_of_it"),
+        (signal.SIGINT, "in_one_that_makes_nothing_of_it"),
+    ],
+)
+def test_a_signal_ends_the_work_wherever_it_is(number: int, where: str, tmp_path: Path) -> None:
+    """Status 128 and the signal's number, no traceback, and no file."""
+    (tmp_path / "work.py").write_text(WORK)
+    process = start(tmp_path, "work", where)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "at work\n"
+    assert ended(process, number) == (128 + number, "")
+    assert [path.name for path in tmp_path.iterdir()] == ["work.py"]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("screen")
+def test_a_film_that_is_interrupted_leaves_nothing(tmp_path: Path) -> None:
+    """Ctrl-C goes to the encoder too, whose end is no error of its own."""
+    process = start(tmp_path, "validation", "video", "fig12", "--duration", "10")
+    while not list(tmp_path.glob("out/.*.mp4")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    for children in Path(f"/proc/{process.pid}/task").glob("*/children"):
+        for pid in children.read_text().split():
+            os.kill(int(pid), signal.SIGINT)
+    status, err = ended(process, signal.SIGINT)
+    assert status == 130
+    assert "Traceback" not in err
+    assert list(tmp_path.glob("out/*")) + list(tmp_path.glob("out/.*")) == []
+
+
+def listens(pid: int) -> bool:
+    """Whether a process catches SIGTERM, which Python by itself does not."""
+    caught = re.search(r"^SigCgt:\s*(\w+)", Path(f"/proc/{pid}/status").read_text(), re.M)
+    return caught is not None and bool(int(caught[1], 16) >> (signal.SIGTERM - 1) & 1)
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.4])
+def test_a_command_that_is_interrupted_while_it_is_loaded_says_so(
+    tmp_path: Path, seconds: float
+) -> None:
+    """Whatever part of it that is: for a second after it has begun to listen it imports."""
+    process = start(tmp_path, "validation", "compare", "fig12", "--duration", "1000")
+    while not listens(process.pid):
+        assert process.poll() is None
+        time.sleep(0.001)
+    time.sleep(seconds)
+    status, err = ended(process, signal.SIGINT)
+    assert status == 130
+    assert "Traceback" not in err
+
+
+# Streams ---------------------------------------------------------------------------------------
+
+COMPARE = "validation compare fig12 --duration 0.2 --no-plots --json a.json"
+FULL = "robotball: the output cannot be written: No space left on device\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("streams", "arguments", "status", "error"),
+    [
+        # A reader who leaves, as `| head` does.
+        ("> >(true)", "validation scenes", 0, ""),
+        ("> >(true)", "validation model fig12 --out -", 0, ""),
+        # Streams that are closed: no file takes their numbers. `python -m robotball` is the same.
+        (">&-", "robotball scenes", 0, ""),
+        ("<&- >&- 2>&-", COMPARE, 0, ""),
+        ("2>&-", "validation compare fig112", 2, ""),
+        pytest.param(
+            ">/dev/full",
+            "validation scenes",
+            2,
+            FULL,
+            marks=pytest.mark.skipif(not Path("/dev/full").exists(), reason="no such device"),
+        ),
+    ],
+)
+def test_a_stream_that_takes_nothing_is_as_one_to_nowhere(
+    tmp_path: Path, streams: str, arguments: str, status: int, error: str
+) -> None:
+    """The command's own status; a message goes to no other stream, and into no file.
+
+    But a full disk is said, with status 2.
+    """
+    done = run(tmp_path, arguments, streams)
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", error)
+    for record in tmp_path.iterdir():
+        assert json.loads(record.read_text())[0]["scene"] == "fig12"
+
+
+ASCII = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0", "PYTHONIOENCODING": ""}
+
+
+def test_a_locale_without_greek_letters_shows_something_else(tmp_path: Path) -> None:
+    """What is printed has `?` for ²; files are the same everywhere, in UTF-8."""
+    scene = replace(rb.load_scene("fig12"), title="γ")
+    (tmp_path / "greek.toml").write_bytes(rb.scene_toml(scene).encode())
+    done = run(tmp_path, "validation design greek.toml", **ASCII)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "kg m?" in done.stdout
+    assert "γ" in (tmp_path / "out" / "greek_designed.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "platform", "words"),
+    [
+        ("validation compare fig12", "", "no off-screen GL with MUJOCO_GL=osmesa; unset it, or"),
+        ("validation engines", "egl", "MUJOCO_GL=osmesa and PYOPENGL_PLATFORM=egl; unset both"),
+    ],
+)
+def test_an_opengl_that_cannot_be_loaded_is_one_line(
+    tmp_path: Path, arguments: str, platform: str, words: str
+) -> None:
+    """MuJoCo's import ends in an AttributeError of PyOpenGL's where OSMesa's library is missing.
+
+    Where two are named it ends in an ImportError of its own, as dm-control's does.
+    """
+    (tmp_path / "OpenGL").mkdir()
+    (tmp_path / "OpenGL" / "__init__.py").write_text("raise AttributeError('glGetError')")
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    names = {"MUJOCO_GL": "osmesa", "PYOPENGL_PLATFORM": platform, "PYTHONPATH": path}
+    done = run(tmp_path, arguments, **names)
+    assert done.returncode == 2
+    assert re.fullmatch(f"robotball: .*{words}.*\n", done.stderr)
+
+
+def test_an_error_of_the_program_itself_is_no_disagreement() -> None:
+    """Its status is 3, with the traceback that its author needs."""
+    broken = (
+        "import sys, validation.cli as cli; cli.parse = lambda _: 1 / 0\n"
+        "from validation.__main__ import main; main()"
+    )
+    done = subprocess.run([sys.executable, "-c", broken], capture_output=True, text=True)
+    assert done.returncode == 3
+    assert "ZeroDivisionError" in done.stderr

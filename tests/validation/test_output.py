@@ -1,0 +1,206 @@
+"""What is written: names of files, tables, CSV and pictures, which show what their axes say."""
+
+import csv
+import json
+import warnings
+from dataclasses import replace
+from operator import itemgetter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import robotball as rb
+from robotball.engines.mujoco import LABEL
+from validation import compare
+from validation.cli import parse
+from validation.output import in_picture, progress_bar, title, write_rows
+from validation.plots import ROOM, extremes, momentum_picture, path_picture, sheet_of
+from validation.results import changed, file_name, file_stem, scenes_of
+from validation.studies.extremes import round_ticks
+from validation.study import Column, Row, Study, present, table_of
+
+TIMES = rb.sample_times(0.1)
+
+# Names -----------------------------------------------------------------------------------------
+
+
+def test_a_comparison_is_named_after_scene_engine_and_preset() -> None:
+    """The default preset too; a duration where it is not the scene's own; all presets as `all`."""
+    short = replace(rb.load_scene("fig12"), duration=0.1)
+    agreements = [compare(short, name, TIMES) for name in rb.PRESETS]
+    assert file_stem([agreements[2]]) == "fig12-mujoco-balanced"
+    assert file_stem(agreements[1:3]) == "fig12-mujoco-fast-balanced"
+    assert file_stem(agreements) == "fig12-mujoco-all"
+    assert file_stem([compare("fig12", "fast", TIMES)]) == "fig12-mujoco-fast-0.1s"
+
+
+def test_what_settings_are_called_makes_a_file_s_name() -> None:
+    """Whatever is in it; the scene's part is its file's."""
+    engine = replace(LABEL, name="PhysX 5 (SAPIEN)")
+    words = ["accurate - cone - noslip", "to 1e-05", "size/2"]
+    name = "x$[1]-y-physx-5-sapien-accurate-cone-noslip-to-1e-05-size-2"
+    assert file_name("x$[1] y", engine, words) == name
+
+
+def test_scenes_of_one_name_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By their folders; the same scene twice is one."""
+    monkeypatch.chdir(tmp_path)
+    for folder in ("a", "b", "far/b"):
+        Path(folder).mkdir(parents=True)
+        Path(folder, "fig12.toml").write_text(rb.scene_toml(rb.load_scene("fig12")))
+    paths = ("a/fig12.toml", "fig12", "b/fig12.toml", "./a/fig12.toml", "far/b/fig12.toml", "fig12")
+    names = [scene.name for scene in scenes_of(paths).values()]
+    assert names == ["a-fig12", "fig12", "b-fig12", "b-fig12-2"]
+
+
+@pytest.mark.parametrize(
+    ("command", "names", "words"),
+    [
+        ("video fig12", "fps size slow camera ghost arrows", []),
+        (
+            "video fig12 --camera above --ghost --slow 2",
+            "slow camera ghost",
+            ["slow-2", "above", "ghost"],
+        ),
+        ("section fig12 --starts 4 --g 0.5", "starts count g", ["starts-4", "g-0.5"]),
+        ("tradeoff fig12 --duration 4", "duration", ["4s"]),
+        ("engines fig12 --only mujoco", "only", ["mujoco"]),
+    ],
+)
+def test_an_option_that_is_not_at_its_default_is_in_the_name(
+    command: str, names: str, words: list[str]
+) -> None:
+    """A word each, in the order of `--help`; one at its default has none."""
+    assert changed(parse(command.split()), *names.split()) == words
+
+
+# Tables ----------------------------------------------------------------------------------------
+
+ROWS: list[Row] = [{"name": "a[b]", "error": 1.2e-3}, {"name": "c", "error": None}, {"name": "d"}]
+COLUMNS = (Column("name", itemgetter("name"), words=True), Column("error", "error", "m"))
+
+
+def test_a_study_s_files_and_table_hold_its_rows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Numbers in two digits, a dash for none, brackets as they are; the paths as written."""
+    table = table_of(COLUMNS, ROWS)
+    study = Study("x y", LABEL, ["study"], ROWS, {"runs": ROWS}, ["[bold]note[/]", table], Figure())
+    picture, data, rows = (tmp_path / f"{study.stem('4s')}.{end}" for end in ("png", "json", "csv"))
+    assert picture.name == "x-y-mujoco-study-4s.png"
+    assert present(study, picture, data, rows) == [picture, data, rows]
+    printed = capsys.readouterr().out
+    lines = [line.split() for line in printed.splitlines()]
+    assert lines == [
+        ["note"], ["error"], ["name", "[m]"], [printed.splitlines()[3].strip()],
+        ["a[b]", "1.2e-03"], ["c", "-"], ["d", "-"],
+    ]  # fmt: skip
+    assert rows.read_text() == "name,error\na[b],0.0012\nc,\nd,\n"
+    assert json.loads(data.read_text())["runs"] == ROWS
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    # No picture, nothing to write, and no rows, as where no engine is there to run.
+    empty = tmp_path / "empty.csv"
+    assert present(Study("x", None, ["study"], []), tmp_path / "a.png", None, empty) == [empty]
+    assert empty.read_text().strip() == ""
+
+
+def test_a_section_of_a_table_ends_where_its_key_changes() -> None:
+    """And at the last row."""
+    rows: list[Row] = [{"name": each, "error": None} for each in "aab"]
+    ends = [row.end_section for row in table_of(COLUMNS, rows, section="name").rows]
+    assert ends == [False, True, True]
+
+
+def test_a_name_in_a_table_is_no_formula(tmp_path: Path) -> None:
+    """An apostrophe before it has a spreadsheet take it for text; numbers stay as they are."""
+    names = ["=1+2", "+1", "-1", "@a", "\ta", "a=1"]
+    write_rows(tmp_path / "a.csv", [{"scene": name, "error": -1.5} for name in names])
+    with (tmp_path / "a.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["scene"] for row in rows] == ["'=1+2", "'+1", "'-1", "'@a", "'\ta", "a=1"]
+    assert {row["error"] for row in rows} == {"-1.5"}
+
+
+def test_long_work_leaves_a_line_now_and_then_in_a_log(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where standard error is no terminal, the first line comes after the interval, not before."""
+    clock = iter((0.0, 29.0, 31.0, 31.0, 45.0))
+    monkeypatch.setattr("validation.output.time.monotonic", lambda: next(clock))
+    with progress_bar(8) as show:
+        for done in (1, 2, 3):
+            show(done, f"{done} of 8 cells")
+    assert capsys.readouterr().err == "25%: 2 of 8 cells\n"
+
+
+# Pictures --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["fig06", "fig05d", "chaplygin_ball", "zero_rotor"])
+def test_pictures_show_what_their_axes_say(name: str) -> None:
+    """A metre along X is one along Y, and a momentum of zero has room for more than rounding.
+
+    No picture warns: of a path that is a circle, of M = 0 as in fig06, nor of an equal limit.
+    """
+    agreement = compare(name, "fast", rb.sample_times(0.5))
+    sheet = sheet_of([agreement])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pictures = path_picture(sheet), momentum_picture(sheet)
+        for each in pictures:
+            each.draw_without_rendering()
+    (paths, distance), (components, errors) = (each.axes for each in pictures)
+    assert paths.get_aspect() == 1.0
+    low, high = components.get_ylim()
+    assert high - low > 0.09 * agreement.scene.momentum_scale  # measured 0.1 for fig06
+    assert errors.get_ylabel().endswith(f"over {agreement.scene.momentum_scale:.3g} kg m²/s")
+    assert distance.get_lines()[0].get_ydata().max() == agreement.path_errors.max()
+
+
+def test_the_extremes_of_a_long_line_are_drawn() -> None:
+    """The least and the largest of each bin, in the order of time; all of a short line."""
+    values = np.random.default_rng(1).normal(size=200_001)
+    shown = extremes(values)
+    assert len(shown) == 50_000
+    assert (np.diff(shown) >= 0).all()
+    assert {values.argmin(), values.argmax()} <= {*shown.tolist()}
+    assert extremes(values[:5]).tolist() == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("length", [20, 90, 150, 400])
+def test_a_long_title_stays_within_its_picture(length: int) -> None:
+    """By smaller letters, then by a second line; never past the edges, nor into the axes below."""
+    figure = Figure(figsize=(8.0, 7.0))
+    axes = figure.subplots(gridspec_kw=ROOM)
+    axes.set_title("contact point on the plane, to one scale")
+    title(figure, ("a wide-rolling robot " * 20)[:length])
+    figure.draw_without_rendering()
+    (words,) = figure.texts
+    box, below = words.get_window_extent(), axes.title.get_window_extent()
+    assert 0 <= box.x0 < box.x1 <= figure.bbox.width
+    assert below.y1 <= box.y0 < box.y1 <= figure.bbox.height
+
+
+def test_a_picture_has_a_titles_dollars() -> None:
+    """As text, not as a formula."""
+    odd = "$5 and $6 [/b] [red] \\"
+    words = Figure().suptitle(in_picture(odd))
+    assert words._preprocess_math(words.get_text()) == (odd, False)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("values", "labels"),
+    [
+        (np.geomspace(1e-4, 0.2, 8), ["$10^{-4}$", "$10^{-3}$", "$10^{-2}$", "$10^{-1}$"]),
+        (np.geomspace(1e-13, 0.1, 5), ["$10^{-13}$", "$10^{-9}$", "$10^{-5}$", "$10^{-1}$"]),
+        (np.array([0.0, 1.0, 2.0]), ["0", "1", "2"]),
+        (np.array([2.0, 3.0]), ["2", "3"]),
+    ],
+)
+def test_a_failure_maps_ticks_are_round(values: np.ndarray, labels: list[str]) -> None:
+    """Powers of ten where the cells go over some, four at most."""
+    places, shown = round_ticks(values.tolist())
+    assert shown == labels
+    assert all(-0.5 <= place <= len(values) - 0.5 for place in places)

@@ -107,12 +107,14 @@ def test_the_tests_mirror_the_packages() -> None:
 
 
 def test_an_engines_name_is_typed_in_its_room_alone() -> None:
-    """What is printed, drawn and written takes it from the engine's label; docstrings may say it."""
+    """What is printed, drawn and written takes it from its label; docstrings may say it."""
     for name, file in MODULES.items():
         if within(name, MUJOCO) or "MuJoCo" not in (text := file.read_text()):
             continue
         nodes = [*ast.walk(ast.parse(text))]
-        homes = [each for each in nodes if isinstance(each, ast.Module | ast.ClassDef | ast.FunctionDef)]
+        homes = [
+            each for each in nodes if isinstance(each, ast.Module | ast.ClassDef | ast.FunctionDef)
+        ]
         firsts = [each for home in homes for each in home.body[:1] if isinstance(each, ast.Expr)]
         texts = {each for each in nodes if isinstance(each, ast.Constant)}
         typed = [each.value for each in texts.difference(first.value for first in firsts)]
@@ -132,7 +134,6 @@ def code_lines(file: Path) -> int:
     return sum(bool(line) and line[0] != "#" and i not in strings for i, line in lines)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "most_files", "most_lines", "unneeded"),
     [

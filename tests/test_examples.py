@@ -19,7 +19,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-@pytest.mark.slow
 def test_the_script_compares_side_by_side(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -36,7 +35,6 @@ def test_the_regression_test_of_a_robot_passes() -> None:
     assert pytest.main([*options, str(EXAMPLES / "test_my_robot.py")]) == 0
 
 
-@pytest.mark.slow
 def test_the_notebook_runs_from_top_to_bottom() -> None:
     """Cell by cell, as a kernel does it, and what a cell ends with can be shown."""
     book = json.loads((EXAMPLES / "tutorial.ipynb").read_text(encoding="utf-8"))

@@ -115,7 +115,10 @@ def test_the_docs_have_the_demos_table(
     assert len([*(tmp_path / "demo").glob("*.png")]) == 4
     page = (tmp_path / "demo" / "demo.md").read_text(encoding="utf-8")
     shown, found = (
-        [re.split(r" \| ", row) for row in re.findall(r"^\| (\w+ \| \w+ \| .* ms .*) \|$", text, re.M)]
+        [
+            re.split(r" \| ", row)
+            for row in re.findall(r"^\| (\w+ \| \w+ \| .* ms .*) \|$", text, re.M)
+        ]
         for text in (DOCS["settings.md"], page)
     )
     assert len(shown) == 2 * len(rb.PRESETS)
@@ -127,7 +130,9 @@ def test_the_docs_have_the_demos_table(
         assert measured == pytest.approx(numbers, rel=LEEWAY.get(ours[1], 0.05)), ours
         # With *adaptive* both are rounding, of which three times is the limit: classical_regular's
         # error is 2.0 to 5.3 times the reference's own with OpenBLAS's kernels.
-        words = [re.sub(r"[\d.]+ s|, limited by the reference", "", row[7]) for row in (theirs, ours)]
+        words = [
+            re.sub(r"[\d.]+ s|, limited by the reference", "", row[7]) for row in (theirs, ours)
+        ]
         assert words[0] == words[1]
     (slipped,) = re.findall(r"slipped .*? at t = ([\d.]+) s", shown[0][7])
     assert float(slipped) < 0.1
@@ -137,7 +142,11 @@ def test_the_docs_have_the_demos_table(
 
 @pytest.mark.parametrize(
     "name",
-    ["fast", "balanced", *(pytest.param(each, marks=pytest.mark.slow) for each in ("accurate", "adaptive"))],
+    [
+        "fast",
+        "balanced",
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ("accurate", "adaptive")),
+    ],
 )
 def test_the_settings_page_has_the_presets_worst_errors(name: str) -> None:
     """Ball 14 and robot 74 have them: 3.7e-6 and 6.3e-3 with *fast*, RK4's; within a factor of 3.
@@ -178,7 +187,7 @@ PRINTED = {
 
 
 def test_a_printed_command_is_one() -> None:
-    """Its name, its options and their values are known; so are those of the examples in `--help`."""
+    """Its name, options and values are known; so are those of the examples in `--help`."""
     assert {"demo", "convergence fig12", "report fig12", "export fig12 --to ball"} <= PRINTED
     examples = {part for name in COMMANDS for part in example(name).split("; robotball ")}
     assert {each.split()[0] for each in examples} == {*COMMANDS}
@@ -190,7 +199,8 @@ def test_a_printed_command_is_one() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "text", [text for page in DOCS.values() for text in re.findall(r"```python\n(.*?)```", page, re.S)]
+    "text",
+    [text for page in DOCS.values() for text in re.findall(r"```python\n(.*?)```", page, re.S)],
 )
 def test_printed_python_runs(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As it is, in a folder with the examples and a file to judge."""

@@ -160,7 +160,6 @@ COMPARE = "validation compare fig12 --duration 0.2 --no-plots --json a.json"
 FULL = "robotball: the output cannot be written: No space left on device\n"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("streams", "arguments", "status", "error"),
     [

@@ -78,7 +78,9 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers
     assert told[-1][1] == "10 of 10 cells, 6 failed"
     assert all(words.endswith((" s left", " min left")) for _, words in told[1:-1])
     ran = runs(tmp_path)
-    assert sweep(square, cells[:4:-1], file, show=lambda *words: told.append(words)) == results[:4:-1]
+    assert (
+        sweep(square, cells[:4:-1], file, show=lambda *words: told.append(words)) == results[:4:-1]
+    )
     assert told[-1] == (5, "5 of 5 cells, 3 failed")
     assert runs(tmp_path) == ran
     assert all(ran[x] == 1 for x in range(10) if x != 3)  # whose process died: run once more

@@ -26,7 +26,7 @@ RUNS = {
     "engines wobbling_drive --only mujoco --quick --duration 0.2 --workers 1": "MuJoCo",
     "model fig12 --explain": r"one along K \+ \(J_s \+ d\)Ω makes the same motion",
     "model chaplygin_ball --explain": (
-        r"torsional friction row \(condim 4\)[\s\S]*rotor bodies: the scene has none"
+        r"rotor bodies: the scene has none[\s\S]*torsional friction row \(condim 4\)"
     ),
     "view fig12 --web --duration 0.1": r"^out/fig12-mujoco-balanced-0\.1s-view\.html$",
     "figures 3 --json a.json": r"out/fig03\.png",
@@ -39,10 +39,10 @@ RUNS = {
     "section classical_chaotic --starts 3 --count 20 --skip 2 --g 0.4 --json a.json": (
         r"equations: 60 crossings"
     ),
-    "lyapunov fig14 --starts 4 --duration 200 --transient 50 --preset fast --json a.json": (
+    "lyapunov fig14 --starts 2 --duration 100 --transient 20 --preset fast --json a.json": (
         r"λ₁ \[1/s\] +0\.1[\s\S]*λ₁ by MuJoCo, fast"
     ),
-    "basins fig12 --starts 24 --transient 2000 --json a.json": r"cycle of period 8\.743261 s +0\.",
+    "basins fig12 --starts 8 --transient 1000 --json a.json": r"cycle of period 8\.743261 s +0\.",
     "basins fig10_stable --starts 8 --json a.json": r"straight line +1\.000",
     "equilibria fig07 --longest 70 --json a.json": r"saddle[\s\S]*period 60\.0086320 s",
     "equilibria fig05c --json a.json": (
@@ -54,22 +54,16 @@ RUNS = {
     ),
     "equilibria classical_regular --json a.json": r"straight +0\.",
     "attractors --quick --json a.json": "holds",
+    "extremes --random 2 --workers 1 --json a.json": "random",
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
 ELSEWHERE = {
-    "ablation", "convergence", "demo", "design", "export", "extremes", "judge", "paper",
+    "ablation", "convergence", "demo", "design", "export", "judge", "paper",
     "portraits", "replay", "report", "steer", "tradeoff", "video",
 }  # fmt: skip
-QUICK = {"scenes", "compare", "model", "equilibria"}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        pytest.param(*each, marks=[] if each[0].split()[0] in QUICK else pytest.mark.slow)
-        for each in RUNS.items()
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), RUNS.items())
 def test_a_command_says_its_result_and_writes_it(
     robotball: Robotball, tmp_path: Path, arguments: str, words: str
 ) -> None:
@@ -221,40 +215,18 @@ def test_model_prints_mjcf_that_is_complete(robotball: Robotball, tmp_path: Path
 
 def test_design_prints_bodies_and_writes_a_scene_that_runs(robotball: Robotball) -> None:
     """Masses, radii, rates and the verdict; the scene beside them agrees in both engines."""
-    status, out, _ = robotball("design", "fig12", "--rotor-speed", 20)
+    status, out, _ = robotball("design", "fig12", "--rotor-speed", 200)
     assert status == 0
     assert re.search(r"rotor1 .* ring of radius .* rad/s", out)
     assert "can be built: mass lies inside the shell" in out
     path = out.split()[-1]
-    assert path == "out/fig12_designed-rotor-speed-20.toml"
+    assert path == "out/fig12_designed-rotor-speed-200.toml"
     assert robotball("compare", path, "--duration", 1, "--no-plots")[0] == 0
-
-
-def test_rotors_are_counted_from_one_in_every_message(robotball: Robotball, tmp_path: Path) -> None:
-    """As the bodies are named: by a wrong key, a wrong value, a servo without a gain, a body."""
-    text = rb.scene_toml(rb.load_scene("three_rotors"))
-    first, *rotors = text.split("[[rotor]]")
-    changes = {
-        "rotor2.mas": ("mass", "mas"),
-        "rotor2.mass: it must be a number": ("mass = ", "mass = true #"),
-        "rotor2.mass must be finite": ("mass = ", "mass = nan #"),
-        'rotor2: drive = "servo" needs the key': ("rate = ", 'drive = "servo"\nrate = '),
-        "rotor2's mass must be positive": ("mass = ", "mass = -"),
-        "rotor2's axis must have a length": ("axis = ", "axis = [0.0, 0.0, 0.0] #"),
-    }
-    for words, change in changes.items():
-        changed = [rotors[0], rotors[1].replace(*change), *rotors[2:]]
-        (tmp_path / "bad.toml").write_text("[[rotor]]".join([first, *changed]))
-        status, _, err = robotball("compare", "bad.toml")
-        assert status == 2
-        assert words in err
-        assert "rotor[" not in err
 
 
 HALF = ("three_rotors", "--path", "circle", "--size", 0.5, "--turns", 0.25, "--duration", 2)
 
 
-@pytest.mark.slow
 def test_a_robot_is_steered_along_an_arc(robotball: Robotball, tmp_path: Path) -> None:
     """Status 0; the scene it writes rolls there by the equations, and its pictures are drawn.
 
@@ -320,35 +292,6 @@ def test_a_mistake_is_named_beside_the_plain_errors(robotball: Robotball, right:
     assert re.search(mistaken, out)
 
 
-def test_units_and_a_byte_order_mark_are_told(robotball: Robotball, right: Path) -> None:
-    """A line each."""
-    lines = right.read_text().split("\n")
-    first = next(i for i, line in enumerate(lines) if line.startswith("t,"))
-    lines[first] = lines[first].replace("t,x,y", "t,x [mm],y [mm]")
-    for i, line in enumerate(lines[first + 1 :], first + 1):
-        if line:
-            t, x, y, *others = line.split(",")
-            lines[i] = ",".join([t, repr(1e3 * float(x)), repr(1e3 * float(y)), *others])
-    (right.parent / "mm.csv").write_text("\n".join(lines), encoding="utf-8-sig")
-    status, out, _ = robotball("judge", "fig12", "mm.csv")
-    assert status == 0
-    assert "\n  it begins with a byte order mark, which is skipped\n" in out
-    assert "\n  x, y: in mm, as the file says, and taken so\n" in out
-
-
-@pytest.mark.slow
-def test_files_of_several_timesteps_have_an_order(robotball: Robotball, tmp_path: Path) -> None:
-    """As the docs print it."""
-    scene, times = rb.load_scene("fig12"), rb.sample_times(1.2)
-    for name, step in (("a", 4e-3), ("b", 2e-3), ("c", 1e-3)):
-        settings = replace(rb.preset("fast"), timestep=step)
-        rb.simulate(scene, times, settings).save(tmp_path / f"{name}.csv")
-    files = ("a.csv", "b.csv", "c.csv", "--timestep", "0.004,0.002,0.001")
-    status, out, _ = robotball("judge", "fig12", *files)
-    assert status == 0
-    assert "order" in out
-
-
 # Help ------------------------------------------------------------------------------------------
 
 
@@ -362,7 +305,9 @@ def test_the_help_lists_the_commands_and_the_values_of_options(robotball: Robotb
     versions = rf"robotball {version('robotball')} \(.*mujoco {version('mujoco')}.*\n"
     assert re.fullmatch(versions, out)
     for option, values in {
-        **dict.fromkeys((f"{each} --preset" for each in ("compare", "section", "model")), rb.PRESETS),
+        **dict.fromkeys(
+            (f"{each} --preset" for each in ("compare", "section", "model")), rb.PRESETS
+        ),
         "convergence --without": [choice.name for choice in CHOICES],
         "extremes MAP...": MAPS,
         "portraits MAP...": PLANES,

@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator, Mapping
+from importlib.util import resolve_name
 from pathlib import Path
 
 PROJECT = Path(__file__).parent.parent
@@ -41,21 +42,15 @@ def imported(module: str, file: Path, modules: Mapping[str, Path]) -> Iterator[s
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            parents = package.split(".")[: len(package.split(".")) + 1 - node.level]
-            home = ".".join([*(parents if node.level else []), *filter(None, [node.module])])
+            home = resolve_name("." * node.level + (node.module or ""), package)
             names = [f"{home}.{alias.name}" for alias in node.names]
         else:
             continue
-        yield from filter(None, (_module(name, modules) for name in names if name != module))
-
-
-def _module(name: str, modules: Mapping[str, Path]) -> str | None:
-    """The module that a dotted name is, or is a member of."""
-    while name not in modules:
-        name = name.rpartition(".")[0]
-        if not name:
-            return None
-    return name
+        for name in names:
+            while name and name not in modules:  # a member of a module
+                name = name.rpartition(".")[0]
+            if name:
+                yield name
 
 
 def _name(file: Path) -> str:

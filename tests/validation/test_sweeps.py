@@ -207,16 +207,8 @@ def test_a_file_that_cannot_be_opened_is_refused(tmp_path: Path) -> None:
 FORKSERVER = multiprocessing.get_context("forkserver")
 
 
-def to_be_killed(folder: Path) -> None:
-    sweep(square, cells_of(folder, 60, seconds=0.02), folder / "sweep.jsonl", workers=WORKERS)
-
-
-def to_be_left(folder: Path) -> None:
-    sweep(square, cells_of(folder, 1, trouble="hangs"), folder / "sweep.jsonl")
-
-
-def to_be_stopped(folder: Path) -> None:
-    sweep(square, cells_of(folder, 1, trouble="pauses"), folder / "sweep.jsonl", limit=1.0)
+def sweeping(folder: Path, cells: list[dict[str, Any]], limit: float | None = None) -> None:
+    sweep(square, cells, folder / "sweep.jsonl", workers=WORKERS, limit=limit)
 
 
 @pytest.fixture
@@ -225,8 +217,8 @@ def started(tmp_path: Path) -> Callable[..., Any]:
     sweep(square, cells_of(tmp_path, 1), tmp_path / "first.jsonl")
     (tmp_path / "ran").unlink()
 
-    def start(sweeping: Callable[[Path], None]) -> Any:
-        process = FORKSERVER.Process(target=sweeping, args=(tmp_path,))
+    def start(*options: Any) -> Any:
+        process = FORKSERVER.Process(target=sweeping, args=(tmp_path, *options))
         process.start()
         return process
 
@@ -246,10 +238,10 @@ def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(
     tmp_path: Path, file: Path, started: Callable[..., Any]
 ) -> None:
     """SIGKILL at any moment costs the cells that were running, and no result is made twice."""
-    moments = random.Random(4)
+    cells, moments = cells_of(tmp_path, 60, seconds=0.02), random.Random(4)
     before: dict[int, int] = {}
     for enough in (1, 25):
-        process = started(to_be_killed)
+        process = started(cells)
         assert within(60, lambda least=enough: len(lines_of(file)) >= least)  # type: ignore[misc]
         time.sleep(moments.uniform(0.0, 0.05))
         process.kill()
@@ -260,7 +252,6 @@ def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(
     assert 25 <= len(before) < 60
     with file.open("a") as torn:
         torn.write('{"cell": {"x": 59, "ra')
-    cells = cells_of(tmp_path, 60, seconds=0.02)
     killed = table(tmp_path / "killed.csv", sweep(square, cells, file, workers=WORKERS))
     ran = runs(tmp_path)
     assert all(ran[x] == times for x, times in before.items())
@@ -319,7 +310,7 @@ def test_a_killed_sweep_leaves_no_process(tmp_path: Path, started: Callable[...,
             return True
         return False
 
-    process = started(to_be_left)
+    process = started(cells_of(tmp_path, 1, trouble="hangs"))
     assert within(60, (tmp_path / "hangs").exists)
     assert not is_free()
     process.kill()
@@ -329,10 +320,10 @@ def test_a_killed_sweep_leaves_no_process(tmp_path: Path, started: Callable[...,
 
 @linux
 def test_a_time_in_which_all_is_stopped_does_not_count(
-    file: Path, started: Callable[..., Any]
+    tmp_path: Path, file: Path, started: Callable[..., Any]
 ) -> None:
     """Stopped for longer than its limit, as when the machine sleeps, a cell has its record."""
-    started(to_be_stopped).join(60)
+    started(cells_of(tmp_path, 1, trouble="pauses"), 1.0).join(60)
     (line,) = lines_of(file)
     assert json.loads(line)["failure"] is None
 

@@ -38,13 +38,6 @@ def in_a_library_that_makes_another_error_of_it():
     except KeyboardInterrupt:
         raise ImportError("of a part of it") from None
 
-def in_one_that_makes_nothing_of_it():
-    while True:
-        try:
-            time.sleep(60)
-        except KeyboardInterrupt:
-            pass
-
 with ended_by_signals(), replacing(Path("result.json")) as temporary:
     temporary.write_text("half of")
     print("at work", flush=True)
@@ -103,7 +96,6 @@ def run(
         (signal.SIGTERM, "in_python"),
         (signal.SIGINT, "in_an_exec_of_text"),
         (signal.SIGINT, "in_a_library_that_makes_another_error_of_it"),
-        (signal.SIGINT, "in_one_that_makes_nothing_of_it"),
     ],
 )
 def test_a_signal_ends_the_work_wherever_it_is(number: int, where: str, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ import robotball as rb
 from robotball.engines.mujoco import LABEL
 from validation import compare
 from validation.cli import parse
-from validation.output import in_picture, progress_bar, title, write_rows
+from validation.output import in_picture, progress_bar, title, write_rows, write_text
 from validation.plots import ROOM, extremes, momentum_picture, path_picture, sheet_of
 from validation.results import changed, file_name, file_stem, scenes_of
 from validation.studies.extremes import round_ticks
@@ -123,6 +123,23 @@ def test_a_name_in_a_table_is_no_formula(tmp_path: Path) -> None:
     assert {row["error"] for row in rows} == {"-1.5"}
 
 
+def test_an_old_file_stays_whole_when_writing_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that fills up leaves the file that was there, and no fragment beside it."""
+    old = tmp_path / "a.json"
+    old.write_text("old")
+
+    def full_disk(path: Path, text: str, **_: str) -> int:
+        path.touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full_disk)
+    with pytest.raises(rb.InputError, match=r"a\.json cannot be written: No space left on device"):
+        write_text(old, "new")
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
+
+
 def test_long_work_leaves_a_line_now_and_then_in_a_log(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -181,6 +198,7 @@ def test_a_long_title_stays_within_its_picture(length: int) -> None:
     box, below = words.get_window_extent(), axes.title.get_window_extent()
     assert 0 <= box.x0 < box.x1 <= figure.bbox.width
     assert below.y1 <= box.y0 < box.y1 <= figure.bbox.height
+    assert ("…" in words.get_text()) == (length == 400)
 
 
 def test_a_picture_has_a_titles_dollars() -> None:

@@ -76,9 +76,10 @@ def test_defects_and_growth_make_the_error(
 
     To first order, in chaotic and regular motions, of a good integrator and of a bad one.
     """
-    found = measured(name, preset, seconds)
+    found, agreement = measured(name, preset, seconds), agreement_of(name, preset, seconds)
     assert found.measured / found.expected == pytest.approx(ratio, abs=0.03)
-    assert found.measured == agreement_of(name, preset, seconds).path_error
+    assert found.measured == agreement.path_error
+    assert agreement.sensitivity is None  # as they agree
 
 
 @pytest.mark.parametrize(("name", "share"), [("W1", 1.32), ("W5", 1.27)])

@@ -34,7 +34,7 @@ def measured(name: str, settings: rb.Settings | str, seconds: float) -> Sensitiv
 @pytest.mark.parametrize(
     ("name", "preset", "seconds", "exponent", "until"),
     [
-        ("fig14", "fast", 80.0, 0.129, 70.2),
+        pytest.param("fig14", "fast", 80.0, 0.129, 70.2, marks=pytest.mark.slow),
         ("classical_chaotic", "balanced", 45.0, 0.320, 37.6),
     ],
 )

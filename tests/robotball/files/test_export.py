@@ -19,22 +19,17 @@ from robotball.rotations import Array, rotation_matrix
 from tests.random_robots import random_scene
 
 TIMES = np.linspace(0, 0.2, 5)
-# The larger equations take some seconds to be ready.
-ROBOTS = [pytest.param(seed, marks=pytest.mark.slow) for seed in (15, 17)]
+# The latter two are a rubber and a classical robot of three hinges each, off centre.
+ROBOTS = [random_scene(np.random.default_rng(seed)) for seed in (15, 17)]
+Exported = tuple[rb.Scene, Path]
 
 
-@pytest.fixture(scope="module", params=["three_rotors", "classical_regular", *ROBOTS])
-def exported(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[rb.Scene, Path]:
-    """A scene and the folder of its export; robots have any hinges and motors, off centre."""
-    kind = request.param
-    scene = (
-        rb.load_scene(kind) if isinstance(kind, str) else random_scene(np.random.default_rng(kind))
-    )
+@pytest.fixture(scope="module", params=[rb.load_scene("three_rotors"), *ROBOTS], ids=range(3))
+def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    """A scene and the folder of its export."""
     folder = tmp_path_factory.mktemp("export")
-    rb.export_scene(scene, folder, TIMES)
-    return scene, folder
+    rb.export_scene(request.param, folder, TIMES)
+    return request.param, folder
 
 
 def read(folder: Path) -> Any:
@@ -42,7 +37,7 @@ def read(folder: Path) -> Any:
 
 
 def test_the_start_of_all_bodies_makes_the_scenes_momentum(
-    exported: tuple[rb.Scene, Path],
+    exported: Exported,
 ) -> None:
     """M from the JSON alone: Σ r×mv + Jω about the contact point (measured 6e-15 kg m²/s).
 
@@ -63,7 +58,7 @@ def test_the_start_of_all_bodies_makes_the_scenes_momentum(
     assert whole == pytest.approx(scene.ball.inertia, rel=1e-14, abs=1e-15)
 
 
-def test_the_start_rolls_and_the_hinges_turn_as_commanded(exported: tuple[rb.Scene, Path]) -> None:
+def test_the_start_rolls_and_the_hinges_turn_as_commanded(exported: Exported) -> None:
     """The shell's lowest point stands still, and each body turns against its parent by its rate."""
     scene, folder = exported
     bodies = {body["name"]: body for body in read(folder)["bodies"]}
@@ -82,9 +77,7 @@ def test_the_start_rolls_and_the_hinges_turn_as_commanded(exported: tuple[rb.Sce
 
 
 @pytest.mark.parametrize(("file", "hinge"), [("model.xml", ""), ("model.urdf", "_hinge")])
-def test_mujoco_reads_the_same_bodies_and_hinges(
-    exported: tuple[rb.Scene, Path], file: str, hinge: str
-) -> None:
+def test_mujoco_reads_the_same_bodies_and_hinges(exported: Exported, file: str, hinge: str) -> None:
     """Of the MJCF and the URDF; inertia but for the rounding of its principal axes."""
     scene, folder = exported
     spec = mujoco.MjSpec.from_file(str(folder / file))
@@ -111,7 +104,7 @@ def floats(text: str | None) -> list[float]:
     return [float(each) for each in (text or "").split()]
 
 
-def test_the_sdf_read_again_has_the_same_bodies(exported: tuple[rb.Scene, Path]) -> None:
+def test_the_sdf_read_again_has_the_same_bodies(exported: Exported) -> None:
     """And gravity and the start's pose."""
     scene, folder = exported
     world = ElementTree.parse(folder / "model.sdf").getroot().find("world")
@@ -139,7 +132,7 @@ def test_the_sdf_read_again_has_the_same_bodies(exported: tuple[rb.Scene, Path])
     assert Rotation.from_euler("xyz", pose[3:]).as_matrix() == pytest.approx(start, abs=1e-14)
 
 
-def test_the_keyframe_of_the_mjcf_is_the_start(exported: tuple[rb.Scene, Path]) -> None:
+def test_the_keyframe_of_the_mjcf_is_the_start(exported: Exported) -> None:
     """MuJoCo's own momentum at the keyframe is the scene's M (measured 4e-15 kg m²/s)."""
     scene, folder = exported
     model = mujoco.MjModel.from_xml_path(str(folder / "model.xml"))
@@ -218,7 +211,7 @@ def by_drake(path: str) -> tuple[int, float]:
 @pytest.mark.parametrize("kind", ["urdf", "sdf"])
 @pytest.mark.parametrize("by", [by_bullet, by_drake])
 def test_another_engine_reads_the_robot(
-    exported: tuple[rb.Scene, Path], by: Callable[[str], tuple[int, float]], kind: str
+    exported: Exported, by: Callable[[str], tuple[int, float]], kind: str
 ) -> None:
     """By its own importers: its hinges and its mass; left out where it is missing."""
     scene, folder = exported

@@ -85,7 +85,7 @@ CHANGES = [
     (
         'inertia = "thin"',
         'inertia = "thin"\naxis = [0.0, 0.0, 0.0]',
-        "shell.axis must have a length",
+        "shell.axis must have",
     ),
 ]
 ATTITUDE, UP = "attitude = [1.0, 0.0, 0.0, 0.0]\n", "gamma = [0.0, 0.0, 1.0]\n"

@@ -133,10 +133,12 @@ def test_the_sdf_read_again_has_the_same_bodies(exported: Exported) -> None:
 
 
 def test_the_keyframe_of_the_mjcf_is_the_start(exported: Exported) -> None:
-    """MuJoCo's own momentum at the keyframe is the scene's M (measured 4e-15 kg m²/s)."""
+    """MuJoCo's own momentum at the keyframe is the scene's M (measured 4e-15 kg m²/s); gravity."""
     scene, folder = exported
     model = mujoco.MjModel.from_xml_path(str(folder / "model.xml"))
     data = mujoco.MjData(model)
+    gravity = scene.gravity * np.array(scene.gravity_direction)
+    assert model.opt.gravity.tolist() == read(folder)["gravity"] == gravity.tolist()
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     mujoco.mj_subtreeVel(model, data)

@@ -64,15 +64,15 @@ def test_a_small_file_does_not_fill_the_memory(
     tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A million equal numbers, 8 MB, are a few kB in a file; the limit is that of any other."""
-    path, zeros = tmp_path / f"zeros{suffix}", np.zeros(1_000_000)
+    path, zeros = tmp_path / f"zeros{suffix}", np.zeros(500_000)
     if suffix == ".npz":
-        np.savez_compressed(path, x=zeros)
+        np.savez_compressed(path, x=zeros, y=zeros)
     else:
         pyarrow, parquet = map(pytest.importorskip, ("pyarrow", "pyarrow.parquet"))
-        parquet.write_table(pyarrow.table({"x": zeros}), path)
+        parquet.write_table(pyarrow.table({"x": zeros, "y": zeros}), path)
     assert read_table(path).columns["x"].shape == zeros.shape
     monkeypatch.setattr(table_file, "LONGEST", 1_000_000)
-    with pytest.raises(rb.InputError, match="it unpacks to 8 MB, and may to 1"):
+    with pytest.raises(rb.InputError, match=r"it unpacks to 8 MB, and may to 1$"):
         read_table(path)
 
 
@@ -112,7 +112,7 @@ def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
     """By an InputError, before anything is written."""
     link = tmp_path / "link"
     link.symlink_to(link)
-    with pytest.raises(rb.InputError, match="Too many levels of symbolic links"):
+    with pytest.raises(rb.InputError, match="cannot be written: Too many levels"):
         write(link, "new")
 
 
@@ -121,6 +121,7 @@ def test_no_two_writers_share_a_temporary_file(tmp_path: Path) -> None:
     path = tmp_path / ("n" * 250 + ".json")
     with replacing(path) as first, replacing(path) as second:
         assert first != second
+        assert first.parent == tmp_path
         first.write_text("first")
         second.write_text("second")
     assert path.read_text() == "first"

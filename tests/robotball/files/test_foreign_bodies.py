@@ -7,10 +7,12 @@ import contextlib
 import io
 import resource
 import runpy
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import mujoco
 import numpy as np
@@ -32,8 +34,9 @@ def written(folder: Path, text: str) -> Path:
 
 
 @pytest.fixture
-def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is to run in a process of its own runs in this one, which is not limited."""
+def at_once(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
+    """What is to run in a process of its own runs in this one; gives the limits that it had."""
+    limits: dict[int, tuple[int, int]] = {}
 
     def run(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
         monkeypatch.setattr(sys, "argv", command[3:])
@@ -41,8 +44,9 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
             runpy.run_path(foreign_bodies.__file__, run_name="__main__")
         return subprocess.CompletedProcess(command, 0, answer.getvalue())
 
-    monkeypatch.setattr(resource, "setrlimit", lambda *limit: None)
+    monkeypatch.setattr(resource, "setrlimit", limits.__setitem__)
     monkeypatch.setattr(subprocess, "run", run)
+    return limits
 
 
 def mjcf(inside: str = "", before: str = "") -> str:
@@ -50,8 +54,9 @@ def mjcf(inside: str = "", before: str = "") -> str:
     return f"<mujoco>{before}<worldbody>{body}</worldbody></mujoco>"
 
 
-@pytest.mark.usefixtures("at_once")
-def test_a_link_is_mujocos_body_of_the_same_file(tmp_path: Path) -> None:
+def test_a_link_is_mujocos_body_of_the_same_file(
+    tmp_path: Path, at_once: dict[int, tuple[int, int]]
+) -> None:
     """Compiled, MuJoCo fuses what a fixed joint holds. Measured 5e-17 of 0.007 kg m²: rounding."""
     ours = solid_of_urdf(written(tmp_path, URDF), "arm")
     theirs = mujoco.MjModel.from_xml_string(URDF).body("arm")
@@ -59,6 +64,9 @@ def test_a_link_is_mujocos_body_of_the_same_file(tmp_path: Path) -> None:
     assert ours.mass == pytest.approx(1.3, rel=1e-15)
     np.testing.assert_allclose(ours.centre, theirs.ipos, atol=1e-16)
     np.testing.assert_allclose(ours.inertia, axes @ np.diag(theirs.inertia) @ axes.T, atol=2e-16)
+    assert at_once[resource.RLIMIT_CPU] == (5, 5)
+    assert at_once[resource.RLIMIT_CORE] == (0, 0)
+    assert at_once[resource.RLIMIT_AS][0] > 500_000_000
 
 
 def test_a_body_of_mjcf_has_what_is_fixed_to_it(tmp_path: Path) -> None:
@@ -91,6 +99,11 @@ def test_any_body_is_taken_from_a_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(pendulum.centre, [x, -z, y + 0.05], atol=1e-16)
     moments = np.linalg.eigvalsh(pendulum.inertia)
     np.testing.assert_allclose(moments, np.linalg.eigvalsh(arm.inertia), rtol=1e-13)
+    written(tmp_path, mjcf())
+    whole = 'mjcf = { file = "model.xml", body = "b", origin = [0, 0.01, 0] }'
+    shell = scene_of(robot(shell=f"[shell]\nradius = 2\naxis = [0, 1, 0]\n{whole}\n"), tmp_path)
+    assert (shell.ball.shell.mass, shell.ball.shell.offset) == (1.0, 0.01)
+    assert shell.ball.shell.axial_inertia == pytest.approx(0.4, rel=1e-15)
 
 
 SECOND = '<child link="bob"/>'
@@ -167,19 +180,33 @@ def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        pytest.param(mjcf(before='<size memory="100G"/>'), id="100 GB"),
-        pytest.param(
-            mjcf('<flexcomp name="f" type="grid" count="300 300 300" spacing=".1 .1 .1" dim="3"/>'),
-            id="27 million points",
-        ),
-        pytest.param(
-            mjcf('<replicate count="2000000"><geom size=".1"/></replicate>'),
-            marks=pytest.mark.slow,
-            id="2 million geoms",
-        ),
+        mjcf(before='<size memory="100G"/>'),
+        # 27 million points.
+        mjcf('<flexcomp name="f" type="grid" count="300 300 300" spacing=".1 .1 .1" dim="3"/>'),
+    ],
+    ids=["arena", "flex"],
+)
+def test_a_file_that_takes_much_memory_is_given_up(tmp_path: Path, text: str) -> None:
+    """By MuJoCo's own error at the limit, of either kind."""
+    with pytest.raises(rb.InputError, match="it takes more than 500 MB to load"):
+        solid_of_mjcf(written(tmp_path, text), "b")
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        (-signal.SIGXCPU, "it takes more than 5 s to load"),
+        (-signal.SIGKILL, "it takes more than 5 s to load"),
+        (1, "it cannot be loaded with 500 MB of memory: last words"),
+        (None, "it takes more than 20 s to load"),
     ],
 )
-def test_a_file_that_takes_much_is_given_up(tmp_path: Path, text: str) -> None:
-    """After 5 s of processor time, or by MuJoCo's own error at the limit of its memory."""
-    with pytest.raises(rb.InputError, match=r"it takes more than (5 s|20 s|500 MB) to load"):
-        solid_of_mjcf(written(tmp_path, text), "b")
+def test_a_process_that_ends_early_is_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: int | None, words: str
+) -> None:
+    """At the limit of its processor time, by lack of memory, or after it was starved."""
+    done = subprocess.CompletedProcess("", end or 0, b"", b"first\nlast words\n")
+    late = subprocess.TimeoutExpired("", 20)
+    monkeypatch.setattr(subprocess, "run", Mock(side_effect=[late if end is None else done]))
+    with pytest.raises(rb.InputError, match=words):
+        solid_of_mjcf(written(tmp_path, mjcf()), "b")

@@ -72,7 +72,7 @@ CHANGES = [
     ("g = 0.0,", "", "start.section: key 'g' is missing"),
     # types
     ("duration = 10.0", "duration = '10'", "duration: it must be a number, not text"),
-    ("mass = 0.0284", "mass = [1.0]", "rotor1.mass: it must be a number, not a list"),
+    ("mass = 0.0284", "mass = {}", "rotor1.mass: it must be a number, not a table"),
     ("mass = 0.0284", "mass = true", "rotor1.mass: it must be a number, not true or false"),
     ('rolling = "rubber"', 'rolling = "sliding"', "rolling: unknown value 'sliding'; it takes"),
     ('inertia = "thin"', 'inertia = "thick"', "shell.inertia: unknown value 'thick'; it takes"),
@@ -125,13 +125,15 @@ BODIES = [
     ("frame", "[frame]\npart = []\n", "frame.part is empty"),
     ("frame", "[frame]\ninertia = [1, 1, 1]\n", "frame: key 'mass' is missing"),
     ("frame", "", "key 'frame' is missing; a scene takes shell and frame, or numbers"),
-    ("rest", "[numbers]\nradius = 1\nA = [1, 1, 1]\nK = [0, 0, 0]\nOmega = [0, 0, 0]\n",
+    ("frame", "[numbers]\nradius = 1\nA = [1, 1, 1]\nK = [0, 0, 0]\nOmega = [0, 0, 0]\n",
      "a scene takes bodies or numbers, not both"),
     ("shell", SHELL.replace(WALL, ""), "shell: key 'thickness' is missing"),
     ("shell", SHELL.replace("mass = 1.0", 'inertia = "thin"').replace(WALL, ""),
      "shell: key 'mass' is missing"),
     ("shell", SHELL.replace(WALL, "").replace("mass", "density"),
      "shell: a density needs the wall's thickness [m] as well"),
+    ("shell", SHELL + 'mjcf = { file = "a.xml", body = "b" }\n',
+     "shell gives mass, thickness and mjcf; it takes"),
     ("shell", SHELL + 'inertia = "thin"\n', "shell takes thickness or inertia, not both"),
     ("shell", SHELL + "inertia = { thickness = 0.01 }\n", "shell.inertia takes a thickness alone"),
     ("shell", SHELL.replace(WALL, "inertia = { axial = 1 }\n"),
@@ -182,7 +184,7 @@ HINGES = {
     'rate = "fast"': "rate: it must be a number or a table or a list, not text",
     'rate = { kind = "samples", times = [0, 5] }':
         "samples: key 'values' is missing, or 'file' instead",
-    'rate = { kind = "samples", times = [0, 5], values = [1, 2], file = "x.csv" }':
+    'rate = { kind = "samples", times = [0, 5], file = "x.csv" }':
         "samples take a file, or times and values, not both",
     'rate = { kind = "samples", file = "x.csv" }': "x.csv: No such file or directory",
     'rate = { kind = "samples", file = "rpm.csv" }':

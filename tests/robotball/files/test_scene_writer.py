@@ -32,7 +32,7 @@ PLAIN = rb.Ramp(final=1.0, end=1e-5), rb.Sine(amplitude=0.0, frequency=1 / 7)
 RATES = (0.0, -1 / 3, 1e22, SAMPLES, SINE, RAMP, *PLAIN, rb.Sum((0.5, SINE, RAMP, SAMPLES)))
 rates, positive = st.sampled_from(RATES), st.floats(1e-9, 1e9)
 maybe, sometimes = st.none() | positive, st.just(0.0) | positive
-texts = st.text(st.characters(exclude_categories=["Cs"]))
+texts = st.just('\x00\x7f\t\r\n"""\\🎱') | st.text(st.characters(exclude_categories=["Cs"]))
 
 
 @st.composite

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.drives import Free
+from robotball.drives import Free, Rate
 from robotball.scene import Friction
 from tests.random_robots import random_scene
 from tests.robotball.files.scene_texts import scene_of
@@ -29,7 +29,16 @@ SAMPLES = rb.Samples(times=(0.0, 0.1, 1 / 3, 1e10), values=(1e-300, -0.1, 1e6, 2
 SINE = rb.Sine(mean=-0.7, amplitude=1 / 3, frequency=1e-3, phase=2.0)
 RAMP = rb.Ramp(initial=-1e3, final=2 / 3, start=0.1, end=7.0, shape="quintic")
 PLAIN = rb.Ramp(final=1.0, end=1e-5), rb.Sine(amplitude=0.0, frequency=1 / 7)
-RATES = (0.0, -1 / 3, 1e22, SAMPLES, SINE, RAMP, *PLAIN, rb.Sum((0.5, SINE, RAMP, SAMPLES)))
+RATES: tuple[Rate, ...] = (
+    0.0,
+    -1 / 3,
+    1e22,
+    SAMPLES,
+    SINE,
+    RAMP,
+    *PLAIN,
+    rb.Sum((0.5, SINE, RAMP, SAMPLES)),
+)
 rates, positive = st.sampled_from(RATES), st.floats(1e-9, 1e9)
 maybe, sometimes = st.none() | positive, st.just(0.0) | positive
 texts = st.just('\x00\x7f\t\r\n"""\\🎱') | st.text(st.characters(exclude_categories=["Cs"]))

@@ -62,15 +62,6 @@ def test_the_header_has_the_scene_the_engine_and_the_units(tmp_path: Path) -> No
         rb.load_motion(tmp_path / "m.csv", rb.load_scene("three_rotors"))
 
 
-def test_a_drive_by_a_function_is_told_instead_of_the_scene(tmp_path: Path) -> None:
-    """Such a scene has no TOML; its motion has a file all the same."""
-    scene = replace(FIG12, frame_rate=lambda t: 2.0 + t)
-    motion = rb.integrate(scene, np.linspace(0, 1, 5))
-    motion.save(tmp_path / "m.csv")
-    assert "# scene_toml_missing: a rate given by a function" in (tmp_path / "m.csv").read_text()
-    assert rb.load_motion(tmp_path / "m.csv", scene).path_length == motion.path_length
-
-
 def test_a_motion_is_saved_as_a_known_kind_of_file_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -220,4 +220,6 @@ def test_another_engine_reads_the_sdf(
 ) -> None:
     """By its own importer: hinges and mass; left out where it is missing."""
     scene, folder = exported
-    assert by(str(folder / "model.sdf")) == (len(scene.hinges), pytest.approx(scene.ball.mass))
+    hinges, mass = by(str(folder / "model.sdf"))
+    assert hinges == len(scene.hinges)
+    assert mass == pytest.approx(scene.ball.mass)

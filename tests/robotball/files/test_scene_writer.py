@@ -25,20 +25,14 @@ def test_every_scene_of_the_catalog_comes_back(name: str) -> None:
     assert read_back(scene) == scene
 
 
-SAMPLES = rb.Samples(times=(0.0, 0.1, 1 / 3, 1e10), values=(1e-300, -0.1, 1e6, 2 / 3))
-SINE = rb.Sine(mean=-0.7, amplitude=1 / 3, frequency=1e-3, phase=2.0)
-RAMP = rb.Ramp(initial=-1e3, final=2 / 3, start=0.1, end=7.0, shape="quintic")
-PLAIN = rb.Ramp(final=1.0, end=1e-5), rb.Sine(amplitude=0.0, frequency=1 / 7)
-RATES: tuple[Rate, ...] = (
-    0.0,
-    -1 / 3,
-    1e22,
-    SAMPLES,
-    SINE,
-    RAMP,
-    *PLAIN,
-    rb.Sum((0.5, SINE, RAMP, SAMPLES)),
+CURVES: tuple[rb.Ramp | rb.Sine | rb.Samples, ...] = (
+    rb.Samples(times=(0.0, 0.1, 1 / 3, 1e10), values=(1e-300, -0.1, 1e6, 2 / 3)),
+    rb.Sine(mean=-0.7, amplitude=1 / 3, frequency=1e-3, phase=2.0),
+    rb.Sine(amplitude=0.0, frequency=1 / 7),
+    rb.Ramp(initial=-1e3, final=2 / 3, start=0.1, end=7.0, shape="quintic"),
+    rb.Ramp(final=1.0, end=1e-5),
 )
+RATES: tuple[Rate, ...] = (0.0, -1 / 3, 1e22, *CURVES, rb.Sum((0.5, *CURVES)))
 rates, positive = st.sampled_from(RATES), st.floats(1e-9, 1e9)
 maybe, sometimes = st.none() | positive, st.just(0.0) | positive
 texts = st.just('\x00\x7f\t\r\n"""\\🎱') | st.text(st.characters(exclude_categories=["Cs"]))

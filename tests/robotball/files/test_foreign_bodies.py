@@ -187,8 +187,8 @@ def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:
     ids=["arena", "flex"],
 )
 def test_a_file_that_takes_much_memory_is_given_up(tmp_path: Path, text: str) -> None:
-    """By MuJoCo's own error at the limit, of either kind."""
-    with pytest.raises(rb.InputError, match="it takes more than 500 MB to load"):
+    """By MuJoCo's own error at the limit, of either kind; on a starved machine after 20 s."""
+    with pytest.raises(rb.InputError, match=r"it takes more than (500 MB|20 s) to load"):
         solid_of_mjcf(written(tmp_path, text), "b")
 
 

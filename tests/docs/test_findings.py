@@ -71,7 +71,6 @@ EXPECTED = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EXPECTED)
 def test_a_finding_is_what_its_script_prints(name: str, tmp_path: Path) -> None:
-    """All its figures, within bounds on both sides."""
     package = PACKAGES[name.partition("_")[0]]
     if find_spec(package) is None:
         pytest.skip(f"needs {package}")

@@ -51,7 +51,6 @@ def test_neither_a_device_nor_a_file_without_end_is_read(tmp_path: Path, name: s
 
 
 def test_a_file_of_the_greatest_length_is_read(tmp_path: Path) -> None:
-    """One byte more is refused."""
     path = tmp_path / "file"
     path.write_bytes(b"12345")
     assert contents(path, 5) == b"12345"
@@ -109,7 +108,6 @@ def test_a_link_stays_and_what_it_names_is_replaced(tmp_path: Path, there: bool)
 
 
 def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
-    """By an InputError, before anything is written."""
     link = tmp_path / "link"
     link.symlink_to(link)
     with pytest.raises(rb.InputError, match="cannot be written: Too many levels"):

@@ -206,7 +206,6 @@ def test_every_example_is_a_scene(tmp_path: Path, example: str) -> None:
 
 
 def test_every_key_is_in_an_example() -> None:
-    """Of whichever table."""
     tables = [each for each in vars(scene_tables).values() if hasattr(each, "__struct_fields__")]
     keys = {key for table in tables for key in table.__struct_fields__}
     shown = set(re.findall(r"\b(\w+)(?: = |\.|\])", "\n".join(EXAMPLES)))

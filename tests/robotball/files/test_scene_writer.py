@@ -70,7 +70,6 @@ def test_any_scene_comes_back(scene: rb.Scene) -> None:
 
 
 def test_a_rate_given_by_a_function_has_no_text() -> None:
-    """It is refused, not left out."""
     scene = replace(rb.load_scene("fig12"), frame_rate=lambda t: 2.0 + t)
     with pytest.raises(rb.InputError, match="a rate given by a function of time cannot be written"):
         rb.scene_toml(scene)

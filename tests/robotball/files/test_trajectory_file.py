@@ -91,7 +91,9 @@ def assert_is_the_plain_one(trajectory: Trajectory) -> None:
     assert trajectory.attitude.tolist() == [[1, 0, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0]]
 
 
-ROS = ("pose.position.x", "pose.position.y", *(f"pose.orientation.{each}" for each in "wxyz"))
+# What simulators call positions and quaternions before x, y, z and w; the last of them is ROS.
+PLACES = ("p", "pos_", "position.", "contact_", "pose.position.")
+TURNS = ("quat_", "quaternion.", "orientation_", "rot_", "pose.orientation.")
 SAME = {
     "plain": PLAIN,
     "semicolons and decimal commas": PLAIN.replace(",", ";").replace(".", ","),
@@ -103,7 +105,10 @@ SAME = {
     "quoted names": PLAIN.replace("t,x,y,qw", '"t","x","y","qw"'),
     "a line of units": PLAIN.replace("\n", "\ns,m,m,-,-,-,-\n", 1),
     "other names": PLAIN.replace(NAMES, "Time (s),pos_x,pos_y,q_w,q_x,q_y,q_z"),
-    "names of a ROS bag": PLAIN.replace(NAMES, f"time,{','.join(ROS)}"),
+    **{
+        place: PLAIN.replace(NAMES, f"time,{place}x,{place}y,{turn}w,{turn}x,{turn}y,{turn}z")
+        for place, turn in zip(PLACES, TURNS, strict=True)
+    },
     "a mark of UTF-8": "\ufeff" + PLAIN,
     "UTF-16": PLAIN.encode("utf-16"),
 }

@@ -111,6 +111,8 @@ BALL = '"sphere", mass = 1, radius = 0.1'
 BODIES = [
     ("frame", "[frame]\n" + parts('"box", mass = 1, size = [0.3, 0.3, 0.1]'),
      "frame reaches 0.217945 m from the sphere's centre, beyond the shell's radius 0.2 m"),
+    ("frame", "[frame]\n" + parts('"rod", mass = 1, begin = [0, 0, -0.25], end = [0, 0, 0]', BALL),
+     "frame reaches 0.25 m"),
     ("frame", "[frame]\n" + parts(BALL, '"box", size = [0.1, 0.1, 0.1]'),
      "frame.part2: a box needs a mass [kg] or a density [kg/m³]"),
     ("rest", PENDULUM + parts('"point", mass = 1, centre = [0, 0, -0.1]'),

@@ -1,45 +1,19 @@
-"""Scene files as texts, edited or made of tables, and the line that refuses one."""
+"""Scene files as texts: one of the catalog, edited, and a robot's, made of tables."""
 
-from collections.abc import Callable
 from pathlib import Path
 
-import pytest
-
 import robotball as rb
-from robotball.files.scene_file import CATALOG
+from robotball.files.scene_file import CATALOG, read_scene
 
 FIG12 = (CATALOG / "fig12.toml").read_text()
-CLASSICAL = (CATALOG / "classical_regular.toml").read_text()
 SECTION = "section = { L = 3.6, l = 0.6, g = 0.0, f = 25.0 }"
 
-SHELL = """
-[shell]
-radius = 0.2
-mass = 1.0
-thickness = 0.004
-axis = [0, 1, 0]
-"""
-FRAME = """
-[frame]
-mass = 1.0
-inertia = [0.002, 0.002, 0.003]
-"""
-PENDULUM = """
-[[pendulum]]
-axis = [1, 0, 0]
-pivot = [0, 0, -0.02]
-"""
-BOB = """
-mass = 1.5
-inertia = [0.0009, 0.0009, 0.0009]
-centre = [0, 0, -0.11]
-"""
-START = """
-[start]
-attitude = [1, 0, 0, 0]
-angular_velocity = [0, 0, 0]
-"""
 HEAD = 'title = "mine"\nrolling = "classical"\nduration = 5.0\n'
+SHELL = "[shell]\nradius = 0.2\nmass = 1.0\nthickness = 0.004\naxis = [0, 1, 0]\n"
+FRAME = "[frame]\nmass = 1.0\ninertia = [0.002, 0.002, 0.003]\n"
+PENDULUM = "[[pendulum]]\naxis = [1, 0, 0]\npivot = [0, 0, -0.02]\n"
+BOB = "mass = 1.5\ninertia = [0.0009, 0.0009, 0.0009]\ncentre = [0, 0, -0.11]\n"
+START = "[start]\nattitude = [1, 0, 0, 0]\nangular_velocity = [0, 0, 0]\n"
 
 URDF = """
 <robot name="r">
@@ -67,9 +41,6 @@ URDF = """
 </robot>
 """
 
-Write = Callable[[str], Path]
-Load = Callable[..., rb.Scene]
-
 
 def edited(old: str, new: str, text: str = FIG12) -> str:
     """The text with its one occurrence of `old` replaced."""
@@ -77,22 +48,13 @@ def edited(old: str, new: str, text: str = FIG12) -> str:
     return text.replace(old, new)
 
 
-def with_start(start: str, text: str = FIG12) -> str:
-    return edited(SECTION, start, text)
-
-
-def refusal(path: Path | str) -> str:
-    """The message of the InputError that loading gives: one line, which names the file."""
-    with pytest.raises(rb.InputError) as caught:
-        rb.load_scene(path)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert str(path) in message
-    return message
-
-
 def robot(
     head: str = "", shell: str = SHELL, frame: str = FRAME, rest: str = "", start: str = START
 ) -> str:
     """A scene made of these tables; those that are not given are a whole robot's."""
     return HEAD + head + shell + frame + rest + start
+
+
+def scene_of(text: str, folder: Path = Path()) -> rb.Scene:
+    """The scene of a file with this text in this folder."""
+    return read_scene(folder / "mine.toml", text)

@@ -1,0 +1,126 @@
+"""Files of users are regular ones of a limited length; what is written is whole or not there."""
+
+import os
+import stat
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import robotball as rb
+from robotball.engines.mujoco import fault_window
+from robotball.files import columns as table_file
+from robotball.files import contents
+from robotball.files.columns import read_samples, read_table
+from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
+from robotball.files.replacing import replacing
+from validation.output import writable_file
+from validation.report.study_report import study_report
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "scene.toml": rb.load_scene,
+    "robot.xml": lambda path: solid_of_mjcf(path, "b"),
+    "robot.urdf": lambda path: solid_of_urdf(path, "b"),
+    "samples.csv": read_samples,
+    "run.csv": rb.read_trajectory,
+    "run.npz": rb.read_trajectory,
+    "run.parquet": rb.read_trajectory,
+    "fault.json": fault_window.load,
+    "study.json": study_report,
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_neither_a_device_nor_a_file_without_end_is_read(tmp_path: Path, name: str) -> None:
+    """Nor one that a link names: /dev/zero has no end, and a pipe keeps its reader waiting.
+
+    10 MB are enough for a scene, and a table has 4000; these 5 GB take no place on the disk.
+    """
+    path = tmp_path / name
+    path.symlink_to(os.devnull)
+    with pytest.raises(rb.InputError, match="it is no regular file; copy what it gives") as error:
+        READERS[name](path)
+    assert str(error.value).startswith(f"{path}: ")
+    path.unlink()
+    path.touch()
+    os.truncate(path, 5_000_000_000)
+    with pytest.raises(rb.InputError, match=r"it has 5000 MB, and may have (10|4000); shorten it"):
+        READERS[name](path)
+
+
+def test_a_file_of_the_greatest_length_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"12345")
+    assert contents(path, 5) == b"12345"
+    with pytest.raises(rb.InputError, match="shorten it"):
+        contents(path, 4)
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".parquet"])
+def test_a_small_file_does_not_fill_the_memory(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A million equal numbers, 8 MB, are a few kB in a file; the limit is that of any other."""
+    path, zeros = tmp_path / f"zeros{suffix}", np.zeros(500_000)
+    if suffix == ".npz":
+        np.savez_compressed(path, x=zeros, y=zeros)
+    else:
+        pyarrow, parquet = map(pytest.importorskip, ("pyarrow", "pyarrow.parquet"))
+        parquet.write_table(pyarrow.table({"x": zeros, "y": zeros}), path)
+    assert read_table(path).columns["x"].shape == zeros.shape
+    monkeypatch.setattr(table_file, "LONGEST", 1_000_000)
+    with pytest.raises(rb.InputError, match=r"it unpacks to 8 MB, and may to 1$"):
+        read_table(path)
+
+
+def write(path: Path, text: str) -> None:
+    with replacing(writable_file(path)) as temporary:
+        temporary.write_text(text)
+
+
+def test_a_pipe_is_written_into_and_stays_one(tmp_path: Path) -> None:
+    """Its reader gets all of the text; the same holds for a device."""
+    fifo, read = tmp_path / "fifo", list[str]()
+    os.mkfifo(fifo)
+    reader = threading.Thread(target=lambda: read.append(fifo.read_text()), daemon=True)
+    reader.start()
+    write(fifo, "whole")
+    reader.join(10)
+    assert read == ["whole"]
+    assert stat.S_ISFIFO(fifo.stat().st_mode)
+    assert list(tmp_path.iterdir()) == [fifo]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_stays_and_what_it_names_is_replaced(tmp_path: Path, there: bool) -> None:
+    """Whether or not the file is there already; no fragment stays in either folder."""
+    (tmp_path / "far").mkdir()
+    target, link = tmp_path / "far" / "real.json", tmp_path / "link.json"
+    link.symlink_to("far/real.json")
+    if there:
+        target.write_text("old")
+    write(link, "new")
+    assert link.is_symlink()
+    assert (target.is_symlink(), target.read_text()) == (False, "new")
+    assert [path.name for path in target.parent.iterdir()] == ["real.json"]
+
+
+def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
+    link = tmp_path / "link"
+    link.symlink_to(link)
+    with pytest.raises(rb.InputError, match="cannot be written: Too many levels"):
+        write(link, "new")
+
+
+def test_no_two_writers_share_a_temporary_file(tmp_path: Path) -> None:
+    """Processes of two machines may have the same number; a name may be as long as any."""
+    path = tmp_path / ("n" * 250 + ".json")
+    with replacing(path) as first, replacing(path) as second:
+        assert first != second
+        assert first.parent == tmp_path
+        first.write_text("first")
+        second.write_text("second")
+    assert path.read_text() == "first"
+    assert list(tmp_path.iterdir()) == [path]

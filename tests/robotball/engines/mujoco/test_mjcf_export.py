@@ -45,9 +45,9 @@ def played(files: Written, folder: Path) -> tuple[float, list[float]]:
 def test_plain_steps_end_where_the_equations_do_with_the_controls_alone(
     scene: rb.Scene, tmp_path: Path
 ) -> None:
-    """Held controls are of second order in the step; a robot's contact is harder than MJCF can say.
+    """Held controls are of second order in the step; W4's contact is harder than MJCF can say.
 
-    Measured 2.0e-7 and 2.5e-7; with the keyframe's controls 0.71 and 0.22, the ball rolls elsewhere.
+    Measured 2.0e-7 and 2.5e-7 of the path; with the keyframe's controls 0.71 and 0.22 of it.
     """
     files, theory = files_of(scene), rb.integrate(scene)
 

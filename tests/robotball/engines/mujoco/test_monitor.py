@@ -177,13 +177,6 @@ def test_mujocos_own_warnings_are_faults() -> None:
     ]
 
 
-def test_a_model_never_resets_itself() -> None:
-    """The autoreset flag is off whatever the settings, so that a NaN stays one."""
-    for settings in rb.PRESETS.values():
-        flags = build(FIG12, settings).compiled.opt.disableflags
-        assert flags & mujoco.mjtDisableBit.mjDSBL_AUTORESET
-
-
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 def test_the_cone_used_is_one_on_its_surface(cone: str) -> None:
     """A sliding contact's force lies on the cone of its own kind."""

@@ -53,12 +53,15 @@ def test_mujoco_follows_the_equations(name: str, settings: str, bound: float) ->
 
 
 @pytest.mark.parametrize("name", BOTH)
-def test_momentum_attitude_and_angular_velocity_agree(name: str) -> None:
-    """Not the path alone: M of MuJoCo's own momenta, the frame's attitude and ω, in frame axes."""
+def test_momentum_attitude_and_turning_agree(name: str) -> None:
+    """Not the path alone: M of MuJoCo's own momenta, the frame's attitude and ω, in frame axes.
+
+    Frame and rotor turn at constant rates, whatever torque that takes.
+    """
     agreement = agreement_of(name, "balanced")
     ours, theirs = agreement.motion, agreement.theory
-    # Measured at most 1.0e-14 kg m²/s of 5: rounding in summing the bodies' momenta.
-    assert np.abs(ours.momentum[0] - theirs.momentum[0]).max() < 5e-14
+    # Measured at most 2.5e-14 kg m²/s of 5: rounding in summing the bodies' momenta.
+    assert np.abs(ours.momentum[0] - theirs.momentum[0]).max() < 8e-14
     same = np.abs((ours.attitude * theirs.attitude).sum(axis=1))
     # Measured 1.3e-15 and 2.4e-7 rad/s: RK4's error, which a quaternion's cosine squares.
     assert np.abs(same - 1).max() < 5e-15
@@ -67,6 +70,9 @@ def test_momentum_attitude_and_angular_velocity_agree(name: str) -> None:
     assert agreement.gamma_error < 1.7e-7  # measured 5.6e-8 rad
     assert agreement.momentum_error is not None
     assert agreement.momentum_error < 1.2e-8  # measured 3.9e-9
+    # Measured 2.9e-11 of 1480 rad: rounding of 2 000 additions.
+    assert np.abs(ours.hinge_angles - theirs.hinge_angles).max() < 2e-10
+    assert agreement.report.hinge_rate_error.max() < 3e-13  # measured 6e-14 at most
 
 
 @pytest.mark.parametrize("name", BOTH)
@@ -98,14 +104,6 @@ def test_a_ball_whose_axes_are_not_principal_rolls_the_same() -> None:
     assert agreement.path_error < 3.3e-9  # measured 1.1e-9, RK4's
 
 
-def test_samples_need_not_fall_on_the_timestep() -> None:
-    """Uneven times are hit exactly, by equal steps not longer than the preset's."""
-    agreement = compare(FIG12, "balanced", np.array([0.0, 0.0131, 0.5, 0.7, 2.0]))
-    assert agreement.report.timestep <= 0.005
-    # Measured 2.4e-9 m over 7 m: RK4's.
-    assert agreement.path_errors.max() < 8e-9
-
-
 def test_far_apart_samples_take_the_same_steps_as_near_ones() -> None:
     """A long interval is run in parts without a trace of them; its progress is told up to one."""
     told: list[float] = []
@@ -127,15 +125,6 @@ def test_samples_may_fall_on_the_steps_of_dop853(timestep: float) -> None:
     assert agreement.faults == ()
     assert agreement.path_error is not None
     assert agreement.path_error < 1e-12  # measured 1.9e-13, rounding
-
-
-def test_prescribed_hinges_keep_their_rates() -> None:
-    """Frame and rotor turn at constant rates, whatever torque that takes."""
-    agreement = agreement_of("fig12", "balanced")
-    motion, theory = agreement.motion, agreement.theory
-    # Measured 2.9e-11 of 1480 rad: rounding of 2 000 additions.
-    assert np.abs(motion.hinge_angles - theory.hinge_angles).max() < 2e-10
-    assert motion.report.hinge_rate_error.max() < 3e-13  # measured 6e-14 at most
 
 
 @pytest.mark.parametrize("preset", ["fast", "naive"])

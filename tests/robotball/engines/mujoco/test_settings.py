@@ -30,8 +30,6 @@ FIG12, FAST, BALANCED = rb.load_scene("fig12"), rb.preset("fast"), rb.preset("ba
 BAD = {
     "integrator must be one of Euler, implicit, .*, not 'rk5'": {"integrator": "rk5"},
     r"timestep must be positive and finite, from 1e-50 to 1e\+50, not 0": {"timestep": 0.0},
-    r"timestep must be positive and finite, .*, not nan": {"timestep": np.nan},
-    r"timestep must be positive and finite, .*, not '1'": {"timestep": "1"},
     r"solref must be two finite numbers": {"solref": (0.02, -1.0)},
     r"solreffriction must be two finite numbers": {"solreffriction": (1.0,)},
     r"sliding_friction must be finite and not negative": {"sliding_friction": -1.0},
@@ -65,12 +63,10 @@ def test_the_load_chooses_one_of_two_recipes() -> None:
     assert for_load(rb.preset("adaptive"), worked("W5")).solref == (0.004, 1.0)
 
 
-SET: tuple[dict[str, Any], ...] = (
-    *({"iterations": count} for count in (3, 4, 10)),
-    *({"sliding_friction": size} for size in (0.3, 20.0, 2000.0)),
-    *({name: value} for name, value in CONSTANT.items()),
-    CONSTANT,
-)
+SET: list[dict[str, Any]] = [
+    *({"iterations": 4}, {"sliding_friction": 0.3}, CONSTANT),
+    *({name: value} for values in (CONSTANT, VARYING) for name, value in values.items()),
+]
 
 
 @pytest.mark.parametrize("scene", [worked("W5"), FIG12], ids=lambda scene: scene.name)
@@ -110,15 +106,11 @@ FIELD_VALUES: dict[str, st.SearchStrategy[Any]] = {
     "integrator": st.sampled_from([*OWN, ADAPTIVE, "rk5"]),
     "rtol": SIZE,
     "solver": st.sampled_from(["PGS", "CG", "Newton"]),
-    "jacobian": st.sampled_from(["dense", "sparse", "auto"]),
     "iterations": st.integers(-1, 200),
     "tolerance": SIZE | NUMBER,
-    "ls_tolerance": SIZE,
     "noslip_iterations": st.integers(-1, 20),
-    "noslip_tolerance": SIZE,
     "cone": st.sampled_from(["pyramidal", "elliptic"]),
     "impratio": SIZE | NUMBER,
-    "warmstart": st.sampled_from(["enable", "disable"]),
     "solref": st.tuples(NUMBER, NUMBER) | st.tuples(SIZE, SIZE),
     "solimp": st.tuples(*[st.floats(-0.1, 1.1)] * 5),
     "solreffriction": st.tuples(NUMBER, NUMBER)
@@ -129,7 +121,6 @@ FIELD_VALUES: dict[str, st.SearchStrategy[Any]] = {
     "rolling_friction": SIZE,
     "root": st.sampled_from(["shell", "frame"]),
     "start_in_equilibrium": st.booleans(),
-    "stop_at_fault": st.booleans(),
     "drive": SIZE.map(lambda v: Servo(gain=v)) | SIZE.map(lambda v: Prescribed(armature=v)),
 }
 CHANGES = st.dictionaries(st.sampled_from(sorted(FIELD_VALUES)), st.none(), max_size=6).flatmap(

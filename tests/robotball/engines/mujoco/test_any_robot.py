@@ -15,23 +15,12 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load
 from robotball.robot import Ball, Frame, Shell, thin_shell_inertia
 from robotball.scene import Friction
+from tests.motions import known
 from tests.random_robots import random_scene
-from tests.robots import ENDINGS, Y, box_inertia, robot, worked
+from tests.robots import Y, box_inertia, robot, worked
 from validation import Agreement, compare
 
 pytestmark = pytest.mark.core
-
-
-@pytest.mark.parametrize(
-    ("name", "bound"),
-    # About three times what was measured, beside it: RK4's error.
-    [("W1", 3e-8), ("W2", 6e-10), ("W4", 9e-8), ("W5", 6e-7)],  # 9.3e-9, 2.1e-10, 2.8e-8, 1.8e-7
-)
-def test_a_robot_ends_where_ideal_rolling_does(name: str, bound: float) -> None:
-    """Two programs' end points of four robots."""
-    motion, ending = rb.simulate(worked(name), settings="balanced"), ENDINGS[name]
-    off = np.linalg.norm(motion.contact_point[-1] - ending.contact_point)
-    assert off < bound * motion.path_scale
 
 
 def thin_shell(radius: float, mass: float) -> Shell:
@@ -48,7 +37,7 @@ def times_mass(factor: float) -> rb.Scene:
 
 RESISTING, SLOPE = Friction(rolling=0.01), (np.sin(0.1), 0.0, -np.cos(0.1))
 SCENES = {
-    **{name: worked(name) for name in ENDINGS},
+    **{name: worked(name) for name in ("W1", "W2", "W4", "W5")},
     "light": times_mass(1e-6),
     "heavy": times_mass(1e6),
     "tilted": replace(rb.load_scene("fig12"), gravity_direction=SLOPE),
@@ -92,8 +81,7 @@ def test_any_robot_rolls_as_its_equations_say(name: str, settings: str) -> None:
     assert agreement.faults == ()
     if name == "off centre":  # the centre hardly moves, so the lever arm keeps its length
         assert np.abs(agreement.report.depth).max() < 3e-11 * agreement.scene.ball.radius  # 8.7e-12
-    assert agreement.path_error is not None
-    assert agreement.path_error < LIKE_THE_EQUATIONS[name, settings]
+    assert known(agreement.path_error) < LIKE_THE_EQUATIONS[name, settings]
 
 
 def test_a_soft_contact_and_a_quick_solver_are_wrong_where_the_load_varies() -> None:
@@ -101,7 +89,7 @@ def test_a_soft_contact_and_a_quick_solver_are_wrong_where_the_load_varies() -> 
     whole = replace(for_load(rb.preset("accurate"), worked("W5")), stop_at_fault=False)
     for wrong in ({"softness": 1.0}, {"solver": "PGS", "iterations": 3}):
         agreement = compare(worked("W5"), replace(whole, **wrong), rb.sample_times(2.0))
-        assert agreement.path_error is None or agreement.path_error > 1e-7
+        assert known(agreement.path_error) > 1e-7
 
 
 def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:
@@ -111,21 +99,14 @@ def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:
     of_motors = np.abs(ours.loads.motor_torques - theirs.loads.motor_torques).max(axis=0)
     assert of_motors.max() < 2e-6  # measured 6.3e-7 N m of 0.7: RK4's
     assert np.abs(ours.loads.contact_force - theirs.loads.contact_force).max() < 1.3e-5  # 4.4e-6 N
-    assert agreement.momentum_error is not None
-    assert agreement.momentum_error < 1.1e-7  # measured 3.6e-8
+    assert known(agreement.momentum_error) < 1.1e-7  # measured 3.6e-8
     assert np.ptp(theirs.loads.normal_force) > 1
     assert np.ptp(theirs.momentum, axis=0).min() > 1e-3
-
-
-def test_a_motor_at_its_limit_is_a_note_of_the_motion() -> None:
-    """It stands beside the faults, with the time of the switch, and the motions agree."""
-    agreement = agreement_of("W4", "balanced")
+    # A motor at its limit is a note beside the faults, with the time of the switch.
     note = agreement.report.notes[0]
     assert note.text == "frame's motor at its torque limit"
     assert note.time == pytest.approx(0.3078706, abs=1e-6)
-    torques = np.abs(agreement.motion.loads.motor_torques[:, 0])
-    assert torques.max() == pytest.approx(0.6, rel=1e-6)
-    assert agreement.agrees
+    assert np.abs(ours.loads.motor_torques[:, 0]).max() == pytest.approx(0.6, rel=1e-6)
 
 
 def test_a_step_across_a_torque_limit_costs_two_orders(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,31 +118,27 @@ def test_a_step_across_a_torque_limit_costs_two_orders(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(stepping, "switched", none)
     theory = agreement_of("W4", "balanced").theory
-    error = compare(worked("W4"), "balanced", theory=theory).path_error
-    assert error is not None
-    assert error > 1e-6
+    assert known(compare(worked("W4"), "balanced", theory=theory).path_error) > 1e-6
 
 
-@pytest.mark.parametrize(("settings", "bound"), [("balanced", 0.15), ("adaptive", 0.9)])
-def test_a_robot_at_rest_keeps_its_contact(settings: str, bound: float) -> None:
+def test_a_robot_at_rest_keeps_its_contact() -> None:
     """Its weight straight below the centre, so that the rounding of Newton's accelerations is all.
 
-    Of 35 radii and masses these creep most: by 0.051 and 0.47 of the contact's depth.
+    Of 35 radii and masses these creep most: by 0.051 and 0.47 of the contact's depth. One that is
+    too hard, at a softness of 1e-5, it leaves, and falls back 0.5 mm deep.
     """
-    for radius, mass in ((0.1, 0.1), (0.1, 3.3), (0.12, 0.5), (0.37, 0.1)):
-        model = build(at_rest(radius, mass), rb.preset(settings))
+
+    def crept(radius: float, mass: float, settings: rb.Settings) -> float:
+        model = build(at_rest(radius, mass), settings)
         report = run(model, np.linspace(0.0, 0.1, 21)).report
-        assert report.faults == ()
-        assert np.abs(report.depth).max() < bound * model.compiled.pair_margin[0]
+        return float(np.abs(report.depth).max() / model.compiled.pair_margin[0])
 
-
-def test_a_robot_at_rest_leaves_a_contact_that_is_too_hard() -> None:
-    """So the test before this one would tell: at a softness of 1e-5 it falls back 0.5 mm deep."""
-    scene = at_rest(0.1, 1.0)
-    hard = replace(for_load(rb.preset("balanced"), scene), softness=1e-5, solref=(0.04, 1.0))
-    model = build(scene, hard)
-    depth = run(model, np.linspace(0.0, 0.1, 21)).report.depth
-    assert np.abs(depth).max() > 1e5 * model.compiled.pair_margin[0]
+    balanced = rb.preset("balanced")
+    for radius, mass in ((0.1, 0.1), (0.1, 3.3), (0.12, 0.5), (0.37, 0.1)):
+        assert crept(radius, mass, balanced) < 0.15
+        assert crept(radius, mass, rb.preset("adaptive")) < 0.9
+    hard = replace(for_load(balanced, worked("W2")), softness=1e-5, solref=(0.04, 1.0))
+    assert crept(0.1, 1.0, hard) > 1e5
 
 
 def at_rest(radius: float, mass: float) -> rb.Scene:

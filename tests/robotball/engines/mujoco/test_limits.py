@@ -17,6 +17,7 @@ from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motion import Loads
 from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
+from tests.motions import known
 from tests.robots import Y, pendulum_ball, robot, swing, worked
 from validation import Agreement, compare
 from validation.studies.extreme_maps import scaled
@@ -49,12 +50,11 @@ def run(scene: rb.Scene, settings: rb.Settings, duration: float) -> Agreement:
 
 
 def path(agreement: Agreement) -> float:
-    """The path error; infinite where the run broke off."""
-    return np.inf if agreement.path_error is None else agreement.path_error
+    return known(agreement.path_error)
 
 
 def momentum(agreement: Agreement) -> float:
-    return np.inf if agreement.momentum_error is None else agreement.momentum_error
+    return known(agreement.momentum_error)
 
 
 def slip(agreement: Agreement) -> float:

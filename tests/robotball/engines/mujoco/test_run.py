@@ -13,6 +13,7 @@ from robotball.engines.mujoco.settings import recipe
 from robotball.engines.mujoco.stepping import stretches
 from robotball.motion import loads_of
 from robotball.rotations import multiply, rotation_matrix
+from tests.motions import known
 from tests.scenes import FOUR
 from validation import Agreement, compare
 
@@ -30,9 +31,7 @@ def agreement_of(name: str, settings: str, duration: float = 10.0) -> Agreement:
 @pytest.mark.parametrize("name", FOUR)
 def test_the_error_is_of_fourth_order_in_the_timestep(name: str) -> None:
     """From 20 to 5 ms the path error falls by four to the fourth; measured 3.79 to 4.11."""
-    coarse, fine = (agreement_of(name, settings).path_error for settings in ("fast", "balanced"))
-    assert coarse is not None
-    assert fine is not None
+    coarse, fine = (known(agreement_of(name, each).path_error) for each in ("fast", "balanced"))
     assert fine < 1.5e-8  # measured 5.5e-9 at most (fig14)
     assert 3.7 < np.log(coarse / fine) / np.log(4) < 4.3
 
@@ -48,8 +47,7 @@ def test_the_error_is_of_fourth_order_in_the_timestep(name: str) -> None:
 def test_mujoco_follows_the_equations(name: str, settings: str, bound: float) -> None:
     agreement = agreement_of(name, settings, 3.0)
     assert agreement.agrees
-    assert agreement.path_error is not None
-    assert agreement.path_error < bound
+    assert known(agreement.path_error) < bound
 
 
 @pytest.mark.parametrize("name", BOTH)
@@ -66,10 +64,8 @@ def test_momentum_attitude_and_turning_agree(name: str) -> None:
     # Measured 1.3e-15 and 2.4e-7 rad/s: RK4's error, which a quaternion's cosine squares.
     assert np.abs(same - 1).max() < 5e-15
     assert np.abs(ours.angular_velocity - theirs.angular_velocity).max() < 8e-7
-    assert agreement.gamma_error is not None
-    assert agreement.gamma_error < 1.7e-7  # measured 5.6e-8 rad
-    assert agreement.momentum_error is not None
-    assert agreement.momentum_error < 1.2e-8  # measured 3.9e-9
+    assert known(agreement.gamma_error) < 1.7e-7  # measured 5.6e-8 rad
+    assert known(agreement.momentum_error) < 1.2e-8  # measured 3.9e-9
     # Measured 2.9e-11 of 1480 rad: rounding of 2 000 additions.
     assert np.abs(ours.hinge_angles - theirs.hinge_angles).max() < 2e-10
     assert agreement.report.hinge_rate_error.max() < 3e-13  # measured 6e-14 at most
@@ -112,8 +108,7 @@ def test_samples_may_fall_on_the_steps_of_dop853(timestep: float) -> None:
     settings = recipe("fixed", 1e-9, integrator="DOP853", timestep=timestep, rtol=1.0)
     agreement = compare(FIG12, settings, rb.sample_times(0.5))
     assert agreement.faults == ()
-    assert agreement.path_error is not None
-    assert agreement.path_error < 1e-12  # measured 1.9e-13, rounding
+    assert known(agreement.path_error) < 1e-12  # measured 1.9e-13, rounding
 
 
 @pytest.mark.parametrize("preset", ["fast", "naive"])

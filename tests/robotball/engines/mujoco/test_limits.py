@@ -210,13 +210,13 @@ SIZES: dict[str, tuple[Predict, rb.Scene, dict[str, Any], float, Measure, float]
         2.0, path, 0.247),
     # |a (ω×Ω)×γ|/(b v)
     "frame as root": (limits.frame_as_root, FIG12,
-        {**DAMPED, "root": "frame", "solreffriction": (-1.0, -50.0)}, 2.0, crept, 0.754),
+        {**DAMPED, "root": "frame", "solreffriction": (-1.0, -2.0)}, 2.0, crept, 0.622),
     "frame as root, classical": (limits.frame_as_root, REGULAR,
         {**DAMPED, "root": "frame", "solreffriction": (-1.0, -300.0)}, 2.0, crept, 3.49),
     # (1 - d)/d of the load over impratio, times μ² in a pyramidal cone
     "creep, elliptic": (limits.creep, FIG12,
-        {**SOFT, "cone": "elliptic", "impratio": 3.0, "solimp": impedance(0.99)},
-        1.0, crept, 0.989),
+        {**SOFT, "cone": "elliptic", "impratio": 3.0, "solimp": impedance(0.6)},
+        1.0, crept, 0.981),
     "creep, pyramidal": (limits.creep, FIG12,
         {**SOFT, "cone": "pyramidal", "solimp": impedance(0.9999)}, 1.0, crept, 0.989),
     # τ/kv of the rate
@@ -235,6 +235,15 @@ def test_what_goes_wrong_is_as_large_as_predicted(name: str) -> None:
     settings = replace(FAST, **changes)
     predicted = limit_of(predict, scene, settings, duration).value
     assert 0.75 < measure(run(scene, settings, duration)) / predicted / ratio < 1.33
+
+
+def test_a_slip_that_hardly_dies_out_grows_with_time() -> None:
+    """Its mean over a time T is α T/2, from the formula and from the series near b = 0 alike."""
+    values = []
+    for damping in (1e-3, 1e-5, 0.0):
+        settings = replace(FAST, root="frame", solreffriction=(-1.0, -damping))
+        values.append(limit_of(limits.frame_as_root, FIG12, settings, 0.5).value)
+    assert values == pytest.approx([values[0]] * 3, rel=1e-3)
 
 
 @pytest.mark.parametrize(("name", "duration"), [("fig12", 1.0), ("spin_up_from_rest", 5.0)])

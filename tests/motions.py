@@ -11,3 +11,8 @@ def as_contact(motion: Motion, report: ContactReport, **changes: Any) -> Contact
     """A motion as a contact engine would give it, with some fields changed."""
     given = {field.name: getattr(motion, field.name) for field in fields(Motion)}
     return ContactMotion(**{**given, "engine": LABEL, "report": report, **changes})
+
+
+def known(error: float | None) -> float:
+    """A measure of an agreement; infinite where the run broke off."""
+    return float("inf") if error is None else error

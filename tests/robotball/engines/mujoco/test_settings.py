@@ -1,0 +1,149 @@
+"""Settings: what is refused, what the load chooses, and that what a user sets is what runs."""
+
+import json
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import robotball as rb
+from robotball.drives import Servo
+from robotball.engines.mujoco.settings import (
+    ADAPTIVE,
+    CONSTANT,
+    OWN,
+    VARYING,
+    Prescribed,
+    Radii,
+    for_load,
+    settings_from,
+)
+from tests.robots import worked
+
+FIG12, FAST, BALANCED = rb.load_scene("fig12"), rb.preset("fast"), rb.preset("balanced")
+
+BAD = {
+    "integrator must be one of Euler, implicit, .*, not 'rk5'": {"integrator": "rk5"},
+    r"timestep must be positive and finite, from 1e-50 to 1e\+50, not 0": {"timestep": 0.0},
+    r"solref must be two finite numbers": {"solref": (0.02, -1.0)},
+    r"solreffriction must be two finite numbers": {"solreffriction": (1.0,)},
+    r"sliding_friction must be finite and not negative": {"sliding_friction": -1.0},
+    r"condim must be one of 3, 4, 6, not 5": {"condim": 5},
+    r"DOP853 needs an rtol": {"integrator": "DOP853"},
+    r"rtol must be finite and 1e-15 at least, not 1e-16": {"rtol": 1e-16},
+    r"iterations must be a whole number, 1 at least, not -1": {"iterations": -1},
+    r"solimp must be dmin, dmax": {"solimp": (0.9, 1.5, 0.001, 0.5, 1.0)},
+    r"impratio must be positive": {"impratio": 0.0},
+    r"root must be one of shell, frame, not 'rotor'": {"root": "rotor"},
+    r"max_steps must be a whole number": {"max_steps": 0},
+    r"drive must be a Servo or a Prescribed, not 3": {"drive": 3},
+}
+
+
+@pytest.mark.parametrize(("words", "changes"), BAD.items())
+def test_settings_that_cannot_be_run_are_refused(words: str, changes: dict[str, Any]) -> None:
+    """In one line that names the field, the value and what it may be."""
+    with pytest.raises(rb.InputError, match=words):
+        replace(FAST, **changes)
+
+
+def test_the_load_chooses_one_of_two_recipes() -> None:
+    """The whole of one or of the other; nothing is left open in the settings that run."""
+    inclined = replace(FIG12, gravity_direction=(np.sin(0.1), 0.0, -np.cos(0.1)))
+    for scene in (FIG12, inclined):
+        assert for_load(BALANCED, scene) == replace(BALANCED, **CONSTANT)
+    harder: dict[str, Any] = {"softness": 3e-4, "solref": (0.01, 1.0)}
+    assert for_load(BALANCED, worked("W5")) == replace(BALANCED, **VARYING, **harder)
+    assert for_load(FAST, worked("W5")).solref == (0.04, 1.0)  # two of its steps
+    assert for_load(rb.preset("adaptive"), worked("W5")).solref == (0.004, 1.0)
+
+
+SET: list[dict[str, Any]] = [
+    *({"iterations": 4}, {"sliding_friction": 0.3}, CONSTANT),
+    *({name: value} for values in (CONSTANT, VARYING) for name, value in values.items()),
+]
+
+
+@pytest.mark.parametrize("scene", [worked("W5"), FIG12], ids=lambda scene: scene.name)
+def test_what_a_user_sets_is_what_runs(scene: rb.Scene) -> None:
+    """Also a value that one of the recipes has, on a scene that takes the other recipe."""
+    for own in SET:
+        chosen = for_load(replace(BALANCED, **own), scene)
+        assert {name: getattr(chosen, name) for name in own} == own
+        assert for_load(chosen, worked("W5")) is chosen  # whole settings run on any other scene
+    ran = rb.simulate(scene, np.array([0.0, 0.01]), chosen).report.settings
+    assert ran == chosen
+
+
+def test_settings_come_back_from_plain_data() -> None:
+    """Radii are told from metres in a record, a servo from an armature, each checked as it is."""
+    whole = for_load(FAST, FIG12)
+    assert whole.plain()["torsional_friction"] == {"radii": 20.0}
+    for each in (FAST, whole, rb.preset("naive")):
+        assert settings_from(json.loads(json.dumps(each.plain()))) == each
+    assert replace(FAST, torsional_friction=0.3).torsional_friction_of(100.0) == 0.3
+    with pytest.raises(rb.InputError, match=r"radii must be finite and not neg.*, not -1\.0"):
+        replace(FAST, torsional_friction=Radii(-1.0))
+
+
+NUMBER = st.floats() | st.floats(1e-4, 1e4)
+SIZE = st.floats(-12, 12).map(lambda power: 10**power)
+PAIR = st.tuples(NUMBER, NUMBER) | st.tuples(SIZE, SIZE)
+CHOICES: dict[str, list[Any]] = {
+    "integrator": [*OWN, ADAPTIVE, "rk5"],
+    "solver": ["PGS", "CG", "Newton"],
+    "cone": ["pyramidal", "elliptic"],
+    "condim": [1, 3, 4, 6],
+    "root": ["shell", "frame"],
+    "start_in_equilibrium": [True, False],
+}
+SIZES = ("rtol", "torsional_friction", "rolling_friction")
+NUMBERS = ("timestep", "tolerance", "impratio", "sliding_friction")
+FIELD_VALUES: dict[str, st.SearchStrategy[Any]] = {
+    **{name: st.sampled_from(values) for name, values in CHOICES.items()},
+    **dict.fromkeys(SIZES, SIZE),
+    **dict.fromkeys(NUMBERS, SIZE | NUMBER),
+    "iterations": st.integers(-1, 200),
+    "noslip_iterations": st.integers(-1, 20),
+    "solref": PAIR,
+    "solimp": st.tuples(*[st.floats(-0.1, 1.1)] * 5),
+    "solreffriction": PAIR | PAIR.map(lambda v: (-v[0], -v[1])),
+    "drive": SIZE.map(lambda v: Servo(gain=v)) | SIZE.map(lambda v: Prescribed(armature=v)),
+}
+CHANGES = st.dictionaries(st.sampled_from(sorted(FIELD_VALUES)), st.none(), max_size=6).flatmap(
+    lambda names: st.fixed_dictionaries({name: FIELD_VALUES[name] for name in names})
+)
+SCENES = [rb.load_scene(name) for name in ("fig12", "classical_regular", "chaplygin_ball")]
+
+
+@settings(max_examples=25)
+@given(CHANGES, st.sampled_from(SCENES), st.booleans(), SIZE, SIZE, SIZE)
+def test_any_settings_give_a_finite_motion_or_one_line(
+    changes: dict[str, Any],
+    scene: rb.Scene,
+    naive: bool,
+    gravity: float,
+    momentum: float,
+    rate: float,
+) -> None:
+    """Whatever the numbers: an InputError of one line, or finite samples up to where it ends."""
+    base = rb.preset("naive") if naive else FAST
+    start = replace(scene.start, momentum=scene.start.momentum * momentum)
+    try:
+        given = replace(base, max_steps=200, **changes)
+        extreme_scene = replace(scene, gravity=gravity, start=start, frame_rate=2.0 * rate)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rb.SceneWarning)
+            step = 0.01 if given.timestep is None else given.timestep
+            motion = rb.simulate(extreme_scene, np.linspace(0.0, 20 * step, 3), given)
+    except rb.InputError:  # one line by itself
+        return
+    for array in (motion.contact_point, motion.attitude, motion.momentum, motion.angular_velocity):
+        assert np.isfinite(array).all()
+        assert len(array) == len(motion.times)
+    assert len(motion.times) == 3 or motion.report.faults
+    assert all(np.isfinite(fault.time) for fault in motion.report.faults)

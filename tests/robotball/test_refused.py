@@ -1,7 +1,7 @@
 """Input that cannot be used is refused in one line, with the value, the limit and what to do.
 
-Drives, motors, requests for a design, settings and counts; scene files are refused in
-tests/robotball/files, bodies and starts where they are made.
+Scenes, bodies, parts, starts, drives, motors, requests for a design, settings and counts, as they
+are given in Python; files are refused in tests/robotball/files.
 """
 
 import math
@@ -12,16 +12,20 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball import Limits
-from robotball.drives import as_drive
-from robotball.engines.mujoco.settings import Prescribed
-from robotball.errors import LONGEST_LINE, check_count, check_positive, check_seed
-from tests.robotball.designs import fig12
+from robotball import drives, errors, scene
+from robotball.engines.mujoco import settings
+from robotball.errors import LONGEST_LINE
+from robotball.files import scene_tables
+from robotball.files.parts import solid_of
+from robotball.robot import Ball, Frame, Rotor, Shell
+from robotball.rotations import Array
+from tests.robotball import designs
 from tests.robotball.own_drive import OwnDrive, of_sine
 
 FIG12 = rb.load_scene("fig12")
 FAST = rb.preset("fast")
 NAN, INF = math.nan, math.inf
+UP = np.array([0.0, 0.0, 1.0])
 
 
 class Jumping(OwnDrive):
@@ -36,11 +40,112 @@ def run(rate: Any, end: float = 10.0) -> rb.Motion:
     return rb.integrate(replace(FIG12, frame_rate=rate), np.array([0.0, end]))
 
 
-NAMES = {
-    "rb": rb, "math": math, "replace": replace, "np": np, "as_drive": as_drive,
-    "of_sine": of_sine, "Jumping": Jumping, "run": run, "FIG12": FIG12, "fig12": fig12,
-    "Limits": Limits, "Prescribed": Prescribed, "check_count": check_count,
-    "check_positive": check_positive, "check_seed": check_seed, "NAN": NAN, "INF": INF,
+def body(name: str, **changes: Any) -> Ball:
+    """A ball with one body changed."""
+    bodies: dict[str, Any] = {
+        "shell": Shell(0.5, 2.0, axial_inertia=0.3, transverse_inertia=0.2, axis=UP),
+        "frame": Frame(1.0, np.diag([0.1, 0.2, 0.25])),
+        "rotor": Rotor(0.5, 0.02, 0.01, axis=np.array([0.6, 0.0, 0.8])),
+    }
+    bodies[name] = replace(bodies[name], **changes)
+    return Ball(bodies["shell"], bodies["frame"], (bodies["rotor"],))
+
+
+def part(kind: str, **sizes: Any) -> None:
+    """A part of this kind; by a mass of 1 kg where nothing else is given."""
+    solid_of(getattr(scene_tables, kind)(**({} if "density" in sizes else {"mass": 1.0}) | sizes))
+
+
+def start(**changes: Any) -> rb.Scene:
+    return replace(FIG12, start=replace(FIG12.start, **changes))
+
+
+def tilted(tilt: float) -> Array:
+    return np.array([np.cos(tilt), 0.0, np.sin(tilt)])
+
+
+BODIES = {
+    "body('shell', mass=0.0)": r"shell's mass must be positive and finite, not 0 kg",
+    "body('frame', mass=NAN)": r"frame's mass must be positive and finite, not nan kg",
+    "body('rotor', mass=-1.0)": r"rotor1's mass must be positive and finite, not -1 kg",
+    "body('shell', radius=INF)": r"the shell's radius must be positive and finite, not inf m",
+    "body('shell', radius=1e51)": r"radius must lie between 1e-50 and 1e\+50 m, not at 1e\+51",
+    "body('frame', centre=NAN * UP)": r"frame's centre must be finite and at most 1e\+50",
+    "body('frame', inertia=np.diag([0.1, 0.2, 0.5]))": r"0\.5 > 0\.1 \+ 0\.2 by 0\.2 kg m²",
+    "body('frame', inertia=np.diag([0.1, 0.1, -0.1]))":
+        r"not positive: its smallest principal moment is -0\.1 kg m²",
+    "body('frame', inertia=np.diag([0.1, 0.1, 0.0]))":
+        r"not positive: its smallest principal moment is 0 kg m²",
+    "body('frame', inertia=1e-151 * np.eye(3))": r"moment must be at least 1e-150, not 1e-151 kg",
+    "body('frame', inertia=np.eye(3) + 1e-9 * np.eye(3, k=1))": r"inertia is not symmetric",
+    "body('frame', inertia=np.diag([0.1, NAN, 0.1]))": r"inertia has an entry that is not finite",
+    "body('shell', axial_inertia=0.5)": r"shell's inertia .*: 0\.5 > 0\.2 \+ 0\.2 by 0\.1",
+    "body('rotor', axial_inertia=0.5, transverse_inertia=0.2)":
+        r"rotor1 is flatter than a disk: .* exceeds twice the transverse 0\.2 by 0\.1 kg m²",
+    "body('shell', axis=2 * UP)": r"shell's axis must be a unit vector; its length is 2",
+    "body('rotor', axis=0 * UP)": r"rotor1's axis must be a unit vector; its length is 0",
+    "body('shell', axis=NAN * UP)": r"shell's axis must be a unit vector; its length is nan",
+}  # fmt: skip
+
+PARTS = {
+    "part('Sphere', density=1.0, mass=1.0, radius=1.0)":
+        r"a sphere takes a mass or a density, not both",
+    "part('Sphere', density=None, radius=1.0)":
+        r"a sphere needs a mass \[kg\] or a density \[kg/m³\]",
+    "part('Sphere', density=-1.0, radius=1.0)": r"a sphere's density must be positive",
+    "part('Box', size=(1.0, 0.0, 1.0))": r"a box's size must be positive and finite, not 0",
+    "part('Box', size=(1.0, 1.0, 1.0), attitude=(2.0, 0.0, 0.0, 0.0))":
+        r"attitude is not of unit length: \|attitude\| = 2",
+    "part('Sphere', radius=0.1, thickness=0.2)":
+        r"thickness must be positive and at most its radius 0\.1, not 0\.2 m",
+    "part('Disc', radius=0.1, inner_radius=0.1)":
+        r"a disc's inner_radius must be at least 0 and less than its radius 0\.1, not 0\.1 m",
+    "part('Rod', begin=(0.0, 0.0, 1.0), end=(0.0, 0.0, 1.0))":
+        r"a rod must have a length and a direction, unlike \[0\.0, 0\.0, 0\.0\]",
+    "part('Ring', radius=0.1, axis=(0.0, 0.0, 0.0))":
+        r"a ring's axis must have a length and a direction",
+}  # fmt: skip
+
+SCENES = {
+    "rb.sample_times(NAN)": r"duration must be positive and finite, not nan s",
+    "rb.sample_times(2e5)": r"200000 s would be 1e\+07 samples 0\.02 s apart, of at most 1e\+07",
+    "replace(FIG12, rolling='sliding')": r"rolling must be one of .* not 'sliding'",
+    "replace(FIG12, duration=0.0)": r"duration must be positive and finite, not 0 s",
+    "replace(FIG12, gravity=-9.81)": r"gravity must be positive and finite, not -9\.81 m/s²",
+    "replace(FIG12, gravity_direction=(0.0, 0.6, 0.8))": r"its Z is 0\.8, and must be negative",
+    "replace(FIG12, rotor_rates=())": r"1 rotors need as many rates, not 0",
+    "replace(FIG12, pendulum_rates=(1.0,))": r"0 pendulums need as many rates, not 1",
+    "replace(FIG12, rotor_rates=(NAN,))": r"a drive's rate at t = 0 s must be finite and .*not nan",
+    "Friction(sliding=0.0)": r"the sliding friction must be positive",
+    "Friction(torsional=-1.0)": r"the torsional friction must be positive",
+    "Friction(rolling=-1.0)": r"the rolling friction, where it is not 0, must",
+}
+
+STARTS = {
+    "start(attitude=np.array([1.0, 0.0, 0.0, NAN]))":
+        r"attitude is not of unit length: .attitude. = nan",
+    "start(momentum=NAN * UP)": r"the start's momentum must be finite",
+    "start(hinge_angles=np.zeros(3))": r"2 hinges need as many angles at the start, not an array",
+    "start(hinge_rates=np.array([NAN, 0.0]))": r"a hinge's rate at the start must be finite",
+    "start(momentum=np.array([3.0, 4.0, 0.005]))":
+        r"\(3\.1\): \(M, gamma\) = 0\.005 of \|M\| = 5 kg",
+    "horizontal(NAN * UP, scale=5.0)": r"M is not horizontal",
+    "section_state(1.0, 0.6, 0.0, 0.0)": r"f = M² must be positive, not 0",
+    "section_state(1.0, 0.6, 0.0, NAN)": r"f = M² must be positive, not nan",
+    "section_state(5.1, 0.6, 0.0, 25.0)":
+        r"\|L\| = 5\.1 must not exceed sqrt\(f\) = 5",
+    "section_state(NAN, 0.6, 0.0, 25.0)": r"\|L\| = nan must not exceed",
+    "section_state(1.0, 0.6, 0.0, 25.0, c=-5.0)":
+        r"\|c\| = 5 must be smaller than sqrt\(f\) = 5",
+    "section_state(1.0, 0.6, 0.0, 25.0, c=NAN)": r"\|c\| = nan must be smaller",
+    "along_momentum(UP, 0 * UP)": r"no horizontal part .* give alpha or a quaternion",
+    "along_momentum(UP, 3 * UP)": r"no horizontal part .* give alpha or a quaternion",
+    "attitude_of_axes(UP, tilted(1e-3))":
+        r"not orthogonal: \(gamma, alpha\) = 0\.001",
+    "unit('gamma', 1.001 * UP)": r"gamma is not of unit length: \|gamma\| = 1\.001",
+    "unit('alpha', np.array([INF, 0.0, 0.0]))": r"alpha is not of unit length.*inf",
+    "check_no_spin(np.array([1.0, 2.0, 0.1]), UP)":
+        r"forbids \(2\.2\): \(ω - Ω, γ\) = 0\.1 rad/s",
 }  # fmt: skip
 
 DRIVES = {
@@ -93,13 +198,9 @@ MOTORS = {
     "rb.Torque(armature=-1.0)": r"a motor's armature, where it is not 0, must be positive",
     "rb.Free(rest=INF)": r"a free hinge's rest angle must be finite",
     **{
-        f"{make}({value})": r"must be"
-        for make in ("Prescribed", "rb.Servo")
-        for value in ("None", "'x'", "(1.0, 2.0)", "np.array([1.0, 2.0])", "-INF")
-    },
-    **{
-        f"rb.Servo(1.0, {limit})": r"must be"
-        for limit in ("''", "'x'", "(1.0, 2.0)", "np.array([1.0, 2.0])", "-INF")
+        f"{motor}({value})": r"must be"
+        for motor in ("Prescribed", "rb.Servo", "(lambda limit: rb.Servo(1.0, limit))")
+        for value in ("'x'", "np.array([1.0, 2.0])", "-INF")
     },
 }
 
@@ -119,26 +220,31 @@ DESIGNS = {
     "fig12(K=[1.0])": r"K must be 3 finite numbers, not \[1\.0\]",
     "fig12(radius=-1.0)": r"radius must be positive and finite, not -1 m",
     "fig12(mass=0.0)": r"mass must be positive and finite, not 0 kg",
-    "fig12(limits=Limits(rotor_speed=0))": r"rotor_speed must be positive, not 0 rad/s",
-    "fig12(limits=Limits(rotor_speed=NAN))": r"rotor_speed must be positive, not nan rad/s",
-    "fig12(limits=Limits(shell_mass=-1))":
+    "fig12(limits=rb.Limits(rotor_speed=0))": r"rotor_speed must be positive, not 0 rad/s",
+    "fig12(limits=rb.Limits(rotor_speed=NAN))": r"rotor_speed must be positive, not nan rad/s",
+    "fig12(limits=rb.Limits(shell_mass=-1))":
         r"shell_mass must be finite and not negative, not -1 kg",
-    "fig12(mass=0.8, limits=Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.4))":
+    "fig12(mass=0.8, limits=rb.Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.4))":
         r"masses: the least of shell, frame and rotor are 0\.9 kg together, and the ball is to "
         r"have 0\.8 kg: 0\.1 kg too much",
-    "fig12(limits=Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.4))":
+    "fig12(limits=rb.Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.4))":
         r"masses: with the least of shell, frame and rotor, 0\.9 kg, m \+ J_s/a² is 1\.1 kg at "
         r"least; ",
-    "fig12(limits=Limits(shell_thickness=1.0))":
+    "fig12(limits=rb.Limits(shell_thickness=1.0))":
         r"shell_thickness must be at least 0 and less than the radius 1 m, not 1 m",
-    "fig12(limits=Limits(shell_thickness=0.1, frame_radius=0.95))":
+    "fig12(limits=rb.Limits(shell_thickness=0.1, frame_radius=0.95))":
         r"frame_radius must be positive and at most 0\.9 m, not 0\.95 m",
-    "fig12(limits=Limits(frame_radius=0.5, rotor_radius=0.6))":
+    "fig12(limits=rb.Limits(frame_radius=0.5, rotor_radius=0.6))":
         r"rotor_radius must be positive and at most 0\.5 m, not 0\.6 m",
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("snippet", "message"), {**DRIVES, **MOTORS, **COUNTS, **DESIGNS}.items())
+MODULES = (designs, drives, errors, scene, settings)
+NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | globals()
+ALL = BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS
+
+
+@pytest.mark.parametrize(("snippet", "message"), ALL.items())
 def test_what_cannot_be_used_is_refused_in_one_line(snippet: str, message: str) -> None:
     """With the value, the limit and what to do."""
     with pytest.raises(rb.InputError, match=message) as refusal:
@@ -182,7 +288,7 @@ def test_numbers_of_numpy_are_settings() -> None:
 
 def test_counts_and_seeds_within_their_limits_pass() -> None:
     """More would fill the memory; a negative seed starts no random numbers."""
-    assert (check_count("starts", 5, 1), check_seed(0)) == (5, 0)
+    assert (errors.check_count("starts", 5, 1), errors.check_seed(0)) == (5, 0)
 
 
 def test_a_message_is_short_however_long_its_parts_are() -> None:

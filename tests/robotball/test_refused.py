@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball import drives, errors, scene
+from robotball import designing, drives, errors, scene
 from robotball.engines.mujoco import settings
 from robotball.errors import LONGEST_LINE
 from robotball.files import scene_tables
@@ -72,8 +72,6 @@ BODIES = {
     "body('shell', radius=1e51)": r"radius must lie between 1e-50 and 1e\+50 m, not at 1e\+51",
     "body('frame', centre=NAN * UP)": r"frame's centre must be finite and at most 1e\+50",
     "body('frame', inertia=np.diag([0.1, 0.2, 0.5]))": r"0\.5 > 0\.1 \+ 0\.2 by 0\.2 kg m²",
-    "body('frame', inertia=np.diag([0.1, 0.1, -0.1]))":
-        r"not positive: its smallest principal moment is -0\.1 kg m²",
     "body('frame', inertia=np.diag([0.1, 0.1, 0.0]))":
         r"not positive: its smallest principal moment is 0 kg m²",
     "body('frame', inertia=1e-151 * np.eye(3))": r"moment must be at least 1e-150, not 1e-151 kg",
@@ -82,7 +80,6 @@ BODIES = {
     "body('shell', axial_inertia=0.5)": r"shell's inertia .*: 0\.5 > 0\.2 \+ 0\.2 by 0\.1",
     "body('rotor', axial_inertia=0.5, transverse_inertia=0.2)":
         r"rotor1 is flatter than a disk: .* exceeds twice the transverse 0\.2 by 0\.1 kg m²",
-    "body('shell', axis=2 * UP)": r"shell's axis must be a unit vector; its length is 2",
     "body('rotor', axis=0 * UP)": r"rotor1's axis must be a unit vector; its length is 0",
     "body('shell', axis=NAN * UP)": r"shell's axis must be a unit vector; its length is nan",
 }  # fmt: skip
@@ -132,74 +129,60 @@ STARTS = {
     "horizontal(NAN * UP, scale=5.0)": r"M is not horizontal",
     "section_state(1.0, 0.6, 0.0, 0.0)": r"f = M² must be positive, not 0",
     "section_state(1.0, 0.6, 0.0, NAN)": r"f = M² must be positive, not nan",
-    "section_state(5.1, 0.6, 0.0, 25.0)":
-        r"\|L\| = 5\.1 must not exceed sqrt\(f\) = 5",
+    "section_state(5.1, 0.6, 0.0, 25.0)": r"\|L\| = 5\.1 must not exceed sqrt\(f\) = 5",
     "section_state(NAN, 0.6, 0.0, 25.0)": r"\|L\| = nan must not exceed",
-    "section_state(1.0, 0.6, 0.0, 25.0, c=-5.0)":
-        r"\|c\| = 5 must be smaller than sqrt\(f\) = 5",
+    "section_state(1.0, 0.6, 0.0, 25.0, c=-5.0)": r"\|c\| = 5 must be smaller than sqrt\(f\) = 5",
     "section_state(1.0, 0.6, 0.0, 25.0, c=NAN)": r"\|c\| = nan must be smaller",
-    "along_momentum(UP, 0 * UP)": r"no horizontal part .* give alpha or a quaternion",
     "along_momentum(UP, 3 * UP)": r"no horizontal part .* give alpha or a quaternion",
-    "attitude_of_axes(UP, tilted(1e-3))":
-        r"not orthogonal: \(gamma, alpha\) = 0\.001",
+    "attitude_of_axes(UP, tilted(1e-3))": r"not orthogonal: \(gamma, alpha\) = 0\.001",
     "unit('gamma', 1.001 * UP)": r"gamma is not of unit length: \|gamma\| = 1\.001",
     "unit('alpha', np.array([INF, 0.0, 0.0]))": r"alpha is not of unit length.*inf",
-    "check_no_spin(np.array([1.0, 2.0, 0.1]), UP)":
-        r"forbids \(2\.2\): \(ω - Ω, γ\) = 0\.1 rad/s",
+    "check_no_spin(np.array([1.0, 2.0, 0.1]), UP)": r"forbids \(2\.2\): \(ω - Ω, γ\) = 0\.1 rad/s",
 }  # fmt: skip
 
 DRIVES = {
-    "run(rb.Custom(lambda t: float(t > 1), breakpoints=(1.0,)))":
+    "run(Custom(lambda t: float(t > 1), breakpoints=(1.0,)))":
         r"a drive's rate jumps by 1 rad/s at t = 1 s; ramp it",
     "run(lambda t: 2.0 if t < 3.3 else 2.5)":
         r"a drive's rate jumps by 0\.5 rad/s at t = 3\.3 s; ramp it",
-    "run(Jumping())":
-        r"a drive's rate jumps by 2 rad/s at t = 4 s; ramp it",
-    "run(rb.Custom(of_sine, derivative=lambda t: -6 * math.cos(6 * t)))":
+    "run(Jumping())": r"a drive's rate jumps by 2 rad/s at t = 4 s; ramp it",
+    "run(Custom(of_sine, derivative=lambda t: -6 * math.cos(6 * t)))":
         r"the derivative given for a drive is -\S+ rad/s² at t = \S+ s, where that of its function",
-    "run(rb.Custom(of_sine, integral=lambda t: 2 * t))":
+    "run(Custom(of_sine, integral=lambda t: 2 * t))":
         r"the integral given for a drive is \S+ rad at t = \S+ s, where that of its function is",
-    "run('fast')":
-        r"a rate is a number, a function of time, or a drive .*, not 'fast'",
+    "run('fast')": r"a rate is a number, a function of time, or a drive .*, not 'fast'",
     "run(of_sine, 1e6)":
         r"a drive's function can be followed to t = 100000 s at most, not to 1e\+06 s",
-    "as_drive(lambda t: NAN, 1.0)":
-        r"function gives nan at t = 0 s",
+    "as_drive(lambda t: NAN, 1.0)": r"function gives nan at t = 0 s",
     "run(lambda t: NAN if t > 2 else 2.0)":
         r"function gives nan at t = 2\.\d+ s; it must be finite",
-    "rb.Ramp(final=1.0, start=2.0, end=1.0)":
+    "Ramp(final=1.0, start=2.0, end=1.0)":
         r"a ramp must start at 0 or later and end after that, not from 2 to 1 s",
-    "run(rb.Samples(times=(0.0, 8.0), values=(0.0, 1.0)))":
+    "run(Samples(times=(0.0, 8.0), values=(0.0, 1.0)))":
         r"samples from t = 0 to 8 s do not reach over the run, from 0 to 10 s; give more",
-    "as_drive(rb.Samples(times=(1.0, 8.0), values=(0.0, 1.0)), 5.0)":
-        r"samples from t = 1 to 8 s do not reach over the run, from 0 to 5 s",
-    "rb.Samples(times=(1.0,), values=(0.0,))":
-        r"two or more: not 1 times and 1 values",
-    "rb.Samples(times=(0.0, 1.0, 1.0), values=(0.0, 1.0, 2.0))":
+    "Samples(times=(1.0,), values=(0.0,))": r"two or more: not 1 times and 1 values",
+    "Samples(times=(0.0, 1.0, 1.0), values=(0.0, 1.0, 2.0))":
         r"the times of samples must increase: time 3 is 1 s, after 1 s",
-    "rb.Samples(times=(0.0, 1.0), values=(0.0, NAN))":
-        r"value 2 of the samples must be finite",
-    "rb.Sum(())":
-        r"a sum needs at least one rate",
-    "run(lambda t: 1 / (t - 4))":
-        r"a drive's function fails at t = 4 s: ZeroDivisionError: ",
-    "run(rb.Sum((1.0, lambda t: math.sqrt(4.5 - t))))":
+    "Samples(times=(0.0, 1.0), values=(0.0, NAN))": r"value 2 of the samples must be finite",
+    "Sum(())": r"a sum needs at least one rate",
+    "run(lambda t: 1 / (t - 4))": r"a drive's function fails at t = 4 s: ZeroDivisionError: ",
+    "run(Sum((1.0, lambda t: math.sqrt(4.5 - t))))":
         r"a drive's function fails at t = \S+ s: ValueError: ",
-    "rb.Sine(amplitude=1.0, frequency=0.0)":
+    "Sine(amplitude=1.0, frequency=0.0)":
         r"a sine's frequency must be positive and finite, not 0 Hz",
-    "replace(FIG12, frame_rate=rb.Sine(amplitude=1.0, frequency=1.0)).parameters":
+    "replace(FIG12, frame_rate=Sine(amplitude=1, frequency=1)).parameters":
         r"the drives change in time; use parameters_at",
 }  # fmt: skip
 
 MOTORS = {
     "replace(FIG12, motors=(None,))": r"2 hinges need as many motors, or none, not 1",
-    "rb.Servo(gain=0.0)": r"a servo's gain must be positive and finite, not 0 N m s/rad",
-    "rb.PositionServo(gain=1.0, damping=-1.0)": r"a position servo's damping, where it is not 0,",
-    "rb.Torque(armature=-1.0)": r"a motor's armature, where it is not 0, must be positive",
-    "rb.Free(rest=INF)": r"a free hinge's rest angle must be finite",
+    "Servo(gain=0.0)": r"a servo's gain must be positive and finite, not 0 N m s/rad",
+    "PositionServo(gain=1.0, damping=-1.0)": r"a position servo's damping, where it is not 0,",
+    "Torque(armature=-1.0)": r"a motor's armature, where it is not 0, must be positive",
+    "Free(rest=INF)": r"a free hinge's rest angle must be finite",
     **{
         f"{motor}({value})": r"must be"
-        for motor in ("Prescribed", "rb.Servo", "(lambda limit: rb.Servo(1.0, limit))")
+        for motor in ("Prescribed", "Servo", "(lambda limit: Servo(1.0, limit))")
         for value in ("'x'", "np.array([1.0, 2.0])", "-INF")
     },
 }
@@ -211,35 +194,31 @@ COUNTS = {
 }
 
 DESIGNS = {
-    "fig12(A=[1.0, 2.0])": r"A must be 3 or 3 x 3 finite numbers, not \[1\.0, 2\.0\]",
     "fig12(A=[NAN, 1.0, 1.0])": r"A must be 3 or 3 x 3 finite numbers, not \[nan, 1\.0, 1\.0\]",
     "fig12(A=[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]])": r"A is not symmetric",
-    "fig12(A=(0.7, 0.6, -0.7))": r"A is not positive: its least eigenvalue is -0\.7 1/\(kg m²\)",
     "fig12(A=(0.7, 0.6, 0.0))": r"A is not positive: its least eigenvalue is 0 1/\(kg m²\)",
     "fig12(Omega=[1.0, INF, 0.0])": r"Omega must be 3 finite numbers, not \[1\.0, inf, 0\.0\]",
     "fig12(K=[1.0])": r"K must be 3 finite numbers, not \[1\.0\]",
     "fig12(radius=-1.0)": r"radius must be positive and finite, not -1 m",
     "fig12(mass=0.0)": r"mass must be positive and finite, not 0 kg",
-    "fig12(limits=rb.Limits(rotor_speed=0))": r"rotor_speed must be positive, not 0 rad/s",
-    "fig12(limits=rb.Limits(rotor_speed=NAN))": r"rotor_speed must be positive, not nan rad/s",
-    "fig12(limits=rb.Limits(shell_mass=-1))":
-        r"shell_mass must be finite and not negative, not -1 kg",
-    "fig12(mass=0.8, limits=rb.Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.4))":
+    "fig12(limits=Limits(rotor_speed=NAN))": r"rotor_speed must be positive, not nan rad/s",
+    "fig12(limits=Limits(shell_mass=-1))": r"shell_mass must be finite and not negative, not -1 kg",
+    "fig12(mass=0.8, limits=Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.4))":
         r"masses: the least of shell, frame and rotor are 0\.9 kg together, and the ball is to "
         r"have 0\.8 kg: 0\.1 kg too much",
-    "fig12(limits=rb.Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.4))":
+    "fig12(limits=Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.4))":
         r"masses: with the least of shell, frame and rotor, 0\.9 kg, m \+ J_s/a² is 1\.1 kg at "
         r"least; ",
-    "fig12(limits=rb.Limits(shell_thickness=1.0))":
+    "fig12(limits=Limits(shell_thickness=1.0))":
         r"shell_thickness must be at least 0 and less than the radius 1 m, not 1 m",
-    "fig12(limits=rb.Limits(shell_thickness=0.1, frame_radius=0.95))":
+    "fig12(limits=Limits(shell_thickness=0.1, frame_radius=0.95))":
         r"frame_radius must be positive and at most 0\.9 m, not 0\.95 m",
-    "fig12(limits=rb.Limits(frame_radius=0.5, rotor_radius=0.6))":
+    "fig12(limits=Limits(frame_radius=0.5, rotor_radius=0.6))":
         r"rotor_radius must be positive and at most 0\.5 m, not 0\.6 m",
 }  # fmt: skip
 
 
-MODULES = (designs, drives, errors, scene, settings)
+MODULES = (designing, designs, drives, errors, scene, settings)
 NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | globals()
 ALL = BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
@@ -24,18 +23,13 @@ from robotball.robot import (
 from robotball.rotations import Array
 from tests.random_balls import cloud_inertia, random_axis
 from tests.random_robots import random_robot
+from tests.vectors import Y, Z, gap
 
-X, Y, Z = np.eye(3)
 TILTED = np.array([0.6, 0.0, 0.8])
 SHELL = Shell(radius=0.5, mass=2.0, axial_inertia=0.3, transverse_inertia=0.2, axis=Z)
 FRAME = Frame(mass=1.0, inertia=np.diag([0.1, 0.2, 0.25]))
 ROTOR = Rotor(mass=0.5, axial_inertia=0.02, transverse_inertia=0.01, axis=TILTED)
 BALL = Ball(SHELL, FRAME, (ROTOR,))
-
-
-def gap(a: ArrayLike, b: ArrayLike) -> float:
-    """The largest difference of two arrays' entries."""
-    return float(np.abs(np.asarray(a) - np.asarray(b)).max())
 
 
 def inertia_of(masses: Array, places: Array) -> Array:

@@ -3,7 +3,6 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike
 
 from robotball import equations as eq
 from robotball.rotations import (
@@ -15,23 +14,12 @@ from robotball.rotations import (
     rotation_matrix,
     z_along,
 )
+from tests.vectors import gap, units
 
 ROUNDING = 3e-15  # of a few products of numbers of size one; measured at most 7.8e-16
 
 
-def gap(a: ArrayLike, b: ArrayLike) -> float:
-    """The largest difference of two arrays' entries."""
-    return float(np.abs(np.asarray(a) - np.asarray(b)).max())
-
-
-@st.composite
-def unit_vectors(draw: st.DrawFn, size: int) -> Array:
-    v = np.array(draw(st.tuples(*[st.floats(-1.0, 1.0)] * size)))
-    length = np.linalg.norm(v)
-    return v / length if length > 1e-3 else np.eye(size)[0]
-
-
-quaternions = unit_vectors(4)
+quaternions = units(4)
 
 
 @given(p=quaternions, q=quaternions)
@@ -62,7 +50,7 @@ def test_rows_of_the_matrix_are_the_space_axes(q: Array, length: float) -> None:
     assert gap(eq.seen_from_frame((0.3, -0.2, 0.9), axes), [0.3, -0.2, 0.9] @ R) < ROUNDING
 
 
-@given(axis=unit_vectors(3), angle=st.floats(0.0, 3.1))
+@given(axis=units(), angle=st.floats(0.0, 3.1))
 def test_an_axis_is_laid_and_turned_about(axis: Array, angle: float) -> None:
     """z is turned onto any axis, and a turn about it leaves it there, by the angle of the turn."""
     laid = z_along(axis)

@@ -6,37 +6,23 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike
 
 import robotball as rb
 from robotball import scene as starts
 from robotball.equations import as_vector
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Start
+from tests.vectors import X, Y, Z, gap, units
 from validation import compare
 
 pytestmark = pytest.mark.core
 
-X, Y, Z = np.eye(3)
 SCENE = rb.load_scene("fig12")
 ROUNDING = 2e-14  # of vectors of length up to 10; measured at most 4.7e-15
 UNIT_ROUNDING = 3e-15  # of unit vectors; measured at most 5.6e-16
 
 fractions = st.floats(-0.99, 0.99)
 angles = st.floats(-3.1, 3.1)
-
-
-@st.composite
-def units(draw: st.DrawFn) -> Array:
-    v = np.array(draw(st.tuples(*[st.floats(-1.0, 1.0)] * 3)))
-    length = np.linalg.norm(v)
-    assume(length > 0.01)
-    return v / length
-
-
-def gap(a: ArrayLike, b: ArrayLike) -> float:
-    """The largest difference of two arrays' entries."""
-    return float(np.abs(np.asarray(a) - np.asarray(b)).max())
 
 
 @given(duration=st.floats(1e-3, 100.0), interval=st.floats(1e-3, 10.0))

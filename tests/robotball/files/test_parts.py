@@ -30,7 +30,7 @@ LAID = tuple(z_along(np.array(AXIS) / 3).tolist())
 TURNED = (0.5, -0.5, 0.1, 0.7)  # of length 1
 
 
-def compiled(geom: dict[str, Any]) -> Solid:
+def compiled(**geom: Any) -> Solid:
     """The same body by MuJoCo's compiler."""
     spec = mujoco.MjSpec()
     body = spec.worldbody.add_body(name="b")
@@ -52,34 +52,37 @@ def off(ours: Solid, theirs: Solid) -> float:
 
 
 GEOM = mujoco.mjtGeom
-SAME: dict[str, tuple[Part, dict[str, Any]]] = {
+SAME: dict[str, tuple[Part, Solid]] = {
     "sphere": (
         Sphere(density=700.0, radius=0.1, centre=CENTRE),
-        {"type": GEOM.mjGEOM_SPHERE, "size": [0.1, 0, 0], "density": 700, "pos": CENTRE},
+        compiled(type=GEOM.mjGEOM_SPHERE, size=[0.1, 0, 0], density=700, pos=CENTRE),
     ),
     "box": (
         Box(mass=1.3, size=(0.2, 0.1, 0.06), centre=CENTRE, attitude=TURNED),
-        {"type": GEOM.mjGEOM_BOX, "size": [0.1, 0.05, 0.03], "mass": 1.3, "pos": CENTRE,
-         "quat": TURNED},
+        compiled(
+            type=GEOM.mjGEOM_BOX, size=[0.1, 0.05, 0.03], mass=1.3, pos=CENTRE, quat=TURNED
+        ),
     ),
     "cylinder": (
         Cylinder(density=2700.0, radius=0.04, length=0.12, centre=CENTRE, axis=AXIS),
-        {"type": GEOM.mjGEOM_CYLINDER, "size": [0.04, 0.06, 0], "density": 2700, "pos": CENTRE,
-         "quat": LAID},
+        compiled(
+            type=GEOM.mjGEOM_CYLINDER, size=[0.04, 0.06, 0], density=2700, pos=CENTRE, quat=LAID
+        ),
     ),
     "rod": (
         Rod(mass=0.2, begin=(0.0, 0.0, 0.0), end=(0.1, -0.2, 0.2), radius=0.01),
-        {"type": GEOM.mjGEOM_CYLINDER, "size": [0.01, 0.15, 0], "mass": 0.2,
-         "pos": (0.05, -0.1, 0.1), "quat": LAID},
+        compiled(
+            type=GEOM.mjGEOM_CYLINDER, size=[0.01, 0.15, 0], mass=0.2, pos=(0.05, -0.1, 0.1),
+            quat=LAID,
+        ),
     ),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", SAME)
-def test_parts_are_mujocos_bodies_of_that_shape(name: str) -> None:
+@pytest.mark.parametrize(("part", "expected"), SAME.values(), ids=SAME)
+def test_parts_are_mujocos_bodies_of_that_shape(part: Part, expected: Solid) -> None:
     """Mass, centre and tensor, by another program's formulas. Measured 2e-16, rounding."""
-    part, geom = SAME[name]
-    assert off(solid_of(part), compiled(geom)) < 2e-15
+    assert off(solid_of(part), expected) < 2e-15
 
 
 def without(outer: Part, inner: Part) -> Solid:
@@ -109,10 +112,9 @@ HOLLOW: dict[str, tuple[Part, Solid]] = {
 }
 
 
-@pytest.mark.parametrize("name", HOLLOW)
-def test_hollow_parts_are_whole_ones_less_what_is_cut_out(name: str) -> None:
+@pytest.mark.parametrize(("part", "expected"), HOLLOW.values(), ids=HOLLOW)
+def test_hollow_parts_are_whole_ones_less_what_is_cut_out(part: Part, expected: Solid) -> None:
     """Or tubes without a length. Measured 2e-15: what a difference leaves of rounding."""
-    part, expected = HOLLOW[name]
     assert off(solid_of(part), expected) < 2e-14
 
 

@@ -1,15 +1,12 @@
-"""Parts by their sizes, and bodies of MJCF: masses, centres, moments, and how far they reach."""
+"""Parts by their sizes: masses, centres and moments, and how far they reach."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
-from robotball.errors import InputError
-from robotball.files.foreign_bodies import _of_mjcf
 from robotball.files.parts import solid_of
 from robotball.files.scene_tables import (
     Box,
@@ -130,29 +127,3 @@ def test_parts_make_one_body() -> None:
 def test_a_part_reaches_as_far_as_its_furthest_point(part: Part, reach: float) -> None:
     """By triangles of 3, 4 and 5."""
     assert solid_of(part).reach == pytest.approx(reach, rel=1e-15)
-
-
-CHASSIS = """
-<mujoco>
-  <worldbody>
-    <body name="chassis" pos="3 0 0" euler="0 0 90">
-      <geom type="box" size=".3 .2 .1" mass=".5"/>
-      <body pos=".1 0 .2"><geom type="sphere" size=".1" mass=".2"/></body>
-      <body pos="-.1 0 -.2"><geom type="sphere" size=".1" mass=".2"/></body>
-    </body>
-  </worldbody>
-</mujoco>
-"""
-
-
-def test_a_body_of_the_users_own_mjcf_is_taken_with_all_that_is_fixed_to_it(tmp_path: Path) -> None:
-    """Mass, centre and inertia in the body's axes; one that moves on it is refused."""
-    path = tmp_path / "mine.xml"
-    path.write_text(CHASSIS)
-    chassis = _of_mjcf(str(path), "chassis")
-    box = solid_of(Box(mass=0.5, size=(0.6, 0.4, 0.2)))
-    weights = [Sphere(mass=0.2, radius=0.1, centre=(s * 0.1, 0.0, s * 0.2)) for s in (1, -1)]
-    assert off(chassis, composed([box, *map(solid_of, weights)])) < 1e-14
-    path.write_text(CHASSIS.replace('pos=".1 0 .2">', 'name="arm"><joint/>'))
-    with pytest.raises(InputError, match="body 'chassis' carries 'arm', which moves on it"):
-        _of_mjcf(str(path), "chassis")

@@ -13,7 +13,6 @@ import pytest
 import robotball as rb
 import robotball.engines.mujoco.run as mujoco_run
 import robotball.motion
-from robotball.engines.mujoco.stepping import stretches
 from robotball.engines.reduced import motion_of
 from robotball.motion import (
     PIECE,
@@ -94,19 +93,6 @@ def test_a_run_that_breaks_off_has_its_first_pieces(monkeypatch: pytest.MonkeyPa
     stopped = rb.simulate(FIG12, settings=slippery)
     assert 4 < len(stopped.times) < len(FIG12.times)  # it slips at 0.12 s
     assert {len(each) for each in arrays(stopped).values()} == {len(stopped.times)}
-
-
-def test_a_long_runs_steps_are_those_of_a_short_one() -> None:
-    """Cut into pieces of samples: each span once, with its steps and its samples."""
-    times = 0.02 * np.arange(2.0 * PIECE + 10)
-    breaks = (1.0001, float(times[PIECE]), 1500.007)
-    parts = list(stretches(times, breaks, 0.005))
-    ends = np.concatenate([part.ends for part in parts])
-    edges = np.union1d(times, breaks)
-    assert np.array_equal(ends[:, 0], edges[:-1])
-    assert np.abs(ends[:, 1] - edges[1:]).max() < 1e-12
-    assert sum(len(part.samples) for part in parts) == len(times) - 1
-    assert max(int(part.counts.sum()) for part in parts) <= 2 * 4096
 
 
 def test_a_long_motion_takes_little_more_than_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:

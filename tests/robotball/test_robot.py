@@ -1,7 +1,8 @@
 """Shell, frame and rotors, and the numbers A, K, d and Ω that the equations know of them."""
 
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from robotball.robot import (
     Frame,
     Rotor,
     Shell,
+    Value,
     axial_tensor,
     beyond_the_shell,
     check_inertia,
@@ -29,6 +31,28 @@ SHELL = Shell(radius=0.5, mass=2.0, axial_inertia=0.3, transverse_inertia=0.2, a
 FRAME = Frame(mass=1.0, inertia=np.diag([0.1, 0.2, 0.25]))
 ROTOR = Rotor(mass=0.5, axial_inertia=0.02, transverse_inertia=0.01, axis=TILTED)
 BALL = Ball(SHELL, FRAME, (ROTOR,))
+
+
+@dataclass(frozen=True)
+class Named(Value):
+    """A record with any value."""
+
+    value: Any
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "equal"),
+    [
+        ((1.0, np.array([2.0, np.nan])), (1.0, np.array([2.0, np.nan])), True),
+        ((1.0, np.ones(2)), (1.0, np.array([1.0, 1.1])), False),
+        (np.ones(2), np.ones(3), False),
+        ((1.0, 2.0), (1.0,), False),
+        ((1.0, 2.0), 1.0, False),
+    ],
+)
+def test_records_are_equal_where_their_numbers_are(one: Any, other: Any, equal: bool) -> None:
+    """Arrays by number, NaN to NaN, also in tuples."""
+    assert (Named(one) == Named(other)) is equal
 
 
 def inertia_of(masses: Array, places: Array) -> Array:

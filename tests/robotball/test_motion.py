@@ -1,4 +1,6 @@
-"""Long motions are made and measured in pieces: the same numbers, in the memory of the result."""
+"""The errors of a motion; long ones are made and measured in pieces: the same numbers, in the
+memory of the result.
+"""
 
 import tracemalloc
 from collections.abc import Callable
@@ -11,9 +13,15 @@ import pytest
 import robotball as rb
 import robotball.engines.mujoco.run as mujoco_run
 import robotball.motion
-from robotball.engines.mujoco.stepping import stretches
 from robotball.engines.reduced import motion_of
-from robotball.motion import PIECE, attitude_error, gamma_error, momentum_error, path_error
+from robotball.motion import (
+    PIECE,
+    Loads,
+    attitude_error,
+    gamma_error,
+    momentum_error,
+    path_error,
+)
 from robotball.rotations import Array, multiply
 
 FIG12 = rb.load_scene("fig12")
@@ -25,26 +33,32 @@ MEASURES = (path_error, attitude_error, gamma_error, momentum_error)
     [([0.0, 0.0, 1.0], 0.2, 0.0), ([0.6, 0.8, 0.0], 0.3, 0.3), ([0.0, 1.0, 0.0], 2 * np.pi, 0.0)],
 )
 def test_each_error_has_its_own_scale(axis: list[float], angle: float, of_gamma: float) -> None:
-    """Metres over the path's length, radians of frame and vertical, and M over its size, 5."""
+    """Metres over the path's length, radians of frame and vertical, and M over its size, 5.
+
+    At the motion's own times, which are every other one of the reference's.
+    """
     theory = rb.integrate(FIG12, np.linspace(0.0, 2.0, 21))
     turn = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.array(axis))])
     length = np.linalg.norm(np.diff(theory.contact_point, axis=0), axis=1).sum()
     off = replace(
         theory,
-        contact_point=theory.contact_point + np.outer(theory.times, [0.3, 0.4]),
-        attitude=multiply(turn, theory.attitude),
-        momentum=theory.momentum + np.outer(theory.times, [0.0, 1.0, 0.0]),
+        times=theory.times[::2],
+        contact_point=(theory.contact_point + np.outer(theory.times, [0.3, 0.4]))[::2],
+        attitude=multiply(turn, theory.attitude)[::2],
+        momentum=(theory.momentum + np.outer(theory.times, [0.0, 1.0, 0.0]))[::2],
     )
     assert path_error(off, theory) == pytest.approx(0.5 * 2.0 / length, rel=1e-12)
     assert attitude_error(off, theory) == pytest.approx(angle % (2 * np.pi), abs=1e-12)
     assert gamma_error(off, theory) == pytest.approx(of_gamma, abs=1e-12)
     assert momentum_error(off, theory) == pytest.approx(2.0 / 5.0, rel=1e-12)
+    with pytest.raises(rb.InputError, match=r"t = 0\.1 s of the motion is no time of the ref"):
+        path_error(theory, off)
 
 
 def test_friction_needed_is_a_load_over_the_normal_force() -> None:
     """And none where nothing presses the ball on the plane."""
     force = np.array([[3.0, 4.0, 10.0], [3.0, 4.0, 0.0], [1.0, 0.0, -2.0]])
-    loads = rb.motion.Loads(force, np.array([-2.0, 1.0, 1.0]), np.zeros((3, 1)))
+    loads = Loads(force, np.array([-2.0, 1.0, 1.0]), np.zeros((3, 1)))
     assert loads.sliding_friction.tolist() == [0.5, 0.0, 0.0]
     assert loads.torsional_friction.tolist() == [0.2, 0.0, 0.0]
 
@@ -53,18 +67,17 @@ def arrays(motion: rb.Motion) -> dict[Any, Array]:
     return dict(robotball.motion.arrays_of(motion))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", ["fig12", "classical_regular", "wobbling_drive"])
+@pytest.mark.parametrize("scene", ["classical_regular", "wobbling_drive"])
 def test_pieces_change_no_bit(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of both motions, with all loads and reports, and of every measure of the two.
 
     Sizes are multiples of the four numbers that BLAS adds at once.
     """
-    of, found = rb.load_scene(scene), []
-    for size in (robotball.motion.PIECE, 64):
+    of, times, found = rb.load_scene(scene), rb.sample_times(2.0), []
+    for size in (PIECE, 32):
         monkeypatch.setattr(robotball.motion, "PIECE", size)
         monkeypatch.setattr(mujoco_run, "PIECE", size)
-        theory, motion = rb.integrate(of), rb.simulate(of, settings="fast")
+        theory, motion = rb.integrate(of, times), rb.simulate(of, times, settings="fast")
         measures = {each.__name__: np.array(each(motion, theory)) for each in MEASURES}
         found.append([arrays(theory), arrays(motion), measures])
     for whole, parts in zip(*found, strict=True):
@@ -75,46 +88,32 @@ def test_pieces_change_no_bit(scene: str, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_a_run_that_breaks_off_has_its_first_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     """As many times as it has rows, in every array."""
-    monkeypatch.setattr(mujoco_run, "PIECE", 7)
-    motion = rb.simulate(FIG12, settings="naive")
-    stopping = replace(rb.preset("naive"), stop_at_fault=True)
-    stopped = rb.simulate(FIG12, settings=stopping)
-    assert len(stopped.times) < len(motion.times)
+    monkeypatch.setattr(mujoco_run, "PIECE", 4)
+    slippery = replace(rb.preset("fast"), sliding_friction=0.6)
+    stopped = rb.simulate(FIG12, settings=slippery)
+    assert 4 < len(stopped.times) < len(FIG12.times)  # it slips at 0.12 s
     assert {len(each) for each in arrays(stopped).values()} == {len(stopped.times)}
 
 
-def test_a_long_runs_steps_are_those_of_a_short_one() -> None:
-    """Cut into pieces of samples: each span once, with its steps and its samples."""
-    times = 0.02 * np.arange(2.0 * PIECE + 10)
-    breaks = (1.0001, float(times[PIECE]), 1500.007)
-    parts = list(stretches(times, breaks, 0.005))
-    ends = np.concatenate([part.ends for part in parts])
-    edges = np.union1d(times, breaks)
-    assert np.array_equal(ends[:, 0], edges[:-1])
-    assert np.abs(ends[:, 1] - edges[1:]).max() < 1e-12
-    assert sum(len(part.samples) for part in parts) == len(times) - 1
-    assert max(int(part.counts.sum()) for part in parts) <= 2 * 4096
+def test_a_long_motion_takes_little_more_than_it_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """50 000 samples of 184 bytes each: made in 301 bytes, measured in 14 and 22.
 
-
-def peak_of(work: Callable[[], object]) -> int:
-    """The most that some work has allocated at once [bytes], its result included."""
-    tracemalloc.start()
-    kept = work()
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    del kept
-    return peak
-
-
-@pytest.mark.slow
-def test_a_long_motion_takes_little_more_than_it_holds() -> None:
-    """400 000 samples of 184 bytes each: made in 301 bytes, measured in 14 and 22.
-
-    Without pieces it was 552, 80 and 96; a piece of 65 536 samples is the rest here.
+    Without pieces it was 552, 80 and 96; a piece of 8192 samples is the rest here.
     """
-    count = 400_000
-    times = np.linspace(0.0, 8000.0, count)
+    count = 50_000
+    monkeypatch.setattr(robotball.motion, "PIECE", 8192)
+    times = np.linspace(0.0, 1000.0, count)
     states = np.random.default_rng(0).normal(size=(count, 6))
+
+    def peak_of(work: Callable[[], object]) -> int:
+        """The most that some work has allocated at once [bytes], its result included."""
+        tracemalloc.start()
+        kept = work()
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        del kept
+        return peak
+
     motion = motion_of(FIG12, times, states)
     assert sum(each.nbytes for each in arrays(motion).values()) == 184 * count
     assert peak_of(lambda: motion_of(FIG12, times, states)) < 350 * count

@@ -1,119 +1,150 @@
-"""Momenta, energy and poses of any robot, against the reduced equations and body by body."""
+"""Shell, frame and rotors, and the numbers A, K, d and Ω that the equations know of them."""
 
-from dataclasses import replace
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from robotball import Motion, integrate, load_scene
-from robotball.files.export import poses
-from robotball.mechanics import States, robot_of
-from robotball.rotations import multiply, rotation_matrix
-from robotball.scene import Scene
-from tests.random_robots import random_scene
-from tests.scenes import FOUR
+import robotball as rb
+from robotball.equations import parameters_of
+from robotball.robot import (
+    Ball,
+    Frame,
+    Rotor,
+    Shell,
+    Value,
+    axial_tensor,
+    beyond_the_shell,
+    check_inertia,
+    thin_shell_inertia,
+)
+from robotball.rotations import Array
+from tests.random_balls import cloud_inertia, random_axis
+from tests.random_robots import random_robot
+from tests.vectors import Y, Z, gap
 
-
-def states_of(scene: Scene) -> States:
-    """The scene's robot at its start."""
-    hinges = scene.hinges
-    rates, angles = (np.array([[getattr(h, key) for h in hinges]]) for key in ("rate", "angle"))
-    omega = scene.angular_velocity_at(scene.start)[None]
-    gamma = rotation_matrix(scene.start.attitude)[None, 2]
-    return scene.robot.states(gamma, angles, omega, rates)
-
-
-@pytest.mark.parametrize("name", FOUR)
-def test_momentum_of_a_balanced_ball_is_the_papers(name: str) -> None:
-    """Both ways between M and ω. Measured 9e-15 kg m²/s and 5e-15 rad/s: rounding of numbers
-    of some 10.
-    """
-    scene = load_scene(name)
-    motion = integrate(scene)
-    robot, to_world = robot_of(scene.ball), rotation_matrix(motion.attitude)
-    angles, rates = motion.hinge_angles, motion.hinge_rates
-    states = robot.states(motion.gamma, angles, motion.angular_velocity, rates)
-    M = np.einsum("nij,nj->ni", to_world, states.momentum(scene.rolling))
-    assert np.abs(M - motion.momentum).max() < 2e-14
-    in_frame = np.einsum("nji,nj->ni", to_world, motion.momentum)
-    omega = robot.angular_velocity(motion.gamma, angles, in_frame, rates, scene.rolling)
-    assert np.abs(omega - motion.angular_velocity).max() < 2e-14
+TILTED = np.array([0.6, 0.0, 0.8])
+SHELL = Shell(radius=0.5, mass=2.0, axial_inertia=0.3, transverse_inertia=0.2, axis=Z)
+FRAME = Frame(mass=1.0, inertia=np.diag([0.1, 0.2, 0.25]))
+ROTOR = Rotor(mass=0.5, axial_inertia=0.02, transverse_inertia=0.01, axis=TILTED)
+BALL = Ball(SHELL, FRAME, (ROTOR,))
 
 
-def test_kinetic_energy_is_that_of_the_bodies() -> None:
-    """u·𝓜u/2 = Σ (m v² + ω·Jω)/2 + Σ B φ̇²/2, and 𝓜 is symmetric and positive; 30 robots.
+@dataclass(frozen=True)
+class Named(Value):
+    """A record with any value."""
 
-    Measured 5e-16, relative.
-    """
+    value: Any
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "equal"),
+    [
+        ((1.0, np.array([2.0, np.nan])), (1.0, np.array([2.0, np.nan])), True),
+        ((1.0, np.ones(2)), (1.0, np.array([1.0, 1.1])), False),
+        (np.ones(2), np.ones(3), False),
+        ((1.0, 2.0), (1.0,), False),
+        ((1.0, 2.0), 1.0, False),
+    ],
+)
+def test_records_are_equal_where_their_numbers_are(one: Any, other: Any, equal: bool) -> None:
+    """Arrays by number, NaN to NaN, also in tuples."""
+    assert (Named(one) == Named(other)) is equal
+
+
+def inertia_of(masses: Array, places: Array) -> Array:
+    """Σ m (r² E - r⊗r) (3, 3)."""
+    squares = np.einsum("ni,ni->n", places, places)
+    return (masses * squares).sum() * np.eye(3) - places.T @ (masses[:, None] * places)
+
+
+def test_an_inertia_is_refused_by_its_excess_over_the_triangle_inequality() -> None:
+    """Small + middle = large, a disc in any direction, passes; more is refused by how much."""
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        check_inertia("a disc", axial_tensor(0.2, 0.1, random_axis(rng)))
+        R = Rotation.random(random_state=rng).as_matrix()
+        (small, middle), excess = rng.uniform(0.1, 2.0, 2), 10 ** rng.uniform(-6, 0)
+        inertia = R @ np.diag([small, middle, small + middle + excess]) @ R.T
+        with pytest.raises(rb.InputError, match="breaks the triangle inequality") as caught:
+            check_inertia("the frame", (inertia + inertia.T) / 2)
+        said = str(caught.value).split(" by ")[1].split(" kg")[0]
+        # Six digits are printed; the eigenvalues' rounding is below 1e-9 of the least excess.
+        assert float(said) == pytest.approx(excess, rel=1e-5)
+
+
+def test_principal_axes_give_the_inertia_back() -> None:
+    """Axes diag(I) axesᵀ is the inertia, axes are a rotation, and A, K, Ω are turned into them."""
     rng = np.random.default_rng(1)
     for _ in range(30):
-        scene = random_scene(rng)
-        states, bodies = states_of(scene), scene.robot.bodies
-        matrix = states.matrix[:, :, 0]
-        assert np.abs(matrix - matrix.T).max() <= 1e-16 * matrix.max()
-        assert np.linalg.eigvalsh(matrix)[0] > 0
-        tensors = states.placed[:, 6:, 0].reshape(-1, 3, 3)
-        turning, velocity = states.turning[:, 0], states.velocities[:, 0]
-        energy = np.einsum("bi,bij,bj->", turning, tensors, turning) / 2
-        energy += bodies[:, 0] @ (velocity**2).sum(axis=1) / 2
-        energy += bodies[1:, 19] @ states.u[3:, 0] ** 2 / 2
-        assert states.kinetic_energy[0] == pytest.approx(energy, rel=3e-15)
+        ball = replace(BALL, frame=Frame(1.0, cloud_inertia(rng, 1.0, 0.4)))
+        moments, axes = ball.principal
+        # Rounding: measured 1e-15 of the size, then 1.1e-15, 7.8e-16, 3.6e-15, 3.1e-15, 7.1e-15.
+        size = np.trace(ball.inertia)
+        assert gap(axes @ np.diag(moments) @ axes.T, ball.inertia) < 1e-14 * size
+        assert gap(axes @ axes.T, np.eye(3)) < 5e-15
+        assert np.linalg.det(axes) > 0
+        p = parameters_of(ball, "rubber", rates := [rng.uniform(-5, 5), rng.uniform(-200, 200)])
+        assert gap(axes @ np.diag(p.A) @ axes.T, ball.A) < 5e-15
+        Omega = rates[0] * Z
+        k = rates[1] * 0.02 * TILTED - 0.3 * Omega
+        assert gap(axes @ p.Omega, Omega) < 1e-14
+        assert gap(axes @ p.k, k) < 3e-14
+        assert gap(axes @ p.K, k - ball.mass * 0.25 * Omega) < 3e-14
 
 
-def test_start_gives_back_its_angular_velocity() -> None:
-    """M is made of ω and gives it back, in both models, with hinges off zero. Measured 2e-14."""
-    rng = np.random.default_rng(2)
-    for _ in range(30):
-        scene = random_scene(rng)
-        M = states_of(scene).momentum(scene.rolling)[0]
-        to_world = rotation_matrix(scene.start.attitude)
-        assert np.abs(to_world @ M - scene.start.momentum).max() < 1e-14
+def test_axes_that_are_principal_keep_their_order() -> None:
+    """A diagonal inertia is taken as it is, not sorted."""
+    ball = Ball(SHELL, Frame(1.0, np.diag([0.3, 0.1, 0.25])), ())
+    moments, axes = ball.principal
+    np.testing.assert_array_equal(axes, np.eye(3))
+    np.testing.assert_array_equal(moments, np.diag(ball.inertia))
 
 
-def still_motion(scene: Scene, step: float) -> Motion:
-    """Two states of the scene's robot, a short time apart, as a motion that knows no forces."""
-    hinges, states = scene.hinges, states_of(scene)
-    omega, start = scene.angular_velocity_at(scene.start), scene.start
-    shell = states.turning[0, 0]
-    to_world = rotation_matrix(start.attitude)
-    velocity = to_world @ (scene.ball.radius * np.cross(shell, to_world[2]))
-    rates = np.array([hinge.rate for hinge in hinges])
-    angles = np.array([hinge.angle for hinge in hinges])
-    moved = []
-    for t in (-step, step):
-        half = omega * t / 2
-        turn = np.array([1.0, *half]) / np.linalg.norm([1.0, *half])
-        moved.append((multiply(start.attitude, turn), velocity[:2] * t, angles + rates * t))
-    attitude, point, at = (np.array(part) for part in zip(*moved, strict=True))
-    pair = np.array([0.0, 0.0])
-    known = integrate(load_scene("fig12"), np.array([0.0, 1.0]))
-    return replace(
-        known,
-        scene=scene,
-        times=pair,
-        contact_point=point,
-        attitude=attitude,
-        momentum=np.zeros((2, 3)),
-        angular_velocity=np.array([omega, omega]),
-        hinge_angles=at,
-        hinge_rates=np.array([rates, rates]),
-    )
+def test_mass_centre_and_inertia_are_those_of_points_in_place_of_the_bodies() -> None:
+    """m, the centre of mass, I about the sphere's centre, and d = m a²; bodies off centre.
 
-
-def test_poses_move_at_their_velocities() -> None:
-    """Central differences of positions and attitudes are the velocities; 10 robots.
-
-    Measured 2e-8 m/s and 5e-8 rad/s: the difference's own error, h² = 1e-8 of the motion.
+    Each body is six points about its centre, along its principal axes. Measured 1e-16: rounding.
     """
-    rng = np.random.default_rng(3)
-    step = 1e-4
+    rng = np.random.default_rng(2)
     for _ in range(10):
-        motion = still_motion(random_scene(rng), step)
-        for pose in poses(motion).values():
-            mean = pose.velocity.mean(axis=0)
-            difference = (pose.position[1] - pose.position[0]) / (2 * step)
-            assert np.abs(difference - mean).max() < 2e-7
-            R = rotation_matrix(pose.attitude)
-            turn = (R[1] - R[0]) @ R.mean(axis=0).T / (2 * step)
-            spin = np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
-            assert np.abs(spin - pose.angular_velocity.mean(axis=0)).max() < 2e-6
+        ball = random_robot(rng, 1, 1)
+        masses, places = [], []
+        for _, body in ball.named_bodies:
+            moments, axes = np.linalg.eigh(body.inertia)
+            arms = np.sqrt(3 * (moments.sum() / 2 - moments) / body.mass) * axes
+            masses += [body.mass / 6] * 6
+            places += [body.centre + sign * arm for sign in (1, -1) for arm in arms.T]
+        m, r = np.array(masses), np.array(places)
+        assert ball.mass == pytest.approx(m.sum(), rel=1e-14)
+        assert ball.d == pytest.approx(m.sum() * ball.radius**2, rel=1e-14)
+        assert gap(ball.centre_of_mass, m @ r / m.sum()) < 1e-15
+        assert gap(ball.inertia, inertia_of(m, r)) < 1e-15
+    names = [name for name, _ in ball.named_bodies]
+    assert names == ["shell", "frame", "rotor1", "pendulum1"]
+
+
+def test_axial_tensor_has_its_moments() -> None:
+    """I n = axial n, and I v = transverse v for v at a right angle to n."""
+    for v, moment in ((TILTED, 0.3), (Y, 0.2), (np.cross(TILTED, Y), 0.2)):
+        assert gap(axial_tensor(0.3, 0.2, TILTED) @ v, moment * v) < 1e-15
+
+
+def test_thin_shell_has_the_inertia_of_points_on_the_sphere() -> None:
+    """⅔ m a²: that of six equal points where the coordinate axes meet the sphere."""
+    places = 0.3 * np.concatenate([np.eye(3), -np.eye(3)])
+    inertia = inertia_of(np.full(6, 0.7 / 6), places)
+    assert gap(inertia, thin_shell_inertia(0.3, 0.7) * np.eye(3)) < 1e-16
+
+
+def test_mass_beyond_the_shell_is_told() -> None:
+    """Figs 5 to 10 need it, Figs 11 to 14 do not."""
+    words = r"frame has mass outside the shell: at 1\.613 m, of 1"
+    with pytest.warns(rb.SceneWarning, match=words):
+        rb.load_scene("fig06")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert beyond_the_shell(rb.load_scene("fig12").ball) == []

@@ -1,19 +1,28 @@
-"""Scene: what it refuses where no file has checked, and its sample times."""
+"""Scene: its sample times, its scales, and the forms in which its start is given."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.rotations import Array
+from robotball import scene as starts
+from robotball.equations import as_vector
+from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Start
+from tests.vectors import X, Y, Z, gap, units
+from validation import compare
 
-NAN = float("nan")
+pytestmark = pytest.mark.core
+
 SCENE = rb.load_scene("fig12")
+ROUNDING = 2e-14  # of vectors of length up to 10; measured at most 4.7e-15
+UNIT_ROUNDING = 3e-15  # of unit vectors; measured at most 5.6e-16
+
+fractions = st.floats(-0.99, 0.99)
+angles = st.floats(-3.1, 3.1)
 
 
 @given(duration=st.floats(1e-3, 100.0), interval=st.floats(1e-3, 10.0))
@@ -29,40 +38,6 @@ def test_sample_times_are_equal_and_no_further_apart_than_asked(
     assert np.ptp(steps) <= 2e-15 * duration
     assert steps.max() <= interval * (1 + 1e-9)
     assert len(steps) == 1 or duration / (len(steps) - 1) > interval * (1 - 1e-9)
-
-
-@pytest.mark.parametrize("duration", [0.0, -1.0, NAN, float("inf")])
-def test_sample_times_need_a_duration(duration: float) -> None:
-    """No duration, no times: an InputError with the value."""
-    with pytest.raises(rb.InputError, match=f"duration must be positive and finite.*{duration:g}"):
-        rb.sample_times(duration)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"rolling": "sliding"}, r"rolling must be one of .* not 'sliding'"),
-        ({"duration": 0.0}, "duration must be positive and finite, not 0 s"),
-        ({"gravity": -9.81}, r"gravity must be positive and finite, not -9\.81 m/s²"),
-        ({"rotor_rates": ()}, "1 rotors need as many rates, not 0"),
-        ({"frame_rate": NAN}, "a drive's rate at t = 0 s must be finite and .*not nan rad/s"),
-        ({"rotor_rates": (NAN,)}, "a drive's rate at t = 0 s must be finite and .*not nan rad/s"),
-        (
-            {"start": Start(np.array([1.0, 0.0, 0.0, NAN]), np.zeros(3))},
-            "attitude is not of unit length: .attitude. = nan",
-        ),
-        (
-            {"start": Start(np.array([1.0, 0.0, 0.0, 0.0]), np.array([NAN, 0.0, 0.0]))},
-            "the start's momentum must be finite",
-        ),
-    ],
-)
-def test_scene_built_by_hand_is_checked_as_one_from_a_file(
-    changes: dict[str, Any], message: str
-) -> None:
-    """A wrong rolling model, duration, gravity, number of rates or start is an InputError."""
-    with pytest.raises(rb.InputError, match=message):
-        replace(SCENE, **changes)
 
 
 def test_the_scale_of_momentum_is_that_of_what_turns_the_ball() -> None:
@@ -85,15 +60,86 @@ def test_the_load_varies_with_what_swings_off_its_pivot() -> None:
     """Two wheels on their pivots either side of the centre leave the ball in balance; two that hang
     beside their pivots do so at this angle alone.
     """
-    place = np.array([0.2, 0.0, 0.0])
 
     def with_wheels(centre: Array) -> rb.Scene:
         wheels = tuple(
-            rb.Pendulum(0.1, 1e-3 * np.eye(3), sign * centre, np.eye(3)[2], sign * place)
-            for sign in (1, -1)
+            rb.Pendulum(0.1, 1e-3 * np.eye(3), sign * centre, Z, sign * 0.2 * X) for sign in (1, -1)
         )
         return replace(SCENE, ball=replace(SCENE.ball, pendulums=wheels), pendulum_rates=(1.0, 2.0))
 
-    assert not with_wheels(place).load_varies
-    assert with_wheels(-place).load_varies
-    assert with_wheels(0 * place).load_varies
+    assert not with_wheels(0.2 * X).load_varies
+    assert with_wheels(-0.2 * X).load_varies
+    assert with_wheels(0 * X).load_varies
+
+
+# Forms of a start ----------------------------------------------------------------------------
+
+
+@given(L=fractions, l=angles, g=st.floats(0.01, 3.1), f=st.floats(0.01, 100.0), c=fractions)
+def test_section_state_is_where_its_coordinates_say(
+    L: float, l: float, g: float, f: float, c: float
+) -> None:
+    """M² = f, M₃ = L, M₁/M₂ = tan l, γ² = 1 and (M, γ) = c; γ turns about M by g, left-handed.
+
+    At g = 0 and c = 0, (M×γ)₃ = 0, and of its two halves it is the one with γ₃ < 0.
+    """
+    G = f**0.5
+    gamma, M = starts.section_state(L * G, l, g, f, c * G)
+    assert gap(gamma @ gamma, 1) < UNIT_ROUNDING
+    assert gap(M @ gamma / G, c) < UNIT_ROUNDING
+    assert gap(M / G, [*((1 - L * L) ** 0.5 * np.array([np.sin(l), np.cos(l)])), L]) < UNIT_ROUNDING
+    level, turned = (starts.section_state(L * G, l, angle, f)[0] for angle in (0.0, g))
+    assert abs(np.cross(M / G, level)[2]) < UNIT_ROUNDING
+    assert level[2] < 0
+    assert gap(np.arctan2(-M @ np.cross(level, turned) / G, level @ turned), g) < UNIT_ROUNDING
+    assert gap(gamma, c * M / G + (1 - c * c) ** 0.5 * turned) < UNIT_ROUNDING
+
+
+@given(gamma=units(), direction=units(), size=st.floats(0.1, 10.0))
+def test_world_axes_lie_along_the_momentum(gamma: Array, direction: Array, size: float) -> None:
+    """α = -(M - cγ)/√(f - c²) and β = M×γ/√(f - c²) of section 3.3; M in the world is (-, 0, c)."""
+    M = size * direction
+    c = M @ gamma
+    assume(abs(c) < 0.99 * size)
+    level = (M @ M - c * c) ** 0.5
+    start = starts.along_momentum(gamma, M)
+    axes = np.stack([-(M - c * gamma) / level, np.cross(M, gamma) / level, gamma])
+    assert gap(rotation_matrix(start.attitude), axes) < ROUNDING
+    assert gap(start.momentum, [-float(level), 0.0, float(c)]) < ROUNDING
+
+
+def test_what_a_caption_rounds_is_made_exact() -> None:
+    """α tilted by 1e-6, six digits of a unit vector, and a vertical part of 1e-6 |M| of rubber."""
+    near = starts.attitude_of_axes(Z, np.array([np.cos(1e-6), 0.0, np.sin(1e-6)]))
+    assert gap(rotation_matrix(near), np.eye(3)) < ROUNDING
+    assert abs(np.linalg.norm(starts.unit("gamma", np.full(3, 0.577350))) - 1) < 4e-16
+    level = starts.horizontal(np.array([3.0, 4.0, 1e-6]), scale=0.0)
+    np.testing.assert_array_equal(level, [3.0, 4.0, 0.0])
+    np.testing.assert_array_equal(starts.horizontal(np.zeros(3), scale=0.0), np.zeros(3))
+    for shell in (X + 2 * Y, 0 * X):
+        starts.check_no_spin(shell, Z)
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_a_rubber_ball_whose_momentum_is_zero_starts_at_any_attitude(number: int) -> None:
+    """By ω with M(ω, γ) = 0, whose rounding is 1e-16 of K and dΩ: all of it may be vertical."""
+    attitude = np.random.default_rng(number).normal(size=4)
+    attitude /= np.linalg.norm(attitude)
+    gamma = as_vector(rotation_matrix(attitude)[2])
+    omega = SCENE.parameters.angular_velocity((0.0, 0.0, 0.0), gamma)
+    M = rotation_matrix(attitude) @ SCENE.parameters.momentum(omega, gamma)
+    assert np.linalg.norm(M) < 1e-14 * SCENE.momentum_scale  # measured 1e-16 to 1.5e-15
+    assert replace(SCENE, start=Start(attitude, M)).start.momentum[2] == 0.0
+    with pytest.raises(rb.InputError, match="M is not horizontal"):
+        replace(SCENE, start=Start(attitude, 1e-9 * Z))
+
+
+def test_a_start_that_is_nearly_on_the_model_is_the_same_in_both_engines() -> None:
+    """M_z of 9e-6 |M| and an attitude as long as 1 + 9e-6, given by Python, are set right once."""
+    size = float(np.linalg.norm(SCENE.start.momentum))
+    near = Start(SCENE.start.attitude * (1 + 9e-6), SCENE.start.momentum + 9e-6 * size * Z)
+    started = replace(SCENE, start=near)
+    np.testing.assert_array_equal(started.start.momentum, SCENE.start.momentum)
+    # Measured 1.4e-12, RK4's error; 1.5e-6 where M_z is left to the equations alone.
+    agreement = compare(started, "accurate", np.linspace(0.0, 5.0, 51))
+    assert (agreement.path_error or 1.0) < 6e-12

@@ -6,7 +6,6 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -52,22 +51,18 @@ def test_what_is_kept_is_loaded(home: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
-@pytest.mark.parametrize(
-    "damaged",
-    [
-        lambda content: b"",
-        lambda content: content[: len(content) // 2],
-        lambda _: b"no code " * 1000,
-    ],
-    ids=["empty", "half", "something else"],
-)
-def test_a_damaged_file_is_replaced(
-    home: Path, damaged: Callable[[bytes], bytes], ending: str
-) -> None:
+@pytest.mark.parametrize("damaged", ["empty", "half", "something else"])
+def test_a_damaged_file_is_replaced(home: Path, damaged: str, ending: str) -> None:
     """An index or code: compiled anew, with the right result, and loaded the next time."""
     compiled()
     (file,) = files(home, ending)
-    file.write_bytes(damaged(file.read_bytes()))
+    content = file.read_bytes()
+    left = {
+        "empty": b"",
+        "half": content[: len(content) // 2],
+        "something else": b"no code " * 1000,
+    }
+    file.write_bytes(left[damaged])
     assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0)]
 
 
@@ -95,7 +90,7 @@ def test_code_is_kept_in_no_folder_that_was_not_checked(
 
 @pytest.mark.slow
 def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) -> None:
-    """Three begin together with an empty folder: all are right, and what is left can be loaded."""
+    """Two begin together with an empty folder: both are right, and what is left can be loaded."""
     script = home.parents[1] / "doubled.py"
     script.write_text(
         "from robotball.engines.compiled import compiled_from\n"
@@ -103,8 +98,8 @@ def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) ->
         "print(double(3.0), double.stats.cache_misses.total())\n"
     )
     command = [sys.executable, script]
-    three = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
-    assert [each.communicate()[0].split()[0] for each in three] == ["6.0"] * 3
+    both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    assert [each.communicate()[0].split()[0] for each in both] == ["6.0"] * 2
     assert subprocess.check_output(command, text=True).split() == ["6.0", "0"]
     assert len(files(home, "nbc")) == 1
     assert list(home.rglob("*.tmp.*")) == []

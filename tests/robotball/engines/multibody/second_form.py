@@ -5,9 +5,8 @@ of contact, for the spin and for every hinge whose rate is given. It shares no f
 robotball.mechanics: its coordinates are those of the shell, about its centre.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -35,8 +34,7 @@ def _body(link: Any, joint: str, inner: str = "") -> str:
     )
 
 
-@dataclass
-class Loads:
+class Loads(NamedTuple):
     """Accelerations (nv,), the plane's force (3,), its spin torque, the motors' torques (h,)."""
 
     acceleration: Array

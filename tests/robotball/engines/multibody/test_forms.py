@@ -14,7 +14,7 @@ from tests.robotball.engines.multibody.second_form import SecondForm
 
 pytestmark = pytest.mark.core
 
-SECONDS = 0.5
+SECONDS = 0.3
 
 
 def off_by(form: SecondForm, scene: rb.Scene) -> list[float]:
@@ -38,23 +38,22 @@ def off_by(form: SecondForm, scene: rb.Scene) -> list[float]:
 
 
 def test_random_robots_move_and_load_the_plane_as_newton_and_euler_say() -> None:
-    """Contact point, hinges, force, spin and motor torques, at the start and after 0.5 s.
+    """Contact point, hinges, force, spin and motor torques, at the start and after 0.3 s.
 
-    Rounding at the start, measured 3e-15; then both integrators' errors, 2.2e-11 rad/s of a hinge.
+    Rounding at the start, measured 3e-15; then both integrators' errors, 3.2e-12 rad/s of a hinge.
     With the pendulum's pivot on the other side they differ by more than 1e-3.
     """
-    rng, seen_wrong = np.random.default_rng(8), 0
+    rng, seen_wrong = np.random.default_rng(8), False
     for _ in range(15):
         scene = random_scene(rng)
         start, end = off_by(SecondForm(scene), scene)
         assert start < 1e-14
-        assert end < 1e-10
-        if scene.ball.pendulums and seen_wrong < 2:
+        assert end < 1e-11
+        if scene.ball.pendulums and not seen_wrong:
             hung = replace(scene.ball.pendulums[0], pivot=-scene.ball.pendulums[0].pivot)
             wrong = replace(scene, ball=replace(scene.ball, pendulums=(hung,)))
-            assert off_by(SecondForm(wrong), scene)[1] > 1e-3
-            seen_wrong += 1
-    assert seen_wrong == 2
+            seen_wrong = min(off_by(SecondForm(wrong), scene)) > 1e-3
+    assert seen_wrong
 
 
 @pytest.mark.parametrize(

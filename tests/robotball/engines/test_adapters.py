@@ -16,9 +16,9 @@ import robotball as rb
 from robotball import FaultKind
 from robotball.engine import OURS
 from robotball.engines.adapter import Adapter, IdealWorld, ServoWorld, StepSettings, by_name
-from robotball.engines.links import State, links_of, readings_of, start_state
+from robotball.engines.links import State, links_of
 from robotball.engines.pinocchio import Pinocchio
-from robotball.motion import Label, path_error
+from robotball.motion import Label, momentum_error, path_error
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
 from tests.robotball.engines.multibody.second_form import SecondForm
@@ -47,23 +47,6 @@ def states_of(motion: rb.Motion) -> State:
         centre, np.cross(turning, [0.0, 0.0, a]), multiply(motion.attitude, back), turning,
         motion.hinge_angles, motion.hinge_rates,
     )  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ["fig12", "classical_chaotic", "three_rotors", "wobbling_drive"])
-def test_the_links_say_what_the_equations_say(name: str) -> None:
-    """M by sums over bodies is that of (3.1) and section 3.2, nothing slips, the start is one."""
-    motion = rb.integrate(rb.load_scene(name), rb.sample_times(2.0))
-    states = states_of(motion)
-    readings = readings_of(motion.scene, states)
-    off = np.linalg.norm(readings.momentum - motion.momentum, axis=1).max()
-    assert off < 2e-14 * motion.scene.momentum_scale * 10  # measured 2e-14 at most: rounding
-    assert np.abs(np.abs(readings.attitude * motion.attitude).sum(axis=1) - 1).max() < 1e-14
-    assert np.abs(readings.angular_velocity - motion.angular_velocity).max() < 1e-13
-    assert readings.slip.max() < 1e-14
-    if motion.scene.rolling == "rubber":
-        assert np.abs(readings.spin).max() < 1e-13
-    first = np.concatenate([part[0] for part in vars(states).values()])
-    assert start_state(motion.scene).row == pytest.approx(first, abs=1e-13)
 
 
 def test_the_links_weigh_what_the_ball_weighs() -> None:
@@ -205,20 +188,23 @@ class _Dynamics(IdealWorld):
 
 
 @pytest.mark.parametrize(
-    ("preset", "scene", "measured"),
+    ("preset", "scene", "measured", "of_momentum"),
     [
-        ("best", "fig12", 1.0e-12),
-        ("best", "wobbling_drive", 5.7e-13),
-        ("best", "beaver_ball", 4.4e-13),
-        ("RK4", "fig12", 5.2e-8),
-        ("RK4", "offset_routh_sphere", 3.6e-8),
-        ("RK4", "inclined_plane", 7.9e-7),
+        ("best", "fig12", 1.0e-12, 4.3e-12),
+        ("best", "classical_chaotic", 6.7e-13, 3.4e-12),
+        ("best", "wobbling_drive", 5.7e-13, 2.1e-12),
+        ("best", "beaver_ball", 4.4e-13, 2.4e-12),
+        ("RK4", "offset_routh_sphere", 3.6e-8, 5.4e-8),
+        ("RK4", "inclined_plane", 7.9e-7, 1.1e-9),
     ],
 )
 def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
-    preset: str, scene: str, measured: float
+    preset: str, scene: str, measured: float, of_momentum: float
 ) -> None:
-    """Balanced or not, at steps of 20 ms by the order of RK4, else to the tolerance of 1e-12."""
+    """Balanced or not, by RK4's steps of 20 ms or to a tolerance of 1e-12; M is that of the bodies.
+
+    It does not slip, and a rubber ball spins by rounding: measured 1.2e-16 rad/s.
+    """
     theory = rb.integrate(rb.load_scene(scene), rb.sample_times(2.0))
     shown: list[float] = []
     motion = rb.simulate(
@@ -226,6 +212,9 @@ def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
     )
     error = path_error(motion, theory)
     assert error < 3 * measured
+    assert momentum_error(motion, theory) < 3 * of_momentum
+    assert motion.report.slip.max() < 1e-14
+    assert theory.scene.rolling == "classical" or np.abs(motion.report.spin).max() < 4e-16
     assert preset == "best" or error > measured / 1.5
     assert shown == pytest.approx(theory.times[1:] / 2.0)
     assert preset == "best" or motion.report.steps == 100

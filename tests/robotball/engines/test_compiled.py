@@ -97,7 +97,7 @@ def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) ->
         "double = compiled_from('2 x', 'f8(f8)')(lambda x: 2.0 * x)\n"
         "print(double(3.0), double.stats.cache_misses.total())\n"
     )
-    command = [sys.executable, script]
+    command = [sys.executable, str(script)]
     both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
     assert [each.communicate()[0].split()[0] for each in both] == ["6.0"] * 2
     assert subprocess.check_output(command, text=True).split() == ["6.0", "0"]
@@ -105,32 +105,27 @@ def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) ->
     assert list(home.rglob("*.tmp.*")) == []
 
 
-def closed(home: Path) -> Path:
-    """The temporary folder that stands in for a home cache that cannot be made."""
-    home.parent.write_text("in its place")
-    return Path(tempfile.gettempdir()) / f"robotball-{os.getuid()}"
+@pytest.mark.parametrize(("mode", "used"), [(None, True), (0o770, False), (0o702, False)])
+def test_a_folder_that_others_may_write_is_not_used(
+    home: Path, mode: int | None, used: bool
+) -> None:
+    """Without a home a temporary folder is made with mode 700, and used.
 
-
-def test_without_a_home_a_temporary_folder_is_closed_to_others(home: Path) -> None:
-    """It is made with mode 700, and used."""
-    folder = closed(home)
-    assert kept.cache_folder() == folder
-    assert folder.stat().st_mode & 0o777 == 0o700
-    assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0)]
-
-
-@pytest.mark.parametrize("mode", [0o770, 0o702])
-def test_a_folder_that_others_may_write_is_not_used(home: Path, mode: int) -> None:
-    """What is loaded from it would be run. Nothing is kept then, and a warning says so once."""
-    folder = closed(home)
-    folder.mkdir()
-    folder.chmod(mode)
+    What is loaded from one of others would be run: nothing is kept, and a warning says so once.
+    """
+    home.parent.write_text("in the place of a home")
+    folder = Path(tempfile.gettempdir()) / f"robotball-{os.getuid()}"
+    if mode is not None:
+        folder.mkdir()
+        folder.chmod(mode)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        assert [compiled(), compiled()] == [(6.0, 1), (6.0, 1)]
-    (warning,) = caught
-    assert "belongs to this user alone; set XDG_CACHE_HOME" in str(warning.message)
-    assert list(folder.iterdir()) == []
+        assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0 if used else 1)]
+    assert folder.stat().st_mode & 0o777 == (0o700 if used else mode)
+    assert len(caught) == (not used)
+    for warning in caught:
+        assert "belongs to this user alone; set XDG_CACHE_HOME" in str(warning.message)
+    assert bool(list(folder.iterdir())) == used
 
 
 def test_a_folder_of_another_user_is_not_used(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball import equations as eq
 from robotball.drives import Rate
+from robotball.engines.ensembles.orbits import Starts, kernel_start
+from robotball.engines.ensembles.steppers import PATH
 from robotball.equations import Rolling
 from robotball.motion import path_error
 from robotball.robot import Ball, Frame, Rotor, Shell
-from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Start
 from tests.scenes import FOUR
 
@@ -146,35 +147,21 @@ def right_path(scene: rb.Scene, times: Array) -> Array:
     The ball's numbers are parameters, so that heyoka compiles once for each rolling model.
     """
     hy = pytest.importorskip("heyoka")  # for Linux alone
-    p = scene.parameters
-    q, path = hy.make_vars("w", "x", "y", "z"), hy.make_vars("X", "Y")
-    numbers = (*p.A, *p.I, *p.Omega, *p.K, *scene.start.momentum, p.d, p.a)
-    A, I, Omega, K, momentum = ((hy.par[i], hy.par[i + 1], hy.par[i + 2]) for i in range(0, 15, 3))
-    d, a = hy.par[15], hy.par[16]
-    alpha, beta, gamma = axes = eq.space_axes((q[0], q[1], q[2], q[3]))
-    M = eq.seen_from_frame(momentum, axes)
-    omega = (
-        eq.rubber_angular_velocity(M, gamma, Omega, K, A)
-        if scene.rolling == "rubber"
-        else eq.classical_angular_velocity(M, gamma, Omega, K, A, I, d)
-    )
-    rates = (
-        *eq.attitude_rate((q[0], q[1], q[2], q[3]), omega),
-        *eq.contact_velocity(alpha, beta, omega, Omega, a),
-    )
-    start = [*multiply(scene.start.attitude, scene.principal_quaternion), 0.0, 0.0]
+    from validation.bench.kernels import equations_of, pars_of
+
+    starts = Starts(*kernel_start(scene))
     stepper = hy.taylor_adaptive(
-        list(zip((*q, *path), rates, strict=True)),
-        np.array(start, dtype=np.longdouble),
+        equations_of(PATH, scene.parameters),
+        np.array([*starts.attitudes[0], 0.0, 0.0], dtype=np.longdouble),
         fp_type=np.longdouble,
         tol=np.longdouble(1e-19),
-        pars=np.array(numbers, dtype=np.longdouble),
+        compact_mode=True,  # it compiles in a tenth of the time
+        pars=pars_of(starts)[0].astype(np.longdouble),
     )
     states = stepper.propagate_grid(times.astype(np.longdouble))[5]
-    return np.array(states[:, 4:], dtype=float)
+    return starts.turned_back(np.array(states[None, :, 4:], dtype=float))[0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "duration"),
     [*((name, 10.0) for name in FOUR), ("fig12", 1000.0), ("classical_regular", 1000.0)],

@@ -42,14 +42,3 @@ def test_a_long_sum_rounds_once() -> None:
     while path.running:
         path.step()
     assert abs(path.state[0] - (1e6 + np.sin(10.0))) <= np.spacing(1e6) / 2
-
-
-def test_samples_within_a_step_are_as_good_as_its_ends() -> None:
-    """The dense output is of order seven, and held to the same tolerance."""
-    motion = Compensated(turn, (0.0, 3.0), on_circle(0.0), 1e-12, np.ones(2))
-    while motion.running:
-        began = motion.t
-        motion.step()
-        times = np.linspace(began, motion.t, 7)
-        exact = np.stack([on_circle(t) for t in times])
-        assert np.abs(motion.within(times) - exact).max() < 5e-12  # 1.7e-12

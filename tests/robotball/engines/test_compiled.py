@@ -6,7 +6,6 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -38,40 +37,32 @@ def files(home: Path, ending: str) -> list[Path]:
     return sorted(home.rglob(f"*.{ending}"))
 
 
-def test_what_is_kept_is_loaded(home: Path) -> None:
-    """The second time nothing is compiled, unless the source is another, or an option."""
+def test_what_is_kept_is_loaded(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second time nothing is compiled, unless the source is another, or an option.
+
+    Each processor has a folder of its own, for homes that several machines share.
+    """
     assert [compiled(), compiled(), compiled("x + x")] == [(6.0, 1), (6.0, 0), (6.0, 1)]
     loose: dict[str, Any] = {"fastmath": {"nsz", "contract"}}
     assert [compiled(**loose), compiled(**loose)] == [(6.0, 1), (6.0, 0)]
     assert len(files(home, "nbc")) == 3
-
-
-def test_code_of_another_processor_is_not_loaded(
-    home: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each processor has a folder of its own, for homes that several machines share."""
-    assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0)]
     monkeypatch.setattr(numba.config, "CPU_NAME", "another")
     assert kept._folder_for("2 x", {}) not in set(home.iterdir())
 
 
-DAMAGE: dict[str, Callable[[bytes], bytes]] = {
-    "empty": lambda content: b"",
-    "a byte": lambda content: content[:1],
-    "half": lambda content: content[: len(content) // 2],
-    "something else": lambda content: b"no code " * 1000,
-}
-
-
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
-@pytest.mark.parametrize("damaged", DAMAGE.values(), ids=DAMAGE)
-def test_a_damaged_file_is_replaced(
-    home: Path, damaged: Callable[[bytes], bytes], ending: str
-) -> None:
+@pytest.mark.parametrize("damaged", ["empty", "half", "something else"])
+def test_a_damaged_file_is_replaced(home: Path, damaged: str, ending: str) -> None:
     """An index or code: compiled anew, with the right result, and loaded the next time."""
     compiled()
     (file,) = files(home, ending)
-    file.write_bytes(damaged(file.read_bytes()))
+    content = file.read_bytes()
+    left = {
+        "empty": b"",
+        "half": content[: len(content) // 2],
+        "something else": b"no code " * 1000,
+    }
+    file.write_bytes(left[damaged])
     assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0)]
 
 
@@ -99,46 +90,42 @@ def test_code_is_kept_in_no_folder_that_was_not_checked(
 
 @pytest.mark.slow
 def test_processes_that_compile_at_once_do_not_disturb_each_other(home: Path) -> None:
-    """Four begin together with an empty folder: all are right, and what is left can be loaded."""
+    """Two begin together with an empty folder: both are right, and what is left can be loaded."""
     script = home.parents[1] / "doubled.py"
     script.write_text(
         "from robotball.engines.compiled import compiled_from\n"
         "double = compiled_from('2 x', 'f8(f8)')(lambda x: 2.0 * x)\n"
         "print(double(3.0), double.stats.cache_misses.total())\n"
     )
-    four = [
-        subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True)
-        for _ in range(4)
-    ]
-    assert [each.communicate()[0].split()[0] for each in four] == ["6.0"] * 4
-    assert subprocess.check_output([sys.executable, script], text=True).split() == ["6.0", "0"]
+    command = [sys.executable, str(script)]
+    both = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    assert [each.communicate()[0].split()[0] for each in both] == ["6.0"] * 2
+    assert subprocess.check_output(command, text=True).split() == ["6.0", "0"]
     assert len(files(home, "nbc")) == 1
     assert list(home.rglob("*.tmp.*")) == []
 
 
-def closed(home: Path) -> Path:
-    """The temporary folder that stands in for a home cache that cannot be made."""
-    home.parent.write_text("in its place")
-    return Path(tempfile.gettempdir()) / f"robotball-{os.getuid()}"
+@pytest.mark.parametrize(("mode", "used"), [(None, True), (0o770, False), (0o702, False)])
+def test_a_folder_that_others_may_write_is_not_used(
+    home: Path, mode: int | None, used: bool
+) -> None:
+    """Without a home a temporary folder is made with mode 700, and used.
 
-
-def test_without_a_home_a_temporary_folder_is_closed_to_others(home: Path) -> None:
-    """It is made with mode 700, and used."""
-    folder = closed(home)
-    assert kept.cache_folder() == folder
-    assert folder.stat().st_mode & 0o777 == 0o700
-    assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0)]
-
-
-@pytest.mark.parametrize("mode", [0o777, 0o770])
-def test_a_folder_that_others_may_write_is_not_used(home: Path, mode: int) -> None:
-    """What is loaded from it would be run; nothing is kept then, and a warning says so."""
-    folder = closed(home)
-    folder.mkdir()
-    folder.chmod(mode)
-    with pytest.warns(SceneWarning, match="belongs to this user alone; set XDG_CACHE_HOME"):
-        assert [compiled(), compiled()] == [(6.0, 1), (6.0, 1)]
-    assert list(folder.iterdir()) == []
+    What is loaded from one of others would be run: nothing is kept, and a warning says so once.
+    """
+    home.parent.write_text("in the place of a home")
+    folder = Path(tempfile.gettempdir()) / f"robotball-{os.getuid()}"
+    if mode is not None:
+        folder.mkdir()
+        folder.chmod(mode)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert [compiled(), compiled()] == [(6.0, 1), (6.0, 0 if used else 1)]
+    assert folder.stat().st_mode & 0o777 == (0o700 if used else mode)
+    assert len(caught) == (not used)
+    for warning in caught:
+        assert "belongs to this user alone; set XDG_CACHE_HOME" in str(warning.message)
+    assert bool(list(folder.iterdir())) == used
 
 
 def test_a_folder_of_another_user_is_not_used(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,18 +133,6 @@ def test_a_folder_of_another_user_is_not_used(home: Path, monkeypatch: pytest.Mo
     home.mkdir(parents=True, mode=0o700)
     stranger = os.getuid() + 1
     monkeypatch.setattr(os, "getuid", lambda: stranger)
-    closed_to_us = Path(tempfile.gettempdir()) / f"robotball-{stranger}"
-    closed_to_us.mkdir(mode=0o700)
+    (Path(tempfile.gettempdir()) / f"robotball-{stranger}").mkdir(mode=0o700)
     with pytest.warns(SceneWarning, match="belongs to this user alone"):
         assert kept.cache_folder() is None
-
-
-def test_a_warning_comes_once(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However many functions are compiled."""
-    closed(home).mkdir(mode=0o777)
-    closed_folder = Path(tempfile.gettempdir()) / f"robotball-{os.getuid()}"
-    closed_folder.chmod(0o777)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        compiled(), compiled("x + x")
-    assert [each.category for each in caught] == [SceneWarning]

@@ -12,6 +12,8 @@ from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
 from tests.robots import Y, energy, robot, worked
 
+pytestmark = pytest.mark.core
+
 RADIUS, MASS, MOMENT = 0.3, 2.0, 0.09
 RESISTANCE, G = 0.004, 9.81
 STOPPING = RESISTANCE * MASS * G / (MOMENT + MASS * RADIUS**2)  # rad/s²
@@ -20,8 +22,7 @@ TIMES = np.linspace(0.0, 10.0, 101)
 
 def round_ball(rolling: Any, omega: Any, **more: Any) -> Scene:
     """A ball whose every axis is principal, with the same moment, on a plane that resists."""
-    shell = Shell(RADIUS, 1.0, 0.05, 0.05, Y)
-    ball = Ball(shell, Frame(1.0, 0.04 * np.eye(3)), ())
+    ball = Ball(Shell(RADIUS, 1.0, 0.05, 0.05, Y), Frame(1.0, 0.04 * np.eye(3)), ())
     friction = Friction(rolling=RESISTANCE)
     attitude = (1.0, 0.3, 0.2, -0.1)
     return robot("round", ball, rolling, [0.0], attitude, omega, friction=friction, **more)
@@ -33,13 +34,11 @@ def test_resistance_stops_a_ball_after_its_way(rolling: Any) -> None:
 
     Measured 6e-15 m and 1.3e-14 rad/s.
     """
-    scene = round_ball(rolling, (1.0, -0.5, 0.3))
-    motion = integrate(scene, TIMES)
+    motion = integrate(round_ball(rolling, (1.0, -0.5, 0.3)), TIMES)
     shell = motion.angular_velocity
     up = (shell * motion.gamma).sum(axis=1)
     level = np.linalg.norm(shell - up[:, None] * motion.gamma, axis=1)
-    stops = level[0] / STOPPING
-    assert 1 < stops < 9
+    assert 1 < level[0] / STOPPING < 9  # s
     assert level == pytest.approx(np.maximum(level[0] - STOPPING * TIMES, 0.0), abs=1e-13)
     way = RADIUS * level[0] ** 2 / 2 / STOPPING
     assert np.linalg.norm(motion.contact_point[-1]) == pytest.approx(way, abs=1e-12)
@@ -57,12 +56,11 @@ def test_a_ball_rolls_off_where_the_plane_is_steep_enough(slope: float) -> None:
     """
     tangent = slope * RESISTANCE / RADIUS
     down = np.array([tangent, 0.0, -1.0]) / np.hypot(1.0, tangent)
-    scene = round_ball("rubber", (0.0, 0.0, 0.0), gravity_direction=tuple(down))
-    motion = integrate(scene, TIMES)
+    motion = integrate(round_ball("rubber", (0.0, 0.0, 0.0), gravity_direction=tuple(down)), TIMES)
     pull = MASS * G * (RADIUS * down[0] + RESISTANCE * down[2])
     acceleration = max(pull, 0.0) * RADIUS / (MOMENT + MASS * RADIUS**2)
-    assert motion.contact_point[:, 0] == pytest.approx(acceleration * TIMES**2 / 2, abs=1e-12)
-    assert motion.contact_point[:, 1] == pytest.approx(np.zeros(101), abs=1e-12)
+    way = np.outer(acceleration * TIMES**2 / 2, [1.0, 0.0])
+    assert np.abs(motion.contact_point - way).max() < 1e-12
 
 
 def test_energy_is_lost_to_the_plane_alone() -> None:
@@ -71,21 +69,13 @@ def test_energy_is_lost_to_the_plane_alone() -> None:
     Measured 1.2e-14 J, of 5 J that are lost.
     """
     scene = replace(worked("W4"), friction=Friction(rolling=0.005))
-    motion = integrate(scene, TIMES)
+    motion = integrate(scene, TIMES[:51])
     assert motion.motor_work is not None
     assert motion.rolling_loss is not None
     kept = energy(motion) - motion.motor_work.sum(axis=1) + motion.rolling_loss
     assert np.ptp(kept) < 1e-13
     assert motion.rolling_loss[-1] > 0.1
     assert (np.diff(motion.rolling_loss) >= -1e-15).all()
-
-
-def test_a_ball_that_lifts_off_is_told_with_the_time() -> None:
-    """A heavy frame off centre that is spun up: where F_z = 0, not later."""
-    scene = worked("W2")
-    fast = replace(scene, frame_rate=-40.0, rolling="rubber")
-    with pytest.raises(InputError, match=r"the ball lifts off the plane at t = 0\.\d+ s, where"):
-        integrate(fast)
 
 
 def test_a_ball_that_a_growing_load_sets_rolling_is_no_stiff_one() -> None:
@@ -105,13 +95,18 @@ def test_a_ball_that_a_growing_load_sets_rolling_is_no_stiff_one() -> None:
     assert np.linalg.norm(motion.contact_point[2]) > 1e-5
 
 
-@pytest.mark.parametrize(("gain", "refused"), [(500.0, True), (0.5, False)])
-def test_motors_that_settle_too_fast_are_refused(gain: float, refused: bool) -> None:
-    """Before the run: 1.2e7 1/s over 10 s; slower ones run."""
+def test_what_cannot_be_followed_is_refused() -> None:
+    """A heavy frame that is spun up lifts the ball off, where F_z = 0 and not later.
+
+    Motors that settle at 1.2e7 1/s are refused before the run; slower ones run.
+    """
+    with pytest.raises(InputError, match=r"the ball lifts off the plane at t = 0\.\d+ s, where"):
+        integrate(replace(worked("W2"), frame_rate=-40.0))
     ball = Ball(Shell(0.2, 1.0, 0.03, 0.03, Y), Frame(0.5, 4e-5 * np.eye(3)), ())
-    scene = robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(gain),))
-    if refused:
-        with pytest.raises(InputError, match=r"its motors settle at 1\.25e\+07 1/s, so 10 s take"):
-            integrate(scene)
-    else:
-        assert np.isfinite(integrate(scene, np.array([0.0, 0.01])).contact_point).all()
+    stiff, soft = (
+        robot("stiff", ball, "rubber", [1.0], (1.0, 0.2, 0.1, 0.0), motors=(Servo(gain),))
+        for gain in (500.0, 0.5)
+    )
+    with pytest.raises(InputError, match=r"its motors settle at 1\.25e\+07 1/s, so 10 s take"):
+        integrate(stiff)
+    assert np.isfinite(integrate(soft, np.array([0.0, 0.01])).contact_point).all()

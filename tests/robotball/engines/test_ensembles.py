@@ -5,13 +5,13 @@ import sys
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
 
 import robotball as rb
-from robotball import equations as eq
-from robotball.engines.ensembles.flatten import LANES, Tape, along, lane_function, slopes
+from robotball.engines.ensembles.flatten import LANES, Dual, Tape, lane_function
 from robotball.engines.ensembles.orbits import (
     COLLAPSED,
     TOO_MANY_STEPS,
@@ -29,34 +29,45 @@ from robotball.engines.ensembles.steppers import (
     State,
     runge_kutta,
 )
-from robotball.equations import Parameters, as_vector, speed_bound
+from robotball.equations import Parameters, speed_bound
 from robotball.errors import InputError
 from robotball.rotations import Array, rotation_matrix
-from tests.figures import BALLS, CHAOTIC, CLASSICAL, REGULAR, F, spread_starts
+from tests.figures import BALLS, CHAOTIC, REGULAR, F, spread_starts
 from tests.scenes import FOUR
+
+pytestmark = pytest.mark.core
 
 some_starts = partial(spread_starts, 7, g=1.0)
 
 # The step ----------------------------------------------------------------------------------
 
 
-def test_traced_code_is_the_function() -> None:
-    """A plain function and the code traced from it agree, common parts and all."""
+def sample(x: Any, y: Any) -> tuple[Any, Any]:
+    """Every operation that functions of symbols and of dual numbers may use."""
+    z = (x - 2) * y / (1 + x * y) - x * y / 2 + 0 * x
+    return -z + (3 - x) * (2 / y - x), 1 * y + 0
 
-    def sample(x, y):  # type: ignore[no-untyped-def]
-        z = (x - 2) * y / (1 + x * y) - x * y / 2 + 0 * x
-        return -z + (x * x).sqrt() if hasattr(x, "sqrt") else -z + abs(x), 1 * y + 0
 
+def test_traced_code_and_dual_numbers_are_the_function_and_its_derivative() -> None:
+    """A function, the code traced from it, and its slope by central differences.
+
+    The products of the code are commuted. Measured 4.5e-11 of the slope, the difference's rounding.
+    """
     tape = Tape(LANES)
-    results = sample(tape.read(0), tape.read(1))  # type: ignore[no-untyped-call]
-    names: dict[str, object] = {"sqrt": np.sqrt}
+    results = sample(tape.read(0), tape.read(1))
+    names: dict[str, Any] = {}
     exec(lane_function("compute", tape, dict(enumerate(results, start=2))), names)
-    w = np.linspace(0.5, 3.0, 32)
-    names["compute"](w)  # type: ignore[operator]
-    expected = sample(w[:8], w[8:16])  # type: ignore[no-untyped-call]
-    # Products are commuted, so only rounding may differ.
-    assert np.abs(w[16:24] - expected[0]).max() < 1e-15
-    assert np.array_equal(w[24:32], expected[1])
+    w = np.linspace(0.5, 3.0, 4 * LANES)
+    names["compute"](w)
+    x, y, *found = w.reshape(4, LANES)
+    expected = sample(x, y)
+    assert np.abs(found[0] - expected[0]).max() < 1e-15
+    assert np.array_equal(found[1], expected[1])
+    moving = sample(Dual(x, 0.6), Dual(y, -0.8))
+    for i in range(2):
+        ahead, behind = (sample(x + h * 0.6, y - h * 0.8)[i] for h in (1e-5, -1e-5))
+        assert np.abs(moving[i].value - expected[i]).max() < 1e-15
+        assert np.abs(moving[i].slope - (ahead - behind) / 2e-5).max() < 2e-10
 
 
 def test_the_step_and_its_estimate_are_of_order_9() -> None:
@@ -78,10 +89,8 @@ def test_the_step_and_its_estimate_are_of_order_9() -> None:
     def order(errors: list[float]) -> float:
         return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
 
-    steps = np.array([20, 28, 40])
-    assert order([np.abs(end(n)[0] - end(400)[0]).max() for n in steps]) == pytest.approx(
-        9, abs=0.4
-    )
+    steps, right = np.array([20, 28, 40]), end(120)[0]
+    assert order([np.abs(end(n)[0] - right).max() for n in steps]) == pytest.approx(9, abs=0.4)
     assert order([end(n)[1] for n in steps]) == pytest.approx(9, abs=0.2)
 
 
@@ -106,54 +115,7 @@ def test_verners_numbers_satisfy_the_conditions_of_their_order(
     assert np.abs(b @ A - b * (1 - c)).max() < 1e-15  # 4.9e-16
 
 
-@pytest.mark.parametrize("ball", [CHAOTIC, CLASSICAL], ids=["rubber", "classical"])
-def test_dual_numbers_give_the_divergence(ball: Parameters) -> None:
-    """The trace of Dω is the divergence up to the rate of a function of γ, half of ln w.
-
-    w = (Aγ,γ) for rubber, 1/d - (Aγ,γ) for classical; so their time means are one. Rounding: 2e-15.
-    """
-    rng = np.random.default_rng(0)
-    gamma = rng.normal(size=(3, 100))
-    gamma /= np.linalg.norm(gamma, axis=0)
-    M = 3 * rng.normal(size=(3, 100))
-    if ball.rolling == "rubber":
-        M -= (M * gamma).sum(axis=0) * gamma
-    vertical, momentum = (gamma[0], gamma[1], gamma[2]), (M[0], M[1], M[2])
-    trace = np.zeros(100)
-    for i, axis in enumerate(np.eye(3)):
-        moved = [along(v, eq.cross(v, as_vector(axis))) for v in (momentum, vertical)]
-        trace += slopes(ball.angular_velocity(*moved))[i]
-    A_gamma = eq.diagonal(ball.A, vertical)
-    omega = ball.angular_velocity(momentum, vertical)
-    half_rate = eq.dot(A_gamma, eq.cross(vertical, omega))
-    w = eq.dot(A_gamma, vertical)
-    half = half_rate / w if ball.rolling == "rubber" else -half_rate / (1 / ball.d - w)
-    assert np.abs(trace).max() > 0.1
-    assert np.abs(trace - ball.divergence(vertical) - half).max() < 1e-14
-
-
 # Agreement ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("ball", "c"), BALLS)
-def test_orbits_are_those_of_a_taylor_integrator(ball: Parameters, c: float) -> None:
-    """Attitudes and contact points after 10 s; both integrate to round-off, which has grown.
-
-    Measured 3e-13 (rubber, not chaotic) and 4e-12 (classical, chaotic) of paths of 40 m.
-    """
-    pytest.importorskip("heyoka")
-    from validation.bench.kernels import batch, equations_of, pars_of
-
-    attitudes, momenta = some_starts(8, c)
-    starts = Starts(ball, attitudes, momenta)
-    begin = np.concatenate([starts.attitudes, np.zeros((8, 2))], axis=1)
-    other = batch(equations_of(PATH, ball), begin, pars_of(starts), 1e-18)
-    other.propagate_until(10.0)
-    end = other.state.T[:, None]
-    ours = orbits(ball, attitudes, momenta, np.array([0.0, 10.0]))
-    assert np.abs(ours.contact_points[:, 1]).max() > 10
-    assert np.abs(ours.attitudes[:, 1:] - starts.to_world(end[..., :4])).max() < 1e-11
-    assert np.abs(ours.contact_points[:, 1:] - starts.turned_back(end[..., 4:])).max() < 3e-11
 
 
 @pytest.mark.parametrize("name", FOUR)
@@ -179,7 +141,7 @@ def test_a_scene_moves_as_by_integrate(name: str) -> None:
 def test_an_orbit_does_not_depend_on_its_neighbours() -> None:
     """Alone or among 20 others, in whichever lane: the same to the last bit."""
     attitudes, momenta = some_starts(21)
-    times = np.array([0.0, 3.0, 3.001, 50.0])
+    times = np.array([0.0, 3.0, 3.001, 20.0])
     together = orbits(CHAOTIC, attitudes, momenta, times)
     for i in (0, 7, 8, 20):
         alone = orbits(CHAOTIC, attitudes[i : i + 1], momenta[i : i + 1], times)
@@ -187,43 +149,23 @@ def test_an_orbit_does_not_depend_on_its_neighbours() -> None:
         assert np.array_equal(alone.contact_points[0], together.contact_points[i])
 
 
-def test_balls_share_the_compiled_step() -> None:
-    """A ball is data: after one ball of a rolling model no other compiles anything."""
-    from robotball.engines.ensembles.steppers import stepper
-
-    attitudes, momenta = some_starts(1)
-    times = np.array([0.0, 1.0])
-    orbits(REGULAR, attitudes, momenta, times)
-    known = stepper.cache_info().currsize
-    orbits(replace(REGULAR, K=(1.0, 0.0, -1.0), a=0.2), attitudes, momenta, times)
-    assert stepper.cache_info().currsize == known
-
-
 # Invariants --------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("ball", "c", "duration"), [(CHAOTIC, 0.0, 1e6), (CLASSICAL, 3.0, 1e5)])
-def test_invariants_are_kept_to_rounding(ball: Parameters, c: float, duration: float) -> None:
-    """γ², M² and (M, γ) after a million seconds: 7e-16, because only the rotation is integrated."""
-    attitudes, momenta = some_starts(8, c)
-    end = orbits(ball, attitudes, momenta, np.array([0.0, duration]), 1e-8).attitudes[:, 1]
-    assert np.abs(np.linalg.norm(end, axis=1) - 1).max() < 2e-15
-    w, x, y, z = end.T
-    gamma = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
-    M = np.einsum("nij,ni->nj", rotation_matrix(end), momenta)
-    assert np.abs((gamma * gamma).sum(axis=1) - 1).max() < 1e-14
-    assert np.abs((M * M).sum(axis=1) / F - 1).max() < 1e-14
-    assert np.abs((M * gamma).sum(axis=1) - c).max() / np.sqrt(F) < 1e-14
-
-
 @pytest.mark.parametrize(("ball", "c"), BALLS)
-def test_speed_is_within_its_bound(ball: Parameters, c: float) -> None:
-    """|ω| stays below the bound that the step limits rest on, and comes within a factor 10."""
-    attitudes, momenta = some_starts(64, c)
-    axes = rotation_matrix(attitudes)
-    M = np.einsum("nij,ni->jn", axes, momenta)
-    omega = np.array(ball.angular_velocity(tuple(M), tuple(axes[:, 2].T)))
+def test_invariants_are_kept_to_rounding(ball: Parameters, c: float) -> None:
+    """γ², M² and (M, γ) after 3e4 s: measured 7e-16, for only the rotation is integrated.
+
+    |ω| stays below the bound that the step limits rest on, and comes within a factor 10.
+    """
+    attitudes, momenta = some_starts(8, c)
+    end = orbits(ball, attitudes, momenta, np.array([0.0, 3e4]), 1e-8).attitudes[:, 1]
+    gamma, M = rotation_matrix(end)[:, 2], np.einsum("nij,ni->nj", rotation_matrix(end), momenta)
+    assert np.abs(np.linalg.norm(end, axis=1) - 1).max() < 1e-15
+    assert np.abs((gamma * gamma).sum(axis=1) - 1).max() < 2e-15
+    assert np.abs((M * M).sum(axis=1) / F - 1).max() < 2e-15
+    assert np.abs((M * gamma).sum(axis=1) - c).max() / np.sqrt(F) < 2e-15
+    omega = np.array(ball.angular_velocity(tuple(M.T), tuple(gamma.T)))
     fastest, bound = np.linalg.norm(omega, axis=0).max(), speed_bound(ball, np.array([5.0]))[0]
     assert bound / 10 < fastest < bound
 
@@ -236,12 +178,12 @@ def test_an_orbit_that_is_given_up_holds_up_no_other(monkeypatch: pytest.MonkeyP
     attitudes, momenta = some_starts(20)
     slow = momenta.copy()
     slow[3] *= 1e5  # turns 1e5 times as fast as what the limit is made for
-    monkeypatch.setattr(Starts, "step_limit", lambda self, duration: 500)
-    runs = orbits(REGULAR, attitudes, slow, np.array([0.0, 10.0]), 1e-9)
+    with monkeypatch.context() as limited:
+        limited.setattr(Starts, "step_limit", lambda self, duration: 500)
+        runs = orbits(REGULAR, attitudes, slow, np.array([0.0, 10.0]), 1e-9)
     assert runs.status[3] == TOO_MANY_STEPS
     assert np.isnan(runs.attitudes[3, 1]).all()
     assert np.isfinite(np.delete(runs.attitudes, 3, axis=0)).all()
-    monkeypatch.undo()
     starts = Starts(REGULAR, attitudes, momenta)
     starts.rows[5] = np.nan
     status = starts.march(PATH, np.zeros((20, 2)), np.array([1.0]), 1e-9)[1]
@@ -284,8 +226,5 @@ def test_the_compiled_stepper_loads_from_its_cache() -> None:
         "compiled = [step, orbits._march_lanes, orbits._follow]\n"
         "print(sum(each.stats.cache_misses.total() for each in compiled))"
     )
-    misses = [
-        int(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
-        for _ in range(2)
-    ]
+    misses = [int(subprocess.check_output([sys.executable, "-c", code])) for _ in range(2)]
     assert misses[1] == 0

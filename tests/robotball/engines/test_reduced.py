@@ -1,0 +1,360 @@
+"""`integrate` by the reduced equations: invariants, accuracy, edges, refusals."""
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, event, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import robotball as rb
+from robotball.drives import Rate
+from robotball.engines.ensembles.orbits import Starts, kernel_start
+from robotball.engines.ensembles.steppers import PATH
+from robotball.equations import Rolling
+from robotball.motion import path_error
+from robotball.robot import Ball, Frame, Rotor, Shell
+from robotball.rotations import Array, rotation_matrix
+from robotball.scene import Start
+from tests.scenes import FOUR
+
+pytestmark = pytest.mark.core
+
+FIG12 = rb.load_scene("fig12")
+STILL = np.array([1.0, 0.0, 0.0, 0.0])
+TILTED = np.array([0.8, 0.2, -0.4, 0.4])
+
+
+def scene_of(
+    rolling: Rolling,
+    moments: tuple[float, float, float],
+    momentum: tuple[float, float, float],
+    rotor_rate: float = 30.0,
+    **changes: Any,
+) -> rb.Scene:
+    """A ball of radius 1 m and about 1 kg, with the frame's moments [kg m²] and one rotor."""
+    least = min(moments)
+    ball = Ball(
+        shell=Shell(1.0, 0.1, 1e-3 * least, 1e-3 * least, np.array([0.0, 0.6, 0.8])),
+        frame=Frame(0.8, np.diag(moments)),
+        rotors=(Rotor(0.1, 1e-3 * least, 1e-3 * least, np.array([1.0, 0.0, 0.0])),),
+    )
+    scene = rb.Scene(
+        name="edge", title="", source="", ball=ball, rolling=rolling, frame_rate=1.0,
+        rotor_rates=(rotor_rate,), start=Start(TILTED, np.array(momentum)), duration=2.0,
+    )  # fmt: skip
+    return replace(scene, **changes)
+
+
+# Invariants ------------------------------------------------------------------------------------
+
+
+def momentum_error(motion: rb.Motion) -> float:
+    """How far M, and M by the motion's ω and γ, are from the start's, in world axes.
+
+    Relative to the terms that M is the sum of, of |M|, |K|, d|Ω| and max(I + d) |ω| the largest: ω
+    is known to rounding of its length only, in axes that are known to rounding only.
+    """
+    scene, p, start = motion.scene, motion.scene.parameters, motion.scene.start.momentum
+    omega, gamma = (v @ scene.principal_axes for v in (motion.angular_velocity, motion.gamma))
+    M = np.stack(p.momentum(tuple(omega.T), tuple(gamma.T)), axis=1) @ scene.principal_axes.T
+    world = np.einsum("nij,nj->ni", rotation_matrix(motion.attitude), M)
+    term = np.linalg.norm(omega, axis=1).max() / min(p.A)
+    scale = max(math.hypot(*start), math.hypot(*p.K), p.d * math.hypot(*p.Omega), term)
+    return float(np.abs([world - start, motion.momentum - start]).max() / scale)
+
+
+def length_error(motion: rb.Motion) -> float:
+    """How far |q| and |γ| are from 1."""
+    units = (motion.attitude, motion.gamma)
+    return max(float(np.abs(np.linalg.norm(unit, axis=1) - 1).max()) for unit in units)
+
+
+EQUAL, FLAT, NEEDLE = (0.3, 0.35, 0.4), (1e6, 1e6, 1.9e6), (1.0, 1e6, 1e6)
+EDGES = {
+    **{name: rb.load_scene(name) for name in FOUR},
+    "A with ratios to 1e6": scene_of("rubber", NEEDLE, (1e6, 2.0, 0.0)),
+    "A with ratios to 1e6, classical": scene_of("classical", NEEDLE, (1.0, 2e3, 3.0)),
+    "I a billionth of d": scene_of("rubber", (1e-9, 1.1e-9, 1.2e-9), (1.0, 2.0, 0.0)),
+    "I a millionth of d": scene_of("classical", (1e-6, 1.1e-6, 1.2e-6), (1e-6, 2e-6, 1e-6)),
+    "I a million of d": scene_of("classical", FLAT, (1e5, 2e5, 3e5)),
+    "M = 0": scene_of("rubber", EQUAL, (0.0, 0.0, 0.0)),
+    "M = 0, classical": scene_of("classical", EQUAL, (0.0, 0.0, 0.0)),
+    "M near 0": scene_of("rubber", EQUAL, (1e-200, 0.0, 0.0)),
+    "M along γ": scene_of("classical", EQUAL, (0.0, 0.0, 3.0)),
+    "f near c²": scene_of("classical", EQUAL, (1e-9, 0.0, 3.0)),
+    "a huge K": scene_of("rubber", EQUAL, (1.0, 2.0, 0.0), rotor_rate=1e6),
+    "a huge K, classical": scene_of("classical", EQUAL, (1.0, 2.0, 3.0), rotor_rate=1e6),
+    "a huge M": scene_of("rubber", EQUAL, (1e3, 2e3, 0.0)),
+}
+
+
+@pytest.mark.parametrize("edge", EDGES)
+def test_invariants_hold_to_rounding(edge: str) -> None:
+    """M, (M, γ), |q| and |γ| are the start's for every ball that can be followed.
+
+    Rounding of ω(M, γ) and back: measured at most 9e-16 of M, 4.4e-16 of the lengths.
+    """
+    motion = rb.integrate(EDGES[edge], np.linspace(0.0, 10.0 if edge in FOUR else 0.1, 26))
+    assert momentum_error(motion) < 4e-15
+    assert length_error(motion) < 2e-15
+
+
+def test_a_long_motion_is_that_of_short_ones_and_keeps_the_invariants() -> None:
+    """Of 2e4 s and 1.4e4 turns by the compiled step, the first 5 s are those of scipy's.
+
+    The difference of two tolerances, measured 1.1e-13 m; 3.3e-16 of M and 2.2e-16 of the lengths.
+    """
+    short = rb.integrate(FIG12, np.array([0.0, 2.5, 5.0]))
+    long = rb.integrate(FIG12, np.array([0.0, 2.5, 5.0, 2e4]))
+    assert np.abs(long.contact_point[:3] - short.contact_point).max() < 1e-12
+    assert momentum_error(long) < 4e-15
+    assert length_error(long) < 2e-15
+
+
+# Accuracy ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FOUR)
+def test_the_error_falls_with_the_tolerance_as_it_is_estimated(name: str) -> None:
+    """The slope of log error on log rtol is 1 ± 0.2; the estimate is several times the error.
+
+    Measured slopes 0.92 to 1.15, and estimates 2.6 to 7.6: the step is chosen by an estimate.
+    """
+    scene, times = rb.load_scene(name), np.linspace(0.0, 10.0, 21)
+    right, off, tolerances = rb.integrate(scene, times), [], (1e-8, 1e-10, 1e-12)
+    for rtol in tolerances:
+        motion = rb.integrate(scene, times, rtol)
+        off.append(path_error(motion, right))
+        assert 1 < motion.reference_error / off[-1] < 12
+    slope = np.polyfit(np.log(tolerances), np.log(off), 1)[0]
+    assert slope == pytest.approx(1.0, abs=0.2)
+
+
+def test_two_motions_that_agree_by_chance_leave_rounding() -> None:
+    """No error is below a few roundings: 8.9e-16, where the other motion is the same to the bit."""
+    motion = rb.integrate(FIG12, np.array([0.0, 1.0]))
+    assert replace(motion, again=lambda: motion.contact_point).reference_error == 2.0**-50
+
+
+def right_path(scene: rb.Scene, times: Array) -> Array:
+    """Contact points (n, 2) by heyoka's Taylor series, in steps to 1e-19 of long doubles.
+
+    The ball's numbers are parameters, so that heyoka compiles once for each rolling model.
+    """
+    hy = pytest.importorskip("heyoka")  # for Linux alone
+    from validation.bench.kernels import equations_of, pars_of
+
+    starts = Starts(*kernel_start(scene))
+    stepper = hy.taylor_adaptive(
+        equations_of(PATH, scene.parameters),
+        np.array([*starts.attitudes[0], 0.0, 0.0], dtype=np.longdouble),
+        fp_type=np.longdouble,
+        tol=np.longdouble(1e-19),
+        compact_mode=True,  # it compiles in a tenth of the time
+        pars=pars_of(starts)[0].astype(np.longdouble),
+    )
+    states = stepper.propagate_grid(times.astype(np.longdouble))[5]
+    return starts.turned_back(np.array(states[None, :, 4:], dtype=float))[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "duration"),
+    [*((name, 10.0) for name in FOUR), ("fig12", 1000.0), ("classical_regular", 1000.0)],
+)
+def test_the_estimate_is_of_the_size_of_the_error(name: str, duration: float) -> None:
+    """Against steps in 80-bit numbers, by scipy's steps and by the compiled ones.
+
+    Rounding dominates, and differs in the two runs. Measured 0.13 to 2.1 over the variants of
+    `make test-variants`; with Python 3.14 0.06 to 2.
+    """
+    scene, times = rb.load_scene(name), rb.sample_times(duration)
+    motion = rb.integrate(scene, times)
+    off = np.linalg.norm(motion.contact_point - right_path(scene, times), axis=1).max()
+    assert 0.05 < off / motion.path_scale / motion.reference_error < 3
+
+
+# The same motion, asked for otherwise ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FOUR)
+def test_sample_times_do_not_change_the_motion(name: str) -> None:
+    """The end is the same to the last bit however densely the motion is sampled."""
+    scene = rb.load_scene(name)
+    few, many = (rb.integrate(scene, np.linspace(0.0, 5.0, n)) for n in (2, 501))
+    np.testing.assert_array_equal(few.contact_point[-1], many.contact_point[-1])
+    np.testing.assert_array_equal(few.attitude[-1], many.attitude[-1])
+
+
+def turned(scene: rb.Scene, axes: Rotation, heading: Rotation) -> rb.Scene:
+    """The same ball with the frame's own axes turned, v_new = R v, in another heading."""
+    R, ball, start = axes.as_matrix(), scene.ball, scene.start
+    attitude = heading * Rotation.from_quat(start.attitude, scalar_first=True) * axes.inv()
+    return replace(
+        scene,
+        ball=Ball(
+            shell=replace(ball.shell, axis=R @ ball.shell.axis),
+            frame=Frame(ball.frame.mass, R @ ball.frame.inertia @ R.T),
+            rotors=tuple(replace(rotor, axis=R @ rotor.axis) for rotor in ball.rotors),
+        ),
+        start=Start(attitude.as_quat(scalar_first=True), heading.apply(start.momentum)),
+    )
+
+
+angles = st.floats(-np.pi, np.pi)
+
+
+@settings(max_examples=5, phases=[Phase.generate])  # shrinking would take minutes
+@given(angles=st.tuples(angles, angles, angles, angles), name=st.sampled_from(FOUR))
+def test_neither_the_frames_axes_nor_the_heading_change_the_motion(
+    angles: tuple[float, float, float, float], name: str
+) -> None:
+    """The path is turned by the heading, ω and γ by the axes.
+
+    The principal axes are found anew and in another order, so every step rounds otherwise:
+    measured 1.6e-14 m, 1.1e-14 in γ and 8.2e-14 rad/s of 20.
+    """
+    scene, times = rb.load_scene(name), np.linspace(0.0, 2.0, 11)
+    axes, heading = Rotation.from_euler("zyx", angles[:3]), Rotation.from_euler("z", angles[3])
+    plain, other = (rb.integrate(s, times) for s in (scene, turned(scene, axes, heading)))
+    path = plain.contact_point @ heading.as_matrix()[:2, :2].T
+    assert np.abs(other.contact_point - path).max() < 5e-14
+    assert np.abs(other.gamma - axes.apply(plain.gamma)).max() < 5e-14
+    assert np.abs(other.angular_velocity - axes.apply(plain.angular_velocity)).max() < 3e-13
+
+
+@pytest.mark.parametrize("equations", ["reduced", "multibody"])
+def test_the_fraction_that_is_known_is_shown(equations: Literal["reduced", "multibody"]) -> None:
+    """It grows from step to step and stays below 1: a stiff motor may take minutes."""
+    shown: list[float] = []
+    rb.integrate(FIG12, np.array([0.0, 8.0]), equations=equations, progress=shown.append)
+    assert len(shown) > 1
+    assert shown == sorted(set(shown))
+    assert shown[-1] < 1
+
+
+# What is refused ---------------------------------------------------------------------------------
+
+
+def fast(**changes: Any) -> rb.Motion:
+    """A thousand steps of a ball that turns too often."""
+    return rb.integrate(scene_of("rubber", EQUAL, (1e6, 2e6, 0.0), **changes), max_steps=1000)
+
+
+def at(*times: float) -> rb.Motion:
+    return rb.integrate(FIG12, np.array(times))
+
+
+OFTEN = (
+    r"1000 steps reach t = \S+ s of 2: the ball turns at 1\.\d+e\+06 rad/s, and the "
+    r"whole needs some \S+e\+07 steps; shorten the motion or raise max_steps"
+)
+REFUSED = {
+    "at(0.0)": r"at least two, not of shape \(1,\)",
+    "at([0.0, 1.0])": r"at least two, not of shape \(1, 2\)",
+    "at(0.1, 0.2)": r"times must start at 0, not at 0\.1",
+    "at(0.0, 1.0, 1.0)": "times must increase: 1 follows 1",
+    "at(0.0, 2.0, 1.5)": r"times must increase: 1\.5 follows 2",
+    "at(0.0, np.nan)": "times must be finite",
+    "at(0.0, np.inf)": "times must be finite",
+    "fast()": OFTEN,
+    "fast(frame_rate=rb.Sine(amplitude=1.0, frequency=1.0))": OFTEN,
+    "rb.integrate(scene_of('rubber', EQUAL, (1e60, 0.0, 0.0)))":
+        r"the ball may turn at .*e\+59 rad/s, of at",
+    "rb.integrate(scene_of('classical', (1e-100,) * 3, (1.0, 0.0, 0.0)))":
+        r"the ball may turn at .* rad/s",
+    "rb.integrate(scene_of('rubber', EQUAL, (0.0, 0.0, 0.0), duration=1e20))":
+        r"1e\+20 s would be 5e\+21 samples .* times of your own",
+    "rb.integrate(FIG12, rtol=0.0)": "rtol must be at least 1e-15 and less than 1, not 0",
+    "rb.integrate(FIG12, rtol=1.0)": "rtol must be at least 1e-15 and less than 1, not 1",
+    "rb.integrate(FIG12, equations='reduce')": "no set of equations is called 'reduce'; did you",
+    "rb.design((1e-140,) * 3, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), radius=1.0)":
+        r"A must lie between 1e-50 and 1e\+50 1/\(kg m²\), not at",
+    "rb.design((1.0,) * 3, (0.0, 0.0, 1.0), (1e170, 0.0, 0.0), radius=1.0)":
+        r"K must be finite and at most 1e\+50 in size, not 1e\+170",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("snippet", "message"), REFUSED.items())
+def test_what_has_no_motion_is_refused_in_a_line(snippet: str, message: str) -> None:
+    """With the number and what to do; a ball beyond 1e50 rad/s before a step is taken."""
+    with pytest.raises(rb.InputError, match=message):
+        eval(snippet, globals())
+
+
+# Anything ----------------------------------------------------------------------------------------
+
+
+@st.composite
+def any_scene(draw: st.DrawFn) -> rb.Scene:
+    """Bodies, rates and momenta over hundreds of decades; half of them within the usual twenty."""
+    decades = draw(st.sampled_from([3.0, 10.0, 10.0, 45.0, 150.0]))
+
+    def size(most: float = decades) -> float:
+        """A positive number over so many decades either side of 1."""
+        return float(10 ** draw(st.floats(-min(decades, most), min(decades, most))))
+
+    def signed() -> float:
+        return draw(st.sampled_from([-1.0, 0.0, 1.0])) * size()
+
+    def direction() -> Array:
+        return draw(st.sampled_from([*rotation_matrix(TILTED), *np.eye(3)]))
+
+    def rate() -> Rate:
+        kinds: list[Callable[[], Rate]] = [
+            signed,
+            lambda: rb.Ramp(final=signed(), initial=signed(), end=size()),
+            lambda: rb.Sine(amplitude=signed(), frequency=size(), mean=signed()),
+        ]
+        return draw(st.sampled_from(kinds))()
+
+    radius, mass = size(100.0), size()
+    parts = [mass, *(mass * size(9.0) for _ in range(draw(st.integers(0, 3))))]
+    axial = [part * radius * radius * draw(st.floats(0.1, 1.0)) for part in parts]
+    x, y, z = (
+        mass * radius * radius * 10 ** draw(st.floats(-min(decades, 20.0), 0.0)) for _ in "xyz"
+    )
+    axes = rotation_matrix(draw(st.sampled_from([STILL, TILTED])))
+    inertia = axes @ np.diag([y + z, x + z, x + y]) @ axes.T
+    ball = Ball(
+        Shell(radius, mass, axial[0], axial[0] * draw(st.floats(0.5, 1e3)), direction()),
+        Frame(mass, (inertia + inertia.T) / 2),
+        tuple(Rotor(m, j, j, direction()) for m, j in zip(parts[1:], axial[1:], strict=True)),
+    )
+    rolling: Rolling = draw(st.sampled_from(("rubber", "classical")))
+    momentum = direction() * ball.d * signed() * [1.0, 1.0, float(rolling == "classical")]
+    return rb.Scene(
+        name="any", title="", source="", ball=ball, rolling=rolling, frame_rate=rate(),
+        rotor_rates=tuple(rate() for _ in parts[1:]), duration=size(), gravity=size(),
+        start=Start(draw(st.sampled_from([STILL, TILTED])), momentum),
+    )  # fmt: skip
+
+
+@settings(max_examples=100, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_any_scene_gives_finite_numbers_or_one_line(data: st.DataObject) -> None:
+    """No traceback, no warning, no number that is not finite, whatever the scene.
+
+    Half of the examples finish; the step limit ends most others, and the rest are refused.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            scene = data.draw(any_scene())
+            motion = rb.integrate(scene, np.array([0.0, 0.3, 1.0]) * scene.duration, max_steps=60)
+        except rb.InputError as error:
+            message = str(error)
+        else:
+            loads = motion.loads
+            needs = (loads.sliding_friction, loads.torsional_friction, motion.motor_powers)
+            for numbers in (motion.contact_point, motion.angular_velocity, *needs):
+                assert np.isfinite(numbers).all()
+            assert length_error(motion) < 2e-15
+            message = "finished"
+    event(message[:20])
+    assert len(message.splitlines()) == 1

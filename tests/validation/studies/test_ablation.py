@@ -87,6 +87,7 @@ def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
     assert without(TOP, ["noslip", "start"]).name == "accurate - noslip - start"
 
 
+@pytest.mark.slow
 def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
     """`ablation --quick`: both tables on the terminal; JSON, CSV and a picture on disk."""
     arguments = ["ablation", "fig12", "--quick", "--duration", "0.3", "--out", "."]

@@ -81,6 +81,7 @@ def test_mujocos_limit_torus_is_the_equations() -> None:
     assert np.ptp(contact.L) > 4  # and they are all along it
 
 
+@pytest.mark.slow
 def test_mujocos_strange_attractor_is_the_equations() -> None:
     """500 section points cannot be told from as many of the equations, at the level of 2 %.
 
@@ -99,9 +100,8 @@ def test_mujocos_strange_attractor_is_the_equations() -> None:
     wrong = energy_distance(cloud_by_equations(other, CLOUD, seed=0).states, reference)
     # Measured 0.037, and 0.011 at most.
     assert wrong > 2 * max(energy_distance(peer, reference) for peer in peers[:20])
-    # Drift 3.276 m/s: measured 3.306 ± 0.016, the error from the scatter of the starts.
+    # Drift 3.276 m/s: measured 3.339 ± 0.027, the error from the scatter of the starts.
     mean, scatter = contact.velocities.mean(axis=0), contact.velocities.std(axis=0, ddof=1)
-    print("MEASURED", mean, scatter)
     assert np.all(np.abs(mean - [3.276, 0.0]) < 4 * scatter / np.sqrt(CLOUD.starts))
 
 

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
+from robotball.drives import Constant, Rate, as_drive
 from robotball.equations import Rolling
 from robotball.mechanics import momentum_at
 from robotball.motion import attitude_error, path_error
@@ -245,6 +246,25 @@ def other_rolling(scene: rb.Scene) -> rb.Scene:
 
 def with_ball(change: Callable[[Ball], Ball]) -> InScene:
     return lambda scene: replace(scene, ball=change(scene.ball))
+
+
+@pytest.mark.parametrize(
+    "rate",
+    [
+        2.0,
+        np.cos,
+        rb.Custom(np.cos),
+        Constant(2.0),
+        rb.Ramp(initial=1.0, final=3.0, end=0.5),
+        rb.Samples(times=(0.0, 1.0), values=(1.0, 2.0)),
+        rb.Sum((1.0, rb.Sine(amplitude=2.0, frequency=0.7, mean=0.5))),
+    ],
+)
+def test_a_rate_of_any_kind_is_scaled(rate: Rate) -> None:
+    """It is three times as fast at any time."""
+    own, three = (as_drive(each, 1.0) for each in (rate, scaled(rate, 3.0)))
+    for t in (0.1, 0.4, 0.9):
+        assert three.rate(t) == pytest.approx(3 * own.rate(t), rel=1e-12)
 
 
 def larger(ball: Ball) -> Ball:

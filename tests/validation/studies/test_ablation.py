@@ -1,6 +1,5 @@
 """The ablation: every variant is one choice, and every choice is worth what it is said to be."""
 
-import csv
 import json
 from dataclasses import fields, replace
 from pathlib import Path
@@ -89,9 +88,9 @@ def test_undoing_a_choice_by_a_wrong_name_says_which_there_are() -> None:
 
 @pytest.mark.slow
 def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
-    """`ablation --quick`: both tables on the terminal; JSON, CSV and a picture on disk."""
+    """`ablation --quick`: both tables on the terminal; JSON and a picture on disk."""
     arguments = ["ablation", "fig12", "--quick", "--duration", "0.3", "--out", "."]
-    status, printed, _ = robotball(*arguments, "--json", "a.json", "--csv", "a.csv")
+    status, printed, _ = robotball(*arguments, "--json", "a.json")
     assert status == 0
     assert all(f"{sign} {name}" in printed for name in NAMES for sign in "+-")
     record = json.loads((tmp_path / "a.json").read_text())
@@ -106,8 +105,4 @@ def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_
     assert slips["root"] == pytest.approx(0.15, rel=0.2)
     assert slips["accurate"] < 3e-12  # measured 7.9e-13
     assert "mujoco" in record["versions"]
-    with (tmp_path / "a.csv").open() as file:
-        errors = [float(row["path_error"]) for row in csv.DictReader(file)]
-    assert errors == [each["path_error"] for each in variants]
-    picture = tmp_path / "fig12-mujoco-ablation-0.3s-quick.png"
-    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert (tmp_path / "fig12-mujoco-ablation-0.3s-quick.png").is_file()

@@ -1,6 +1,5 @@
 """Orders of convergence, and the two references that tell integrator and model apart."""
 
-import csv
 import json
 from dataclasses import replace
 from functools import cache
@@ -136,22 +135,19 @@ def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyP
 
 
 def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
-    """`convergence --quick`: orders on the terminal; JSON, CSV and a picture on disk."""
+    """`convergence --quick`: orders on the terminal; JSON and a picture on disk."""
     arguments = [*example("convergence").split(), "--duration", "0.3"]
-    status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json", "--csv", "a.csv")
+    status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json")
     assert status == 0
     assert "fig12, accurate - softness - noslip: the own limit is" in printed
     record = json.loads((tmp_path / "a.json").read_text())
     assert set(record["orders"]) == {*ORDERS, "DOP853"}
     assert record["orders"]["RK4"]["own"]["order"]["order"] == pytest.approx(4, abs=0.3)
     assert record["settings"]["name"] == "accurate - softness - noslip"
-    with (tmp_path / "a.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == len(record["runs"])
-    errors = np.array([float(row["own_error"]) for row in rows if row["integrator"] == "Euler"])
+    errors = [each["own_error"] for each in record["runs"] if each["integrator"] == "Euler"]
     assert np.all(np.diff(errors) < 0)
-    picture = tmp_path / "fig12-mujoco-accurate-softness-noslip-convergence-0.3s-quick.png"
-    assert picture.read_bytes()[:4] == b"\x89PNG"
+    picture = "fig12-mujoco-accurate-softness-noslip-convergence-0.3s-quick.png"
+    assert (tmp_path / picture).is_file()
 
 
 STEPS = [0.1 / 2**n for n in range(16)]

@@ -77,41 +77,33 @@ def test_a_process_that_ends_badly_is_one_line(tmp_path: Path, script: str, said
 
 
 def test_the_front_is_what_nothing_is_cheaper_and_better_than() -> None:
-    """And a run whose errors cancelled, or that diverged, is not on it."""
+    """A run whose errors cancelled, or that diverged, is not on it; one that failed says why."""
     results = [
         result(20e-3, 1e-6, 1.0),
         result(10e-3, 1e-7, 2.0),
         result(9e-3, 2e-7, 3.0),  # dearer and worse than the one before
         result(8e-3, 1e-12, 0.5, momentum_error=1e-3),
         result(7e-3, 1e-9, 0.4, faults=["the state diverged at t = 0.1 s"]),
+        Result({**CELL, "value": 1.0}, None, "its process was ended by SIGSEGV"),
+        result(6e-3, 0.0, 1.0, path_error=None, momentum_error=None),
     ]
-    front = study_of(FIG12, results).pareto_front
-    assert [run["value"] for run in front] == [10e-3, 20e-3]
-
-
-def test_the_order_is_fitted_over_the_steps() -> None:
-    """Errors that fall with the fourth power have order 4."""
-    results = [result(h, h**4, 1 / h) for h in (20e-3, 10e-3, 5e-3)]
-    (order,) = study_of(FIG12, results).orders.values()
-    assert order.order == pytest.approx(4, abs=1e-9)
-
-
-def test_costs_are_brought_to_one_speed() -> None:
-    """A process at half the speed took twice as long for the same work."""
-    results = [result(20e-3, 1e-6, 1.0), result(10e-3, 1e-7, 2.0, fixed_work=2.0)]
-    slow, fast = study_of(FIG12, results).runs
-    assert slow["cost"] == pytest.approx(fast["cost"]) == pytest.approx(7.5)
-
-
-def test_a_run_without_an_answer_keeps_its_row() -> None:
-    """With the reason: of a crash, and of a run that broke off."""
-    crash = Result({**CELL, "value": 1.0}, None, "its process was ended by SIGSEGV")
-    off = result(20e-3, 0.0, 1.0, path_error=None, momentum_error=None)
-    failed = study_of(FIG12, [crash, off]).failed
-    assert [row["why"] for row in failed] == [
+    study = study_of(FIG12, results)
+    assert [run["value"] for run in study.pareto_front] == [10e-3, 20e-3]
+    assert [row["why"] for row in study.failed] == [
         "broke off at 0.2 s",
         "its process was ended by SIGSEGV",
     ]
+
+
+def test_runs_have_an_order_and_costs_at_one_speed() -> None:
+    """Errors fall with the fourth power; a process at half the speed takes twice as long."""
+    steps = (20e-3, 10e-3, 5e-3)
+    study = study_of(
+        FIG12, [result(h, h**4, n, fixed_work=n) for n, h in enumerate(steps, start=1)]
+    )
+    (order,) = study.orders.values()
+    assert order.order == pytest.approx(4, abs=1e-9)
+    assert [run["cost"] for run in study.runs] == pytest.approx([10.0] * 3)
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """The failure maps: their cells, what becomes of a run, and where limits are measured."""
 
-import csv
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +11,7 @@ import pytest
 
 import robotball as rb
 from robotball import FaultKind
-from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS
+from robotball.engines.mujoco.settings import ADAPTIVE
 from tests.conftest import Robotball
 from validation import compare
 from validation.studies.extreme_maps import (
@@ -46,15 +45,8 @@ def cell(name: str, integrator: str, x: float, y: float, rolling: str = "rubber"
     return {"map": name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
 
 
-def test_the_atlas_has_every_integrator_and_a_day() -> None:
-    """In both rolling models; the quick one has two or three values of an axis, its ends too."""
-    places = {
-        (each["integrator"], each["rolling"])
-        for chosen in MAPS.values()
-        for each in cells_of(chosen)
-    }
-    assert places == {(name, rolling) for name in INTEGRATORS for rolling in ROLLINGS}
-    assert max(each["y"] for each in cells_of(MAPS["duration"])) == 1e5
+def test_the_quick_atlas_has_every_map() -> None:
+    """Two or three values of an axis, both ends among them."""
     for chosen in MAPS.values():
         xs = {each["x"] for each in cells_of(chosen, QUICK) if each["integrator"] == "RK4"}
         assert 2 <= len(xs) <= 3
@@ -162,14 +154,6 @@ def result(outcome: str, error: float | None, **told: Any) -> Result:
     return Result({}, {"outcome": outcome, "foretold": [], "faults": [], **errors, **told}, None)
 
 
-def test_a_wrong_run_that_nobody_saw_is_missed() -> None:
-    """A warning before it or a fault during it is enough; a small error needs neither."""
-    warned = result("WRONG", 0.2, foretold=["rotation"])
-    noticed = result("WRONG", 0.2, faults=["M off"])
-    runs = result("WRONG", 0.2), warned, noticed, result("WRONG", 0.05)
-    assert list(map(missed, runs)) == [True, False, False, False]
-
-
 def test_the_totals_say_who_told_of_what_was_wrong() -> None:
     """Of seven runs: two sound, one of them warned of, four wrong, each told of in its own way."""
     foretold, faults = {"foretold": ["rotation"]}, {"faults": ["M off"]}
@@ -182,6 +166,7 @@ def test_the_totals_say_who_told_of_what_was_wrong() -> None:
         result("SLIPPED", 5.0),
         Result({}, {"outcome": "REFUSED", "refusal": "no such ball"}, None),
     ]
+    assert list(map(missed, runs)) == [False, False, False, False, False, True, False]
     assert totals(runs) == {
         "runs": 7, "wrong": 4, "reported_by_engine": 1, "foretold": 2, "noticed": 2, "missed": 1,
         "accurate": 2, "alarms": 1,
@@ -244,14 +229,11 @@ def test_the_command_draws_a_map_and_goes_on_where_it_was(
         status, printed, _ = robotball(*arguments, "--json", "summary.json")
         assert status == 0
         assert "sliding_friction" in printed
-    assert (tmp_path / "extremes-torsion-quick.png").stat().st_size > 10_000
-    rows = list(csv.DictReader((tmp_path / "extremes-torsion-quick.csv").open()))
-    assert len(rows) == 4
-    assert {row["failure"] for row in rows} == {""}
+    assert all((tmp_path / f"extremes-torsion-quick.{end}").is_file() for end in ("png", "csv"))
     assert len((tmp_path / "extremes.jsonl").read_text().splitlines()) == 5
     records = json.loads((tmp_path / "summary.json").read_text())["summary"]
     assert sum(sum(each["outcomes"].values()) for each in records) == 4
-    assert all(each["missed"] == 0 for each in records)
+    assert all(each["missed"] == each["outcomes"]["FAILED"] == 0 for each in records)
 
 
 def test_every_random_run_can_be_made() -> None:

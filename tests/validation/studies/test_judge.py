@@ -131,16 +131,16 @@ IN_FILES: dict[str, InFile] = {
     "angular velocity is in deg/s": changed(RATE, lambda w, *_: np.degrees(w)),
     "angular velocity has the other sign": changed(RATE, lambda w, *_: -w),
     "angular velocity is the shell's": changed(RATE, of_shell),
-    "is in the shell's axes; the angular velocity is the shell's": changed(
-        RATE,
-        lambda w, file, scene: rotated(conjugate(in_shell(file, scene)), of_shell(w, file, scene)),
-    ),
     "angular velocity is not the attitude's rate": changed(RATE, lambda w, *_: 0.9 * w),
     "x, y, z are the scene's x, z, -y (Y is up)": world(Y_UP, frame=False),
     "x, y, z are the scene's x, z, y (Y is up, and the axes are left-handed)": world(
         np.eye(3)[[0, 2, 1]], frame=True
     ),
     "x, y, z are the scene's x, -y, -z (Z is down)": world(np.diag([1.0, -1, -1]), frame=False),
+    "is in the shell's axes; the angular velocity is the shell's": changed(
+        RATE,
+        lambda w, file, scene: rotated(conjugate(in_shell(file, scene)), of_shell(w, file, scene)),
+    ),
 }
 
 

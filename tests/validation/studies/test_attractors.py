@@ -68,6 +68,7 @@ def test_mujocos_periodic_orbit_is_the_equations() -> None:
     assert np.abs(found.multipliers) == pytest.approx([0.9281608] * 2, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_mujocos_limit_torus_is_the_equations() -> None:
     """Every crossing lies on the curve of the equations' torus, once the start is forgotten."""
     scene = rb.load_scene("fig13")

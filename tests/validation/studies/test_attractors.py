@@ -12,10 +12,8 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco.model import build
-from robotball.engines.mujoco.run import run
 from robotball.qualitative.sections import crossings_of_motion, fixed_point, section
 from robotball.rotations import Array, multiply
-from robotball.scene import Start
 from validation.studies.contact_sections import (
     COARSE,
     Recipe,
@@ -25,17 +23,13 @@ from validation.studies.contact_sections import (
     contact_cycle,
     distance,
     distance_to_curve,
-    own_start,
     rank_probability,
 )
 from validation.studies.lyapunov import contact_exponent, growth_by_equations
 
 F = 25.0  # (kg m²/s)²
 BALANCED = rb.preset("balanced")
-CLOUD = Recipe(f=F, starts=25, skipped=8, count=80)  # 2000 points
-
-
-# What it stands on --------------------------------------------------------------------------
+CLOUD = Recipe(f=F, starts=25, skipped=8, count=20)  # 500 points
 
 
 @pytest.mark.parametrize(
@@ -59,94 +53,59 @@ def test_a_sampled_motion_crosses_where_the_equations_do(name: str, g: float) ->
     assert np.abs(np.sin((found.l - exact.l[0]) / 2)).max() < 1e-7
 
 
-def test_a_model_can_be_started_anywhere() -> None:
-    """Started from the motion's own state after 2 s, the ball goes on as if nothing had been."""
-    scene = rb.load_scene("fig14")
-    model = build(scene, BALANCED)
-    whole = run(model, np.array([0.0, 2.0, 4.0]))
-    again = Start(whole.attitude[1], scene.start.momentum)
-    rest = run(model, np.array([0.0, 2.0]), start=again)
-    # Measured 2.6e-9 m and 3.7e-9: the error of M that the first run had gathered.
-    moved = whole.contact_point[2] - whole.contact_point[1]
-    assert np.abs(rest.contact_point[1] - moved).max() < 5e-8
-    assert np.abs(rest.gamma[1] - whole.gamma[2]).max() < 5e-8
-
-
-def test_the_scenes_own_start_is_the_models() -> None:
-    """Asked for by name or not, the start is the same to the last bit."""
-    model = build(rb.load_scene("fig14"), BALANCED)
-    ours, given = model.start_data(), model.start_data(model.scene.start)
-    assert np.array_equal(ours.qpos, given.qpos)
-    assert np.array_equal(ours.qvel, given.qvel)
-
-
-# Fig. 11a -----------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
 def test_mujocos_periodic_orbit_is_the_equations() -> None:
     """Newton on the contact model's own map finds period, place and multipliers to 1e-6."""
     scene = rb.load_scene("fig12")
     cycle = fixed_point(scene.parameters, 3.6, 0.6, F)
     where = section(scene.parameters, cycle.attitude[None], cycle.momentum[None], 1, direction=-1)
     L, l = float(where.L[0, 0]), float(where.l[0, 0])
-    model = build(scene, BALANCED)
-    found = contact_cycle(model, L + 0.01, l + 0.01, F, cycle.period, direction=-1)
+    found = contact_cycle(build(scene, BALANCED), L + 0.01, l + 0.01, F, cycle.period, -1)
     # Measured 1.0e-8 s, 3e-9 kg m²/s, 4e-9 rad, 1.2e-8: the error of steps of 5 ms.
     assert found.period == pytest.approx(8.7432614, abs=1e-6)
     assert found.period == pytest.approx(cycle.period, abs=1e-7)
     assert pytest.approx(L, abs=1e-7) == found.L
     assert found.l == pytest.approx(l, abs=1e-7)
     assert np.abs(found.multipliers) == pytest.approx([0.9281608] * 2, abs=1e-6)
-    start = own_start(scene, cycle.attitude, cycle.momentum)
-    moved = run(model, rb.sample_times(cycle.period, 5e-3), start=start).contact_point[-1]
-    drift = -moved @ cycle.momentum[:2] / 5 / cycle.period
-    # Measured 3.6590731 m/s; the number known has six digits.
-    assert drift == pytest.approx(3.65907, abs=1e-5)
 
 
 @pytest.mark.slow
 def test_mujocos_limit_torus_is_the_equations() -> None:
     """Every crossing lies on the curve of the equations' torus, once the start is forgotten."""
     scene = rb.load_scene("fig13")
-    torus = Torus(L=0.0, l=1.96, spread=0.2, f=F, starts=64, skipped=250, count=1500)
+    torus = Torus(L=0.0, l=1.96, spread=0.2, f=F, starts=24, skipped=250, count=1000)
     curve = cloud_by_equations(scene.parameters, torus, seed=0)
     short = Torus(L=0.0, l=1.96, spread=0.0, f=F, starts=1, skipped=50, count=15)
     contact = cloud_by_contact(build(scene, BALANCED), short, seed=0)
     apart = distance_to_curve(contact.states, curve.states)
-    # Measured 9e-7 of vectors of length one: the way from the start, dying out by e in 57 s.
+    # Measured 1e-6 of vectors of length one: the way from the start, dying out by e in 57 s.
     assert apart.max() < 1e-5
     assert np.ptp(contact.L) > 4  # and they are all along it
 
 
-# Fig. 11b -----------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_mujocos_strange_attractor_is_the_equations() -> None:
-    """2000 section points cannot be told from as many of the equations, at the level of 1 %.
+    """500 section points cannot be told from as many of the equations, at the level of 2 %.
 
-    By rank among 99 clouds drawn by the same recipe, which needs no independent points. The same
-    test tells a ball with K off by 5 %.
+    By rank among 49 clouds drawn by the same recipe, which needs no independent points. The same
+    test tells a ball with K off by 10 %.
     """
     scene = rb.load_scene("fig14")
     ball = scene.parameters
     contact = cloud_by_contact(build(scene, COARSE), CLOUD, seed=0)
-    reference, *peers = (cloud_by_equations(ball, CLOUD, seed).states for seed in range(1, 101))
-    assert len(contact.states) == 2000
-    # Measured 0.55, and 0.52 in the study; of right clouds, uniform between 0.01 and 1.
-    assert rank_probability(contact.states, peers, reference) > 0.01
+    reference, *peers = (cloud_by_equations(ball, CLOUD, seed).states for seed in range(1, 51))
+    assert len(contact.states) == 500
+    # Measured 0.34; of right clouds, uniform between 0.02 and 1.
+    assert rank_probability(contact.states, peers, reference) > 0.02
     K1, K2, K3 = ball.K
-    other = replace(ball, K=(1.05 * K1, 1.05 * K2, 1.05 * K3))
+    other = replace(ball, K=(1.1 * K1, 1.1 * K2, 1.1 * K3))
     wrong = energy_distance(cloud_by_equations(other, CLOUD, seed=0).states, reference)
-    # Measured 0.042, and 0.004 at most.
-    assert wrong > 3 * max(energy_distance(peer, reference) for peer in peers[:20])
-    # Drift 3.276 m/s: measured 3.306 ± 0.016, the error from the scatter of the starts.
+    # Measured 0.037, and 0.011 at most.
+    assert wrong > 2 * max(energy_distance(peer, reference) for peer in peers[:20])
+    # Drift 3.276 m/s: measured 3.339 ± 0.027, the error from the scatter of the starts.
     mean, scatter = contact.velocities.mean(axis=0), contact.velocities.std(axis=0, ddof=1)
     assert np.all(np.abs(mean - [3.276, 0.0]) < 4 * scatter / np.sqrt(CLOUD.starts))
 
 
-@pytest.mark.slow
 def test_neighbours_part_in_mujoco_as_in_the_equations() -> None:
     """Along the same motion both engines' distances grow alike, interval by interval."""
     scene = rb.load_scene("fig14")
@@ -160,9 +119,6 @@ def test_neighbours_part_in_mujoco_as_in_the_equations() -> None:
     assert np.abs(contact.growth).max() > 1
     # Measured 0.133; λ₁ = 0.116, of which 200 s leave a standard error of 0.02.
     assert 0.0 < contact.mean < 0.25
-
-
-# The measures -------------------------------------------------------------------------------
 
 
 def energy_distance(first: Array, second: Array) -> float:
@@ -184,14 +140,13 @@ def test_rank_probability_is_exact() -> None:
     """Among 9 peers drawn alike every tenth has each rank, whatever the law."""
     random = np.random.default_rng(1)
     ranks = []
-    for _ in range(200):
+    for _ in range(100):
         reference, cloud, *peers = random.normal(size=(11, 20, 2)).cumsum(axis=1)
         ranks.append(round(10 * rank_probability(cloud, peers, reference)))
-    # 200 draws among ten ranks: 20 ± 4.2 each; measured 11 to 31.
     counts = np.bincount(ranks, minlength=11)[1:]
-    assert counts.sum() == 200
-    assert counts.min() > 5
-    assert counts.max() < 36
+    assert counts.sum() == 100
+    assert counts.min() > 1  # measured 5 to 19, of 10 ± 3
+    assert counts.max() < 25
 
 
 def test_distance_to_a_curve_is_from_between_its_points() -> None:

@@ -1,6 +1,5 @@
 """Orders of convergence, and the two references that tell integrator and model apart."""
 
-import csv
 import json
 from dataclasses import replace
 from functools import cache
@@ -8,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import robotball as rb
 from robotball.engines.mujoco.settings import Prescribed
@@ -16,9 +17,8 @@ from tests.validation.examples import example
 from validation.studies import convergence
 from validation.studies.ablation import TOP, without
 from validation.studies.convergence import FIXED, ORDERS, Runs, measure_convergence
-from validation.studies.orders import Order
+from validation.studies.orders import Order, fit_order, stalled_at
 
-BOTH = ("fig12", "classical_regular")
 SOFT = ("softness", "noslip")
 
 # Measured over 1 s on fig12 and classical_regular. What is left of the next power of the step
@@ -50,28 +50,17 @@ def own_order(found: Runs, name: str) -> Order:
     return order
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scene", BOTH)
-@pytest.mark.parametrize("name", ORDERS)
-def test_every_integrator_has_the_order_that_is_claimed(scene: str, name: str) -> None:
-    """Against the contact model's own limit, over all steps of a power law."""
-    order = own_order(study(scene), name)
-    assert abs(order.order - ORDERS[name]) < BOUNDS[name]
-    assert order.points >= 4
-    assert order.stderr < 0.25  # measured 0.159 at most, DOP853's
-
-
-@pytest.mark.parametrize("scene", BOTH)
-def test_the_error_of_an_adaptive_run_follows_its_tolerance(scene: str) -> None:
-    """Nearly in proportion: measured as the powers 0.87 and 0.90."""
-    order = own_order(study(scene), "DOP853")
-    assert 0.8 < order.order < 1.1
-
-
-@pytest.mark.parametrize("scene", BOTH)
-def test_the_recipe_has_one_limit(scene: str) -> None:
-    """Its errors against its own limit and against the equations are the same, to rounding."""
+@pytest.mark.parametrize("scene", ["fig12", "classical_regular"])
+def test_every_integrator_has_the_order_that_is_claimed(scene: str) -> None:
+    """Over all steps of a power law, and the recipe has one limit: its own and the equations'."""
     found = study(scene)
+    for name, claimed in ORDERS.items():
+        order = own_order(found, name)
+        assert abs(order.order - claimed) < BOUNDS[name], name
+        assert order.points >= 4
+        assert order.stderr < 0.25  # measured 0.159 at most, DOP853's
+    # An adaptive run's error is nearly in proportion to its tolerance: powers 0.87 and 0.90.
+    assert 0.8 < own_order(found, "DOP853").order < 1.1
     # Measured 1.8e-13 and 6.5e-13 of the path: rounding, and the equations' own tolerance.
     assert found.limit.model_error < 2e-12
     for trial in found.trials:
@@ -80,7 +69,6 @@ def test_the_recipe_has_one_limit(scene: str) -> None:
         assert abs(trial.own - trial.equations) < 2e-12
 
 
-@pytest.mark.slow
 def test_a_soft_contact_has_a_limit_of_its_own() -> None:
     """Its error against its own limit goes on falling; against the equations it stalls at once."""
     found = study("fig12", *SOFT)
@@ -107,16 +95,15 @@ def test_a_light_armature_is_an_error_of_the_model() -> None:
     assert found.order("RK4", "equations") is None
 
 
-@pytest.mark.parametrize("scene", BOTH)
-def test_a_start_out_of_equilibrium_is_an_error_of_the_integrator(scene: str) -> None:
+def test_a_start_out_of_equilibrium_is_an_error_of_the_integrator() -> None:
     """A ball that starts just touching rolls truly in the limit, but RK4 is of first order there.
 
     The normal force is not smooth at the start.
     """
-    found = study(scene, "start")
-    # Measured 5.6e-7 and 4.7e-7 of the path, of errors up to 5e-2 at finite steps.
+    found = study("fig12", "start")
+    # Measured 5.6e-7 of the path, of errors up to 5e-2 at finite steps.
     assert found.limit.model_error < 2e-6
-    assert own_order(found, "RK4").order == pytest.approx(1, abs=0.1)  # measured 0.984 and 1.000
+    assert own_order(found, "RK4").order == pytest.approx(1, abs=0.1)  # measured 0.984
 
 
 @pytest.mark.parametrize("name", ["Euler", "RK4"])
@@ -136,9 +123,8 @@ def test_richardson_estimates_the_true_error(name: str) -> None:
 
 def test_no_step_is_so_long_that_mujoco_changes_the_contact() -> None:
     """MuJoCo stiffens no contact in silence: steps over half of solref's time are left out."""
-    longest = {undone: study("fig12", *undone).by_name["RK4"][0].step for undone in ((), SOFT)}
-    assert longest[()] == pytest.approx(0.02)  # half of the recipe's 0.04 s
-    assert longest[SOFT] == pytest.approx(0.01)  # half of MuJoCo's own 0.02 s
+    for undone, longest in (((), 0.02), (SOFT, 0.01)):  # of 0.04 s, and of MuJoCo's own 0.02 s
+        assert study("fig12", *undone).by_name["RK4"][0].step == pytest.approx(longest)
 
 
 def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,21 +134,91 @@ def test_a_model_that_always_breaks_off_has_no_limit(monkeypatch: pytest.MonkeyP
         measured("fig12", TOP)
 
 
-@pytest.mark.slow
 def test_the_command_writes_table_picture_and_records(robotball: Robotball, tmp_path: Path) -> None:
-    """`convergence --quick`: orders on the terminal; JSON, CSV and a picture on disk."""
-    arguments = [*example("convergence").split(), "--duration", "0.5"]
-    status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json", "--csv", "a.csv")
+    """`convergence --quick`: orders on the terminal; JSON and a picture on disk."""
+    arguments = [*example("convergence").split(), "--duration", "0.3"]
+    status, printed, _ = robotball(*arguments, "--out", ".", "--json", "a.json")
     assert status == 0
     assert "fig12, accurate - softness - noslip: the own limit is" in printed
     record = json.loads((tmp_path / "a.json").read_text())
     assert set(record["orders"]) == {*ORDERS, "DOP853"}
     assert record["orders"]["RK4"]["own"]["order"]["order"] == pytest.approx(4, abs=0.3)
     assert record["settings"]["name"] == "accurate - softness - noslip"
-    with (tmp_path / "a.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == len(record["runs"])
-    errors = np.array([float(row["own_error"]) for row in rows if row["integrator"] == "Euler"])
+    errors = [each["own_error"] for each in record["runs"] if each["integrator"] == "Euler"]
     assert np.all(np.diff(errors) < 0)
-    picture = tmp_path / "fig12-mujoco-accurate-softness-noslip-convergence-0.5s-quick.png"
-    assert picture.read_bytes()[:4] == b"\x89PNG"
+    picture = "fig12-mujoco-accurate-softness-noslip-convergence-0.3s-quick.png"
+    assert (tmp_path / picture).is_file()
+
+
+STEPS = [0.1 / 2**n for n in range(16)]
+
+
+@settings(max_examples=120, deadline=None)
+@given(
+    order=st.floats(0.9, 8.0),
+    floor=st.floats(1e-15, 1e-6),
+    at_once=st.floats(0.01, 10.0),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_line_stops_at_the_floor(order: float, floor: float, at_once: float, seed: int) -> None:
+    """Errors of any order over any floor: the order is found, from above the floor alone."""
+    h = np.array(STEPS)
+    noise = np.random.default_rng(seed).uniform(0.3, 1.0, len(h))
+    truth = at_once * h**order
+    errors = (truth + floor * noise).tolist()
+    found = fit_order(STEPS, errors)
+    above = int((truth > 30 * floor).sum())
+    if found is None:
+        # Three points make a line, but the floor bends what is just above it.
+        assert above < 4
+        return
+    # Measured at most 6.1 % off over 60 000 draws, 15 % where few points are clear of the floor,
+    # which bends the line at its lower end.
+    assert abs(found.order - order) < (0.08 if above >= 4 else 0.2) * order
+    # Measured 0.51 at least.
+    assert at_once * found.shortest**order > 0.3 * floor
+
+
+@given(order=st.floats(0.9, 8.0), floor=st.floats(1e-12, 1e-6))
+def test_a_known_floor_counts_where_the_errors_do_not_show_it(order: float, floor: float) -> None:
+    """Errors that go on falling below what they are known to are not believed there."""
+    h = np.array(STEPS)
+    errors = 10 * h**order
+    found = fit_order(STEPS, errors.tolist(), floor)
+    if found is not None:
+        assert found.shortest > 0.9 * h[errors > floor].min()
+        assert found.order == pytest.approx(order, rel=1e-9)
+        assert found.stderr < 1e-9
+
+
+def test_too_long_steps_are_left_out() -> None:
+    """Errors that saturate at long steps, and runs that broke off, do not bend the line."""
+    h = np.array(STEPS[:10])
+    errors: list[float | None] = [float(e) for e in np.minimum(1e6 * h**4, 0.3 + h)]
+    found = fit_order([0.4, 0.2, *h], [None, np.inf, *errors])
+    assert found is not None
+    # Measured 3.978: one point a little low is let in.
+    assert found.order == pytest.approx(4, abs=0.04)
+    assert found.longest < 2.1 * h[1e6 * h**4 < 0.3].max()
+
+
+def test_errors_that_do_not_fall_have_no_order() -> None:
+    """A stall from the first step on is told with its level, and no line is drawn through it."""
+    errors = [3e-4 * (1 + 0.01 * n) for n in range(16)]
+    assert fit_order(STEPS, errors) is None
+    assert stalled_at(STEPS, errors) == 3e-4
+    assert stalled_at(STEPS, [h**2 for h in STEPS]) is None
+    assert fit_order([], []) is None
+
+
+def test_the_standard_error_is_that_of_the_slope() -> None:
+    """It is what the textbook's formula, as numpy's polyfit has it, gives on noisy points."""
+    h = np.array(STEPS[:8])
+    errors = h**4 * np.exp(np.random.default_rng(1).normal(0, 0.05, 8))
+    found = fit_order(STEPS[:8], errors.tolist())
+    assert found is not None
+    slope, covariance = np.polyfit(np.log(h), np.log(errors), 1, cov=True)
+    assert found.order == pytest.approx(slope[0])
+    assert found.stderr == pytest.approx(np.sqrt(covariance[0, 0]))
+    # The line passes through the middle of the points.
+    assert found.error_at(h) == pytest.approx(np.exp(np.polyval(slope, np.log(h))))

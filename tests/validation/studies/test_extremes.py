@@ -1,6 +1,5 @@
 """The failure maps: their cells, what becomes of a run, and where limits are measured."""
 
-import csv
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,13 +11,12 @@ import pytest
 
 import robotball as rb
 from robotball import FaultKind
-from robotball.engines.mujoco.settings import ADAPTIVE, INTEGRATORS
+from robotball.engines.mujoco.settings import ADAPTIVE
 from tests.conftest import Robotball
 from validation import compare
 from validation.studies.extreme_maps import (
     MAPS,
     QUICK,
-    TIMESTEPS,
     Cut,
     base,
     cell_run,
@@ -47,18 +45,8 @@ def cell(name: str, integrator: str, x: float, y: float, rolling: str = "rubber"
     return {"map": name, "rolling": rolling, "integrator": integrator, "x": x, "y": y}
 
 
-def test_the_atlas_is_large_enough() -> None:
-    """At least 5000 cells, every integrator in both rolling models; 9402 of them."""
-    cells = [each for chosen in MAPS.values() for each in cells_of(chosen)]
-    assert len(cells) >= 5000
-    assert {(each["integrator"], each["rolling"]) for each in cells} == {
-        (integrator, rolling) for integrator in INTEGRATORS for rolling in ROLLINGS
-    }
-    assert max(each["y"] for each in cells_of(MAPS["duration"])) == 1e5
-
-
 def test_the_quick_atlas_has_every_map() -> None:
-    """Three values of an axis, both ends among them."""
+    """Two or three values of an axis, both ends among them."""
     for chosen in MAPS.values():
         xs = {each["x"] for each in cells_of(chosen, QUICK) if each["integrator"] == "RK4"}
         assert 2 <= len(xs) <= 3
@@ -106,12 +94,10 @@ def test_a_mass_shared_out_anew_is_the_same_mass() -> None:
 def test_a_scaled_ball_moves_alike(rolling: str) -> None:
     """The path goes with the length, whatever the masses: 1e-14 of it, by rounding."""
     scene, times = base(rolling), rb.sample_times(1.0)
-    path = reference(scene, times).contact_point
-    large = reference(scaled(scene, mass=1e7, length=1e5), times).contact_point
-    assert np.abs(large / 1e5 - path).max() < 1e-12
-    assert reference(scaled(scene, mass=1e7, length=1e5), times).loads.sliding_friction.max() == (
-        pytest.approx(reference(scene, times).loads.sliding_friction.max(), rel=1e-12)
-    )
+    small, large = (reference(each, times) for each in (scene, scaled(scene, mass=1e7, length=1e5)))
+    assert np.abs(large.contact_point / 1e5 - small.contact_point).max() < 1e-12
+    frictions = [each.loads.sliding_friction.max() for each in (small, large)]
+    assert frictions[1] == pytest.approx(frictions[0], rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -138,7 +124,6 @@ def test_faults_and_error_decide_the_outcome(
     assert classify([rb.Fault(kind, 1.0) for kind in kinds], error) is outcome
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("where", "outcome"),
     [
@@ -169,14 +154,6 @@ def result(outcome: str, error: float | None, **told: Any) -> Result:
     return Result({}, {"outcome": outcome, "foretold": [], "faults": [], **errors, **told}, None)
 
 
-def test_a_wrong_run_that_nobody_saw_is_missed() -> None:
-    """A warning before it or a fault during it is enough; a small error needs neither."""
-    assert missed(result("WRONG", 0.2))
-    assert not missed(result("WRONG", 0.2, foretold=["rotation"]))
-    assert not missed(result("WRONG", 0.2, faults=["M off"]))
-    assert not missed(result("WRONG", 0.05))
-
-
 def test_the_totals_say_who_told_of_what_was_wrong() -> None:
     """Of seven runs: two sound, one of them warned of, four wrong, each told of in its own way."""
     foretold, faults = {"foretold": ["rotation"]}, {"faults": ["M off"]}
@@ -189,6 +166,7 @@ def test_the_totals_say_who_told_of_what_was_wrong() -> None:
         result("SLIPPED", 5.0),
         Result({}, {"outcome": "REFUSED", "refusal": "no such ball"}, None),
     ]
+    assert list(map(missed, runs)) == [False, False, False, False, False, True, False]
     assert totals(runs) == {
         "runs": 7, "wrong": 4, "reported_by_engine": 1, "foretold": 2, "noticed": 2, "missed": 1,
         "accurate": 2, "alarms": 1,
@@ -205,20 +183,18 @@ def test_a_limit_is_measured_between_the_last_sound_and_the_first_broken_cell() 
     assert (limit.name, limit.kept, limit.broken, limit.cells) == ("limit", 0.9, 1.2, 1)
 
 
-@pytest.mark.parametrize("rolling", ROLLINGS)
-@pytest.mark.parametrize(("gravity", "constant"), [(1e-9, 0.01), (9.81, 0.04), (1e6, 10.0)])
+@pytest.mark.parametrize(
+    ("rolling", "gravity", "constant"),
+    [("rubber", 1e-9, 0.01), ("classical", 9.81, 0.04), ("rubber", 1e6, 10.0)],
+)
 def test_the_margin_carries_the_weight_at_any_depth(
     rolling: str, gravity: float, constant: float
 ) -> None:
     """From 1e-17 to 1e4 radii deep the error is that of the timestep, to four digits."""
-    scene = replace(base(rolling), gravity=gravity)
     enough = max(20.0, 60.0 / gravity)
-    settings = replace(
-        rb.preset("balanced"),
-        solref=(constant, 1.0),
-        sliding_friction=enough,
-        torsional_friction=enough,
-    )
+    frictions: dict[str, Any] = {"sliding_friction": enough, "torsional_friction": enough}
+    settings = replace(rb.preset("balanced"), solref=(constant, 1.0), **frictions)
+    scene = replace(base(rolling), gravity=gravity)
     error = compare(scene, settings, rb.sample_times(2.0)).path_error
     assert error == pytest.approx(7.4804e-10 if rolling == "rubber" else 4.7482e-9, rel=1e-4)
 
@@ -237,7 +213,6 @@ def test_friction_breaks_where_it_is_predicted() -> None:
 def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> None:
     """On the axis, and in the settings of a cell."""
     chosen = MAPS["momentum"]
-    assert chosen.x_of("RK4") is TIMESTEPS
     assert "rtol" in chosen.x_of(ADAPTIVE).label
     assert cell_run(chosen, "rubber", ADAPTIVE, 1e-7, 5.0).settings.rtol == 1e-7
     assert cell_run(chosen, "rubber", "RK4", 1e-3, 5.0).settings.timestep == 1e-3
@@ -248,26 +223,22 @@ def test_the_command_draws_a_map_and_goes_on_where_it_was(
     tmp_path: Path, robotball: Robotball, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A picture, the table of its cells and the summary; the second time nothing is run again."""
-    monkeypatch.setattr("validation.studies.extremes.QUICK", Cut(("Euler", "RK4"), 2))
-    arguments = ["extremes", "friction", "--quick", "--workers", 1, "--out", "."]
+    monkeypatch.setattr("validation.studies.extremes.QUICK", Cut(("RK4",), 2))
+    arguments = ["extremes", "torsion", "--quick", "--workers", 1, "--out", "."]
     for _ in range(2):
         status, printed, _ = robotball(*arguments, "--json", "summary.json")
         assert status == 0
         assert "sliding_friction" in printed
-    assert (tmp_path / "extremes-friction-quick.png").stat().st_size > 10_000
-    rows = list(csv.DictReader((tmp_path / "extremes-friction-quick.csv").open()))
-    assert len(rows) == 16
-    assert {row["failure"] for row in rows} == {""}
-    assert len((tmp_path / "extremes.jsonl").read_text().splitlines()) == 17
+    assert all((tmp_path / f"extremes-torsion-quick.{end}").is_file() for end in ("png", "csv"))
+    assert len((tmp_path / "extremes.jsonl").read_text().splitlines()) == 5
     records = json.loads((tmp_path / "summary.json").read_text())["summary"]
-    assert sum(sum(each["outcomes"].values()) for each in records) == 16
-    assert all(each["missed"] == 0 for each in records)
+    assert sum(sum(each["outcomes"].values()) for each in records) == 4
+    assert all(each["missed"] == each["outcomes"]["FAILED"] == 0 for each in records)
 
 
-@pytest.mark.slow
 def test_every_random_run_can_be_made() -> None:
-    """All that `extremes --random 500` takes: a ball whose parts are scaled is a ball still."""
-    for number in range(500):
+    """A ball whose parts are scaled is a ball still: the first of `extremes --random`."""
+    for number in range(120):
         for run in (extreme(0, number), ordinary(0, number)):
             assert run.scene.not_reduced is None
             assert len(run.times) == 101

@@ -1,4 +1,4 @@
-"""Motion from rest, section 4: the fixed points of (4.1), their types, and the circle of them."""
+"""Motion from rest, section 4: the fixed points of (4.1) and their circle, cycles, manifolds."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -30,7 +30,7 @@ from robotball.qualitative.equilibria import (
     rate_scale,
     tangents,
 )
-from robotball.qualitative.portraits import spread_points
+from robotball.qualitative.portraits import limit_cycles, separatrices, spread_points
 from robotball.rotations import rotation_matrix
 from robotball.scene import Start
 from tests.figures import CLASSICAL, ball, from_rest
@@ -149,16 +149,10 @@ def test_the_refused_curve_rests_and_almost_equal_moments_are_told_apart() -> No
 # Their types and names ---------------------------------------------------------------------
 
 TYPES = {
-    "Γ₅": "slow stable focus",
-    "Γ₆": "slow stable focus",
-    "δ₁": "unstable node",
-    "δ₂": "unstable node",
-    "δ₃": "saddle",
-    "δ₄": "saddle",
-    "θ₁": "saddle",
-    "θ₂": "saddle",
-    "θ₃": "stable focus",
-    "θ₄": "stable focus",
+    "slow stable focus": "Γ₅ Γ₆",
+    "unstable node": "δ₁ δ₂",
+    "saddle": "δ₃ δ₄ θ₁ θ₂",
+    "stable focus": "θ₃ θ₄",
 }
 
 
@@ -166,7 +160,9 @@ def test_fig6s_points_have_the_papers_names_and_types() -> None:
     """All ten as section 4.2 lists them; a pair is a point and its opposite."""
     some = from_rest(0.3)
     found = {name_of(some, point.gamma): point for point in fixed_points(some)}
-    assert {name: point.kind for name, point in found.items()} == TYPES
+    assert len(found) == 10
+    for kind, names in TYPES.items():
+        assert {found[name].kind for name in names.split()} == {kind}
     for first, second in (("δ₁", "δ₂"), ("δ₃", "δ₄"), ("θ₁", "θ₂"), ("θ₃", "θ₄"), ("Γ₅", "Γ₆")):
         assert found[first].gamma == pytest.approx(-found[second].gamma, abs=1e-14)
 
@@ -240,13 +236,13 @@ def test_at_rest_in_the_frame_the_contact_point_runs_on_a_circle(name: str) -> N
     times = np.linspace(0.0, 2.0, 21)
     motion = integrate(replace(scene, start=start), times)
     axes = rotation_matrix(start.attitude)
-    v = axes[:2] @ scene.principal_axes @ np.cross(gamma, scene.parameters.Omega)
-    heading, turned = np.arctan2(v[1], v[0]), path.turning * times
+    v = (axes[:2] @ scene.principal_axes @ np.cross(gamma, scene.parameters.Omega)) @ [1, 1j]
+    assert path.speed == pytest.approx(abs(v))
+    assert path.radius == pytest.approx(abs(v / path.turning))
     # v turned by s t, integrated: a circle through the start with its centre to the left.
-    x = path.radius * np.sign(path.turning) * (np.sin(heading + turned) - np.sin(heading))
-    y = path.radius * np.sign(path.turning) * (np.cos(heading) - np.cos(heading + turned))
-    moved = motion.contact_point - motion.contact_point[0]
-    assert np.abs(moved - np.stack([x, y], axis=1)).max() < 1e-11
+    expected = v * (np.exp(1j * path.turning * times) - 1) / (1j * path.turning)
+    moved = (motion.contact_point - motion.contact_point[0]) @ [1, 1j]
+    assert np.abs(moved - expected).max() < 1e-11
 
 
 def test_without_turning_the_contact_point_runs_straight() -> None:
@@ -323,3 +319,38 @@ def test_a_circle_is_found_in_spite_of_rounding_and_nowhere_else() -> None:
         assert len(fixed_points(replace(scene, K=K))) == 6
     for some in (replace(scene, K=(0.0, 0.0, 1e-9)), ball(A, NOTHING, NOTHING), CLASSICAL):
         assert fixed_circle(some) is None
+
+
+# Limit cycles and manifolds ----------------------------------------------------------------
+
+
+def test_a_cycles_multiplier_is_how_its_neighbours_part() -> None:
+    """Fig. 8: a neighbour 1e-6 away is 2.28 times as far off after a period, to 1e-4."""
+    some = from_rest(3.0)
+    (cycle,) = limit_cycles(some)
+    rate = np.array(flow(some, as_vector(cycle.gamma)))
+    across = np.cross(cycle.gamma, rate / np.linalg.norm(rate))
+    ends, times = [], np.array([0.0, cycle.period])
+    for gamma in (cycle.gamma, cycle.gamma + 1e-6 * across):
+        attitude = attitude_at(gamma / np.linalg.norm(gamma))
+        ends.append(rotation_matrix(orbit(some, attitude, np.zeros(3), times)[0])[-1, 2])
+    assert np.abs(ends[0] - cycle.gamma).max() < 1e-10
+    assert (ends[1] - ends[0]) @ across / 1e-6 == pytest.approx(cycle.multipliers[0].real, rel=1e-4)
+
+
+def test_every_saddle_has_four_manifolds_along_the_flow() -> None:
+    """They leave the saddle by 1e-4, and dγ/dt is along them, or against them where stable."""
+    ball = from_rest(0.3)
+    points = fixed_points(ball)
+    found = separatrices(ball, points, 100.0)
+    assert len(found) == 4 * sum(point.kind == "saddle" for point in points)
+    for each in found:
+        assert np.linalg.norm(each.path[0] - each.saddle.gamma) < 1.1e-4
+        middle = len(each.path) // 2
+        step = each.path[middle + 1] - each.path[middle - 1]
+        rate = np.array(flow(ball, tuple(each.path[middle])))
+        if np.linalg.norm(rate) > 1e-3:
+            along = step @ rate / np.linalg.norm(step) / np.linalg.norm(rate)
+            assert along * (-1 if each.stable else 1) > 0.99
+    # Fig. 8's ball has no saddle.
+    assert separatrices(from_rest(3.0), fixed_points(from_rest(3.0)), 10.0) == []

@@ -13,7 +13,6 @@ from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, motion, near_sigma_plus
 from validation.paper.formulas import Numbers
 from validation.paper.point_masses import moments
-from validation.paper.section_4 import FIG5
 
 
 @pytest.mark.parametrize("rolling", ["rubber", "classical"])
@@ -77,21 +76,6 @@ def test_forces_on_the_points_are_the_rates_of_their_momenta() -> None:
         # The momentum p is along v, so that moving on at v does not change G about the centre.
         slopes = (ends[1] - ends[0]) / (2 * h) + np.cross(omega, [p, G])
         assert ball.rates(v, omega, v_rate, omega_rate) == pytest.approx(slopes.ravel(), abs=1e-7)
-
-
-def test_a_search_finds_all_zeros_on_the_sphere() -> None:
-    """γ×Aγ has the six axes; and (Ω,γ) = 0 adds no isolated one."""
-    euler = f.zeros(lambda gamma: f.cross(gamma, FIG5.A @ gamma), 50)
-    assert len(euler) == 6
-    assert np.abs(np.abs(euler).max(axis=1) - 1).max() < 1e-12
-
-
-def test_returns_are_where_a_motion_comes_back() -> None:
-    """x' = -y, y' = x from (1, 0) passes y = 0 upwards after 2π, at (1, 0) again."""
-    start, upwards = np.array([1.0, 0.0]), np.array([0.0, 1.0])
-    passed = f.returns(lambda x: np.array([-x[1], x[0]]), start, upwards, 13.0, rtol=1e-11)
-    assert len(passed) == 2
-    assert np.abs(passed - start).max() < 1e-9
 
 
 # Fig. 10's level below 2.08 has a scene too.

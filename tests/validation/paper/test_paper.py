@@ -28,7 +28,6 @@ from validation.paper.claim import (
     show_findings,
     verdict_on,
 )
-from validation.paper.section_5_3 import ensemble, six
 
 finding = cache(examine)
 
@@ -60,13 +59,6 @@ def test_a_claim_of_the_paper_holds_and_fails_with_one_thing_changed(claim: Clai
     twisted = finding(claim, claim.control)
     assert twisted.verdict == "does not reproduce", twisted.evidence
     assert not isinstance(twisted.evidence, str), "it fails by a number, not by giving up"
-
-
-@pytest.mark.slow
-def test_six_exponents_add_up_to_the_divergence() -> None:
-    """Those of Fig. 14 over 6000 s: the sum is that of λ₁ and λ₆ of 16 long runs, ± 0.01 1/s."""
-    assert six().sum() == pytest.approx(sum(ensemble().mean), abs=0.01)
-    assert list(six()) == sorted(six(), reverse=True)
 
 
 def test_no_erratum_and_no_place_of_the_paper_is_left_out() -> None:

@@ -181,8 +181,8 @@ def test_eigenvalues_are_those_of_the_flow() -> None:
     some, h = from_rest(0.3), 1e-6
     for gamma in (GAMMA, np.array([0.0, 0.0, 1.0])):
         basis = tangents(gamma)
-        ends = [[flow(some, as_vector(gamma + s * e)) for e in basis] for s in (h, -h)]
-        differences = basis @ np.subtract(*ends).T / (2 * h)
+        ends = np.array([[flow(some, as_vector(gamma + s * e)) for e in basis] for s in (h, -h)])
+        differences = basis @ (ends[0] - ends[1]).T / (2 * h)
         assert np.abs(jacobian(some, gamma) - differences).max() < 1e-8
 
 

@@ -243,12 +243,9 @@ def test_at_rest_in_the_frame_the_contact_point_runs_on_a_circle(name: str) -> N
     expected = v * (np.exp(1j * path.turning * times) - 1) / (1j * path.turning)
     moved = (motion.contact_point - motion.contact_point[0]) @ [1, 1j]
     assert np.abs(moved - expected).max() < 1e-11
-
-
-def test_without_turning_the_contact_point_runs_straight() -> None:
-    path = contact_path(ball(A, (0.0, 2.0, 0.0), NOTHING), np.array([1.0, 0.0, 0.0]))
-    assert path == ContactPath(2.0, 0.0)
-    assert path.radius == np.inf
+    straight = contact_path(ball(A, (0.0, 2.0, 0.0), NOTHING), np.array([1.0, 0.0, 0.0]))
+    assert straight == ContactPath(2.0, 0.0)
+    assert straight.radius == np.inf
 
 
 # The circle of them, K = 0 -----------------------------------------------------------------

@@ -16,7 +16,8 @@ from robotball.qualitative.straight_motions import stability_limit
 from robotball.qualitative.tori import invariant_curve
 from robotball.rotations import rotation_matrix
 from tests.figures import from_rest
-from validation.figures import View, attractor_sections, lines, rest
+from validation.figures import View, lines, rest
+from validation.figures import attractor_sections as tori
 from validation.figures.lines import LINE_K, growth_rate, line_verticals
 from validation.figures.paper_figures import FIGURES
 from validation.figures.rest import closed_contour
@@ -31,7 +32,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     changed: dict[Any, dict[str, Any]] = {
         lines: {"FINENESS": 20, "SHOWN": 20.0, "LONG": 30.0},
         rest: {"DURATION": 10.0},
-        attractor_sections: {"LEVELS": (0.2, 0.5, 0.6), "FOLLOWED": 210.0},
+        tori: {"LEVELS": (0.2, 0.5, 0.6), "FOLLOWED": 210.0},
     }
     for name, changes in {
         "REGULAR": {"starts": 8, "count": 320},
@@ -41,8 +42,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         "CHAOS": {"starts": 4, "count": 400},
         "CHAOS_BY_CONTACT": {"starts": 4, "count": 40},
     }.items():
-        recipe = replace(getattr(attractor_sections, name), **changes)
-        changed[attractor_sections][name] = recipe
+        changed[tori][name] = replace(getattr(tori, name), **changes)
     for module, values in changed.items():
         for name, value in values.items():
             monkeypatch.setattr(module, name, value)
@@ -103,21 +103,17 @@ def test_both_chaplygin_balls_cross_on_the_same_curve() -> None:
     of unit vectors, the chords that stand for the curve. They go round at different rates.
     """
     names = ("rubber_chaplygin_ball", "chaplygin_ball_same_tori")
-    rubber, classical = (attractor_sections.started(paper_scene(name), 0.5) for name in names)
-    by_equations, by_engine = (
-        attractor_sections.points_of(find(rubber))
-        for find in (attractor_sections.crossings_of, attractor_sections.engine_crossings_of)
-    )
-    curve = invariant_curve(
-        attractor_sections.points_of(attractor_sections.crossings_of(classical))
-    )
+    rubber, classical = (tori.started(paper_scene(name), 0.5) for name in names)
+    by_equations = tori.points_of(tori.crossings_of(rubber))
+    by_engine = tori.points_of(tori.engine_crossings_of(rubber))
+    curve = invariant_curve(tori.points_of(tori.crossings_of(classical)))
     assert invariant_curve(by_equations).rotation == pytest.approx(0.08697, abs=1e-5)
     assert curve.rotation == pytest.approx(0.14492, abs=1e-5)
-    assert attractor_sections.apart(by_equations, curve) < 1e-6
-    assert attractor_sections.apart(by_engine, curve) < 1e-6
+    assert tori.apart(by_equations, curve) < 1e-6
+    assert tori.apart(by_engine, curve) < 1e-6
     # A control: another start is on another torus.
-    other = attractor_sections.crossings_of(attractor_sections.started(rubber, 0.4))
-    assert attractor_sections.apart(attractor_sections.points_of(other), curve) > 0.1  # 0.23
+    other = tori.points_of(tori.crossings_of(tori.started(rubber, 0.4)))
+    assert tori.apart(other, curve) > 0.1  # measured 0.23
 
 
 # The sphere of γ and bodies in space -------------------------------------------------------

@@ -45,22 +45,6 @@ def test_the_two_typings_of_the_equations_agree(rolling: Rolling) -> None:
         assert f.acceleration(n, omega, state.gamma, spin) == pytest.approx(rate, abs=2e-13)
 
 
-def test_a_point_mass_ball_is_a_shell_a_frame_and_rotors() -> None:
-    """Balanced, its shell and rotors dynamically symmetric, and of the stated mass; to rounding."""
-    for moment in moments(2, count=5):
-        ball = moment.ball
-        centre = sum(each.masses @ (each.centre + each.points) for each in ball.bodies)
-        assert np.linalg.norm(centre) < 1e-15
-        for each in (ball.shell, *ball.rotors):
-            inertia = sum(
-                m * (r @ r * np.eye(3) - np.outer(r, r))
-                for m, r in zip(each.masses, each.points, strict=True)
-            )
-            for axis in (each.axis, f.across(each.axis)[0]):
-                assert inertia @ axis == pytest.approx(each.moment(axis) * axis)
-        assert ball.numbers.d == pytest.approx(ball.mass * ball.a**2)
-
-
 def test_forces_on_the_points_are_the_rates_of_their_momenta() -> None:
     """Σ m du/dt and Σ r×m du/dt are the rates of the momenta in space, by differences: 1e-7."""
     h = 1e-5

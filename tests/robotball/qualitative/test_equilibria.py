@@ -1,92 +1,204 @@
-"""Motion from rest, section 4: fixed points, their types, limit cycles."""
+"""Motion from rest, section 4: the fixed points of (4.1) and their circle, cycles, manifolds."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from scipy.optimize import root
 
 from robotball import integrate, load_scene
-from robotball.engines.ensembles.orbits import orbit
+from robotball.engines.ensembles.orbits import orbit, orbits
 from robotball.equations import Parameters, Vector, as_vector
 from robotball.errors import InputError
-from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import (
     ContactPath,
-    FixedPoint,
+    FixedCircle,
     attitude_at,
+    closed_form_points,
     contact_path,
     first_lyapunov_value,
+    fixed_circle,
     fixed_point_at,
     fixed_points,
     flow,
+    index_sum,
     jacobian,
+    name_of,
     proposition_2,
     rate_scale,
     tangents,
 )
-from robotball.qualitative.portraits import limit_cycles, reversed_in_time, spread_points
-from robotball.rotations import Array, rotation_matrix
+from robotball.qualitative.portraits import limit_cycles, separatrices, spread_points
+from robotball.rotations import rotation_matrix
 from robotball.scene import Start
 from tests.figures import CLASSICAL, ball, from_rest
+from validation.paper import formulas as f
+
+A: Vector = (0.5, 0.4, 0.3)
+OMEGA: Vector = (4.0, 2.0, 1.0)
+NOTHING: Vector = (0.0, 0.0, 0.0)
+GAMMA = np.array([0.6, 0.48, 0.64])
 
 
-def kinds(points: list[FixedPoint]) -> Counter[str]:
-    return Counter(point.kind for point in points)
+# All of them -------------------------------------------------------------------------------
 
 
-def followed(some: Parameters, gamma: Array, times: Array) -> Array:
-    """γ (m, 3) at the times, from the direction of γ (3,)."""
-    attitude = attitude_at(gamma / np.linalg.norm(gamma))
-    return rotation_matrix(orbit(some, attitude, np.zeros(3), times)[0])[:, 2]
+def random_ball(rng: np.random.Generator, K: Vector) -> Parameters:
+    return ball(as_vector(rng.uniform(0.2, 1.0, 3)), as_vector(rng.uniform(-4, 4, 3)), K, d=0.01)
 
 
-@pytest.mark.slow
 def test_no_fixed_point_is_missed() -> None:
-    """Of 40 random balls: every list passes the check by indices, and no solver finds more.
+    """Newton's method from 60 points of the sphere finds no point that is not in the list.
 
-    The solver starts from 100 points of the sphere; zeros of the list are zeros to 1e-13.
+    It solves the paper's formulas as they are typed a second time. Of 12 random balls.
     """
     rng = np.random.default_rng(4)
     numbers = set()
-    for _ in range(40):
-        A, Omega, K = rng.uniform(0.2, 1.0, 3), rng.normal(size=3), 0.3 * rng.normal(size=3)
-        some = ball(as_vector(A), as_vector(Omega), as_vector(K), d=0.01)
+    for _ in range(12):
+        some = random_ball(rng, as_vector(0.3 * rng.normal(size=3)))
         known = np.array([point.gamma for point in fixed_points(some)])
         numbers.add(len(known))
         assert max(np.abs(flow(some, as_vector(g))).max() for g in known) < 1e-13 * rate_scale(some)
-        for start in spread_points(100):
-            gamma = solved_from(some, start)
-            if gamma is not None:
-                assert np.linalg.norm(known - gamma, axis=1).min() < 1e-6
+        for gamma in f.zeros(f.from_rest(f.numbers(some)), 60):
+            assert np.linalg.norm(known - gamma, axis=1).min() < 1e-6
     assert numbers == {2, 6, 10}
 
 
-def solved_from(some: Parameters, start: Array) -> Array | None:
-    """The fixed point (3,) that scipy's solver finds from γ (3,), if it does."""
-    basis = tangents(start)
+def test_the_search_finds_the_points_of_the_closed_form() -> None:
+    """Section 4.1's formulas and the resultant agree on Figs 6 to 8 and on 30 random balls.
 
-    def rate(x: Array) -> Array:
-        return basis @ np.array(flow(some, as_vector(start + x @ basis)))
+    Measured 2.5e-15 of 200 balls: the rounding of a rate over the smaller eigenvalue, which falls
+    to 0 where points vanish.
+    """
+    rng = np.random.default_rng(6)
+    balls = [from_rest(K3) for K3 in (0.3, 0.52, 3.0)]
+    balls += [random_ball(rng, (0.0, 0.0, rng.uniform(-2, 2))) for _ in range(30)]
+    numbers = []
+    for some in balls:
+        searched = np.array([point.gamma for point in fixed_points(some)])
+        formula = np.array(list(closed_form_points(some).values()))
+        apart = np.linalg.norm(searched[:, None] - formula, axis=2)
+        assert len(searched) == len(formula)
+        assert max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-11
+        numbers.append(len(searched))
+    assert numbers[:3] == [10, 6, 2]
+    assert set(numbers[3:]) == {2, 6, 10}
 
-    gamma = start + root(rate, np.zeros(2), tol=1e-13).x @ basis
-    gamma /= np.linalg.norm(gamma)
-    return gamma if np.abs(flow(some, as_vector(gamma))).max() < 1e-11 * rate_scale(some) else None
+
+@pytest.mark.parametrize(
+    ("moments", "Omega", "K"),
+    [
+        ((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, 0.1)),
+        ((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, -1.34)),
+        ((0.5, 0.3, 0.5), (0.3, 0.0, 1.0), (0.0, 2.0, 0.0)),
+        ((0.5, 0.5, 0.5), (0.1, 0.2, 1.0), (0.3, -0.2, 0.1)),
+        ((0.5, 0.4, 0.25), (-0.5, 0.8, -0.5), (1.0, -2.0, 2.0)),
+    ],
+)
+def test_a_curve_of_complex_fixed_points_is_no_curve(
+    moments: Vector, Omega: Vector, K: Vector
+) -> None:
+    """Two equal moments, a uniform ball and Ω = -AK: ±AK alone rest, found to 1e-13.
+
+    The resultant is singular, so that its eigenvalues are rounding.
+    """
+    points = fixed_points(ball(moments, Omega, K))
+    assert Counter(point.kind for point in points) == {"centre": 2}
+    along = np.multiply(moments, K) / np.linalg.norm(np.multiply(moments, K))
+    assert np.abs(np.abs([point.gamma @ along for point in points]) - 1).max() < 1e-13
+
+
+def symmetric(K3: float, first: float = 0.5) -> Parameters:
+    """A ball that rests at γ₃² = a₁a₃K₃/((a₃ - a₁)Ω₃), a circle, for K₃ from -4/3 to 0."""
+    return ball((first, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, K3))
+
+
+@pytest.mark.parametrize(
+    ("find", "some", "words"),
+    [
+        (fixed_points, CLASSICAL, "rubber"),
+        (fixed_points, ball(A, NOTHING, NOTHING), "rests at every"),
+        (fixed_points, ball((0.5, 0.5, 0.3), OMEGA, NOTHING), "three different moments"),
+        (fixed_points, symmetric(-1.33), "fill a curve"),
+        (fixed_points, symmetric(-0.01), "fill a curve"),
+        (fixed_points, symmetric(-0.1, 0.5 + 1e-12), "fill a curve"),
+        (closed_form_points, CLASSICAL, "rubber ball with K"),
+        (closed_form_points, replace(from_rest(0.3), K=(0.1, 0.0, 0.3)), "rubber ball with K"),
+        (closed_form_points, ball((0.5, 0.5, 0.3), OMEGA, (0.0, 0.0, 0.3)), "three different"),
+        (closed_form_points, ball(A, (4.0, 0.0, 0.0), (0.0, 0.0, 0.3)), "not zero"),
+        (partial(contact_path, gamma=GAMMA), from_rest(0.3), "only where gamma is a fixed point"),
+        (partial(contact_path, gamma=GAMMA), CLASSICAL, "rubber"),
+    ],
+)
+def test_what_has_no_isolated_points_or_no_formula_is_refused(
+    find: Callable[[Parameters], object], some: Parameters, words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        find(some)
+
+
+def test_the_refused_curve_rests_and_almost_equal_moments_are_told_apart() -> None:
+    """The flow is 0 on the circle of `symmetric`; 1e-6 from equal there are ten points."""
+    third = np.sqrt(0.75 * 0.7)
+    assert np.abs(flow(symmetric(-0.7), (np.sqrt(1 - third**2), 0.0, third))).max() < 1e-15
+    assert len(fixed_points(symmetric(-0.1, 0.5 + 1e-6))) == 10
+
+
+# Their types and names ---------------------------------------------------------------------
+
+TYPES = {
+    "slow stable focus": "Γ₅ Γ₆",
+    "unstable node": "δ₁ δ₂",
+    "saddle": "δ₃ δ₄ θ₁ θ₂",
+    "stable focus": "θ₃ θ₄",
+}
+
+
+def test_fig6s_points_have_the_papers_names_and_types() -> None:
+    """All ten as section 4.2 lists them; a pair is a point and its opposite."""
+    some = from_rest(0.3)
+    found = {name_of(some, point.gamma): point for point in fixed_points(some)}
+    assert len(found) == 10
+    for kind, names in TYPES.items():
+        assert {found[name].kind for name in names.split()} == {kind}
+    for first, second in (("δ₁", "δ₂"), ("δ₃", "δ₄"), ("θ₁", "θ₂"), ("θ₃", "θ₄"), ("Γ₅", "Γ₆")):
+        assert found[first].gamma == pytest.approx(-found[second].gamma, abs=1e-14)
+
+
+def test_points_that_the_paper_does_not_name_have_no_name() -> None:
+    """K = 0 has the names of (4.4) but for those on the circle; K off the axes has none."""
+    assert "".join(closed_form_points(from_rest(0.0))) == "Γ₁Γ₂Γ₃Γ₄Γ₅Γ₆"
+    assert "".join(closed_form_points(ball(A, (4.0, 2.0, 0.0), NOTHING))) == "Γ₁Γ₂Γ₃Γ₄"
+    assert name_of(from_rest(0.0), np.array([0.0, -1.0, 0.0])) == "Γ₄"
+    assert name_of(from_rest(0.3), GAMMA) == ""
+    assert name_of(replace(from_rest(0.3), K=(0.1, 0.0, 0.3)), np.array([0.0, 0.0, 1.0])) == ""
 
 
 def test_eigenvalues_are_those_of_the_flow() -> None:
     """The Jacobian by dual numbers is the one by differences, 1e-9."""
-    some = from_rest(0.3)
-    for point in fixed_points(some):
-        basis, h = tangents(point.gamma), 1e-6
-        columns = [
-            np.array(flow(some, as_vector(point.gamma + h * e)))
-            - np.array(flow(some, as_vector(point.gamma - h * e)))
-            for e in basis
-        ]
-        differences = basis @ np.array(columns).T / (2 * h)
-        assert np.abs(jacobian(some, point.gamma) - differences).max() < 1e-8
+    some, h = from_rest(0.3), 1e-6
+    for gamma in (GAMMA, np.array([0.0, 0.0, 1.0])):
+        basis = tangents(gamma)
+        ends = np.array([[flow(some, as_vector(gamma + s * e)) for e in basis] for s in (h, -h)])
+        differences = basis @ (ends[0] - ends[1]).T / (2 * h)
+        assert np.abs(jacobian(some, gamma) - differences).max() < 1e-8
+
+
+def test_the_axis_of_k_is_a_saddle_or_a_weak_focus_by_proposition_2() -> None:
+    """Of 60 random balls, by A₁A₂ and by B/A₁: the eigenvalues and the value of third order."""
+    rng, found = np.random.default_rng(12), Counter[str]()
+    for _ in range(60):
+        some = random_ball(rng, (0.0, 0.0, rng.normal()))
+        A1, A2, B = proposition_2(some)
+        focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"
+        for side in (1.0, -1.0):
+            kind = fixed_point_at(some, np.array([0.0, 0.0, side])).kind
+            assert kind == ("saddle" if A1 * A2 < 0 else focus)
+            found[kind] += 1
+    assert len(found) == 3
+    assert min(found.values()) > 10
 
 
 def test_a_slow_focus_attracts_as_its_first_lyapunov_value_says() -> None:
@@ -103,146 +215,139 @@ def test_a_slow_focus_attracts_as_its_first_lyapunov_value_says() -> None:
     axes = np.stack([v.imag, v.real], axis=1)
     start = gamma + tangents(gamma).T @ (axes @ [0.02, 0.0])
     times = np.linspace(0.0, 500 * 2 * np.pi / nu, 501)
-    path = followed(some, start, times)
+    attitudes, _ = orbit(some, attitude_at(start / np.linalg.norm(start)), np.zeros(3), times)
+    path = rotation_matrix(attitudes)[:, 2]
     r = np.linalg.norm(np.linalg.solve(axes, tangents(gamma) @ (path / path[:, 2:]).T), axis=0)
     law = 0.02 / np.sqrt(1 - 2 * value * 0.02**2 * times)
     assert r[-1] < 0.95 * r[0]
     assert np.abs(r / law - 1).max() < 0.005
 
 
-def test_the_axis_of_k_is_a_saddle_or_a_weak_focus_by_proposition_2() -> None:
-    """Of 200 random balls, by A₁A₂ and by B/A₁: the eigenvalues and the value of third order."""
-    rng, found = np.random.default_rng(12), Counter[str]()
-    for _ in range(200):
-        A, Omega, K3 = rng.uniform(0.2, 1.0, 3), rng.normal(size=3), rng.normal()
-        some = ball(as_vector(A), as_vector(Omega), (0.0, 0.0, K3), d=0.01)
-        A1, A2, B = proposition_2(some)
-        focus = "slow stable focus" if B / A1 < 0 else "slow unstable focus"
-        for side in (1.0, -1.0):
-            kind = fixed_point_at(some, np.array([0.0, 0.0, side])).kind
-            assert kind == ("saddle" if A1 * A2 < 0 else focus)
-            found[kind] += 1
-    assert len(found) == 3
-    assert min(found.values()) > 40
-
-
-@pytest.mark.parametrize("index", range(10))
-def test_at_rest_in_the_frame_the_contact_point_runs_on_a_circle(index: int) -> None:
-    """Fig. 6, all ten fixed points, 2 s from the start: radius, turning, direction.
+@pytest.mark.parametrize("name", ["θ₃", "δ₂"])
+def test_at_rest_in_the_frame_the_contact_point_runs_on_a_circle(name: str) -> None:
+    """Radius, turning and direction are those of Fig. 6's motion over 2 s.
 
     The integrator's error, in metres of 9 m: measured 4.3e-13.
     """
     scene = load_scene("fig06")
-    gamma = fixed_points(scene.parameters)[index].gamma
+    gamma = closed_form_points(scene.parameters)[name]
     path = contact_path(scene.parameters, gamma)
     start = Start(attitude_at(scene.principal_axes @ gamma), np.zeros(3))
     times = np.linspace(0.0, 2.0, 21)
     motion = integrate(replace(scene, start=start), times)
     axes = rotation_matrix(start.attitude)
-    v = axes[:2] @ scene.principal_axes @ np.cross(gamma, scene.parameters.Omega)
-    heading, turned = np.arctan2(v[1], v[0]), path.turning * times
+    v = (axes[:2] @ scene.principal_axes @ np.cross(gamma, scene.parameters.Omega)) @ [1, 1j]
+    assert path.speed == pytest.approx(abs(v))
+    assert path.radius == pytest.approx(abs(v / path.turning))
     # v turned by s t, integrated: a circle through the start with its centre to the left.
-    x = path.radius * np.sign(path.turning) * (np.sin(heading + turned) - np.sin(heading))
-    y = path.radius * np.sign(path.turning) * (np.cos(heading) - np.cos(heading + turned))
-    moved = motion.contact_point - motion.contact_point[0]
-    assert np.abs(moved - np.stack([x, y], axis=1)).max() < 1e-11
+    expected = v * (np.exp(1j * path.turning * times) - 1) / (1j * path.turning)
+    moved = (motion.contact_point - motion.contact_point[0]) @ [1, 1j]
+    assert np.abs(moved - expected).max() < 1e-11
+    straight = contact_path(ball(A, (0.0, 2.0, 0.0), NOTHING), np.array([1.0, 0.0, 0.0]))
+    assert straight == ContactPath(2.0, 0.0)
+    assert straight.radius == np.inf
 
 
-def test_a_circle_is_asked_for_at_a_fixed_point() -> None:
-    """Elsewhere, and for a classical ball, it is refused; without turning the path is a line."""
-    gamma = np.array([0.6, 0.48, 0.64])
-    with pytest.raises(InputError, match="only where gamma is a fixed point"):
-        contact_path(from_rest(0.3), gamma)
-    with pytest.raises(InputError, match="rubber"):
-        contact_path(CLASSICAL, gamma)
-    sideways = ball((0.5, 0.4, 0.3), (0.0, 2.0, 0.0), (0.0, 0.0, 0.0))
-    assert contact_path(sideways, np.array([1.0, 0.0, 0.0])) == ContactPath(2.0, 0.0)
-    assert contact_path(sideways, np.array([1.0, 0.0, 0.0])).radius == np.inf
+# The circle of them, K = 0 -----------------------------------------------------------------
 
 
-def test_degenerate_flows_are_refused() -> None:
-    """A classical ball, a ball that nothing drives, and a whole circle of fixed points."""
-    with pytest.raises(InputError, match="rubber"):
-        fixed_points(CLASSICAL)
-    with pytest.raises(InputError, match="rests at every"):
-        fixed_points(ball((0.5, 0.4, 0.3), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-    with pytest.raises(InputError, match="three different moments"):
-        fixed_points(ball((0.5, 0.5, 0.5), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)))
-    # Within 1e-9 of a moment, far from rounding.
-    for first in (0.5, 0.5 + 1e-12):
-        with pytest.raises(InputError, match="fill a curve"):
-            fixed_points(ball((first, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, -0.1)))
-    assert len(fixed_points(ball((0.5 + 1e-6, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, -0.1)))) == 10
+def circle_of(some: Parameters) -> FixedCircle:
+    circle = fixed_circle(some)
+    assert circle is not None
+    return circle
 
 
 @pytest.mark.parametrize(
-    ("A", "Omega", "K"),
+    ("Omega", "kinds", "circle"),
     [
-        ((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, 0.1)),
-        ((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, -1.34)),
-        ((0.5, 0.3, 0.5), (0.3, 0.0, 1.0), (0.0, 2.0, 0.0)),
-        ((0.5, 0.5, 0.5), (0.1, 0.2, 1.0), (0.3, -0.2, 0.1)),
-        ((0.5, 0.4, 0.25), (-0.5, 0.8, -0.5), (1.0, -2.0, 2.0)),
+        (OMEGA, {"centre": 4, "saddle": 2}, 0),
+        ((4.0, 2.0, 0.01), {"centre": 4, "saddle": 2}, 0),
+        ((4.0, 2.0, 0.0), {"centre": 2, "saddle": 2}, 2),  # Γ₅ and Γ₆ lie on the circle
+        ((4.0, 0.0, 1.0), {"centre": 4}, -2),  # Γ₃ and Γ₄ do
+        ((0.0, 0.0, 2.0), {"centre": 2}, 0),
     ],
 )
-def test_a_curve_of_complex_fixed_points_is_no_curve(A: Vector, Omega: Vector, K: Vector) -> None:
-    """Two equal moments, a uniform ball and Ω = -AK: ±AK alone rest, found to 1e-13.
+def test_points_and_circle_have_indices_that_add_up_to_2(
+    Omega: Vector, kinds: dict[str, int], circle: int
+) -> None:
+    """The circle's own is counted by how the flow turns beside it, and is not what is missing."""
+    some = ball(A, Omega, NOTHING)
+    points = fixed_points(some)
+    assert Counter(point.kind for point in points) == kinds
+    assert circle_of(some).index == circle
+    assert index_sum(points) + circle == 2
 
-    The resultant is singular, so that its eigenvalues are rounding.
+
+def test_every_point_of_the_circle_rests_and_attracts_at_its_rate() -> None:
+    """Measured 1.4e-17 of the rates, and 5.6e-16 1/s of the eigenvalues: rounding of both.
+
+    Beside the circle, a control, the flow is not zero.
     """
-    points = fixed_points(ball(A, Omega, K))
-    assert kinds(points) == {"centre": 2}
-    along = np.multiply(A, K) / np.linalg.norm(np.multiply(A, K))
-    assert np.abs(np.abs([point.gamma @ along for point in points]) - 1).max() < 1e-13
+    some = from_rest(0.0)
+    circle = circle_of(some)
+    gamma = circle.at(np.linspace(0.1, 6.2, 40))
+    assert np.abs(flow(some, tuple(gamma.T))).max() < 1e-16 * rate_scale(some)
+    beside = gamma + 0.01 * np.cross(*circle.axes)
+    assert np.linalg.norm(flow(some, tuple(beside.T)), axis=0).max() > 1e-3 * rate_scale(some)
+    for point, rate in zip(gamma, circle.rate(gamma), strict=True):
+        values = np.sort(np.linalg.eigvals(jacobian(some, point)).real)
+        assert values == pytest.approx(np.sort([0.0, rate]), abs=2e-15)
 
 
-@pytest.mark.parametrize("K3", [-1.33, -0.7, -0.01])
-def test_two_equal_moments_rest_on_a_circle(K3: float) -> None:
-    """At γ₃² = a₁a₃K₃/((a₃ - a₁)Ω₃), where that is between 0 and 1: down to K₃ = -4/3 here."""
-    some = ball((0.5, 0.5, 0.3), (0.0, 0.0, 1.0), (0.0, 0.0, K3))
-    third = np.sqrt(-0.75 * K3)
-    assert np.abs(flow(some, (np.sqrt(1 - third**2), 0.0, third))).max() < 1e-15
-    with pytest.raises(InputError, match="fill a curve"):
-        fixed_points(some)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_motions_end_where_the_circle_attracts(sign: int) -> None:
+    """Σ_s, sin 2ψ > 0: all that stop; and with Ω turned round, a control, on Σ_u all of those."""
+    forwards = from_rest(0.0)
+    circle = circle_of(forwards)
+    some = replace(forwards, Omega=as_vector(sign * np.array(OMEGA)))
+    attitudes = attitude_at(spread_points(60))
+    ends = orbits(some, attitudes, np.zeros((60, 3)), np.array([0.0, 400.0]))
+    gamma = rotation_matrix(ends.attitudes[:, 1])[:, 2]
+    x, y = circle.axes @ gamma[np.abs(gamma @ np.cross(*circle.axes)) < 1e-9].T
+    assert len(x) > 30  # measured 38 of 60: the others go round a centre
+    assert (sign * x * y > 0).all()
 
 
-# Limit cycles ------------------------------------------------------------------------------
+def test_a_circle_is_found_in_spite_of_rounding_and_nowhere_else() -> None:
+    """Fig. 5's K is computed from bodies: what is rounding counts as zero, and 1e-9 does not."""
+    scene = load_scene("fig05b").parameters
+    for K in (scene.K, (3e-16, -1e-16, 4e-16)):
+        assert fixed_circle(replace(scene, K=K)) is not None
+        assert len(fixed_points(replace(scene, K=K))) == 6
+    for some in (replace(scene, K=(0.0, 0.0, 1e-9)), ball(A, NOTHING, NOTHING), CLASSICAL):
+        assert fixed_circle(some) is None
 
 
-def only_cycle(some: Parameters) -> Cycle:
-    cycles = limit_cycles(some)
-    assert len(cycles) == 1
-    return cycles[0]
-
-
-@pytest.mark.parametrize(("K3", "period"), [(0.52, 60.0086320), (3.0, 6.0909390)])
-def test_unstable_limit_cycles_of_figs_7_and_8(K3: float, period: float) -> None:
-    """Periods 60.0086320 and 6.0909390 to 1e-6, measured 60.00863199 and 6.09093898."""
-    cycle = only_cycle(from_rest(K3))
-    assert cycle.period == pytest.approx(period, abs=1e-6)
-    assert cycle.multipliers[0].real > 1
+# Limit cycles and manifolds ----------------------------------------------------------------
 
 
 def test_a_cycles_multiplier_is_how_its_neighbours_part() -> None:
     """Fig. 8: a neighbour 1e-6 away is 2.28 times as far off after a period, to 1e-4."""
     some = from_rest(3.0)
-    cycle = only_cycle(some)
+    (cycle,) = limit_cycles(some)
     rate = np.array(flow(some, as_vector(cycle.gamma)))
     across = np.cross(cycle.gamma, rate / np.linalg.norm(rate))
-    near = cycle.gamma + 1e-6 * across
-    times = np.array([0.0, cycle.period])
-    ends = [followed(some, gamma, times)[-1] for gamma in (cycle.gamma, near)]
+    ends, times = [], np.array([0.0, cycle.period])
+    for gamma in (cycle.gamma, cycle.gamma + 1e-6 * across):
+        attitude = attitude_at(gamma / np.linalg.norm(gamma))
+        ends.append(rotation_matrix(orbit(some, attitude, np.zeros(3), times)[0])[-1, 2])
     assert np.abs(ends[0] - cycle.gamma).max() < 1e-10
     assert (ends[1] - ends[0]) @ across / 1e-6 == pytest.approx(cycle.multipliers[0].real, rel=1e-4)
 
 
-@pytest.mark.slow
-def test_fig6_has_no_limit_cycle() -> None:
-    """At K₃ = 0.3 everything comes to rest in both directions of time, but on slow foci."""
-    assert limit_cycles(from_rest(0.3)) == []
-
-
-def test_reversed_ball_goes_back() -> None:
-    """Ω and K turned round give the flow back in time, exactly."""
-    some, gamma = from_rest(0.3), (0.6, 0.48, 0.64)
-    assert flow(reversed_in_time(some), gamma) == tuple(-x for x in flow(some, gamma))
+def test_every_saddle_has_four_manifolds_along_the_flow() -> None:
+    """They leave the saddle by 1e-4, and dγ/dt is along them, or against them where stable."""
+    ball = from_rest(0.3)
+    points = fixed_points(ball)
+    found = separatrices(ball, points, 100.0)
+    assert len(found) == 4 * sum(point.kind == "saddle" for point in points)
+    for each in found:
+        assert np.linalg.norm(each.path[0] - each.saddle.gamma) < 1.1e-4
+        middle = len(each.path) // 2
+        step = each.path[middle + 1] - each.path[middle - 1]
+        rate = np.array(flow(ball, tuple(each.path[middle])))
+        if np.linalg.norm(rate) > 1e-3:
+            along = step @ rate / np.linalg.norm(step) / np.linalg.norm(rate)
+            assert along * (-1 if each.stable else 1) > 0.99
+    # Fig. 8's ball has no saddle.
+    assert separatrices(from_rest(3.0), fixed_points(from_rest(3.0)), 10.0) == []

@@ -1,4 +1,4 @@
-"""Sections without angles, periodic orbits and drift: the paper's numbers, and heyoka's."""
+"""Sections without angles and periodic orbits: by (5.5), heyoka's events and the motions."""
 
 from functools import partial
 
@@ -27,40 +27,25 @@ def in_frame(attitudes: Array, momentum: Array) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("g", [0.0, 0.7, -2.5])
 @pytest.mark.parametrize(("ball", "c"), BALLS)
-def test_points_are_on_the_section(ball: Parameters, c: float, g: float) -> None:
-    """S cos g₀ + √f γ₃ sin g₀ = 0 of γ₀ in (5.5), to 1e-12 of √f; measured 2e-13.
+def test_points_are_on_the_section_and_have_its_coordinates(
+    ball: Parameters, c: float, g: float
+) -> None:
+    """γ and M of a crossing are those of its (l, L) at g by (5.5).
 
-    The residual of the search, 1e-13, and the rounding of the attitudes.
+    The residual of the search, 1e-13, is larger as an angle near L = ±√f: 1.3e-12.
     """
-    found = section(ball, *some_starts(16, c, g), count=50, g=g)
-    momenta = some_starts(16, c, g)[1]
-    assert (found.found == 50).all()
-    for attitudes, momentum in zip(found.attitudes, momenta, strict=True):
-        gamma, M = in_frame(attitudes, momentum)
-        level = (gamma - c / F * M) / np.sqrt(1 - c * c / F)
-        S = M[:, 1] * level[:, 0] - M[:, 0] * level[:, 1]
-        residual = S / np.sqrt(F) * np.cos(g) + level[:, 2] * np.sin(g)
-        assert np.abs(residual).max() < 1e-12
-        assert (-level[:, 2] * np.cos(g) + S / np.sqrt(F) * np.sin(g) > 0).all()
-
-
-@pytest.mark.parametrize(("ball", "c"), BALLS)
-def test_coordinates_are_those_of_the_start(ball: Parameters, c: float) -> None:
-    """(l, L) of a point give back its γ and M by (5.5).
-
-    The residual, 1e-13, is larger as an angle near L = ±√f: 1.3e-12.
-    """
-    attitudes, momenta = some_starts(4, c, 0.7)
-    found = section(ball, attitudes, momenta, count=20, g=0.7)
+    attitudes, momenta = some_starts(4, c, g)
+    found = section(ball, attitudes, momenta, count=20, g=g)
+    assert (found.found == 20).all()
     for i in range(4):
         gamma, M = in_frame(found.attitudes[i], momenta[i])
         for k in range(20):
-            expected = section_state(found.L[i, k], found.l[i, k], 0.7, F, c)
+            expected = section_state(found.L[i, k], found.l[i, k], g, F, c)
             assert np.abs(gamma[k] - expected[0]).max() < 1e-11
             assert np.abs(M[k] - expected[1]).max() < 1e-11
 
 
-@pytest.mark.parametrize(("ball", "c", "horizon"), [(CHAOTIC, 0.0, 60.0), (CLASSICAL, 3.0, 25.0)])
+@pytest.mark.parametrize(("ball", "c", "horizon"), [(CHAOTIC, 0.0, 40.0), (CLASSICAL, 3.0, 18.0)])
 def test_no_crossing_is_missed_or_invented(ball: Parameters, c: float, horizon: float) -> None:
     """heyoka's event detection sees the same crossings: times, directions, and how many.
 
@@ -69,8 +54,7 @@ def test_no_crossing_is_missed_or_invented(ball: Parameters, c: float, horizon: 
     hy = pytest.importorskip("heyoka")
     from validation.bench.kernels import batch, level_equations
 
-    n = 64
-    attitudes, momenta = some_starts(n, c)
+    attitudes, momenta = some_starts(8, c)
     found = section(ball, attitudes, momenta, count=60)
     assert found.times[:, -1].min() > horizon
     axes = rotation_matrix(attitudes)
@@ -86,22 +70,13 @@ def test_no_crossing_is_missed_or_invented(ball: Parameters, c: float, horizon: 
             seen[lane].append((time, sign))
 
     event = hy.nt_event_batch(M[1] * gamma[0] - M[0] * gamma[1], crossed)
-    ta = batch(equations, level[:8], None, 1e-16, nt_events=[event])
-    crossings = 0
-    for first in range(0, n, 8):
-        for lane in range(8):
-            seen[lane].clear()
-        ta.set_time(0.0)
-        ta.state[:] = level[first : first + 8].T
-        ta.propagate_until(horizon)
-        for lane in range(8):
-            ours = found.times[first + lane] < horizon
-            times, signs = np.array(seen[lane]).T
-            assert len(times) == ours.sum()
-            assert np.abs(times - found.times[first + lane, ours]).max() < 1e-8
-            assert np.array_equal(signs, found.directions[first + lane, ours])
-            crossings += len(times)
-    assert crossings > 500
+    batch(equations, level, None, 1e-16, nt_events=[event]).propagate_until(horizon)
+    for lane in range(8):
+        ours = found.times[lane] < horizon
+        times, signs = np.array(seen[lane]).T
+        assert len(times) == ours.sum() > 5
+        assert np.abs(times - found.times[lane, ours]).max() < 1e-8
+        assert np.array_equal(signs, found.directions[lane, ours])
 
 
 @pytest.mark.parametrize(("ball", "c", "horizon"), [(CHAOTIC, 0.0, 40.0), (CLASSICAL, 3.0, 15.0)])
@@ -128,11 +103,11 @@ def test_two_crossings_in_one_step_are_seen(ball: Parameters, c: float, horizon:
 
 def test_each_direction_can_be_asked_for_alone() -> None:
     """The crossings of both directions, sorted, are those of the one and those of the other."""
-    attitudes, momenta = some_starts(4, 0.0)
+    attitudes, momenta = some_starts(2, 0.0)
     both = section(REGULAR, attitudes, momenta, count=20)
     for direction in (1, -1):
         alone = section(REGULAR, attitudes, momenta, count=20, direction=direction)
-        for i in range(4):
+        for i in range(2):
             expected = both.times[i, both.directions[i] == direction]
             assert len(expected) > 2
             assert np.abs(alone.times[i, : len(expected)] - expected).max() < 1e-10
@@ -151,7 +126,7 @@ def test_the_section_needs_a_momentum_and_an_orbit_that_comes_back() -> None:
     assert np.isnan(found.times[0, 0])
 
 
-# Periodic orbits and drift -----------------------------------------------------------------
+# Periodic orbits ---------------------------------------------------------------------------
 
 
 def test_a_settled_motion_crosses_at_two_fixed_points_of_one_orbit() -> None:
@@ -182,7 +157,8 @@ def polygon_area(x: Array, y: Array) -> float:
 def test_unstable_periodic_orbits_of_the_chaos_close() -> None:
     """From a guess of the period within a half second, and they do repeat: 1e-10 after a period.
 
-    Closed to 1e-11, times how far a period parts neighbours.
+    Closed to 1e-11, times how far a period parts neighbours. Within a tenth of a second no motion
+    repeats, and Newton's method says so.
     """
     attitudes, momenta = section_starts(0.0, 0.6, F)
     for guess in (3.3, 7.0):
@@ -192,10 +168,5 @@ def test_unstable_periodic_orbits_of_the_chaos_close() -> None:
         end = orbit(CHAOTIC, cycle.attitude, cycle.momentum, times)[0][-1]
         begin, end = (in_frame(q[None], cycle.momentum) for q in (cycle.attitude, end))
         assert np.abs(np.subtract(begin, end)).max() < 1e-9
-
-
-def test_newton_says_where_it_finds_nothing() -> None:
-    """No motion repeats within a tenth of a second."""
-    attitudes, momenta = section_starts(0.0, 0.6, F)
     with pytest.raises(InputError, match="does not converge"):
         close(CHAOTIC, attitudes[0], momenta[0], 0.1)

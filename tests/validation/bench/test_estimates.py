@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import pytest
-
 from validation.bench.estimates import ACCURACIES, cells, lines, measure, missed
 from validation.sweeps import Result
 
@@ -37,16 +35,14 @@ def test_a_miss_is_an_error_that_nobody_told_of() -> None:
     assert len(said) == 3
 
 
-def test_every_accuracy_meets_every_number_of_rotors() -> None:
-    """Twelve balls are a round."""
+def test_in_twelve_balls_every_accuracy_meets_every_number_of_rotors() -> None:
     met = {(cell["ball"] % 4, cell["accuracy"]) for cell in cells(12)}
     assert met == {(rotors, accuracy) for rotors in range(4) for accuracy in ACCURACIES}
 
 
-@pytest.mark.slow
-def test_some_balls_are_as_good_as_they_say() -> None:
-    """Four balls at 1e-5: actual over estimated 0.85 to 0.88, for what RK4's next order adds."""
-    results = [Result(dict(cell), measure(cell), None) for cell in cells(4)]
+def test_two_balls_are_as_good_as_they_say() -> None:
+    """At 1e-5 actual over estimated is 0.85 to 0.88, for what RK4's next order adds."""
+    results = [Result(dict(cell), measure(cell), None) for cell in cells(2)]
     assert not any(map(missed, results))
     for result in results:
         assert result.record is not None

@@ -13,28 +13,22 @@ from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, motion, near_sigma_plus
 from validation.paper.formulas import Numbers
 from validation.paper.point_masses import moments
-from validation.paper.section_4 import FIG5
-
-
-def parameters_of(n: Numbers, rolling: Rolling) -> Parameters:
-    I, Omega, K = (as_vector(v) for v in (np.diag(n.I), n.Omega, n.K))
-    return Parameters(rolling, I, n.d, n.a, Omega, K)
 
 
 @pytest.mark.parametrize("rolling", ["rubber", "classical"])
 def test_the_two_typings_of_the_equations_agree(rolling: Rolling) -> None:
-    """(3.2), (3.3), (2.4) and (2.5) of formulas.py and of robotball.equations, 100 random states.
+    """(3.2), (3.3), (2.4) and (2.5) of formulas.py and of robotball.equations, 20 random states.
 
-    Rounding: measured 3e-14 rad/s² at most.
+    Rounding: measured 3e-14 rad/s² at most of 100.
     """
-    for state in f.states(1):
-        n, p = state.n, parameters_of(state.n, rolling)
-        rubber = rolling == "rubber"
+    for state in f.states(1, 20):
+        n, rubber = state.n, rolling == "rubber"
+        I, Omega, K = (as_vector(v) for v in (np.diag(n.I), n.Omega, n.K))
+        p = Parameters(rolling, I, n.d, n.a, Omega, K)
         M = f.level(state.M, state.gamma) if rubber else state.M
-        velocity = f.rubber_velocity if rubber else f.classical_velocity
+        omega = f.velocity_of(not rubber)(n, M, state.gamma)
         ours = p.angular_velocity(as_vector(M), as_vector(state.gamma))
-        assert velocity(n, M, state.gamma) == pytest.approx(ours, abs=1e-13)
-        omega = velocity(n, M, state.gamma)
+        assert omega == pytest.approx(ours, abs=1e-13)
         spin = f.spin_torque(n, omega, state.gamma) if rubber else 0.0
         rate, torque = eq.full_angular_acceleration(
             as_vector(omega),
@@ -51,30 +45,12 @@ def test_the_two_typings_of_the_equations_agree(rolling: Rolling) -> None:
         assert f.acceleration(n, omega, state.gamma, spin) == pytest.approx(rate, abs=2e-13)
 
 
-def test_a_point_mass_ball_is_a_shell_a_frame_and_rotors() -> None:
-    """Balanced, its shell and rotors dynamically symmetric, and of the stated mass; to rounding."""
-    for moment in moments(2):
-        ball = moment.ball
-        centre = sum(each.masses @ (each.centre + each.points) for each in ball.bodies)
-        assert np.linalg.norm(centre) < 1e-15
-        for each in (ball.shell, *ball.rotors):
-            inertia = sum(
-                m * (r @ r * np.eye(3) - np.outer(r, r))
-                for m, r in zip(each.masses, each.points, strict=True)
-            )
-            side = f.across(each.axis)[0]
-            assert inertia @ each.axis == pytest.approx(each.moment(each.axis) * each.axis)
-            assert inertia @ side == pytest.approx(each.moment(side) * side)
-        assert ball.numbers.d == pytest.approx(ball.mass * ball.a**2)
-
-
 def test_forces_on_the_points_are_the_rates_of_their_momenta() -> None:
     """Σ m du/dt and Σ r×m du/dt are the rates of the momenta in space, by differences: 1e-7."""
     h = 1e-5
     for moment in moments(3, count=5):
         ball, v, omega = moment.ball, moment.v, moment.omega
         v_rate, omega_rate = np.array([0.3, -0.2, 0.5]), np.array([0.7, 0.1, -0.4])
-
         ends = []
         for t in (-h, h):
             shell, frame, *rotors = (replace(b, rate=b.rate + t * b.rate_rate) for b in ball.bodies)
@@ -86,52 +62,30 @@ def test_forces_on_the_points_are_the_rates_of_their_momenta() -> None:
         assert ball.rates(v, omega, v_rate, omega_rate) == pytest.approx(slopes.ravel(), abs=1e-7)
 
 
-def test_a_search_finds_all_zeros_on_the_sphere() -> None:
-    """γ×Aγ has the six axes; and (Ω,γ) = 0 adds no isolated one."""
-    euler = f.zeros(lambda gamma: f.cross(gamma, FIG5.A @ gamma), 50)
-    assert len(euler) == 6
-    assert np.abs(np.abs(euler).max(axis=1) - 1).max() < 1e-12
-
-
-def test_returns_are_where_a_motion_comes_back() -> None:
-    """x' = -y, y' = x from (1, 0) passes y = 0 upwards after 2π, at (1, 0) again."""
-    start = np.array([1.0, 0.0])
-    passed = f.returns(
-        lambda x: np.array([-x[1], x[0]]), start, np.array([0.0, 1.0]), 13.0, rtol=1e-11
-    )
-    assert len(passed) == 2
-    assert np.abs(passed - start).max() < 1e-9
-
-
 # Fig. 10's level below 2.08 has a scene too.
 STARTED = CAPTIONS | {"fig10_stable": near_sigma_plus(2.0)}
 
 
 @pytest.mark.parametrize("name", STARTED)
-def test_the_catalog_starts_as_the_captions_say(name: str) -> None:
-    """α, β, γ, M and the numbers of the equations: to rounding."""
+def test_a_scene_of_the_catalog_starts_and_moves_as_its_caption_says(name: str) -> None:
+    """α, β, γ, M and the numbers of the equations, to rounding; γ and contact point after 3 s.
+
+    The motion is another integration of another state, typed once more: measured 1.5e-13 m
+    (fig07) and 6.2e-14 (fig14) at most, rounding of both.
+    """
     caption, scene = STARTED[name], load_scene(name)
     axes = rotation_matrix(scene.start.attitude)
     assert axes == pytest.approx(caption.axes, abs=2e-15)
     assert scene.start.momentum @ axes == pytest.approx(caption.M, abs=1e-14)
     given: Numbers = f.numbers(scene.parameters)
-    n = caption.n
-    for ours, printed in ((given.A, n.A), (given.Omega, n.Omega), (given.K, n.K)):
-        assert ours == pytest.approx(printed, abs=5e-15)
+    for each in ("A", "Omega", "K"):
+        assert getattr(given, each) == pytest.approx(getattr(caption.n, each), abs=5e-15)
     assert given.d == pytest.approx(0.9, rel=1e-15) or name < "fig11"  # of Figs 12 to 14, chosen
-
-
-@pytest.mark.parametrize("name", STARTED)
-def test_a_figure_moves_from_its_captions_numbers(name: str) -> None:
-    """γ and the contact point at 10 s: another integration of another state, typed once more.
-
-    Measured 6.2e-13 m (fig13) and 3.6e-13 (fig14) at most: rounding of both.
-    """
-    times = np.array([0.0, 10.0])
-    gamma, path = motion(STARTED[name], times, 1e-13)
-    ours = integrate(load_scene(name), times)
-    assert np.linalg.norm(ours.contact_point - path, axis=1).max() < 4e-12
-    assert np.abs(ours.gamma - gamma).max() < 1e-12
+    times = np.array([0.0, 3.0])
+    gamma, path = motion(caption, times, 1e-13)
+    ours = integrate(scene, times)
+    assert np.linalg.norm(ours.contact_point - path, axis=1).max() < 5e-13
+    assert np.abs(ours.gamma - gamma).max() < 2e-13
 
 
 def test_no_figure_is_left_out() -> None:

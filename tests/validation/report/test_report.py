@@ -1,16 +1,19 @@
-"""The report: one file, the numbers in words, plots that tell their values, in a browser too."""
+"""The report: one file, numbers in words, charts that show their values, in a browser too."""
 
 import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 import robotball as rb
 from tests.browser import needs_browser, opened
 from tests.conftest import Robotball
 from validation import Agreement, compare
+from validation.report.chart import LEAST_LOG, Line, chart, legend, ticks
 from validation.report.scene_report import friction_words, report, sentence
 from validation.report.study_report import study_report
 
@@ -29,7 +32,6 @@ def page(agreements: list[Agreement]) -> str:
 
 
 def test_a_report_asks_for_nothing_outside_itself(page: str) -> None:
-    """No address of a page, a script, a font or a picture."""
     assert re.findall(r'(?:src|href)="(?!data:)', page) == []
     assert re.findall(r"url\(|@import|fetch\(|https?://(?!www\.w3\.org/2000/svg)", page) == []
     assert len(page) < 1e6  # measured 0.2 MB
@@ -49,7 +51,7 @@ def test_a_report_has_what_was_run_and_how_to_repeat_it(
 def test_a_report_is_the_same_however_fast_the_run_was(
     page: str, agreements: list[Agreement]
 ) -> None:
-    """To the byte: the speed is in the JSON of a comparison."""
+    """The speed is in the JSON of a comparison; the page is equal to the byte."""
     slower = [
         replace(each, motion=replace(each.motion, report=replace(each.report, seconds=77.0)))
         for each in agreements
@@ -58,36 +60,32 @@ def test_a_report_is_the_same_however_fast_the_run_was(
     assert report(slower, COMMAND) == page
 
 
-def test_a_sentence_has_the_error_and_its_bound(agreements: list[Agreement]) -> None:
-    """Of a sound run and of a faulty one."""
+def test_a_sentence_has_the_error_and_its_bound_or_where_the_run_ended(
+    agreements: list[Agreement],
+) -> None:
+    """A sound run, a faulty one, and one that broke off, whose plots go as far as it went."""
     naive, fast = agreements
     error = fast.path_error
     assert error is not None
     assert f"which is {error:.1e} of the path; the tolerance is 0.0005." in sentence(fast)
     assert "slipped over 0.01 of the path" in sentence(naive)
-
-
-def test_a_run_that_broke_off_is_reported(agreements: list[Agreement]) -> None:
-    """With the time at which it ended, and plots as far as it went."""
     mine = replace(rb.preset("naive"), name="mine", stop_at_fault=True)
     stopped = rb.simulate(rb.load_scene("fig12"), TIMES, mine)
-    broken = Agreement(agreements[0].theory, stopped)
+    broken = Agreement(naive.theory, stopped)
     assert not broken.finished
-    words = sentence(broken)
-    assert words.endswith(f"The run ended at {stopped.times[-1]:.4g} s.")
+    assert sentence(broken).endswith(f"The run ended at {stopped.times[-1]:.4g} s.")
     assert "mine" in report([broken], COMMAND)
 
 
-def test_friction_needed_is_told_beside_what_is_given(agreements: list[Agreement]) -> None:
-    """fig12 needs 1.32 by the equations; the naive plane gives 1, the recipe's 20."""
+def test_friction_needed_stands_beside_what_is_given() -> None:
+    """fig12 needs 1.32 by the equations; the recipe's plane gives 20."""
     words = " ".join(friction_words([compare("fig12", "fast")]))
     assert "needs a coefficient of sliding friction of 1.32." in words
     assert "torsional one of 1.87 m" in words
     assert "the plane gives 20, and the run uses at most 9.58 %" in words
 
 
-def test_a_users_title_is_text(agreements: list[Agreement]) -> None:
-    """Never markup."""
+def test_a_users_title_is_text_and_no_markup(agreements: list[Agreement]) -> None:
     first = agreements[1]
     scene = replace(first.scene, title="<img src=x onerror=alert(1)>")
     odd = Agreement(replace(first.theory, scene=scene), replace(first.motion, scene=scene))
@@ -97,13 +95,19 @@ def test_a_users_title_is_text(agreements: list[Agreement]) -> None:
 @pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize(("width", "dark"), [(360, False), (1280, True)])
-def test_a_report_works_in_a_browser(page: str, tmp_path: Path, width: int, dark: bool) -> None:
-    """No error, no request, nothing wider than the page; a pointer and a key tell values."""
+def test_a_report_works_in_a_browser_and_on_paper(
+    page: str, tmp_path: Path, width: int, dark: bool
+) -> None:
+    """No error, no request, nothing wider than the page; a pointer and a key show values.
+
+    It is printed dark on white, of a dark screen too, without closed folds, controls and numbers in
+    two parts, on a few pages.
+    """
     heading = "<h1>Rolling balls: fig12"
     assert heading in page
     named = page.replace(heading, f"{heading}_steered_along_a_circle_and_back")
     with opened(named, tmp_path, width=width, dark=dark) as browser:
-        told = browser.run(
+        first, second, after = browser.run(
             """(() => {
             const chart = document.querySelectorAll('svg.chart')[1];
             const box = chart.getBoundingClientRect();
@@ -117,6 +121,9 @@ def test_a_report_works_in_a_browser(page: str, tmp_path: Path, width: int, dark
             return [...said, told.textContent];
             })()"""
         )
+        assert re.fullmatch(r"t = 0\.\d+ s · naive: [\d.e-]+ · fast: [\d.e-]+", first)
+        assert second != first
+        assert after == "Point at the plot, or use the arrow keys, for values."
         assert browser.console == []
         assert [each for each in browser.requests if not each.startswith("data:")] == [
             (tmp_path / "page.html").as_uri()
@@ -124,17 +131,8 @@ def test_a_report_works_in_a_browser(page: str, tmp_path: Path, width: int, dark
         assert browser.run("document.documentElement.scrollWidth") == width
         seen = browser.run("getComputedStyle(document.body).backgroundColor")
         assert seen == ("rgb(22, 25, 29)" if dark else "rgb(255, 255, 255)")
-    first, second, after = told
-    assert re.fullmatch(r"t = 0\.\d+ s · naive: [\d.e-]+ · fast: [\d.e-]+", first)
-    assert second != first
-    assert after == "Point at the plot, or use the arrow keys, for values."
-
-
-@pytest.mark.slow
-@needs_browser
-def test_a_report_is_printed_dark_on_white(page: str, tmp_path: Path) -> None:
-    """Of a dark screen too; no closed fold, no control, no number in two parts; a few pages."""
-    with opened(page, tmp_path, dark=True) as browser:
+        if not dark:
+            return
         scheme = {"name": "prefers-color-scheme", "value": "dark"}
         browser.call("Emulation.setEmulatedMedia", media="print", features=[scheme])
         assert browser.run("getComputedStyle(document.body).color") == "rgb(34, 38, 43)"
@@ -165,7 +163,7 @@ def test_a_studys_record_is_tables_and_pictures(tmp_path: Path) -> None:
 
 
 def test_a_records_name_is_no_pattern(tmp_path: Path) -> None:
-    """`**` in it is no error, and `a*.json` has not the pictures of `ab.json`."""
+    """`**` in it is no error, and `a*.json` does not get the pictures of `ab.json`."""
     for name in ("a*", "a**"):
         (tmp_path / f"{name}.json").write_text('{"versions": {}}')
         (tmp_path / "ab.png").write_bytes(b"\x89PNG")
@@ -175,18 +173,14 @@ def test_a_records_name_is_no_pattern(tmp_path: Path) -> None:
 
 
 def test_half_a_character_is_shown_as_another(robotball: Robotball, tmp_path: Path) -> None:
-    """JSON may hold one; UTF-8 has none."""
+    """JSON may hold a lone surrogate; UTF-8 cannot."""
     (tmp_path / "s.json").write_text('{"versions": {}, "title": "half \\ud800"}')
     assert robotball("report", "s.json")[0] == 0
     assert "half ?" in (tmp_path / "out" / "s-report.html").read_text()
 
 
-@pytest.mark.slow
-def test_the_command_writes_a_page_of_several_scenes(
-    robotball: Robotball,
-    tmp_path: Path,
-) -> None:
-    """Named after them, and the printed command repeats it."""
+def test_the_command_writes_a_page_of_several_scenes(robotball: Robotball, tmp_path: Path) -> None:
+    """The page is named after the scenes, and the printed command repeats it."""
     arguments = ("report", "fig12", "fig13", "--preset", "fast", "--duration", "0.5")
     status, out, _ = robotball(*arguments)
     assert status == 0
@@ -194,3 +188,54 @@ def test_the_command_writes_a_page_of_several_scenes(
     page = (tmp_path / "out" / "fig12-mujoco-fast-0.5s-fig13-report.html").read_text()
     assert "robotball report fig12 fig13 --preset fast --duration 0.5" in page
     assert page.count('class="rb-view"') == 2
+
+
+# Charts ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [
+        (0.0, 10.0, [0, 2, 4, 6, 8, 10]),
+        (-0.31, 0.52, [-0.2, 0, 0.2, 0.4]),
+        (1000.05, 1000.7, [1000.1, 1000.2, 1000.3, 1000.4, 1000.5, 1000.6, 1000.7]),
+    ],
+)
+def test_ticks_are_round(low: float, high: float, expected: list[float]) -> None:
+    """Steps of 1, 2 or 5 times a power of ten, at most seven of them."""
+    assert ticks(low, high) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_chart_stands_a_line_that_goes_nowhere() -> None:
+    """A constant, a zero on a logarithmic axis, a hole: as of M(0) = 0."""
+    t = np.linspace(0.0, 1.0, 5)
+    for y, log in (
+        (np.zeros(5), False),
+        (np.zeros(5), True),
+        (np.full(5, 7.0), False),
+        (np.array([0.0, 1e-3, np.nan, 1e-9, 1.0]), True),
+    ):
+        svg = chart([Line("a & b", "#000000", t, y)], "t < 1", "y", log=log)
+        words = " ".join(each.text or "" for each in ElementTree.fromstring(svg).iter("text"))
+        assert "t < 1" in words
+        assert "nan" not in svg
+    assert np.finfo(float).eps > LEAST_LOG
+
+
+def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
+    """The pixels of a metre are the same on both axes."""
+    x = np.linspace(0.0, 30.0, 900)
+    svg = ElementTree.fromstring(chart([Line("a", "#000000", x, np.sin(x))], "X", "Y", equal=True))
+    assert float((svg.get("viewBox") or "").split()[3]) == 180.0
+    (line,) = svg.iter("polyline")
+    points = np.array([p.split(",") for p in (line.get("points") or "").split()], dtype=float)
+    assert len(points) == 400
+    across, up = np.ptp(points, axis=0)
+    assert across / up == pytest.approx(30 / 2, rel=0.01)  # measured 15.02
+
+
+def test_a_legend_has_the_dashes_that_tell_lines_apart_without_colour() -> None:
+    t = np.linspace(0.0, 1.0, 3)
+    made = legend([Line("a", "#0072B2", t, t), Line("b", "#0072B2", t, t, dash="2 3")])
+    assert made.count("stroke-dasharray") == 1
+    assert made.index("dasharray") > made.index("> a<")

@@ -1,0 +1,130 @@
+"""Long motions: exponents against the full equations, drift, and the attractors they reach."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from robotball.engines.ensembles.orbits import Starts
+from robotball.engines.ensembles.steppers import DEVIATION
+from robotball.equations import Parameters
+from robotball.errors import InputError
+from robotball.qualitative.basins import CHAOS, LINE, LOST, TORUS, basins
+from robotball.qualitative.long_run import Exponents, drift, exponents
+from robotball.qualitative.sections import section_starts
+from robotball.rotations import multiply, rotation_matrix
+from tests.figures import BALLS, CHAOTIC, REGULAR, F, ball, spread_starts
+
+pytestmark = pytest.mark.core
+
+some_starts = partial(spread_starts, 5)
+
+
+@pytest.mark.parametrize(("ball", "c"), BALLS)
+def test_a_deviation_is_that_of_the_six_equations(ball: Parameters, c: float) -> None:
+    """ξ and its growth after 20 s, against the full 6×6 propagator applied to (γ×ξ, M×ξ).
+
+    Two integrations to round-off, of a deviation that grew by up to e^7: relative 3e-11. The
+    volume of six neighbours changes as ∫ div, but for the density of Remark 5 at both ends.
+    """
+    hy = pytest.importorskip("heyoka")
+    from validation.bench.kernels import level_equations
+
+    attitudes, momenta = some_starts(1, c)
+    xi = np.array([0.6, 0.48, 0.64])
+    starts = Starts(ball, attitudes, momenta)
+    end = starts.march(DEVIATION, np.array([[*xi, 0, 0]]), np.array([20.0]), 1e-14)[0][0, 0]
+    axes = rotation_matrix(attitudes[0])
+    begin = np.concatenate([axes[2], momenta[0] @ axes])
+    equations = hy.var_ode_sys(level_equations(ball), hy.var_args.vars, order=1)
+    ta = hy.taylor_adaptive(equations, begin, compact_mode=True, tol=1e-16)
+    full = ta.propagate_grid(np.array([0.0, 20.0]))[5][-1]
+    propagator = full[6:].reshape(6, 6)
+    pushed = propagator @ np.concatenate([np.cross(v, xi) for v in begin.reshape(2, 3)])
+    expected = np.concatenate([np.cross(v, end[4:7]) for v in full[:6].reshape(2, 3)])
+    error = np.abs(np.exp(end[7]) * expected - pushed).max() / np.abs(pushed).max()
+    assert error < 1e-9
+    weights = [v * ball.A @ v - (c > 0) / ball.d for v in (begin[:3], full[:3])]
+    grown = end[8] + np.log(weights[1] / weights[0]) / 2
+    assert np.linalg.slogdet(propagator)[1] == pytest.approx(grown, abs=1e-9)
+
+
+def test_on_a_cycle_exponents_are_those_of_its_multipliers() -> None:
+    """Fig. 11a's cycle: λ₁ = 0, and the sum is 2 ln 0.9281608 a period of 8.7432614 s.
+
+    Over 100 whole periods, after 2000 s on the way there: measured 3.7e-9 1/s and, by the digits
+    of both numbers, 5.0e-7 of the sum.
+    """
+    found = exponents(
+        REGULAR, *section_starts(3.6, 0.6, F), duration=100 * 8.7432614, transient=2000.0
+    )
+    assert found.largest[0] == pytest.approx(0.0, abs=2e-8)
+    assert found.divergence[0] == pytest.approx(2 * np.log(0.9281608) / 8.7432614, rel=1.5e-6)
+
+
+def test_means_of_runs_are_given_with_their_scatter() -> None:
+    """Exponents of three runs: mean, standard error, the six of them and the section's dimension.
+
+    1 + λ₁/|λ₆| is 2 for a flow that keeps its volume and 0 for what is no chaos.
+    """
+    found = Exponents(np.array([0.1, 0.2, 0.3]), np.array([-0.1, -0.2, -0.3]), 1.0)
+    assert found.mean == pytest.approx((0.2, -0.4))
+    assert found.error == pytest.approx((0.1 / np.sqrt(3), 0.2 / np.sqrt(3)))
+    assert found.spectrum == pytest.approx([0.2, 0, 0, 0, 0, -0.4])
+    assert found.dimension == pytest.approx(1.5)
+    assert found.dimension_error == pytest.approx(0, abs=1e-15)
+    assert Exponents(np.array([0.1]), np.array([0.0]), 1.0).dimension == 2.0
+    assert Exponents(np.array([-0.1]), np.array([-0.3]), 1.0).dimension == 0.0
+
+
+def test_a_drift_is_along_the_starts_own_momentum() -> None:
+    """Turned about the vertical by 0.7 rad, a start drifts as before; measured 1.7e-12 m/s."""
+    attitude, momentum = spread_starts(2, 1, most=4.9)
+    heading = np.array([np.cos(0.35), 0.0, 0.0, np.sin(0.35)])
+    turned = multiply(heading, attitude[0]), rotation_matrix(heading) @ momentum[0]
+    plain = drift(CHAOTIC, attitude, momentum, 5.0, 1.0).mean
+    again = drift(CHAOTIC, turned[0][None], turned[1][None], 5.0, 1.0).mean
+    assert np.abs(plain).min() > 0.1
+    assert again == pytest.approx(plain, abs=1e-11)
+
+
+def test_exponents_need_a_momentum_and_a_duration() -> None:
+    with pytest.raises(InputError, match="M other than zero"):
+        exponents(REGULAR, np.eye(4)[:1], np.zeros((1, 3)), duration=10.0)
+    with pytest.raises(InputError, match="positive"):
+        exponents(REGULAR, *some_starts(1), duration=0.0)
+
+
+# Basins ------------------------------------------------------------------------------------
+
+
+def test_fig11a_has_two_attractors() -> None:
+    """Of 8 starts some reach the cycle, the rest the torus, and each drifts as its attractor.
+
+    Along OX, 6 mm/s apart; a mean over 2000 s tells them apart, and the cycle's is its period's.
+    """
+    starts = spread_starts(2, 8, most=4.9)
+    found = basins(REGULAR, *starts)
+    (cycle,) = found.cycles
+    assert 0 < found.share(0) < 1
+    assert found.share(0) + found.share(TORUS) == 1
+    once = drift(REGULAR, cycle.attitude[None], cycle.momentum[None], cycle.period, cycle.period)
+    assert once.mean[1] == pytest.approx(0.0, abs=1e-8)
+    means = drift(REGULAR, *starts, duration=2000.0, transient=3000.0)
+    near = np.abs(means.velocities[:, 0] - once.mean[0]) < 2e-3
+    assert np.array_equal(near, found.labels == 0)
+    assert means.error == pytest.approx(np.std(means.velocities, axis=0, ddof=1) / np.sqrt(8))
+
+
+def test_fig11b_has_one_strange_attractor() -> None:
+    """Every start ends in the chaos."""
+    assert basins(CHAOTIC, *spread_starts(2, 8, most=4.9)).share(CHAOS) == 1
+
+
+@pytest.mark.parametrize(("f", "label"), [(2.0, LINE), (3.0, LOST)])
+def test_fig10s_ball_ends_on_a_straight_line_while_that_is_stable(f: float, label: int) -> None:
+    """Below f = 2.0806 every start does; above, it moves near one and never crosses g = 0."""
+    some = ball((0.5, 0.3, 0.6), (0.0, 0.0, 1.0), (4.0, 5.0, 0.0))
+    rng = np.random.default_rng(3)
+    starts = section_starts(rng.uniform(-1, 1, 4) * np.sqrt(f), rng.uniform(0, 6.28, 4), f)
+    assert basins(some, *starts).share(label) == 1

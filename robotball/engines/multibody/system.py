@@ -19,6 +19,7 @@ from robotball import mechanics
 from robotball.drives import Constant
 from robotball.engines.compiled import compiled_from, inlined
 from robotball.mechanics import (
+    COLUMN,
     MOVING,
     PLACED,
     TURNING,
@@ -26,6 +27,7 @@ from robotball.mechanics import (
     momentum_rates,
     move,
     needed,
+    partial_velocities,
     place,
     put,
     solve_rolling,
@@ -58,16 +60,16 @@ for _module in (eq, mechanics):
             inlined(_function)
 
 _SIGNATURE = (
-    "void(f8[::1], f8[:, ::1], f8, f8[::1], f8[:, ::1], b1[::1], i8[::1], f8[::1], f8[::1], "
+    "void(f8[::1], f8[:, ::1], i8, f8, f8[::1], f8[:, ::1], b1[::1], i8[::1], f8[::1], f8[::1], "
     "b1, f8, b1, f8[::1], f8[::1], f8[::1])"
 )
 
 
 @compiled_from(_sources(), _SIGNATURE, nogil=True, error_model="numpy")
 def _differentiate(
-    state: Any, bodies: Any, radius: float, gravity: Any, motors: Any, given: Any, modes: Any,
-    commands: Any, accelerations: Any, spin_free: bool, resistance: float, standing: bool,
-    toward: Any, rate: Any, readings: Any,
+    state: Any, bodies: Any, carrier: int, radius: float, gravity: Any, motors: Any, given: Any,
+    modes: Any, commands: Any, accelerations: Any, spin_free: bool, resistance: float,
+    standing: bool, toward: Any, rate: Any, readings: Any,
 ) -> None:  # fmt: skip
     """Write the derivative of a state into `rate`, and the readings into `readings`.
 
@@ -84,9 +86,11 @@ def _differentiate(
     G = eq.seen_from_frame(vector(gravity, 0), axes)
     angles = state[HINGES : HINGES + count]
     placed = np.empty((count + 1, PLACED))
-    place(bodies, np.cos(angles), np.sin(angles), placed)
+    place(bodies, carrier, angles, placed)
+    columns = np.empty((count + 1, 3 + count, COLUMN))
+    partial_velocities(bodies, placed, radius, gamma, columns)
     matrix = np.empty((3 + count, 3 + count))
-    mass_matrix(bodies, placed, radius, gamma, matrix)
+    mass_matrix(bodies, placed, columns, matrix)
 
     directions = np.zeros(((2 if standing else 0) + (1 if spin_free else 0), 3))
     if standing:
@@ -105,7 +109,7 @@ def _differentiate(
     solve_rolling(matrix, given, directions, right, u)
     now = u[:, 0]
     moving = np.empty((count + 1, MOVING))
-    move(bodies, placed, radius, gamma, now, moving)
+    move(columns, now, moving)
 
     torques = readings[_PER_HINGE + count : _PER_HINGE + 2 * count]
     for j in range(count):
@@ -123,14 +127,14 @@ def _differentiate(
     # The torques that no acceleration at all would need are the bias; without them, solving for
     # accelerations has the same matrix as solving for rates.
     u_rate, plane = np.zeros((3 + count, 1)), np.empty(3 + count)
-    needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+    needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
     for i in range(3 + count):
         right[i, 0] = -plane[i]
     for j in range(count):
         right[3 + j, 0] += torques[j]
         u_rate[3 + j, 0] = accelerations[j]
     solve_rolling(matrix, given, directions, right, u_rate)
-    force = needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+    force = needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
 
     shell = vector(now, 0)
     rolling = eq.subtract(shell, eq.scale(eq.dot(shell, gamma), gamma))
@@ -149,12 +153,12 @@ def _differentiate(
         solve_rolling(matrix, given, directions, resisted, by_torque)
         both = u_rate[:, 0] + by_torque[:, 0]
         normal = eq.dot(gamma, force)
-        changed = needed(bodies, placed, moving, radius, gamma, G, now, both, plane)
+        changed = needed(bodies, placed, columns, moving, radius, gamma, G, now, both, plane)
         per_torque = eq.dot(gamma, changed) - normal
         torque = resistance * normal / (1 - resistance * per_torque)
         for i in range(3 + count):
             u_rate[i, 0] += torque * by_torque[i, 0]
-        force = needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+        force = needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
     for j in range(count):
         if given[3 + j]:
             torques[j] = plane[3 + j]
@@ -168,7 +172,7 @@ def _differentiate(
         L_rate = eq.add(L_rate, level)
         rate[LOSS] = -eq.dot(level, shell)
     M_rate = eq.cross(gamma, L_rate) if spin_free else L_rate
-    omega = vector(moving[1], TURNING)
+    omega = vector(moving[carrier], TURNING)
     rate[0], rate[1], rate[2], rate[3] = eq.attitude_rate((w, x, y, z), omega)
     rate[POINT], rate[POINT + 1] = eq.contact_velocity(alpha, beta, shell, (0.0, 0.0, 0.0), radius)
     for i in range(3):
@@ -251,7 +255,7 @@ class System:
         self.resistance = scene.friction.rolling
         self.modes = Modes(np.zeros(self.count, dtype=np.int64))
         self.end = np.inf
-        self._bodies, self._radius = np.ascontiguousarray(robot.bodies), robot.radius
+        self._bodies = np.ascontiguousarray(robot.bodies)
         self._gravity, self._spin_free = scene.gravity_world, scene.rolling == "rubber"
         self._commands = np.array([float(hinge.command.rate(0.0)) for hinge in hinges])
         self._accelerations = np.zeros(self.count)
@@ -307,9 +311,9 @@ class System:
                 # A piece's last state has the acceleration of this piece, not that of the next one.
                 self._accelerations[i] = command.acceleration(min(t, self.end))
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
-        modes = self.modes
+        modes, robot = self.modes, self.scene.robot
         _differentiate(
-            state, self._bodies, self._radius, self._gravity, self.motors, self.given, modes.motors,
+            state, self._bodies, robot.carrier, robot.radius, self._gravity, self.motors, self.given, modes.motors,
             self._commands, self._accelerations, self._spin_free, self.resistance, modes.standing,
             modes.toward, rate, readings,
         )  # fmt: skip

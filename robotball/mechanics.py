@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from robotball.equations import Rolling, Scalar, Vector, add, cross, dot, scale, subtract
-from robotball.robot import Ball, Frame
+from robotball.robot import Ball
 from robotball.rotations import Array, rotation_matrix
 
 _Numbers = Any  # an array, or its row
@@ -254,9 +254,7 @@ def needed(
             pivot, own, own_rate = vector(row, _AT), u[2 + b], u_rate[2 + b]
             arm = subtract(pivot, vector(placed[p], _FROM_CENTRE))
             rate = vector(moving[p], _TURNING_RATE)
-            acceleration = add(
-                vector(moving[p], _ACCELERATION), _acceleration(rate, omega, arm)
-            )
+            acceleration = add(vector(moving[p], _ACCELERATION), _acceleration(rate, omega, arm))
             # In space n has the rate ω×n, so a hinge gives q̈n + q̇ω×n, a slide 2q̇ω×n.
             carried = scale(own, cross(omega, n))
             if bodies[b][_SLIDES] == 0:
@@ -361,7 +359,7 @@ class Robot:
 
     bodies: Array
     radius: float
-    carrier: int = 1
+    carrier: int
 
     @property
     def hinges(self) -> int:
@@ -374,7 +372,7 @@ class Robot:
     def states(self, gamma: Array, angles: Array, omega: Array, rates: Array) -> "States":
         """Return the robot in n states of motion."""
         placed = self.placed(angles)
-        columns = self._columns(placed, gamma)
+        columns = self.columns(placed, gamma)
         u = np.concatenate([omega.T - self._carried(columns, rates), rates.T])
         moving = np.empty((len(self.bodies), MOVING, len(gamma)))
         move(columns, u, moving)
@@ -386,7 +384,8 @@ class Robot:
         place(self.bodies, self.carrier, angles.T, placed)
         return placed
 
-    def _columns(self, placed: Array, gamma: Array) -> Array:
+    def columns(self, placed: Array, gamma: Array) -> Array:
+        """Return the bodies' columns (b, 3 + h, COLUMN, n) of placed bodies."""
         columns = np.empty((len(self.bodies), 3 + self.hinges, COLUMN, len(gamma)))
         partial_velocities(self.bodies, placed, self.radius, tuple(gamma.T), columns)
         return columns
@@ -403,7 +402,7 @@ class Robot:
         k = 3 + self.hinges
         given = np.arange(k) > 2
         placed = self.placed(angles)
-        columns = self._columns(placed, gamma)
+        columns = self.columns(placed, gamma)
         matrix, right = np.empty((k, k, len(gamma))), np.zeros((k, 1, len(gamma)))
         mass_matrix(self.bodies, placed, columns, matrix)
         # M is γ×L in the rubber model, so L is M×γ but for its part along γ, which `solve_rolling`
@@ -418,20 +417,16 @@ class Robot:
 
 def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:
     """Return a ball's robot; armatures [kg m²] of its hinges, 0 where none are given."""
-    rows = np.zeros((len(ball.named_bodies), _ROW))
-    for row, (_, body) in zip(rows, ball.named_bodies, strict=True):
-        row[_MASS] = body.mass
-        row[_CENTRE:_AXIS] = body.centre
-        row[_AXIS:_PIVOT] = ball.shell.axis if isinstance(body, Frame) else body.axis
-        row[_INERTIA:_ARMATURE] = body.inertia.ravel()
-    for row, rotor in zip(rows[2:], ball.rotors, strict=False):
-        row[_PIVOT:_INERTIA] = rotor.centre
-    for row, pendulum in zip(rows[2 + len(ball.rotors) :], ball.pendulums, strict=True):
-        row[_PIVOT:_INERTIA] = pendulum.pivot
-    rows[2:, _PARENT] = 1
+    names = [link.name for link in ball.tree]
+    rows = np.zeros((len(names), _ROW))
+    for row, link in zip(rows, ball.tree, strict=True):
+        row[_MASS], row[_SLIDES] = link.mass, link.slides
+        row[_CENTRE:_AXIS], row[_AXIS:_PIVOT] = link.centre, link.axis
+        row[_PIVOT:_INERTIA], row[_INERTIA:_ARMATURE] = link.pivot, link.inertia.ravel()
+    rows[1:, _PARENT] = [names.index(link.parent) for link in ball.tree[1:]]
     if armatures:
         rows[1:, _ARMATURE] = armatures
-    return Robot(rows, ball.radius)
+    return Robot(rows, ball.radius, carrier=names.index("frame") if "frame" in names else 0)
 
 
 @dataclass(frozen=True)

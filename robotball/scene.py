@@ -240,11 +240,12 @@ _SMALL = 0.3  # of |K| + d|Ω|: where M is below it, K and dΩ turn the ball rat
 class Scene(Value):
     """One experiment, the same for every engine. SI units.
 
-    frame_rate, rotor_rates and pendulum_rates are the commands of the hinges, the frame's about the
-    shell's axis and relative to the shell, the others' relative to the frame: numbers, drives, or
-    functions of time. motors, in the same order, say how a hinge is moved. One without a motor
-    keeps the commanded rate [rad/s] exactly; to a motor the command is what it takes, a rate, an
-    angle [rad] or a torque [N m]. An empty tuple is no motor on any hinge.
+    frame_rate, rotor_rates, pendulum_rates and link_rates are the commands of the hinges, the
+    frame's about the shell's axis and relative to the shell, the others' relative to the frame, a
+    link's relative to its parent: numbers, drives, or functions of time. motors, in the same order,
+    say how a hinge is moved. One without a motor keeps the commanded rate [rad/s] exactly; to a
+    motor the command is what it takes, a rate, an angle [rad] or a torque [N m]. A slide's are in m
+    and N. An empty tuple is no motor on any hinge.
 
     gravity_direction (3,): of the fall, in world axes, whose Z is the plane's normal; an inclined
     plane has a horizontal part. friction: of the plane. A start that misses the rolling model by
@@ -265,6 +266,7 @@ class Scene(Value):
     pendulum_rates: tuple[Rate, ...] = ()
     gravity_direction: tuple[float, float, float] = DOWN
     friction: Friction = field(default_factory=Friction)
+    link_rates: tuple[Rate, ...] = ()
 
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
@@ -274,6 +276,7 @@ class Scene(Value):
         for kind, bodies, rates in (
             ("rotors", self.ball.rotors, self.rotor_rates),
             ("pendulums", self.ball.pendulums, self.pendulum_rates),
+            ("links", self.ball.links, self.link_rates),
         ):
             if len(rates) != len(bodies):
                 raise InputError(f"{len(bodies)} {kind} need as many rates, not {len(rates)}")
@@ -348,9 +351,10 @@ class Scene(Value):
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """The hinges' commands: the frame's drive, then the rotors', then the pendulums'."""
-        rates = (self.frame_rate, *self.rotor_rates, *self.pendulum_rates)
-        names = [name for name, _ in self.ball.named_bodies[1:]]
+        """The hinges' commands: the frame's drive, the rotors', the pendulums' and the links'."""
+        own = (self.frame_rate,) if self.ball.has_frame else ()
+        rates = (*own, *self.rotor_rates, *self.pendulum_rates, *self.link_rates)
+        names = [link.name for link in self.ball.tree[1:]]
         return tuple(map(self._drive, names, rates))
 
     def _drive(self, name: str, rate: Rate) -> Drive:
@@ -367,12 +371,8 @@ class Scene(Value):
 
     def hinges_at(self, start: Start) -> tuple[Hinge, ...]:
         """Return the hinges as they are at another start."""
-        ball, angles, rates = self.ball, start.hinge_angles, start.hinge_rates
-        named = [("frame", ball.shell.axis, np.zeros(3))]
-        named += [(name, body.axis, body.centre) for name, body in ball.named_rotors]
-        named += [(name, body.axis, body.pivot) for name, body in ball.named_pendulums]
-        hinges = []
-        for i, (name, axis, pivot) in enumerate(named):
+        angles, rates, hinges = start.hinge_angles, start.hinge_rates, []
+        for i, link in enumerate(self.ball.tree[1:]):
             command, motor = self.drives[i], self.motors[i] if self.motors else None
             if motor is not None and rates is not None:
                 rate = float(rates[i])
@@ -380,7 +380,7 @@ class Scene(Value):
                 follows = motor is None or isinstance(motor, Servo)
                 rate = float(command.rate(0.0)) if follows else 0.0
             angle = 0.0 if angles is None else float(angles[i])
-            hinges.append(Hinge(name, axis, pivot, command, motor, angle, rate))
+            hinges.append(Hinge(link.name, link.axis, link.pivot, command, motor, angle, rate))
         return tuple(hinges)
 
     @cached_property
@@ -404,6 +404,8 @@ class Scene(Value):
             return offset
         if self.ball.pendulums:
             return "a pendulum moves the centre of mass"
+        if self.ball.links:
+            return "its bodies are a tree"
         if any(self.motors):
             return "a hinge has a motor, which does not keep its rate exactly"
         if self.gravity_direction != DOWN:
@@ -427,7 +429,8 @@ class Scene(Value):
         pivots = [body.pivot - body.centre for body in self.ball.pendulums]
         swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
         far = ROUNDING * self.ball.radius
-        return imbalance(self.ball) is not None or any(np.linalg.norm(s) > far for s in swings)
+        moves = bool(self.ball.links) or any(np.linalg.norm(s) > far for s in swings)
+        return imbalance(self.ball) is not None or moves
 
     @cached_property
     def keeps_momentum(self) -> bool:

@@ -313,8 +313,8 @@ class System:
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
         modes, robot = self.modes, self.scene.robot
         _differentiate(
-            state, self._bodies, robot.carrier, robot.radius, self._gravity, self.motors, self.given, modes.motors,
-            self._commands, self._accelerations, self._spin_free, self.resistance, modes.standing,
-            modes.toward, rate, readings,
+            state, self._bodies, robot.carrier, robot.radius, self._gravity, self.motors,
+            self.given, modes.motors, self._commands, self._accelerations, self._spin_free,
+            self.resistance, modes.standing, modes.toward, rate, readings,
         )  # fmt: skip
         return rate, readings

@@ -220,6 +220,7 @@ class Hinge:
     motor   None: the hinge keeps the commanded rate exactly
     angle   rad at the start
     rate    rad/s at the start
+    slides  whether it is a slide, whose angle is in m and whose torque in N
     """
 
     name: str
@@ -229,6 +230,7 @@ class Hinge:
     motor: Motor | None
     angle: float
     rate: float
+    slides: bool = False
 
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
@@ -380,7 +382,9 @@ class Scene(Value):
                 follows = motor is None or isinstance(motor, Servo)
                 rate = float(command.rate(0.0)) if follows else 0.0
             angle = 0.0 if angles is None else float(angles[i])
-            hinges.append(Hinge(link.name, link.axis, link.pivot, command, motor, angle, rate))
+            hinges.append(
+                Hinge(link.name, link.axis, link.pivot, command, motor, angle, rate, link.slides)
+            )
         return tuple(hinges)
 
     @cached_property

@@ -103,7 +103,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
 
 def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
     """Return the hinge's angles (SEEN,) [rad]: a servo's commands, or a whole turn without one."""
-    if hinge.name not in dict(scene.ball.named_pendulums):
+    if hinge.name in ("frame", *dict(scene.ball.named_rotors)):
         return np.full(_SEEN, hinge.angle)
     times = np.linspace(0.0, scene.duration, _SEEN - 1)
     if isinstance(hinge.motor, PositionServo):

@@ -371,11 +371,16 @@ def functions_of(drive: Drive) -> Iterator["Followed"]:
             yield from functions_of(each)
 
 
-class _Law(NamedTuple):
+# rad/s: dry friction turns over within so slow a rate, as no smooth equation has a jump.
+SLOW = 1e-3
+
+
+class Law(NamedTuple):
     """The law of every motor's torque, between -limit and limit [N m].
 
-    per_command · command - per_angle · angle - per_rate · rate + at_rest. All motors have one law,
-    so that compiled equations take any motor as five numbers.
+    per_command · command - per_angle · angle - per_rate · rate + at_rest, and against the rate a
+    dry friction, smoothed to friction · tanh(rate/SLOW). All motors have one law, so that compiled
+    equations take any motor as six numbers.
     """
 
     per_command: float
@@ -383,11 +388,13 @@ class _Law(NamedTuple):
     per_rate: float
     at_rest: float = 0.0
     limit: float = math.inf
+    friction: float = 0.0
 
     def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
         """Return the torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
         free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
-        return np.clip(free + self.at_rest, -self.limit, self.limit)
+        free = free + self.at_rest - self.friction * np.tanh(rate / SLOW)
+        return np.clip(free, -self.limit, self.limit)
 
 
 class Motor(Protocol):
@@ -397,7 +404,7 @@ class Motor(Protocol):
     def armature(self) -> float: ...
 
     @property
-    def law(self) -> _Law: ...
+    def law(self) -> Law: ...
 
     def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
         """Return the law's torque on the child [N m]."""
@@ -417,8 +424,8 @@ class Servo(Motor):
         _check_common(self)
 
     @property
-    def law(self) -> _Law:
-        return _Law(self.gain, 0.0, self.gain, limit=self.torque_limit or math.inf)
+    def law(self) -> Law:
+        return Law(self.gain, 0.0, self.gain, limit=self.torque_limit or math.inf)
 
 
 @dataclass(frozen=True)
@@ -436,8 +443,8 @@ class PositionServo(Motor):
         _check_common(self)
 
     @property
-    def law(self) -> _Law:
-        return _Law(self.gain, self.gain, self.damping, limit=self.torque_limit or math.inf)
+    def law(self) -> Law:
+        return Law(self.gain, self.gain, self.damping, limit=self.torque_limit or math.inf)
 
 
 def _check_common(servo: Servo | PositionServo) -> None:
@@ -456,28 +463,45 @@ class Torque(Motor):
         check_not_negative("a motor's armature", self.armature, "kg m²")
 
     @property
-    def law(self) -> _Law:
-        return _Law(1.0, 0.0, 0.0)
+    def law(self) -> Law:
+        return Law(1.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Free(Motor):
     """No motor: damping [N m s/rad] and a spring [N m/rad] that rests at an angle [rad].
 
-    The hinge's command is not used, and is 0.
+    friction [N m]: dry friction, smoothed as in `Law`. The hinge's command is not used, and is 0.
     """
 
     damping: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
     armature: float = 0.0
+    friction: float = 0.0
 
     def __post_init__(self) -> None:
+        check_not_negative("a free hinge's friction", self.friction, "N m")
         check_not_negative("a free hinge's damping", self.damping, "N m s/rad")
         check_not_negative("a free hinge's stiffness", self.stiffness, "N m/rad")
         check_not_negative("a free hinge's armature", self.armature, "kg m²")
         check_size("a free hinge's rest angle", self.rest, "rad")
 
     @property
-    def law(self) -> _Law:
-        return _Law(0.0, self.stiffness, self.damping, at_rest=self.stiffness * self.rest)
+    def law(self) -> Law:
+        at_rest = self.stiffness * self.rest
+        return Law(0.0, self.stiffness, self.damping, at_rest, friction=self.friction)
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A motor that moves hinges through gears, besides what each hinge has of its own.
+
+    gears: hinges by name, with the ratio of each: the motor's angle is Σ ratio · angle, and a hinge
+    gets ratio times its torque; command: what the law takes, over time.
+    """
+
+    name: str
+    gears: tuple[tuple[str, float], ...]
+    law: Law
+    command: Rate = 0.0

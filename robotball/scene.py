@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robotball.drives import Constant, Drive, Motor, Rate, Servo, as_drive, functions_of
+from robotball.drives import (
+    Actuator,
+    Constant,
+    Drive,
+    Motor,
+    Rate,
+    Servo,
+    as_drive,
+    functions_of,
+)
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
 from robotball.robot import ROUNDING, Ball, Value, imbalance
@@ -269,6 +278,7 @@ class Scene(Value):
     gravity_direction: tuple[float, float, float] = DOWN
     friction: Friction = field(default_factory=Friction)
     link_rates: tuple[Rate, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
 
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
@@ -286,6 +296,8 @@ class Scene(Value):
             raise InputError(
                 f"{len(self.drives)} hinges need as many motors, or none, not {len(self.motors)}"
             )
+        for actuator in self.actuators:
+            self._check_actuator(actuator)
         down = unit("gravity_direction", np.array(self.gravity_direction))
         if not down[2] < 0:
             raise InputError(
@@ -301,6 +313,19 @@ class Scene(Value):
         # Made exact once, here: engines that each normalise it would start from different states.
         start = Start(attitude, momentum, *self._checked_hinges())
         object.__setattr__(self, "start", start)
+
+    def _check_actuator(self, actuator: Actuator) -> None:
+        """Raise InputError unless an actuator's gears are on hinges that it can move."""
+        motors = self.motors or (None,) * len(self.drives)
+        named = zip(self.ball.tree[1:], motors, strict=True)
+        moved = {link.name: motor is not None for link, motor in named}
+        for name, ratio in actuator.gears:
+            check_size(f"{actuator.name}'s gear", ratio)
+            if not moved.get(name):
+                raise InputError(
+                    f"{actuator.name} moves the hinge of {name!r}, which must be one whose rate is "
+                    f"not given; those are {', '.join(each for each in moved if moved[each])}"
+                )
 
     def _checked_hinges(self) -> tuple[Array | None, Array | None]:
         """Return the start's angles and rates in one form for equal states.
@@ -365,6 +390,11 @@ class Scene(Value):
             return as_drive(rate, self.duration)
         except InputError as error:
             raise InputError(f"{name}: {error}") from error
+
+    @cached_property
+    def controls(self) -> tuple[Drive, ...]:
+        """The actuators' commands."""
+        return tuple(self._drive(each.name, each.command) for each in self.actuators)
 
     @cached_property
     def hinges(self) -> tuple[Hinge, ...]:
@@ -450,7 +480,7 @@ class Scene(Value):
         if self.steady:
             return self
         scene = replace(self, duration=end)
-        for drive in scene.drives:
+        for drive in (*scene.drives, *scene.controls):
             for function in functions_of(drive):
                 assert function.polynomials  # raises before the run, not in its midst
         return scene
@@ -458,12 +488,13 @@ class Scene(Value):
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
         """Times after 0 at which a drive is not smooth [s]."""
-        return tuple(sorted({t for drive in self.drives for t in drive.breakpoints if t > 0}))
+        drives = (*self.drives, *self.controls)
+        return tuple(sorted({t for drive in drives for t in drive.breakpoints if t > 0}))
 
     @cached_property
     def steady(self) -> bool:
         """Whether all rates are constant."""
-        return all(isinstance(drive, Constant) for drive in self.drives)
+        return all(isinstance(drive, Constant) for drive in (*self.drives, *self.controls))
 
     def parameters_at(self, t: float) -> Parameters:
         """Return the numbers of the equations at time t [s], in principal axes."""

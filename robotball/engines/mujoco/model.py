@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 import robotball.scene
-from robotball.drives import Drive, Free, Motor, PositionServo, Servo, turns
+from robotball.drives import Actuator, Drive, Free, Motor, PositionServo, Servo, turns
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.errors import InputError
 from robotball.robot import PARTS, Frame, Link, Pendulum, Rotor, Shell
@@ -215,6 +215,9 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     for hinge in hinges:
         _add_hinge(root, hinge, *turning[hinge.of.name])
 
+    for actuator in scene.actuators:
+        _add_actuator(root, actuator, {hinge.body: hinge.joint for hinge in hinges})
+
     # An explicit pair alone is tested for contact, and its parameters are not mixed of two geoms'.
     slide, spin, roll = chosen.friction
     friction = [slide, slide, spin, roll, roll][: _FRICTIONS[chosen.condim]]
@@ -223,7 +226,7 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     _fill(pair, values | own)
     _add_sensors(root, scene, settings.root, hinges)
     qpos, qvel = _state_at(scene, settings.root, scene.start, hinges)
-    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
+    ctrl = np.array(controls_at(scene, hinges, 0.0))
     actuated = {"ctrl": ctrl} if len(ctrl) else {}  # no empty attribute
     root.keyframe.add("key", name=START, qpos=qpos, qvel=qvel, **actuated)
     return root, pair
@@ -315,6 +318,7 @@ def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
         joint.armature = motor.armature
     if isinstance(motor, Free):
         joint.damping, joint.stiffness = motor.damping, motor.stiffness
+        joint.frictionloss = motor.friction or None
         joint.springref = motor.rest if hinge.of.slides else np.degrees(motor.rest)
         return
     add, names = root.actuator.add, {"name": hinge.body, "joint": joint}
@@ -329,6 +333,34 @@ def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
         actuator = add("motor", **names, gear=[gear])
     if hinge.torque_limit is not None:
         actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
+
+
+def controls_at(scene: Scene, hinges: tuple[ModelHinge, ...], t: float) -> list[float]:
+    """Return the controls of a model's actuators at t [s]: the hinges' own, then the scene's."""
+    own = [hinge.control(t) for hinge in hinges if hinge.actuated]
+    return own + [float(command.rate(t)) for command in scene.controls]
+
+
+def _add_actuator(root: Any, actuator: Actuator, joints: Mapping[str, str]) -> None:
+    """Add an actuator of the scene, on a joint or on a tendon that adds several up."""
+    law, (first, *others) = actuator.law, actuator.gears
+    if others:
+        tendon = root.tendon.add("fixed", name=actuator.name)
+        for name, ratio in actuator.gears:
+            tendon.add("joint", joint=joints[name], coef=ratio)
+        on = {"tendon": tendon}
+    else:
+        on = {"joint": joints[first[0]], "gear": [first[1]]}
+    added = root.actuator.add(
+        "general",
+        name=actuator.name,
+        biastype="affine",
+        gainprm=[law.per_command],
+        biasprm=[law.at_rest, -law.per_angle, -law.per_rate],
+        **on,
+    )
+    if law.limit < np.inf:
+        added.forcerange = [-law.limit, law.limit]
 
 
 def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, ...]) -> None:
@@ -357,10 +389,11 @@ def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, .
     for hinge in hinges:
         add("jointpos", name=f"{hinge.body}_angle", joint=hinge.joint)
         add("jointvel", name=f"{hinge.body}_rate", joint=hinge.joint)
+        moved = any(hinge.body == name for each in scene.actuators for name, _ in each.gears)
         if not hinge.own_motor:
             kind = "force" if hinge.of.slides else "torque"
             add(kind, name=f"{hinge.body}_torque", site=f"{hinge.joint}_hinge")
-        elif hinge.actuated:
+        elif hinge.actuated or moved:
             # What the joint carries is less, by what turns the motor's own armature.
             add("jointactuatorfrc", name=f"{hinge.body}_torque", joint=hinge.joint)
 

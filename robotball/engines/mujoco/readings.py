@@ -183,7 +183,9 @@ class Readings:
         """
         if isinstance(hinge.actuation, Free):
             angle, rate = (self.column(f"{hinge.body}_{name}")[:, 0] for name in ("angle", "rate"))
-            return np.asarray(hinge.actuation.torque(0.0, angle, rate))
+            passive = np.asarray(hinge.actuation.torque(0.0, angle, rate))
+            moved = f"{hinge.body}_torque" in self.model.sensor_columns
+            return passive + self.column(f"{hinge.body}_torque")[:, 0] if moved else passive
         return self.column(f"{hinge.body}_torque")[:, -1]
 
     @property

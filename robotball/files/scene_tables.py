@@ -96,8 +96,8 @@ DRIVES: dict[_DriveName, _DriveKind] = {
         "torque", Torque, keys=("armature",), needed=("torque",),
     ),
     "free": _DriveKind(
-        "No motor: torque = -damping · rate - stiffness (angle - rest).",
-        None, Free, keys=("damping", "stiffness", "rest", "armature"),
+        "No motor: torque = -damping · rate - stiffness (angle - rest) - friction, against the rate.",
+        None, Free, keys=("damping", "stiffness", "rest", "armature", "friction"),
     ),
 }  # fmt: skip
 
@@ -122,6 +122,10 @@ class HingeTable(Table, frozen=True):
     damping: Annotated[float | None, key("torque against the rate", "N m s/rad")] = None
     stiffness: Annotated[float | None, key("of a spring", "N m/rad")] = None
     rest: Annotated[float | None, key("the angle at which the spring rests", "rad")] = None
+    friction: Annotated[
+        float | None,
+        key("dry friction of the hinge; the equations smooth it below 1e-3 rad/s", "N m"),
+    ] = None
     armature: Annotated[
         float | None, key("inertia of the motor's own rotor, times its gear ratio squared", "kg m²")
     ] = None

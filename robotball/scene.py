@@ -11,16 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robotball.drives import (
-    Actuator,
-    Constant,
-    Drive,
-    Motor,
-    Rate,
-    Servo,
-    as_drive,
-    functions_of,
-)
+from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
 from robotball.robot import ROUNDING, Ball, Value, imbalance
@@ -28,6 +19,7 @@ from robotball.rotations import Array, from_matrix, normalised, rotation_matrix
 
 if TYPE_CHECKING:
     from robotball.mechanics import Robot
+    from robotball.motors import Actuator, Motor
 
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
 _MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
@@ -236,7 +228,7 @@ class Hinge:
     axis: Array
     pivot: Array
     command: Drive
-    motor: Motor | None
+    motor: "Motor | None"
     angle: float
     rate: float
     slides: bool = False
@@ -273,12 +265,12 @@ class Scene(Value):
     start: Start
     duration: float
     gravity: float = GRAVITY
-    motors: tuple[Motor | None, ...] = ()
+    motors: "tuple[Motor | None, ...]" = ()
     pendulum_rates: tuple[Rate, ...] = ()
     gravity_direction: tuple[float, float, float] = DOWN
     friction: Friction = field(default_factory=Friction)
     link_rates: tuple[Rate, ...] = ()
-    actuators: tuple[Actuator, ...] = ()
+    actuators: "tuple[Actuator, ...]" = ()
 
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
@@ -296,8 +288,6 @@ class Scene(Value):
             raise InputError(
                 f"{len(self.drives)} hinges need as many motors, or none, not {len(self.motors)}"
             )
-        for actuator in self.actuators:
-            self._check_actuator(actuator)
         down = unit("gravity_direction", np.array(self.gravity_direction))
         if not down[2] < 0:
             raise InputError(
@@ -313,18 +303,18 @@ class Scene(Value):
         # Made exact once, here: engines that each normalise it would start from different states.
         start = Start(attitude, momentum, *self._checked_hinges())
         object.__setattr__(self, "start", start)
+        for actuator in self.actuators:
+            self._check_actuator(actuator)
 
-    def _check_actuator(self, actuator: Actuator) -> None:
+    def _check_actuator(self, actuator: "Actuator") -> None:
         """Raise InputError unless an actuator's gears are on hinges that it can move."""
-        motors = self.motors or (None,) * len(self.drives)
-        named = zip(self.ball.tree[1:], motors, strict=True)
-        moved = {link.name: motor is not None for link, motor in named}
+        moved = [hinge.name for hinge in self.hinges if hinge.motor]
         for name, ratio in actuator.gears:
             check_size(f"{actuator.name}'s gear", ratio)
-            if not moved.get(name):
+            if name not in moved:
                 raise InputError(
                     f"{actuator.name} moves the hinge of {name!r}, which must be one whose rate is "
-                    f"not given; those are {', '.join(each for each in moved if moved[each])}"
+                    f"not given; those are {', '.join(moved)}"
                 )
 
     def _checked_hinges(self) -> tuple[Array | None, Array | None]:
@@ -409,7 +399,7 @@ class Scene(Value):
             if motor is not None and rates is not None:
                 rate = float(rates[i])
             else:  # a Torque's command and a PositionServo's are no rates
-                follows = motor is None or isinstance(motor, Servo)
+                follows = motor is None or motor.law.follows_rate
                 rate = float(command.rate(0.0)) if follows else 0.0
             angle = 0.0 if angles is None else float(angles[i])
             hinges.append(

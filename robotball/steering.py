@@ -21,9 +21,10 @@ from scipy.spatial.transform import Rotation
 
 from robotball import equations as eq
 from robotball import mechanics as formulas
-from robotball.drives import Free, Ramp, Samples, turns
+from robotball.drives import Ramp, Samples, turns
 from robotball.errors import InputError, check_positive, check_size
 from robotball.motion import Motion
+from robotball.motors import Free
 from robotball.rotations import Array, Mask, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene, Start
 

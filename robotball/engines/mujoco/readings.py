@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.drives import Free
 from robotball.engines.mujoco.model import Model, ModelHinge
 from robotball.motion import Loads
+from robotball.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 
 # Sensors of coordinates and velocities, whose size shows whether a state has diverged.

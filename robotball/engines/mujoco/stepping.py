@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from robotball.drives import Drive, Law, PositionServo, Servo
+from robotball.drives import Drive
 from robotball.engines.mujoco.model import Model, controls_at
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.motion import Fault, pieces
+from robotball.motors import Law, PositionServo, Servo
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import spans
 

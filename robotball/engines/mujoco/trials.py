@@ -13,13 +13,13 @@ import numpy as np
 
 import robotball.scene
 from robotball import equations as eq
-from robotball.drives import Free, PositionServo, Servo
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import controlled, read_row
 from robotball.equations import Quaternion, Vector, as_vector
 from robotball.motion import Loads
+from robotball.motors import Free, PositionServo, Servo
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Friction, Scene
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from robotball import equations as eq
 from robotball import mechanics
-from robotball.drives import SLOW, Constant
+from robotball.drives import Constant
 from robotball.engines.compiled import compiled_from, inlined
 from robotball.mechanics import (
     COLUMN,
@@ -34,6 +34,7 @@ from robotball.mechanics import (
     solve_rolling,
     vector,
 )
+from robotball.motors import SLOW
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene
 

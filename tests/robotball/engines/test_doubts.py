@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.drives import Servo
+from robotball.motors import Servo
 from robotball.rotations import Array
 from tests.conftest import Robotball
 from validation import compare

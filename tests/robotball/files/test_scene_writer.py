@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
-from robotball.drives import Free, PositionServo, Ramp, Servo, Sine, Torque
+from robotball.drives import Ramp, Sine
 from robotball.equations import Rolling
+from robotball.motors import Free, PositionServo, Servo, Torque
 from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell, thin_shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Friction, Start

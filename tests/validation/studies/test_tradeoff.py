@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 import robotball as rb
 from robotball import Settings
-from robotball.drives import Servo
 from robotball.engines.mujoco.mjcf_export import left_out
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import BY_LOAD, FIRST_ORDER, NAIVE, Prescribed, recipe
+from robotball.motors import Servo
 from tests.conftest import Robotball
 from tests.validation.examples import example
 from validation.bench.gallery import numbers_of_tradeoff

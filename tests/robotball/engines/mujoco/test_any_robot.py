@@ -12,7 +12,6 @@ import pytest
 from scipy.optimize import brentq
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engines.mujoco import stepping
 from robotball.engines.mujoco.fault_window import load, replay
 from robotball.engines.mujoco.limits import exceeded, planned, servo_gain
@@ -21,6 +20,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import CONSTANT, VARYING, for_load
 from robotball.motion import ContactMotion
+from robotball.motors import Servo
 from robotball.robot import Ball, Frame, Shell, thin_shell_inertia
 from robotball.scene import Friction
 from tests.random_robots import random_scene

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.monitor import Monitor
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
+from robotball.motors import Servo
 from validation import compare
 
 pytestmark = pytest.mark.core

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.monitor import Monitor
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed
+from robotball.motors import Servo
 from validation import compare
 from validation.studies.random_runs import extreme, judged, ordinary
 

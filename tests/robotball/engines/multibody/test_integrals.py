@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from robotball import Motion, Scene, integrate
-from robotball.drives import Free
 from robotball.equations import Rolling
+from robotball.motors import Free
 from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array, perpendicular
 from tests.random_balls import random_axis

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from robotball import Scene, integrate
-from robotball.drives import Servo
 from robotball.engines.multibody import March
 from robotball.engines.multibody.system import System
+from robotball.motors import Servo
 from tests.robots import ENDINGS, energy, worked
 
 pytestmark = pytest.mark.core

@@ -5,14 +5,10 @@ from .designing import Limits as Limits
 from .designing import design as design
 from .drives import Custom as Custom
 from .drives import Drive as Drive
-from .drives import Free as Free
-from .drives import PositionServo as PositionServo
 from .drives import Ramp as Ramp
 from .drives import Samples as Samples
-from .drives import Servo as Servo
 from .drives import Sine as Sine
 from .drives import Sum as Sum
-from .drives import Torque as Torque
 from .engine import Engine as Engine
 from .engine import Request as Request
 from .engine import engine_named as engine_named
@@ -41,6 +37,10 @@ from .motion import FaultKind as FaultKind
 from .motion import Loads as Loads
 from .motion import Motion as Motion
 from .motion import ReferenceMotion as ReferenceMotion
+from .motors import Free as Free
+from .motors import PositionServo as PositionServo
+from .motors import Servo as Servo
+from .motors import Torque as Torque
 from .robot import Ball as Ball
 from .robot import Frame as Frame
 from .robot import Pendulum as Pendulum

@@ -1,24 +1,22 @@
-"""Drives and motors: what a hinge is commanded over time, and what follows the command.
+"""Drives: what a hinge is commanded over time.
 
 A drive is a function of time with its derivative and integral: a number, Ramp, Sine, Samples, Sum,
 or a function of the user's (Custom), whose derivative and integral are found by polynomials. It is
 smooth between its breakpoints and continuous at them, and every integration stops there. Times are
 scalars or increasing columns, in s from the start of the motion; SI units.
 
-A hinge without a motor keeps the drive as its rate [rad/s] exactly. To a motor it is a command: a
-rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a torque [N m] for a Torque. A hinge's
-torque is that of the parent on the child [N m].
+A hinge without a motor keeps the drive as its rate [rad/s] exactly; to one with a motor it is a
+command, see `motors`.
 
-In order: a drive and its kinds, the drive of what a user gives as a rate, motors. Users' functions
-are followed in `function_drives`, which is loaded for scenes that have one.
+In order: a drive and its kinds, the drive of what a user gives as a rate. Users' functions are
+followed in `function_drives`, which is loaded for scenes that have one.
 """
 
 import itertools
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, runtime_checkable
 
 import msgspec
 import numpy as np
@@ -26,7 +24,6 @@ import numpy as np
 from robotball.errors import (
     END_ROUNDING,
     InputError,
-    check_not_negative,
     check_positive,
     check_size,
 )
@@ -369,115 +366,3 @@ def functions_of(drive: Drive) -> Iterator["Followed"]:
     if isinstance(drive, Total):
         for each in drive.drives:
             yield from functions_of(each)
-
-
-class _Law(NamedTuple):
-    """The law of every motor's torque, between -limit and limit [N m].
-
-    per_command · command - per_angle · angle - per_rate · rate + at_rest. All motors have one law,
-    so that compiled equations take any motor as five numbers.
-    """
-
-    per_command: float
-    per_angle: float
-    per_rate: float
-    at_rest: float = 0.0
-    limit: float = math.inf
-
-    def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
-        """Return the torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
-        free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
-        return np.clip(free + self.at_rest, -self.limit, self.limit)
-
-
-class Motor(Protocol):
-    """A hinge's motor: its law, and the reflected inertia of its rotor [kg m²]."""
-
-    @property
-    def armature(self) -> float: ...
-
-    @property
-    def law(self) -> _Law: ...
-
-    def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
-        """Return the law's torque on the child [N m]."""
-        return self.law.torque(command, angle, rate)
-
-
-@dataclass(frozen=True)
-class Servo(Motor):
-    """A velocity servo with a gain [N m s/rad] and, if it has one, a torque limit [N m]."""
-
-    gain: float
-    torque_limit: float | None = None
-    armature: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_positive("a servo's gain", self.gain, "N m s/rad")
-        _check_common(self)
-
-    @property
-    def law(self) -> _Law:
-        return _Law(self.gain, 0.0, self.gain, limit=self.torque_limit or math.inf)
-
-
-@dataclass(frozen=True)
-class PositionServo(Motor):
-    """A servo that follows an angle: gain [N m/rad], damping [N m s/rad], torque limit [N m]."""
-
-    gain: float
-    damping: float = 0.0
-    torque_limit: float | None = None
-    armature: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_positive("a position servo's gain", self.gain, "N m/rad")
-        check_not_negative("a position servo's damping", self.damping, "N m s/rad")
-        _check_common(self)
-
-    @property
-    def law(self) -> _Law:
-        return _Law(self.gain, self.gain, self.damping, limit=self.torque_limit or math.inf)
-
-
-def _check_common(servo: Servo | PositionServo) -> None:
-    if servo.torque_limit is not None:
-        check_positive("a servo's torque limit", servo.torque_limit, "N m")
-    check_not_negative("a servo's armature", servo.armature, "kg m²")
-
-
-@dataclass(frozen=True)
-class Torque(Motor):
-    """A motor that gives the commanded torque, whatever the hinge does."""
-
-    armature: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_not_negative("a motor's armature", self.armature, "kg m²")
-
-    @property
-    def law(self) -> _Law:
-        return _Law(1.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Free(Motor):
-    """No motor: damping [N m s/rad] and a spring [N m/rad] that rests at an angle [rad].
-
-    The hinge's command is not used, and is 0.
-    """
-
-    damping: float = 0.0
-    stiffness: float = 0.0
-    rest: float = 0.0
-    armature: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_not_negative("a free hinge's damping", self.damping, "N m s/rad")
-        check_not_negative("a free hinge's stiffness", self.stiffness, "N m/rad")
-        check_not_negative("a free hinge's armature", self.armature, "kg m²")
-        check_size("a free hinge's rest angle", self.rest, "rad")
-
-    @property
-    def law(self) -> _Law:
-        return _Law(0.0, self.stiffness, self.damping, at_rest=self.stiffness * self.rest)

@@ -16,7 +16,6 @@ from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 
-from robotball.drives import Servo
 from robotball.engines import LEAST_RTOL, Progress
 from robotball.errors import InputError, unknown, warn
 from robotball.motion import (
@@ -247,8 +246,9 @@ def _doubts(motion: ContactMotion) -> Iterator[str]:
             f"radius of {radius:g} m; check the start, the rates [rad/s] and the masses [kg]"
         )
     for i, motor in enumerate(scene.motors):
-        if isinstance(motor, Servo) and motor.torque_limit is not None:
-            rate, no_load = np.abs(motion.hinge_rates[:, i]).max(), motor.torque_limit / motor.gain
+        if motor is not None and motor.law.follows_rate:
+            no_load = motor.law.limit / motor.law.per_rate
+            rate = np.abs(motion.hinge_rates[:, i]).max()
             if rate > _NO_LOAD * no_load:
                 yield (
                     f"{scene.hinges[i].name}'s motor turns at {rate:.3g} rad/s, but without load "

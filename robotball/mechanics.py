@@ -1,18 +1,21 @@
-"""The mechanics of any robot that rolls in a shell, once, in plain arithmetic.
+"""The mechanics of a tree of bodies that rolls in a shell, once, in plain arithmetic.
 
-There is nothing in the formulas but ``+ - * /`` on scalars, as in equations.py, so that the same
-functions run on floats, on NumPy columns and inside numba. Vectors are 3-tuples in frame axes, but
-velocities and accelerations are rates in space. Row 0 of the bodies is the shell, row 1 the frame,
-the others are hinged on the frame; hinge j turns body j + 1. Arrays that end in `...` have there
-the shape of the scalars, () or (n,); those that are named last are written.
+The formulas take scalars, as those of equations.py do, so that the same functions run on floats, on
+NumPy columns and inside numba. Vectors are 3-tuples in the axes of one body of the tree, its
+carrier, but velocities and accelerations are rates in space; positions are from the sphere's
+centre. Row 0 of the bodies is the shell; every other body is joined to its parent, which has a
+lower row, by a hinge or a slide: joint j moves body j + 1. Arrays that end in `...` have there the
+shape of the scalars, () or (n,); those that are named last are written.
 
-u = (ω_s, Ω, φ̇): the shell's angular velocity, then the rates of the hinges. (L, h) = 𝓜u: the
-angular momentum about the contact point, then the momenta along the hinges.
+u = (ω_s, q̇): the shell's angular velocity, then the rates of the joints. A body turns and moves by
+its columns, ω_b = Σ t_k u_k and v_b = Σ s_k u_k (Kane's partial velocities). (L, h) = 𝓜u: the
+angular momentum about the contact point, then the momenta along the joints.
 
-In order: rows of numbers, where bodies are, 𝓜 and the momenta's rates, forces by Newton and Euler,
-𝓜u = (L, h) solved where some rates are given and the shell may not turn as it likes; then a robot
-and n of its states as columns: gamma (n, 3) in frame axes; angles and rates (n, h) of the hinges,
-as in `Scene.hinges` [rad, rad/s]; omega (n, 3) of the frame, in frame axes [rad/s]. SI units.
+In order: rows of numbers, where bodies are, their columns, 𝓜 and the momenta's rates, forces by
+Newton and Euler, 𝓜u = (L, h) solved where some rates are given and the shell may not turn as it
+likes; then a robot and n of its states as columns: gamma (n, 3) in the carrier's axes; angles and
+rates (n, h) of the joints [rad, rad/s; m, m/s of slides]; omega (n, 3) of the carrier, in its axes
+[rad/s]. SI units.
 """
 
 from dataclasses import dataclass
@@ -22,19 +25,24 @@ from typing import Any
 import numpy as np
 
 from robotball.equations import Rolling, Scalar, Vector, add, cross, dot, scale, subtract
-from robotball.robot import Ball, Frame
+from robotball.robot import Ball
 from robotball.rotations import Array, rotation_matrix
 
 _Numbers = Any  # an array, or its row
 
 # Bodies are rows of numbers and no records: numba and columns take them as one array.
-# A body's row: as it is at its hinge's angle 0.
-_MASS, _CENTRE, _AXIS, _PIVOT, _INERTIA, _ARMATURE, _ROW = 0, 1, 4, 7, 10, 19, 20
-# A placed body's row: its centre of mass from the sphere's centre and from its hinge's pivot, its
-# tensor about it.
-_FROM_CENTRE, _ARM, _TENSOR, PLACED = 0, 3, 6, 15
-# A moving body's row: its angular velocity, and its centre of mass's velocity.
-TURNING, _VELOCITY, MOVING = 0, 3, 6
+# A body's row: as it is where all joints are at 0, in axes that are then those of every body.
+_MASS, _CENTRE, _AXIS, _PIVOT, _INERTIA, _ARMATURE, _PARENT, _SLIDES, _ROW = (
+    0, 1, 4, 7, 10, 19, 20, 21, 22,
+)  # fmt: skip
+# A placed body's row: its centre of mass, its tensor about it, the axis of its joint, the pivot,
+# and the rows of the rotation that brings vectors from where the joints are at 0.
+_FROM_CENTRE, _TENSOR, _ALONG, _AT, _ROTATION, PLACED = 0, 3, 12, 15, 18, 27
+# A body's column of u: its angular velocity and its centre of mass's velocity at unit rate.
+_TURN, _MOVE, COLUMN = 0, 3, 6
+# A moving body's row: its angular velocity, its centre of mass's velocity, and the rates of both.
+TURNING, _VELOCITY, _TURNING_RATE, _ACCELERATION, MOVING = 0, 3, 6, 9, 12
+_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def vector(row: _Numbers, at: int) -> Vector:
@@ -50,7 +58,7 @@ def put(row: _Numbers, at: int, v: Vector) -> None:
 
 
 def _applied(row: _Numbers, at: int, v: Vector) -> Vector:
-    """Return the tensor that a row holds, times v."""
+    """Return the matrix that a row holds, times v."""
     return (
         dot(vector(row, at), v),
         dot(vector(row, at + 3), v),
@@ -64,88 +72,110 @@ def _turned(v: Vector, axis: Vector, cosine: Scalar, sine: Scalar) -> Vector:
     return add(add(scale(cosine, v), scale(sine, cross(axis, v))), along)
 
 
-def place(bodies: _Numbers, cosines: _Numbers, sines: _Numbers, placed: _Numbers) -> None:
-    """Write where the bodies are, placed (b, PLACED, ...), for the cosines and sines (h, ...)."""
+def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) -> None:
+    """Write where the bodies are, placed (b, PLACED, ...), for the joints' angles (h, ...)."""
+    # From the carrier, whose axes these are, back along its joints to the shell: the rows of its
+    # rotation are the axes of the carrier, seen from it.
+    x, y, z = _X, _Y, _Z
+    b = carrier
+    while b > 0:
+        if bodies[b][_SLIDES] == 0:
+            axis, angle = vector(bodies[b], _AXIS), angles[b - 1]
+            cosine, sine = np.cos(angle), np.sin(angle)
+            x = _turned(x, axis, cosine, sine)
+            y = _turned(y, axis, cosine, sine)
+            z = _turned(z, axis, cosine, sine)
+        b = int(bodies[b][_PARENT])
+    put(placed[0], _ROTATION, x)
+    put(placed[0], _ROTATION + 3, y)
+    put(placed[0], _ROTATION + 6, z)
+    put(placed[0], _AT, scale(0.0, x))
     for b in range(len(bodies)):
         body, row = bodies[b], placed[b]
-        axis, pivot = vector(body, _AXIS), vector(body, _PIVOT)
-        arm = subtract(vector(body, _CENTRE), pivot)
-        if b < 2:  # the axes are the frame's own, and the shell is symmetric about its hinge
-            put(row, _ARM, arm)
-            for k in range(0, 9, 3):
-                put(row, _TENSOR + k, vector(body, _INERTIA + k))
-        else:
-            c, s = cosines[b - 1], sines[b - 1]
-            put(row, _ARM, _turned(arm, axis, c, s))
-            # QJ, column by column, and then (QJ)Qᵀ, row by row; J is symmetric, so its rows are its
-            # columns.
-            x = _turned(vector(body, _INERTIA), axis, c, s)
-            y = _turned(vector(body, _INERTIA + 3), axis, c, s)
-            z = _turned(vector(body, _INERTIA + 6), axis, c, s)
-            put(row, _TENSOR, _turned((x[0], y[0], z[0]), axis, c, s))
-            put(row, _TENSOR + 3, _turned((x[1], y[1], z[1]), axis, c, s))
-            put(row, _TENSOR + 6, _turned((x[2], y[2], z[2]), axis, c, s))
-        put(row, _FROM_CENTRE, add(pivot, vector(row, _ARM)))
+        if b > 0:
+            p = int(body[_PARENT])
+            parent, angle = placed[p], angles[b - 1]
+            axis = _applied(parent, _ROTATION, vector(body, _AXIS))
+            arm = subtract(vector(body, _PIVOT), vector(bodies[p], _PIVOT))
+            pivot = add(vector(parent, _AT), _applied(parent, _ROTATION, arm))
+            put(row, _ALONG, axis)
+            if body[_SLIDES] == 0:
+                cosine, sine = np.cos(angle), np.sin(angle)
+                for k in range(3):
+                    column = (
+                        parent[_ROTATION + k],
+                        parent[_ROTATION + 3 + k],
+                        parent[_ROTATION + 6 + k],
+                    )
+                    column = _turned(column, axis, cosine, sine)
+                    for i in range(3):
+                        row[_ROTATION + 3 * i + k] = column[i]
+            else:
+                row[_ROTATION:PLACED] = parent[_ROTATION:PLACED]
+                pivot = add(pivot, scale(angle, axis))
+            put(row, _AT, pivot)
+        arm = subtract(vector(body, _CENTRE), vector(body, _PIVOT))
+        put(row, _FROM_CENTRE, add(vector(row, _AT), _applied(row, _ROTATION, arm)))
+        # RJ, column by column, and then (RJ)Rᵀ, row by row; J is symmetric, so its rows are its
+        # columns.
+        x = _applied(row, _ROTATION, vector(body, _INERTIA))
+        y = _applied(row, _ROTATION, vector(body, _INERTIA + 3))
+        z = _applied(row, _ROTATION, vector(body, _INERTIA + 6))
+        put(row, _TENSOR, _applied(row, _ROTATION, (x[0], y[0], z[0])))
+        put(row, _TENSOR + 3, _applied(row, _ROTATION, (x[1], y[1], z[1])))
+        put(row, _TENSOR + 6, _applied(row, _ROTATION, (x[2], y[2], z[2])))
 
 
-def mass_matrix(
-    bodies: _Numbers, placed: _Numbers, radius: float, gamma: Vector, matrix: _Numbers
+def partial_velocities(
+    bodies: _Numbers, placed: _Numbers, radius: float, gamma: Vector, columns: _Numbers
 ) -> None:
-    """Write 𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures."""
-    matrix[:] = 0.0
-    e = vector(bodies[1], _AXIS)
+    """Write the columns (b, 3 + h, COLUMN, ...) by which u turns and moves the bodies."""
+    columns[:] = 0.0
     for b in range(len(bodies)):
-        row, m = placed[b], bodies[b][_MASS]
-        r = vector(row, _FROM_CENTRE)
+        r = vector(placed[b], _FROM_CENTRE)
         # From the shell's point at the contact, which has no velocity.
         x = add(r, scale(radius, gamma))
-        m_x_x = m * dot(x, x)
-        for i in range(3):
-            for j in range(3):
-                matrix[i, j] += row[_TENSOR + 3 * i + j] - m * x[i] * x[j]
-            matrix[i, i] += m_x_x
-        if b > 0:
-            _add_hinge(row, m, x, e, cross(e, r), 3, matrix)
-        if b > 1:
-            n = vector(bodies[b], _AXIS)
-            by_n = cross(n, vector(row, _ARM))
-            _add_hinge(row, m, x, n, by_n, 2 + b, matrix)
-            shared = dot(e, _applied(row, _TENSOR, n)) + m * dot(cross(e, r), by_n)
-            matrix[3, 2 + b] += shared
-            matrix[2 + b, 3] += shared
-        if b > 0:  # a motor's rotor, behind its gear, counts for the rate of its hinge alone
-            matrix[2 + b, 2 + b] += bodies[b][_ARMATURE]
+        for i, e in enumerate((_X, _Y, _Z)):
+            columns[b, i, _TURN + i] = 1.0
+            put(columns[b, i], _MOVE, cross(e, x))
+        j = b
+        while j > 0:
+            axis, column = vector(placed[j], _ALONG), columns[b, 2 + j]
+            if bodies[j][_SLIDES] == 0:
+                put(column, _TURN, axis)
+                put(column, _MOVE, cross(axis, subtract(r, vector(placed[j], _AT))))
+            else:
+                put(column, _MOVE, axis)
+            j = int(bodies[j][_PARENT])
 
 
-def _add_hinge(
-    row: _Numbers, m: float, x: Vector, axis: Vector, velocity: Vector, at: int, matrix: _Numbers
-) -> None:
-    """Add a body's part of one hinge to 𝓜; at unit rate the hinge gives the body `velocity`."""
-    spin = _applied(row, _TENSOR, axis)
-    momentum = add(spin, scale(m, cross(x, velocity)))
-    for i in range(3):
-        matrix[i, at] += momentum[i]
-        matrix[at, i] += momentum[i]
-    matrix[at, at] += dot(axis, spin) + m * dot(velocity, velocity)
-
-
-def move(
-    bodies: _Numbers, placed: _Numbers, radius: float, gamma: Vector, u: _Numbers, moving: _Numbers
-) -> None:
-    """Write how the bodies move, moving (b, MOVING, ...), by u (3 + h, ...)."""
-    e, shell = vector(bodies[1], _AXIS), vector(u, 0)
-    frame = add(shell, scale(u[3], e))
-    of_centre = scale(radius, cross(shell, gamma))
+def mass_matrix(bodies: _Numbers, placed: _Numbers, columns: _Numbers, matrix: _Numbers) -> None:
+    """Write 𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures."""
+    matrix[:] = 0.0
+    k = len(matrix)
     for b in range(len(bodies)):
-        row = placed[b]
-        if b == 0:  # turns about its centre, whose velocity the contact gives
-            put(moving[b], TURNING, shell)
-            put(moving[b], _VELOCITY, add(of_centre, cross(shell, vector(row, _FROM_CENTRE))))
-            continue
-        turning = frame if b == 1 else add(frame, scale(u[2 + b], vector(bodies[b], _AXIS)))
-        of_pivot = add(of_centre, cross(frame, vector(bodies[b], _PIVOT)))
+        for i in range(k):
+            spin = _applied(placed[b], _TENSOR, vector(columns[b, i], _TURN))
+            push = scale(bodies[b][_MASS], vector(columns[b, i], _MOVE))
+            for j in range(i + 1):
+                turn, move = vector(columns[b, j], _TURN), vector(columns[b, j], _MOVE)
+                matrix[i, j] += dot(turn, spin) + dot(move, push)
+    for i in range(k):
+        if i > 2:  # a motor's rotor, behind its gear, counts for the rate of its joint alone
+            matrix[i, i] += bodies[i - 2][_ARMATURE]
+        for j in range(i):
+            matrix[j, i] = matrix[i, j]
+
+
+def move(columns: _Numbers, u: _Numbers, moving: _Numbers) -> None:
+    """Write the velocities of moving (b, MOVING, ...) that u (3 + h, ...) gives."""
+    for b in range(len(columns)):
+        turning, velocity = scale(0.0, vector(u, 0)), scale(0.0, vector(u, 0))
+        for k in range(len(u)):
+            turning = add(turning, scale(u[k], vector(columns[b, k], _TURN)))
+            velocity = add(velocity, scale(u[k], vector(columns[b, k], _MOVE)))
         put(moving[b], TURNING, turning)
-        put(moving[b], _VELOCITY, add(of_pivot, cross(turning, vector(row, _ARM))))
+        put(moving[b], _VELOCITY, velocity)
 
 
 def momentum_rates(
@@ -159,36 +189,42 @@ def momentum_rates(
 ) -> None:
     """Write the rates of (L, h) in space (3 + h, ...) without the torques of motors and plane.
 
-    L̇ = Ṡ×v + (S + maγ)×G,  ḣ_0 = (ω×e, N′) + (e, Σ′ m v_b×v + m r_b×G),
-    ḣ_i = (ω×n, N) + (n, m v_i×(v + ω×p) + m ρ×G).
+    L̇ = Σ m v_b×v + m(r_b + aγ)×G; along a hinge of the parent's ω, whose pivot has the velocity w,
+    ḣ = Σ (ω×n, J_bω_b + ρ×m v_b) + (n, m v_b×w + mρ×G); along a slide ḣ = Σ m(ω×n, v_b) + m(n, G).
+    The sums for a joint are over the bodies beyond it.
     """
-    e, shell = vector(bodies[1], _AXIS), vector(moving[0], TURNING)
-    omega = vector(moving[1], TURNING)
-    v, e_rate = scale(radius, cross(shell, gamma)), cross(omega, e)
-    L_rate, h_rate = scale(0.0, gamma), 0.0 * gamma[0]
+    v = scale(radius, cross(vector(moving[0], TURNING), gamma))
+    L_rate = scale(0.0, gamma)
+    rates[:] = 0.0
     for b in range(len(bodies)):
-        row, m, axis = placed[b], bodies[b][_MASS], vector(bodies[b], _AXIS)
+        row, m = placed[b], bodies[b][_MASS]
         r, v_b = vector(row, _FROM_CENTRE), vector(moving[b], _VELOCITY)
-        # Ṡ×v = Σ m v_b×v, for v×v = 0.
-        carried = add(cross(v_b, v), cross(r, gravity))
-        L_rate = add(L_rate, scale(m, add(carried, cross(scale(radius, gamma), gravity))))
+        weight, push = scale(m, gravity), scale(m, v_b)
+        around = cross(add(r, scale(radius, gamma)), weight)
+        L_rate = add(L_rate, add(cross(push, v), around))
         spin = _applied(row, _TENSOR, vector(moving[b], TURNING))
-        if b > 0:
-            N = add(spin, scale(m, cross(r, v_b)))
-            h_rate = h_rate + dot(e_rate, N) + m * dot(e, carried)
-        if b > 1:
-            rho = vector(row, _ARM)
-            N = add(spin, scale(m, cross(rho, v_b)))
-            of_pivot = add(v, cross(omega, vector(bodies[b], _PIVOT)))
-            around = add(cross(v_b, of_pivot), cross(rho, gravity))
-            rates[2 + b] = dot(cross(omega, axis), N) + m * dot(axis, around)
+        j = b
+        while j > 0:
+            p = int(bodies[j][_PARENT])
+            n, omega = vector(placed[j], _ALONG), vector(moving[p], TURNING)
+            n_rate = cross(omega, n)
+            if bodies[j][_SLIDES] == 0:
+                pivot = vector(placed[j], _AT)
+                arm = subtract(pivot, vector(placed[p], _FROM_CENTRE))
+                of_pivot = add(vector(moving[p], _VELOCITY), cross(omega, arm))
+                rho = subtract(r, pivot)
+                rates[2 + j] += dot(n_rate, add(spin, cross(rho, push)))
+                rates[2 + j] += dot(n, add(cross(push, of_pivot), cross(rho, weight)))
+            else:
+                rates[2 + j] += dot(n_rate, push) + dot(n, weight)
+            j = p
     put(rates, 0, L_rate)
-    rates[3] = h_rate
 
 
 def needed(
     bodies: _Numbers,
     placed: _Numbers,
+    columns: _Numbers,
     moving: _Numbers,
     radius: float,
     gamma: Vector,
@@ -199,40 +235,46 @@ def needed(
 ) -> Vector:
     """Write the torques that give u a rate in space (3 + h, ...), by Newton and Euler.
 
-    torques (3 + h, ...): that of the plane about the contact point, then those of the motors.
-    Returns the plane's force [N]. In space n has the rate ω×n, so a hinge gives φ̈n + φ̇ω×n.
+    torques (3 + h, ...): that of the plane about the contact point, then those of the motors; of
+    slides, forces. Returns the plane's force [N]. The accelerations are written into `moving`.
     """
-    e, shell = vector(bodies[1], _AXIS), vector(moving[0], TURNING)
-    omega = vector(moving[1], TURNING)
-    shell_rate = vector(u_rate, 0)
-    frame_rate = add(shell_rate, add(scale(u_rate[3], e), scale(u[3], cross(omega, e))))
-    of_centre = scale(radius, cross(shell_rate, gamma))
-    force, torque = scale(0.0, gamma), scale(0.0, gamma)
-    torques[3] = bodies[1][_ARMATURE] * u_rate[3]
+    force = scale(0.0, gamma)
+    torques[:] = 0.0
     for b in range(len(bodies)):
         row, m = placed[b], bodies[b][_MASS]
-        axis, pivot = vector(bodies[b], _AXIS), vector(bodies[b], _PIVOT)
-        turning, rate, of_pivot = shell, shell_rate, of_centre
-        if b > 0:
-            turning, rate = vector(moving[b], TURNING), frame_rate
-            of_pivot = add(of_centre, _acceleration(frame_rate, omega, pivot))
-        if b > 1:
-            own = add(scale(u_rate[2 + b], axis), scale(u[2 + b], cross(omega, axis)))
-            rate = add(frame_rate, own)
-        r, rho = vector(row, _FROM_CENTRE), vector(row, _ARM)
-        a_b = add(of_pivot, _acceleration(rate, turning, rho))
-        f = scale(m, subtract(a_b, gravity))
-        spin_rate = add(
-            _applied(row, _TENSOR, rate), cross(turning, _applied(row, _TENSOR, turning))
-        )
-        about_centre = add(spin_rate, cross(r, f))
-        force, torque = add(force, f), add(torque, about_centre)
-        if b > 0:
-            torques[3] += dot(e, about_centre)
-        if b > 1:
-            own_torque = dot(axis, add(spin_rate, cross(rho, f)))
-            torques[2 + b] = own_torque + bodies[b][_ARMATURE] * u_rate[2 + b]
-    put(torques, 0, add(torque, cross(scale(radius, gamma), force)))
+        turning, r = vector(moving[b], TURNING), vector(row, _FROM_CENTRE)
+        # Of the centre of the sphere, and from there on of the shell's centre of mass.
+        rate = vector(u_rate, 0)
+        acceleration = scale(radius, cross(rate, gamma))
+        if b == 0:
+            acceleration = add(acceleration, _acceleration(rate, turning, r))
+        else:
+            p = int(bodies[b][_PARENT])
+            n, omega = vector(placed[b], _ALONG), vector(moving[p], TURNING)
+            pivot, own, own_rate = vector(row, _AT), u[2 + b], u_rate[2 + b]
+            arm = subtract(pivot, vector(placed[p], _FROM_CENTRE))
+            rate = vector(moving[p], _TURNING_RATE)
+            acceleration = add(vector(moving[p], _ACCELERATION), _acceleration(rate, omega, arm))
+            # In space n has the rate ω×n, so a hinge gives q̈n + q̇ω×n, a slide 2q̇ω×n.
+            carried = scale(own, cross(omega, n))
+            if bodies[b][_SLIDES] == 0:
+                rate = add(rate, add(scale(own_rate, n), carried))
+            else:
+                carried = scale(2.0, carried)
+                acceleration = add(acceleration, add(scale(own_rate, n), carried))
+            rho = subtract(r, pivot)
+            acceleration = add(acceleration, _acceleration(rate, turning, rho))
+        put(moving[b], _TURNING_RATE, rate)
+        put(moving[b], _ACCELERATION, acceleration)
+        f = scale(m, subtract(acceleration, gravity))
+        spin = cross(turning, _applied(row, _TENSOR, turning))
+        torque = add(_applied(row, _TENSOR, rate), spin)
+        force = add(force, f)
+        for k in range(len(torques)):
+            column = columns[b, k]
+            torques[k] += dot(vector(column, _TURN), torque) + dot(vector(column, _MOVE), f)
+    for j in range(1, len(bodies)):
+        torques[2 + j] += bodies[j][_ARMATURE] * u_rate[2 + j]
     return force
 
 
@@ -310,10 +352,14 @@ def solve_rolling(
 
 @dataclass(frozen=True)
 class Robot:
-    """The numbers of a ball's bodies, in rows (b, ROW) as the formulas take them, and a [m]."""
+    """The numbers of a tree of bodies, in rows (b, ROW) as the formulas take them, and a [m].
+
+    carrier: the row of the body whose axes vectors have, and whose attitude a motion gives.
+    """
 
     bodies: Array
     radius: float
+    carrier: int
 
     @property
     def hinges(self) -> int:
@@ -325,27 +371,40 @@ class Robot:
 
     def states(self, gamma: Array, angles: Array, omega: Array, rates: Array) -> "States":
         """Return the robot in n states of motion."""
-        axis = self.bodies[0, _AXIS:_PIVOT, None]
-        u = np.concatenate([omega.T - rates[:, 0] * axis, rates.T])
         placed = self.placed(angles)
+        columns = self.columns(placed, gamma)
+        u = np.concatenate([omega.T - self._carried(columns, rates), rates.T])
         moving = np.empty((len(self.bodies), MOVING, len(gamma)))
-        move(self.bodies, placed, self.radius, tuple(gamma.T), u, moving)
-        return States(self, gamma.T, placed, u, moving)
+        move(columns, u, moving)
+        return States(self, gamma.T, placed, columns, u, moving)
 
     def placed(self, angles: Array) -> Array:
-        """Return where the bodies are at angles (n, h): (b, PLACED, n), in frame axes."""
+        """Return where the bodies are at angles (n, h): (b, PLACED, n), in the carrier's axes."""
         placed = np.empty((len(self.bodies), PLACED, len(angles)))
-        place(self.bodies, np.cos(angles.T), np.sin(angles.T), placed)
+        place(self.bodies, self.carrier, angles.T, placed)
         return placed
+
+    def columns(self, placed: Array, gamma: Array) -> Array:
+        """Return the bodies' columns (b, 3 + h, COLUMN, n) of placed bodies."""
+        columns = np.empty((len(self.bodies), 3 + self.hinges, COLUMN, len(gamma)))
+        partial_velocities(self.bodies, placed, self.radius, tuple(gamma.T), columns)
+        return columns
+
+    def _carried(self, columns: Array, rates: Array) -> Array:
+        """Return the carrier's angular velocity relative to the shell (3, n)."""
+        turns = columns[self.carrier, 3:, _TURN:_MOVE]
+        return np.asarray(np.einsum("hin,nh->in", turns, rates))
 
     def angular_velocity(
         self, gamma: Array, angles: Array, M: Array, rates: Array, rolling: Rolling
     ) -> Array:
-        """Return ω (n, 3) of the frame from the momentum M (n, 3), both in frame axes."""
+        """Return ω (n, 3) of the carrier from the momentum M (n, 3), both in its axes."""
         k = 3 + self.hinges
         given = np.arange(k) > 2
+        placed = self.placed(angles)
+        columns = self.columns(placed, gamma)
         matrix, right = np.empty((k, k, len(gamma))), np.zeros((k, 1, len(gamma)))
-        mass_matrix(self.bodies, self.placed(angles), self.radius, tuple(gamma.T), matrix)
+        mass_matrix(self.bodies, placed, columns, matrix)
         # M is γ×L in the rubber model, so L is M×γ but for its part along γ, which `solve_rolling`
         # finds from the shell's not turning about γ.
         right[:3, 0] = (np.cross(M, gamma) if rolling == "rubber" else M).T
@@ -353,37 +412,35 @@ class Robot:
         u[3:, 0] = rates.T
         fixed = gamma.T[None] if rolling == "rubber" else np.empty((0, 3, len(gamma)))
         solve_rolling(matrix, given, fixed, right, u)
-        axis = self.bodies[0, _AXIS:_PIVOT]
-        return u[:3, 0].T + np.outer(rates[:, 0], axis)
+        return (u[:3, 0] + self._carried(columns, rates)).T
 
 
 def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:
     """Return a ball's robot; armatures [kg m²] of its hinges, 0 where none are given."""
-    rows = np.zeros((len(ball.named_bodies), _ROW))
-    for row, (_, body) in zip(rows, ball.named_bodies, strict=True):
-        row[_MASS] = body.mass
-        row[_CENTRE:_AXIS] = body.centre
-        row[_AXIS:_PIVOT] = ball.shell.axis if isinstance(body, Frame) else body.axis
-        row[_INERTIA:_ARMATURE] = body.inertia.ravel()
-    for row, rotor in zip(rows[2:], ball.rotors, strict=False):
-        row[_PIVOT:_INERTIA] = rotor.centre
-    for row, pendulum in zip(rows[2 + len(ball.rotors) :], ball.pendulums, strict=True):
-        row[_PIVOT:_INERTIA] = pendulum.pivot
+    names = [link.name for link in ball.tree]
+    rows = np.zeros((len(names), _ROW))
+    for row, link in zip(rows, ball.tree, strict=True):
+        row[_MASS], row[_SLIDES] = link.mass, link.slides
+        row[_CENTRE:_AXIS], row[_AXIS:_PIVOT] = link.centre, link.axis
+        row[_PIVOT:_INERTIA], row[_INERTIA:_ARMATURE] = link.pivot, link.inertia.ravel()
+    rows[1:, _PARENT] = [names.index(link.parent) for link in ball.tree[1:]]
     if armatures:
         rows[1:, _ARMATURE] = armatures
-    return Robot(rows, ball.radius)
+    return Robot(rows, ball.radius, carrier=names.index("frame") if "frame" in names else 0)
 
 
 @dataclass(frozen=True)
 class States:
     """States of a robot in motion, n of them, which the last index of an array counts.
 
-    gamma (3, n), placed (b, PLACED, n), u (3 + h, n), moving (b, MOVING, n).
+    gamma (3, n), placed (b, PLACED, n), columns (b, 3 + h, COLUMN, n), u (3 + h, n), moving
+    (b, MOVING, n), of which the velocities are known.
     """
 
     robot: Robot
     gamma: Array
     placed: Array
+    columns: Array
     u: Array
     moving: Array
 
@@ -391,7 +448,7 @@ class States:
     def matrix(self) -> Array:
         """𝓜 (3 + h, 3 + h, n)."""
         matrix = np.empty((len(self.u), *self.u.shape))
-        mass_matrix(self.robot.bodies, self.placed, self.robot.radius, tuple(self.gamma), matrix)
+        mass_matrix(self.robot.bodies, self.placed, self.columns, matrix)
         return matrix
 
     @cached_property
@@ -423,7 +480,7 @@ class States:
     @property
     def velocities(self) -> Array:
         """The velocities (b, n, 3) of the bodies' centres of mass, frame axes [m/s]."""
-        return self.moving[:, _VELOCITY:].transpose(0, 2, 1)
+        return self.moving[:, _VELOCITY:_TURNING_RATE].transpose(0, 2, 1)
 
 
 def momentum_at(

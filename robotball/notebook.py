@@ -52,9 +52,9 @@ def scene_cell(scene: Any) -> str:
     # The shell has no hinge, and so no entry here.
     hinges = {hinge.name: _moved(hinge) for hinge in scene.hinges}
     table = "<tr><th>body</th><th>mass [kg]</th><th>turns</th></tr>"
-    for name, body in scene.ball.named_bodies:
-        turns = escape(hinges.get(name, ""))
-        table += f"<tr><td>{name}</td><td>{body.mass:.4g}</td><td>{turns}</td></tr>"
+    for link in scene.ball.tree:
+        turns = escape(hinges.get(link.name, ""))
+        table += f"<tr><td>{link.name}</td><td>{link.mass:.4g}</td><td>{turns}</td></tr>"
     above = f"<div>{escape(scene.title)}</div><table>{table}</table>"
     try:
         times = sample_times(min(scene.duration, SHOWN))

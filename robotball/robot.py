@@ -141,10 +141,12 @@ def _about(point: Array, body: "Solid | Body") -> Array:
 
 @dataclass(frozen=True)
 class Shell(Value):
-    """The sphere that rolls: symmetric about `axis` (3,), about which the frame turns in it.
+    """The sphere that rolls, as a rule symmetric about `axis` (3,), about which the frame turns.
 
     SI units; `axis` is a unit vector in frame axes. offset [m]: σ, the centre of mass along the
-    axis, from the sphere's centre. The moments are about the centre of mass.
+    axis, from the sphere's centre. The moments are about the centre of mass. asymmetry (3, 3)
+    [kg m²] and aside (3,) [m] are added to the inertia and to the centre of mass of a shell that
+    is not symmetric.
     """
 
     radius: float
@@ -153,16 +155,19 @@ class Shell(Value):
     transverse_inertia: float
     axis: Array
     offset: float = 0.0
+    asymmetry: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    aside: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def centre(self) -> Array:
         """The centre of mass (3,) from the sphere's centre, frame axes [m]."""
-        return self.offset * self.axis
+        return self.offset * self.axis + self.aside
 
     @property
     def inertia(self) -> Array:
         """The inertia (3, 3) about the shell's own centre of mass, frame axes [kg m²]."""
-        return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
+        symmetric = axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
+        return symmetric + self.asymmetry
 
 
 @dataclass(frozen=True)
@@ -213,24 +218,52 @@ class Pendulum(Value):
     pivot: Array = field(default_factory=lambda: np.zeros(3))
 
 
-Body = Shell | Frame | Rotor | Pendulum
+@dataclass(frozen=True)
+class Link(Value):
+    """Any body of the tree with the joint that holds it, as they are where all joints are at 0.
+
+    name    its own; parent: of the body that it is joined to, "" of the shell
+    mass    kg
+    inertia (3, 3) kg m² about its centre of mass, frame axes
+    centre  (3,) m, of mass, from the sphere's centre
+    axis    (3,) of the joint, a unit vector in frame axes
+    pivot   (3,) m, a point of the hinge's axis from the sphere's centre
+    slides  whether the joint moves the body along the axis, and does not turn it
+    """
+
+    name: str
+    parent: str
+    mass: float
+    inertia: Array
+    centre: Array
+    axis: Array
+    pivot: Array = field(default_factory=lambda: np.zeros(3))
+    slides: bool = False
+
+
+Body = Shell | Frame | Rotor | Pendulum | Link
+# Of a ball whose links hang on the shell. NaN, so that no frame of a user's is taken for it.
+NO_FRAME = Frame(0.0, np.full((3, 3), np.nan))
 
 
 @dataclass(frozen=True)
 class Ball(Value):
-    """Shell, frame, rotors and pendulums, in the frame's own axes, not always principal axes.
+    """Shell, frame, rotors, pendulums and any other links, in the frame's own axes.
 
-    The reduced equations need it balanced, its centre of mass at the centre of the sphere, and
-    without pendulums. Numbers that change with a pendulum's angle are those at angle 0.
+    These are not always principal axes. The reduced equations need the ball balanced, its centre of
+    mass at the centre of the sphere, without pendulums and links. A ball without a frame has
+    NO_FRAME, and its axes are the shell's. Numbers that change with a joint are those at its 0.
     """
 
     shell: Shell
     frame: Frame
     rotors: tuple[Rotor, ...]
     pendulums: tuple[Pendulum, ...] = ()
+    links: tuple[Link, ...] = ()
 
     def __post_init__(self) -> None:
         check_positive("the shell's radius", self.shell.radius, "m")
+        self._check_tree()
         for name, body in self.named_bodies:
             check_positive(f"{name}'s mass", body.mass, "kg")
             if not isinstance(body, Frame):
@@ -239,6 +272,9 @@ class Ball(Value):
                 check_size(f"{name}'s centre", coordinate, "m")
             if isinstance(body, Shell | Rotor):
                 _check_entries(name, np.array([body.axial_inertia, body.transverse_inertia]))
+            if isinstance(body, Link):
+                for coordinate in body.pivot.tolist():
+                    check_size(f"{name}'s pivot", coordinate, "m")
             if isinstance(body, Rotor):
                 _check_no_flatter_than_a_disk(name, body)
             check_inertia(name, body.inertia)
@@ -247,10 +283,48 @@ class Ball(Value):
         check_inertia("the ball", self.inertia)
 
     @property
+    def has_frame(self) -> bool:
+        return self.frame != NO_FRAME
+
+    def _check_tree(self) -> None:
+        """Raise InputError unless every link hangs on a body that comes before it."""
+        names = [name for name, _ in self.named_bodies]
+        if not self.has_frame and (self.rotors or self.pendulums):
+            raise InputError("rotors and pendulums turn on a frame; a ball without one takes links")
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise InputError(f"two bodies are called {name!r}")
+        for i, link in enumerate(self.links, start=len(names) - len(self.links)):
+            if link.parent not in names[:i]:
+                raise InputError(
+                    f"{link.name} hangs on {link.parent!r}, which is no body before it; the bodies "
+                    f"before it are {', '.join(names[:i])}"
+                )
+
+    @property
     def named_bodies(self) -> tuple[tuple[str, Body], ...]:
-        """(name, body) of the shell, frame, rotors and pendulums, by the names that engines use."""
-        own = (("shell", self.shell), ("frame", self.frame))
-        return (*own, *self.named_rotors, *self.named_pendulums)
+        """(name, body) of the shell, frame, rotors, pendulums and links, as engines name them."""
+        frame = (("frame", self.frame),) if self.has_frame else ()
+        links = ((each.name, each) for each in self.links)
+        shell = ("shell", self.shell)
+        return (shell, *frame, *self.named_rotors, *self.named_pendulums, *links)
+
+    @cached_property
+    def tree(self) -> tuple[Link, ...]:
+        """All bodies as links, the shell first and every parent before what hangs on it.
+
+        The joint of the shell, which has none, is that of the frame.
+        """
+        return tuple(self._link(name, body) for name, body in self.named_bodies)
+
+    def _link(self, name: str, body: Body) -> Link:
+        if isinstance(body, Link):
+            return body
+        parent = {"shell": "", "frame": "shell"}.get(name, "frame")
+        axis, pivot = self.shell.axis, np.zeros(3)
+        if isinstance(body, Rotor | Pendulum):
+            axis, pivot = body.axis, body.pivot if isinstance(body, Pendulum) else body.centre
+        return Link(name, parent, body.mass, body.inertia, body.centre, axis, pivot)
 
     @property
     def named_rotors(self) -> tuple[tuple[str, Rotor], ...]:
@@ -346,7 +420,7 @@ def beyond_the_shell(ball: Ball) -> list[str]:
 
 def _furthest(body: Body) -> float:
     """Return how far the centre of mass may get from the sphere's centre, at any angle [m]."""
-    if not isinstance(body, Pendulum):
+    if not isinstance(body, Pendulum):  # where a link gets depends on all that carry it
         return float(np.linalg.norm(body.centre))
     # The centre goes round a circle in a plane across the axis. Both the circle's radius and the
     # axis's distance count, as at the worst angle they point the same way.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robotball.drives import Constant, Drive, Motor, Rate, Servo, as_drive, functions_of
+from robotball.drives import Constant, Drive, Rate, as_drive, functions_of
 from robotball.equations import ROLLING_MODELS, Parameters, Rolling, as_vector, parameters_of
 from robotball.errors import LARGEST, InputError, check_not_negative, check_positive, check_size
 from robotball.robot import ROUNDING, Ball, Value, imbalance
@@ -19,6 +19,7 @@ from robotball.rotations import Array, from_matrix, normalised, rotation_matrix
 
 if TYPE_CHECKING:
     from robotball.mechanics import Robot
+    from robotball.motors import Actuator, Motor
 
 SAMPLE_INTERVAL = 0.02  # s, of the scene's own times
 _MOST_SAMPLES = 1e7  # of a motion: some 200 bytes each in a file, 120 in memory
@@ -220,15 +221,17 @@ class Hinge:
     motor   None: the hinge keeps the commanded rate exactly
     angle   rad at the start
     rate    rad/s at the start
+    slides  whether it is a slide, whose angle is in m and whose torque in N
     """
 
     name: str
     axis: Array
     pivot: Array
     command: Drive
-    motor: Motor | None
+    motor: "Motor | None"
     angle: float
     rate: float
+    slides: bool = False
 
 
 GRAVITY = 9.81  # m/s², MuJoCo's own default
@@ -240,11 +243,12 @@ _SMALL = 0.3  # of |K| + d|Ω|: where M is below it, K and dΩ turn the ball rat
 class Scene(Value):
     """One experiment, the same for every engine. SI units.
 
-    frame_rate, rotor_rates and pendulum_rates are the commands of the hinges, the frame's about the
-    shell's axis and relative to the shell, the others' relative to the frame: numbers, drives, or
-    functions of time. motors, in the same order, say how a hinge is moved. One without a motor
-    keeps the commanded rate [rad/s] exactly; to a motor the command is what it takes, a rate, an
-    angle [rad] or a torque [N m]. An empty tuple is no motor on any hinge.
+    frame_rate, rotor_rates, pendulum_rates and link_rates are the commands of the hinges, the
+    frame's about the shell's axis and relative to the shell, the others' relative to the frame, a
+    link's relative to its parent: numbers, drives, or functions of time. motors, in the same order,
+    say how a hinge is moved. One without a motor keeps the commanded rate [rad/s] exactly; to a
+    motor the command is what it takes, a rate, an angle [rad] or a torque [N m]. A slide's are in m
+    and N. An empty tuple is no motor on any hinge.
 
     gravity_direction (3,): of the fall, in world axes, whose Z is the plane's normal; an inclined
     plane has a horizontal part. friction: of the plane. A start that misses the rolling model by
@@ -261,10 +265,12 @@ class Scene(Value):
     start: Start
     duration: float
     gravity: float = GRAVITY
-    motors: tuple[Motor | None, ...] = ()
+    motors: "tuple[Motor | None, ...]" = ()
     pendulum_rates: tuple[Rate, ...] = ()
     gravity_direction: tuple[float, float, float] = DOWN
     friction: Friction = field(default_factory=Friction)
+    link_rates: tuple[Rate, ...] = ()
+    actuators: "tuple[Actuator, ...]" = ()
 
     def __post_init__(self) -> None:
         if self.rolling not in ROLLING_MODELS:
@@ -274,6 +280,7 @@ class Scene(Value):
         for kind, bodies, rates in (
             ("rotors", self.ball.rotors, self.rotor_rates),
             ("pendulums", self.ball.pendulums, self.pendulum_rates),
+            ("links", self.ball.links, self.link_rates),
         ):
             if len(rates) != len(bodies):
                 raise InputError(f"{len(bodies)} {kind} need as many rates, not {len(rates)}")
@@ -296,6 +303,19 @@ class Scene(Value):
         # Made exact once, here: engines that each normalise it would start from different states.
         start = Start(attitude, momentum, *self._checked_hinges())
         object.__setattr__(self, "start", start)
+        for actuator in self.actuators:
+            self._check_actuator(actuator)
+
+    def _check_actuator(self, actuator: "Actuator") -> None:
+        """Raise InputError unless an actuator's gears are on hinges that it can move."""
+        moved = [hinge.name for hinge in self.hinges if hinge.motor]
+        for name, ratio in actuator.gears:
+            check_size(f"{actuator.name}'s gear", ratio)
+            if name not in moved:
+                raise InputError(
+                    f"{actuator.name} moves the hinge of {name!r}, which must be one whose rate is "
+                    f"not given; those are {', '.join(moved)}"
+                )
 
     def _checked_hinges(self) -> tuple[Array | None, Array | None]:
         """Return the start's angles and rates in one form for equal states.
@@ -348,9 +368,10 @@ class Scene(Value):
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """The hinges' commands: the frame's drive, then the rotors', then the pendulums'."""
-        rates = (self.frame_rate, *self.rotor_rates, *self.pendulum_rates)
-        names = [name for name, _ in self.ball.named_bodies[1:]]
+        """The hinges' commands: the frame's drive, the rotors', the pendulums' and the links'."""
+        own = (self.frame_rate,) if self.ball.has_frame else ()
+        rates = (*own, *self.rotor_rates, *self.pendulum_rates, *self.link_rates)
+        names = [link.name for link in self.ball.tree[1:]]
         return tuple(map(self._drive, names, rates))
 
     def _drive(self, name: str, rate: Rate) -> Drive:
@@ -361,26 +382,29 @@ class Scene(Value):
             raise InputError(f"{name}: {error}") from error
 
     @cached_property
+    def controls(self) -> tuple[Drive, ...]:
+        """The actuators' commands."""
+        return tuple(self._drive(each.name, each.command) for each in self.actuators)
+
+    @cached_property
     def hinges(self) -> tuple[Hinge, ...]:
         """The frame's hinge, then the rotors', then the pendulums', as they are at the start."""
         return self.hinges_at(self.start)
 
     def hinges_at(self, start: Start) -> tuple[Hinge, ...]:
         """Return the hinges as they are at another start."""
-        ball, angles, rates = self.ball, start.hinge_angles, start.hinge_rates
-        named = [("frame", ball.shell.axis, np.zeros(3))]
-        named += [(name, body.axis, body.centre) for name, body in ball.named_rotors]
-        named += [(name, body.axis, body.pivot) for name, body in ball.named_pendulums]
-        hinges = []
-        for i, (name, axis, pivot) in enumerate(named):
+        angles, rates, hinges = start.hinge_angles, start.hinge_rates, []
+        for i, link in enumerate(self.ball.tree[1:]):
             command, motor = self.drives[i], self.motors[i] if self.motors else None
             if motor is not None and rates is not None:
                 rate = float(rates[i])
             else:  # a Torque's command and a PositionServo's are no rates
-                follows = motor is None or isinstance(motor, Servo)
+                follows = motor is None or motor.law.follows_rate
                 rate = float(command.rate(0.0)) if follows else 0.0
             angle = 0.0 if angles is None else float(angles[i])
-            hinges.append(Hinge(name, axis, pivot, command, motor, angle, rate))
+            hinges.append(
+                Hinge(link.name, link.axis, link.pivot, command, motor, angle, rate, link.slides)
+            )
         return tuple(hinges)
 
     @cached_property
@@ -404,6 +428,8 @@ class Scene(Value):
             return offset
         if self.ball.pendulums:
             return "a pendulum moves the centre of mass"
+        if self.ball.links:
+            return "its bodies are a tree"
         if any(self.motors):
             return "a hinge has a motor, which does not keep its rate exactly"
         if self.gravity_direction != DOWN:
@@ -427,7 +453,8 @@ class Scene(Value):
         pivots = [body.pivot - body.centre for body in self.ball.pendulums]
         swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
         far = ROUNDING * self.ball.radius
-        return imbalance(self.ball) is not None or any(np.linalg.norm(s) > far for s in swings)
+        moves = bool(self.ball.links) or any(np.linalg.norm(s) > far for s in swings)
+        return imbalance(self.ball) is not None or moves
 
     @cached_property
     def keeps_momentum(self) -> bool:
@@ -443,7 +470,7 @@ class Scene(Value):
         if self.steady:
             return self
         scene = replace(self, duration=end)
-        for drive in scene.drives:
+        for drive in (*scene.drives, *scene.controls):
             for function in functions_of(drive):
                 assert function.polynomials  # raises before the run, not in its midst
         return scene
@@ -451,12 +478,13 @@ class Scene(Value):
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
         """Times after 0 at which a drive is not smooth [s]."""
-        return tuple(sorted({t for drive in self.drives for t in drive.breakpoints if t > 0}))
+        drives = (*self.drives, *self.controls)
+        return tuple(sorted({t for drive in drives for t in drive.breakpoints if t > 0}))
 
     @cached_property
     def steady(self) -> bool:
         """Whether all rates are constant."""
-        return all(isinstance(drive, Constant) for drive in self.drives)
+        return all(isinstance(drive, Constant) for drive in (*self.drives, *self.controls))
 
     def parameters_at(self, t: float) -> Parameters:
         """Return the numbers of the equations at time t [s], in principal axes."""

@@ -21,9 +21,10 @@ from scipy.spatial.transform import Rotation
 
 from robotball import equations as eq
 from robotball import mechanics as formulas
-from robotball.drives import Free, Ramp, Samples, turns
+from robotball.drives import Ramp, Samples, turns
 from robotball.errors import InputError, check_positive, check_size
 from robotball.motion import Motion
+from robotball.motors import Free
 from robotball.rotations import Array, Mask, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene, Start
 
@@ -126,13 +127,14 @@ class _Steered:
 class Moves:
     """The motion of a robot at n times.
 
-    axes (n, 3, 3), gamma (n, 3), placed (as `mechanics` has it), u (3 + h, n); reach (n,): how well
-    the hinges move the ball in the direction in which they move it least.
+    axes (n, 3, 3), gamma (n, 3), placed and columns (as `mechanics` has them), u (3 + h, n); reach
+    (n,): how well the hinges move the ball in the direction in which they move it least.
     """
 
     axes: Array
     gamma: Array
     placed: Array
+    columns: Array
     u: Array
     reach: Array
 
@@ -267,7 +269,8 @@ class Way:
         placed = robot.placed(y[7:].T)
         size = 3 + robot.hinges
         matrix = np.empty((size, size, n))
-        formulas.mass_matrix(robot.bodies, placed, robot.radius, tuple(gamma.T), matrix)
+        columns = robot.columns(placed, gamma)
+        formulas.mass_matrix(robot.bodies, placed, columns, matrix)
         rows = np.einsum("nij,jkn->nik", axes, matrix[:3])  # L in space
         # In the rubber model M = γ×L, so that L = M×γ but for its vertical part, which is free.
         M = y[4:7].T
@@ -290,7 +293,7 @@ class Way:
         if not rubber:
             shell = shell + gamma * (found[:, -1] * spinning)[:, None]
         reach = singular[:, -1] / singular[:, 0]
-        return Moves(axes, gamma, placed, np.concatenate([shell.T, rates.T]), reach)
+        return Moves(axes, gamma, placed, columns, np.concatenate([shell.T, rates.T]), reach)
 
     def rate(self, times: Array, y: Array) -> Array:
         """Return dy/dt (7 + h, n); NaN where a state is astray, so that solvers reject it."""
@@ -301,7 +304,7 @@ class Way:
         robot, scene, now = self.robot, self.scene, self.moves(times, y)
         up = tuple(now.gamma.T)
         moving = np.empty((robot.hinges + 1, formulas.MOVING, len(times)))
-        formulas.move(robot.bodies, now.placed, robot.radius, up, now.u, moving)
+        formulas.move(now.columns, now.u, moving)
         momenta = np.empty_like(now.u)
         G = tuple(np.einsum("nji,j->in", now.axes, scene.gravity_world))
         formulas.momentum_rates(robot.bodies, now.placed, moving, robot.radius, up, G, momenta)
@@ -309,7 +312,7 @@ class Way:
         if scene.rolling == "rubber":
             L_rate = np.stack([-L_rate[1], L_rate[0], 0 * L_rate[0]])
         w, x, y_, z = y[:4]
-        spin = eq.attitude_rate((w, x, y_, z), tuple(moving[1, :3]))
+        spin = eq.attitude_rate((w, x, y_, z), tuple(moving[robot.carrier, :3]))
         return np.where(astray, np.nan, np.concatenate([np.stack(spin), L_rate, now.u[3:]]))
 
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotball.drives import Free, Motor, PositionServo, Servo, Sine, Torque
+from robotball.drives import Sine
 from robotball.equations import Rolling
 from robotball.mechanics import momentum_at
+from robotball.motors import Free, Motor, PositionServo, Servo, Torque
 from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, Start

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from robotball.drives import Free, Motor, PositionServo, Ramp, Rate, Servo, Sine
+from robotball.drives import Ramp, Rate, Sine
 from robotball.equations import Rolling
 from robotball.mechanics import momentum_at
 from robotball.motion import Motion
+from robotball.motors import Free, Motor, PositionServo, Servo
 from robotball.robot import Ball, Frame, Pendulum, Shell, thin_shell_inertia
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, Start

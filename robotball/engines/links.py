@@ -47,26 +47,18 @@ class _Link:
 
 def links_of(scene: Scene) -> tuple[_Link, ...]:
     """Return the links of the shell, the frame, the rotors and the pendulums."""
-    _, *others = scene.ball.named_bodies
-    shell, zero = scene.ball.shell, np.zeros(3)
-    root = _Link("shell", SHELL, zero, shell.axis, shell.mass, shell.centre, shell.inertia, None)
-    return (
-        root,
-        *(
-            _Link(
-                name=name,
-                # The frame hangs on the shell, and all that turns inside on the frame.
-                parent=0 if hinge.name == "frame" else 1,
-                origin=hinge.pivot,
-                axis=hinge.axis,
-                mass=body.mass,
-                centre=body.centre - hinge.pivot,
-                inertia=body.inertia,
-                drive=hinge.command,
-            )
-            for (name, body), hinge in zip(others, scene.hinges, strict=True)
-        ),
-    )
+    tree = scene.ball.tree
+    places = {link.name: i for i, link in enumerate(tree)}
+    commands = (None, *(hinge.command for hinge in scene.hinges))
+    links = []
+    for link, command in zip(tree, commands, strict=True):
+        parent = places.get(link.parent, SHELL)
+        origin = link.pivot - tree[parent].pivot if link.parent else link.pivot
+        centre = link.centre - link.pivot
+        links.append(
+            _Link(link.name, parent, origin, link.axis, link.mass, centre, link.inertia, command)
+        )
+    return tuple(links)
 
 
 @dataclass(frozen=True)

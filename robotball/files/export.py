@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball.drives import Constant, Drive, Free, PositionServo, Ramp, Samples, Servo, Sine, Total
+from robotball.drives import Constant, Drive, Ramp, Samples, Sine, Total
 from robotball.engine import integrate
 from robotball.engines.links import SHELL, links_of
 from robotball.errors import InputError
@@ -25,6 +25,7 @@ from robotball.files.columns import Table, write_table
 from robotball.files.replacing import replacing
 from robotball.files.scene_writer import scene_toml
 from robotball.motion import Motion
+from robotball.motors import Free, PositionServo, Servo
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene
 

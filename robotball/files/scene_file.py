@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from robotball import scene as starts
-from robotball.drives import Motor, Rate, Samples, Sum
+from robotball.drives import Rate, Samples, Sum
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
 from robotball.files import contents
 from robotball.files.scene_tables import (
@@ -59,6 +59,7 @@ from robotball.scene import Friction, Scene, Start
 
 if TYPE_CHECKING:
     from robotball.designing import Design
+    from robotball.motors import Motor
 
 CATALOG = Path(__file__).parent.parent / "scenes"
 # Relative: as far as a composed body may miss its symmetry by the rounding of its parts' sums.
@@ -180,7 +181,7 @@ class _ReadHinge(NamedTuple):
     """A hinge's command, motor, and angle and rate at the start; None is as the command is."""
 
     command: Rate
-    motor: Motor | None = None
+    motor: "Motor | None" = None
     angle: float = 0.0
     rate: float | None = None
 
@@ -262,8 +263,11 @@ def _check_keys(name: str, table: HingeTable) -> None:
             raise InputError(f'{name}: {each} belongs to drive = {listed}, not to "{drive}"')
 
 
-def _motor(motor: type[Any], keys: tuple[str, ...], table: HingeTable) -> Any:
+def _motor(name: str, keys: tuple[str, ...], table: HingeTable) -> Any:
     """Return the motor with the keys that are given, and its own defaults for the others."""
+    from robotball import motors
+
+    motor = getattr(motors, name)
     names = (field.name for field in fields(motor))
     values = {name: getattr(table, key) for name, key in zip(names, keys, strict=True)}
     return motor(**{name: value for name, value in values.items() if value is not None})

@@ -7,20 +7,11 @@ scene.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 
-from robotball.drives import (
-    COMMAND,
-    Free,
-    PositionServo,
-    Ramp,
-    Servo,
-    Sine,
-    Torque,
-    key,
-)
+from robotball.drives import COMMAND, Ramp, Sine, key
 from robotball.equations import Rolling
 from robotball.scene import DOWN, GRAVITY
 
@@ -60,13 +51,14 @@ _DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
 class _DriveKind:
     """A way to move a hinge: the key of its command, its motor, and the keys of the motor's fields.
 
-    does: a sentence of docs/scene.md; motor: None keeps the command exactly; keys: in the order of
+    does: a sentence of docs/scene.md; motor: the name of its class in `robotball.motors`, which is
+    loaded for scenes that have one; None keeps the command exactly; keys: in the order of
     the motor's fields; needed: the keys without which the drive is refused.
     """
 
     does: str
     command: str | None
-    motor: type[Any] | None = None
+    motor: str | None = None
     keys: tuple[str, ...] = ()
     needed: tuple[str, ...] = ()
 
@@ -84,20 +76,20 @@ DRIVES: dict[_DriveName, _DriveKind] = {
     ),
     "servo": _DriveKind(
         "Torque = kv (rate - the hinge's rate), at most the limit either way.",
-        "rate", Servo, keys=("kv", "torque_limit", "armature"), needed=("kv",),
+        "rate", "Servo", keys=("kv", "torque_limit", "armature"), needed=("kv",),
     ),
     "position": _DriveKind(
         "Torque = kp (angle - the hinge's angle) - kd · the hinge's rate, likewise.",
-        "angle", PositionServo, keys=("kp", "kd", "torque_limit", "armature"),
+        "angle", "PositionServo", keys=("kp", "kd", "torque_limit", "armature"),
         needed=("kp", "angle"),
     ),
     "torque": _DriveKind(
         "The motor gives the torque, whatever the hinge does.",
-        "torque", Torque, keys=("armature",), needed=("torque",),
+        "torque", "Torque", keys=("armature",), needed=("torque",),
     ),
     "free": _DriveKind(
-        "No motor: torque = -damping · rate - stiffness (angle - rest).",
-        None, Free, keys=("damping", "stiffness", "rest", "armature"),
+        "No motor: torque = -damping · rate - stiffness (angle - rest), less friction.",
+        None, "Free", keys=("damping", "stiffness", "rest", "armature", "friction"),
     ),
 }  # fmt: skip
 
@@ -122,6 +114,10 @@ class HingeTable(Table, frozen=True):
     damping: Annotated[float | None, key("torque against the rate", "N m s/rad")] = None
     stiffness: Annotated[float | None, key("of a spring", "N m/rad")] = None
     rest: Annotated[float | None, key("the angle at which the spring rests", "rad")] = None
+    friction: Annotated[
+        float | None,
+        key("dry friction of the hinge; the equations smooth it below 1e-3 rad/s", "N m"),
+    ] = None
     armature: Annotated[
         float | None, key("inertia of the motor's own rotor, times its gear ratio squared", "kg m²")
     ] = None

@@ -123,9 +123,9 @@ def _hinges(scene: Scene) -> Iterator[dict[str, Any]]:
 
 def _moved(command: Rate, motor: Any) -> dict[str, Any]:
     """Return the keys of a hinge's drive, motor and command."""
-    name, kind = next(
-        (each for each in DRIVES.items() if each[1].motor is (motor and type(motor))), (None, None)
-    )
+    of_motor = None if motor is None else type(motor).__name__
+    named = (each for each in DRIVES.items() if each[1].motor == of_motor)
+    name, kind = next(named, (None, None))
     if kind is None:
         raise InputError(f"a scene file cannot hold the motor {motor}")
     keys: dict[str, Any] = {"drive": name}

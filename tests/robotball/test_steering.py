@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.drives import PositionServo, Servo
 from robotball.equations import Rolling
+from robotball.motors import PositionServo, Servo
 from robotball.scene import Friction, Start
 from robotball.steering import WantedPath, Way, circle, eight, shortfalls, steer, straight, through
 from tests.robots import pendulum_ball, robot

@@ -13,11 +13,12 @@ import msgspec
 import numpy as np
 
 from robotball import Custom, InputError, Motion, Ramp, Samples, Scene, Sine, Sum, Trajectory
-from robotball.drives import Drive, Rate, Servo
+from robotball.drives import Drive, Rate
 from robotball.equations import Rolling
 from robotball.files.export import poses
 from robotball.files.trajectories import LENGTHS
 from robotball.mechanics import momentum_at
+from robotball.motors import Servo
 from robotball.robot import Ball, Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 

@@ -7,12 +7,12 @@ from typing import Any
 import mujoco
 
 from robotball import PRESETS, Scene, Settings
-from robotball.drives import Motor, Servo
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.mjcf_export import DEFAULT_ITERATIONS, dress
 from robotball.engines.mujoco.model import build, hinges_of
 from robotball.engines.mujoco.settings import NAIVE
 from robotball.errors import InputError
+from robotball.motors import Motor, Servo
 from validation.output import Show
 from validation.studies.extreme_maps import scaled_body
 from validation.studies.friction import LEAST_FRICTION

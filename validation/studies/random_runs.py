@@ -28,10 +28,10 @@ from robotball import (
     load_scene,
     preset,
 )
-from robotball.drives import Servo
 from robotball.engines.mujoco.limits import exceeded, planned
 from robotball.engines.mujoco.settings import ADAPTIVE, OWN, Prescribed, recipe
 from robotball.equations import Rolling
+from robotball.motors import Servo
 from robotball.robot import Ball, Frame, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start

@@ -21,7 +21,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from robotball import PRESETS, InputError, Scene, Settings, load_scene
-from robotball.drives import Servo
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.mujoco_engine import MUJOCO
@@ -37,6 +36,7 @@ from robotball.engines.mujoco.settings import (
     settings_from,
 )
 from robotball.film.looks import ACCENT, FAINT, INK
+from robotball.motors import Servo
 from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of

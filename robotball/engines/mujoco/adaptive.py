@@ -13,12 +13,19 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines import Compensated, Rate
 from robotball.engines.mujoco.settings import Chosen
-from robotball.engines.mujoco.stepping import Control, Portion, Step, read_row, state_of
+from robotball.engines.mujoco.stepping import (
+    FREE_QPOS,
+    FREE_QVEL,
+    Control,
+    Portion,
+    Step,
+    read_row,
+    state_of,
+)
 from robotball.motion import Fault, FaultKind
 from robotball.rotations import Array
 
 _LOOK = 64  # steps between two looks of the monitor; each takes 13 evaluations of the forces
-_FREE_QPOS, _FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 _QUATERNION = slice(3, 7)
 # Under a load that varies: the error of a step as a part of the contact's depth, and the longest
 # step times the contact's damping. DOP853 is stable up to 6.
@@ -172,9 +179,9 @@ def _right_hand_side(compiled: mujoco.MjModel, data: mujoco.MjData) -> Rate:
         derivative = np.empty(nq + nv)
         derivative[:3] = qvel[:3]
         derivative[_QUATERNION] = eq.attitude_rate(
-            tuple(state[_QUATERNION].tolist()), tuple(qvel[3:_FREE_QVEL].tolist())
+            tuple(state[_QUATERNION].tolist()), tuple(qvel[3:FREE_QVEL].tolist())
         )
-        derivative[_FREE_QPOS:nq] = qvel[_FREE_QVEL:]
+        derivative[FREE_QPOS:nq] = qvel[FREE_QVEL:]
         derivative[nq:] = qacc
         return derivative
 

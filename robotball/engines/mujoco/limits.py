@@ -16,12 +16,12 @@ from functools import cached_property
 import numpy as np
 
 from robotball import equations as eq
-from robotball.drives import Free, PositionServo, Servo
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError, warn
 from robotball.motion import Loads, loads_of
+from robotball.motors import Free, PositionServo, Servo
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene, step_count
 

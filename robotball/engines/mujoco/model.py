@@ -17,10 +17,11 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 import robotball.scene
-from robotball.drives import Drive, Free, Motor, PositionServo, Servo, turns
+from robotball.drives import Drive, turns
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.errors import InputError
-from robotball.robot import PARTS
+from robotball.motors import Actuator, Free, Motor, PositionServo, Servo
+from robotball.robot import PARTS, Frame, Link, Pendulum, Rotor, Shell
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
 from robotball.scene import Scene, Start
 
@@ -93,11 +94,12 @@ def hinges_of(scene: Scene, settings: Settings) -> tuple[ModelHinge, ...]:
     Any other body is fixed to its parent, which saves MuJoCo a degree of freedom in every step.
     """
     times = np.linspace(0.0, scene.duration, _RATES_SEEN)
-    hung = "frame" if settings.root == "shell" else "shell"
+    # Of shell and frame, the one without the free joint has the hinge between them.
+    joints = {"frame": "shell"} if settings.root == "frame" else {}
     return tuple(
         ModelHinge(
             index,
-            each.name if index else hung,
+            joints.get(each.name, each.name),
             each,
             actuation=each.motor or settings.drive,
             largest_rate=float(np.abs(each.command.rate(times)).max()) or 1.0,
@@ -111,6 +113,7 @@ _ORIGIN, _Z = np.zeros(3), np.array([0.0, 0.0, 1.0])
 _SPHERE = "shell_sphere"  # the geom that touches the plane
 START = "start"  # the keyframe that a run begins from
 
+_PARTS = {Shell: "shell", Frame: "frame", Rotor: "rotor", Pendulum: "pendulum", Link: "pendulum"}
 _PICTURE_ONLY = ("light", "material", "texture", "mesh")
 _FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
 
@@ -179,39 +182,42 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
 
     # MuJoCo leaves the J̇v term out of its contact rows. With the shell as root it is zero; with the
     # frame as root a slip of |a (ω×Ω)×γ|/b stays, 5e-4 to 1e-1 of the path.
-    parts = {"shell": _bare("shell"), "frame": _bare("frame")}
-    shell_part, frame_part = parts["shell"], parts["frame"]
-    root_part = parts.pop(settings.root)
-    (child_part,) = parts.values()
-    shell_part.find("geom", "sphere").size = [ball.radius]
-    body = {root_part: root.attach(root_part)}
-    body[root_part].add("freejoint")
-    body[child_part] = root_part.attach(child_part)
-    _inertial(body[shell_part], ball.shell.mass, ball.shell.inertia, ball.shell.centre)
-    _inertial(body[frame_part], ball.frame.mass, ball.frame.inertia, ball.frame.centre)
-    # The frame turns about this axis in the shell; a shell on a hinge of the frame the other way.
-    axis = ball.shell.axis if child_part is frame_part else -ball.shell.axis
-    root_part.find("site", "hinge").remove()
-    child_part.find("site", "hinge").quat = z_along(axis)
-    turning = [(body[child_part], axis)]
-    for i, rotor in enumerate(ball.rotors, start=1):
-        rotor_part = _bare("rotor")
-        rotor_part.model = f"rotor{i}"
-        spinning = frame_part.attach(rotor_part)
-        spinning.pos, spinning.quat = rotor.centre, z_along(rotor.axis)
-        across, along = rotor.transverse_inertia, rotor.axial_inertia
-        _inertial(spinning, rotor.mass, np.diag([across, across, along]))
-        turning.append((spinning, _Z))
-    for name, pendulum in ball.named_pendulums:
-        pendulum_part = _bare("pendulum")
-        pendulum_part.model = name
-        pendulum_part.find("site", "hinge").quat = z_along(pendulum.axis)
-        swinging = frame_part.attach(pendulum_part)
-        swinging.pos = pendulum.pivot
-        _inertial(swinging, pendulum.mass, pendulum.inertia, pendulum.centre - pendulum.pivot)
-        turning.append((swinging, pendulum.axis))
+    above = {link.name: link.parent for link in ball.tree}
+    if settings.root == "frame":
+        above |= {"frame": "", "shell": "frame"}
+    bodies = dict(ball.named_bodies)
+    pivots = {link.name: link.pivot for link in ball.tree}
+    parts: dict[str, Any] = {}
+    turning = {}
+    for link in sorted(ball.tree, key=lambda each: above[each.name] != ""):  # the root first
+        name, given, parent = link.name, bodies[link.name], above[link.name]
+        part = parts[name] = _bare(_PARTS[type(given)])
+        part.model = name
+        if name == "shell":
+            part.find("geom", "sphere").size = [ball.radius]
+        if not parent:
+            body = root.attach(part)
+            body.add("freejoint")
+            part.find("site", "hinge").remove()
+            _inertial(body, link.mass, link.inertia, link.centre)
+            continue
+        body = parts[parent].attach(part)
+        body.pos = link.pivot - pivots[parent]
+        if isinstance(given, Rotor):  # in axes of its own, along which its inertia is diagonal
+            body.quat, axis = z_along(link.axis), _Z
+            across, along = given.transverse_inertia, given.axial_inertia
+            _inertial(body, link.mass, np.diag([across, across, along]))
+        else:
+            # A shell on the frame turns the other way than the frame in the shell.
+            axis = -link.axis if name == "shell" else link.axis
+            part.find("site", "hinge").quat = z_along(axis)
+            _inertial(body, link.mass, link.inertia, link.centre - link.pivot)
+        turning["frame" if name == "shell" else name] = (body, axis)
     for hinge in hinges:
-        _add_hinge(root, hinge, *turning[hinge.index])
+        _add_hinge(root, hinge, *turning[hinge.of.name])
+
+    for actuator in scene.actuators:
+        _add_actuator(root, actuator, {hinge.body: hinge.joint for hinge in hinges})
 
     # An explicit pair alone is tested for contact, and its parameters are not mixed of two geoms'.
     slide, spin, roll = chosen.friction
@@ -221,7 +227,7 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     _fill(pair, values | own)
     _add_sensors(root, scene, settings.root, hinges)
     qpos, qvel = _state_at(scene, settings.root, scene.start, hinges)
-    ctrl = np.array([hinge.control(0.0) for hinge in hinges if hinge.actuated])
+    ctrl = np.array(controls_at(scene, hinges, 0.0))
     actuated = {"ctrl": ctrl} if len(ctrl) else {}  # no empty attribute
     root.keyframe.add("key", name=START, qpos=qpos, qvel=qvel, **actuated)
     return root, pair
@@ -232,16 +238,15 @@ def _state_at(
 ) -> tuple[Array, Array]:
     """Return qpos and qvel of a start on the constraints, for the body with the free joint."""
     as_started = scene.hinges_at(start)
-    shell, frame = scene.ball.shell, as_started[0]
-    turning = [as_started[hinge.index] for hinge in hinges]
+    shell, turning = scene.ball.shell, [as_started[hinge.index] for hinge in hinges]
     # The free joint's angular velocity is in the root body's axes, its velocity in the world's.
-    frame_turning = scene.angular_velocity_at(start)
-    shell_turning = frame_turning - frame.rate * shell.axis
+    attitude, root_turning = start.attitude, scene.angular_velocity_at(start)
+    frame = as_started[0] if scene.ball.has_frame else None
+    shell_turning = root_turning - frame.rate * shell.axis if frame else root_turning
     velocity = np.cross(rotation_matrix(start.attitude) @ shell_turning, [0.0, 0.0, shell.radius])
-    attitude, root_turning = start.attitude, frame_turning
     if root == "shell":
         root_turning = shell_turning
-        if frame.angle:
+        if frame and frame.angle:
             back = _turn(shell.axis, -frame.angle)
             # Seen from the shell, ω - Ω is turned on by the angle.
             attitude = multiply(attitude, back)
@@ -307,13 +312,15 @@ def _inertial(body: Any, mass: float, inertia: Array, centre: Array = _ORIGIN) -
 
 def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
     """Add the joint of `body` with its actuator, which every hinge has that is not free."""
-    joint, motor = body.add("joint", type="hinge", axis=axis), hinge.actuation
+    kind = "slide" if hinge.of.slides else "hinge"
+    joint, motor = body.add("joint", type=kind, axis=axis), hinge.actuation
     if motor.armature:
         # It acts on the hinge alone and adds no angular momentum of its own.
         joint.armature = motor.armature
     if isinstance(motor, Free):
         joint.damping, joint.stiffness = motor.damping, motor.stiffness
-        joint.springref = np.degrees(motor.rest)
+        joint.frictionloss = motor.friction or None
+        joint.springref = motor.rest if hinge.of.slides else np.degrees(motor.rest)
         return
     add, names = root.actuator.add, {"name": hinge.body, "joint": joint}
     if isinstance(motor, Servo):
@@ -329,6 +336,34 @@ def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
         actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
 
 
+def controls_at(scene: Scene, hinges: tuple[ModelHinge, ...], t: float) -> list[float]:
+    """Return the controls of a model's actuators at t [s]: the hinges' own, then the scene's."""
+    own = [hinge.control(t) for hinge in hinges if hinge.actuated]
+    return own + [float(command.rate(t)) for command in scene.controls]
+
+
+def _add_actuator(root: Any, actuator: Actuator, joints: Mapping[str, str]) -> None:
+    """Add an actuator of the scene, on a joint or on a tendon that adds several up."""
+    law, (first, *others) = actuator.law, actuator.gears
+    if others:
+        tendon = root.tendon.add("fixed", name=actuator.name)
+        for name, ratio in actuator.gears:
+            tendon.add("joint", joint=joints[name], coef=ratio)
+        on = {"tendon": tendon}
+    else:
+        on = {"joint": joints[first[0]], "gear": [first[1]]}
+    added = root.actuator.add(
+        "general",
+        name=actuator.name,
+        biastype="affine",
+        gainprm=[law.per_command],
+        biasprm=[law.at_rest, -law.per_angle, -law.per_rate],
+        **on,
+    )
+    if law.limit < np.inf:
+        added.forcerange = [-law.limit, law.limit]
+
+
 def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, ...]) -> None:
     """Add the sensors that a Motion needs, of the whole ball at `body`, its root.
 
@@ -338,8 +373,9 @@ def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, .
     add = root.sensor.add
     add("clock", name="time")
     add("framepos", name="centre", objtype="xbody", objname="shell")
-    add("framequat", name="attitude", objtype="xbody", objname="frame")
-    add("frameangvel", name="angular_velocity", objtype="xbody", objname="frame")
+    carrier = "frame" if scene.ball.has_frame else "shell"
+    add("framequat", name="attitude", objtype="xbody", objname=carrier)
+    add("frameangvel", name="angular_velocity", objtype="xbody", objname=carrier)
     add("subtreelinvel", name="velocity", body=body)
     add("subtreeangmom", name="angular_momentum", body=body)
     if scene.load_varies:  # elsewhere it is the sphere's centre
@@ -354,9 +390,11 @@ def _add_sensors(root: Any, scene: Scene, body: str, hinges: tuple[ModelHinge, .
     for hinge in hinges:
         add("jointpos", name=f"{hinge.body}_angle", joint=hinge.joint)
         add("jointvel", name=f"{hinge.body}_rate", joint=hinge.joint)
+        moved = any(hinge.body == name for each in scene.actuators for name, _ in each.gears)
         if not hinge.own_motor:
-            add("torque", name=f"{hinge.body}_torque", site=f"{hinge.joint}_hinge")
-        elif hinge.actuated:
+            kind = "force" if hinge.of.slides else "torque"
+            add(kind, name=f"{hinge.body}_torque", site=f"{hinge.joint}_hinge")
+        elif hinge.actuated or moved:
             # What the joint carries is less, by what turns the motor's own armature.
             add("jointactuatorfrc", name=f"{hinge.body}_torque", joint=hinge.joint)
 

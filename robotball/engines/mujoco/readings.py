@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 
 from robotball import equations as eq
-from robotball.drives import Free
 from robotball.engines.mujoco.model import Model, ModelHinge
 from robotball.motion import Loads
+from robotball.motors import Free
 from robotball.rotations import Array, Mask, rotation_matrix
 
 # Sensors of coordinates and velocities, whose size shows whether a state has diverged.
@@ -183,7 +183,9 @@ class Readings:
         """
         if isinstance(hinge.actuation, Free):
             angle, rate = (self.column(f"{hinge.body}_{name}")[:, 0] for name in ("angle", "rate"))
-            return np.asarray(hinge.actuation.torque(0.0, angle, rate))
+            passive = np.asarray(hinge.actuation.torque(0.0, angle, rate))
+            moved = f"{hinge.body}_torque" in self.model.sensor_columns
+            return passive + self.column(f"{hinge.body}_torque")[:, 0] if moved else passive
         return self.column(f"{hinge.body}_torque")[:, -1]
 
     @property

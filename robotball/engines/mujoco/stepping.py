@@ -14,7 +14,7 @@ In order: the controls of a span of time, the torque limits, and the stepping of
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, pairwise
 from typing import NamedTuple
@@ -24,13 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from robotball.drives import Motor, PositionServo, Servo
-from robotball.engines.mujoco.model import Model, ModelHinge
+from robotball.drives import Drive
+from robotball.engines.mujoco.model import Model, controls_at
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.motion import Fault, pieces
+from robotball.motors import Law, PositionServo, Servo
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import spans
 
+FREE_QPOS, FREE_QVEL = 7, 6  # coordinates and velocities of the free joint; hinges follow
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -86,7 +88,7 @@ class Control:
 
     def __call__(self, _: mujoco.MjModel, data: mujoco.MjData) -> None:
         t = self.inside(data.time)
-        data.ctrl[:] = [hinge.control(t) for hinge in self.model.hinges if hinge.actuated]
+        data.ctrl[:] = controls_at(self.model.scene, self.model.hinges, t)
         if self.resistance:
             torque = self._torque(data) if self.tried is None else self.tried
             data.xfrc_applied[self.shell, 3:5] = torque
@@ -189,21 +191,24 @@ _OWN = 2  # in place of a side: MuJoCo limits the torque itself
 
 @dataclass(frozen=True)
 class _Limited:
-    """A servo with a torque limit: its law without it, and its indices and numbers in MjModel."""
+    """A motor with a torque limit: its law without it, and its index and numbers in MjModel.
 
-    hinge: ModelHinge
-    law: Motor
+    gears (h,): the ratios of its hinges among the model's.
+    """
+
+    law: Law
     limit: float
+    command: Drive
+    gears: Array
     actuator: int
-    position: int
-    velocity: int
     gain: Array
     bias: Array
 
     def wanted(self, data: mujoco.MjData, t: float) -> float:
         """Return the torque at t [s] that its law alone would give, over the limit."""
-        angle, rate = float(data.qpos[self.position]), float(data.qvel[self.velocity])
-        return float(self.law.torque(self.hinge.control(t), angle, rate)) / self.limit
+        angle = float(data.qpos[FREE_QPOS:] @ self.gears)
+        rate = float(data.qvel[FREE_QVEL:] @ self.gears)
+        return float(self.law.torque(self.command.rate(t), angle, rate)) / self.limit
 
 
 @dataclass
@@ -332,34 +337,34 @@ def switched(control: Control) -> Iterator[_Switches | None]:
     """
     model = control.model
     first_order = INTEGRATORS[model.settings.integrator or MUJOCOS_DEFAULT].order == 1
-    limited = [] if first_order else [hinge for hinge in model.hinges if hinge.torque_limit]
-    servos = [_limited(model.compiled, hinge) for hinge in limited]
+    servos = () if first_order else tuple(_limited(model))
     if not servos and not control.resistance:
         yield None
         return
-    switches = _Switches(control, tuple(servos))
+    switches = _Switches(control, servos)
     try:
         yield switches
     finally:
         switches.restore()
 
 
-def _limited(compiled: mujoco.MjModel, hinge: ModelHinge) -> _Limited:
-    """Return a hinge's servo, with a copy of the compiled numbers that its switches overwrite."""
-    actuator, joint = compiled.actuator(hinge.body), compiled.joint(hinge.joint)
-    servo = hinge.actuation
-    assert isinstance(servo, Servo | PositionServo)
-    assert servo.torque_limit is not None
-    return _Limited(
-        hinge,
-        replace(servo, torque_limit=None),
-        servo.torque_limit,
-        actuator.id,
-        int(joint.qposadr[0]),
-        int(joint.dofadr[0]),
-        compiled.actuator_gainprm[actuator.id].copy(),
-        compiled.actuator_biasprm[actuator.id].copy(),
-    )
+def _limited(model: Model) -> Iterator[_Limited]:
+    """Yield the motors with a limit, with a copy of the numbers that their switches overwrite."""
+    scene, compiled, motors = model.scene, model.compiled, []
+    units = np.eye(len(model.hinges))
+    for hinge, gears in zip(model.hinges, units, strict=True):
+        if isinstance(hinge.actuation, Servo | PositionServo):
+            motors.append((hinge.body, hinge.actuation.law, hinge.drive, gears))
+    places = {hinge.body: gears for hinge, gears in zip(model.hinges, units, strict=True)}
+    for each, command in zip(scene.actuators, scene.controls, strict=True):
+        gears = np.sum([ratio * places[name] for name, ratio in each.gears], axis=0)
+        motors.append((each.name, each.law, command, gears))
+    for name, law, command, gears in motors:
+        if law.limit < np.inf:
+            i = compiled.actuator(name).id
+            gain, bias = compiled.actuator_gainprm[i].copy(), compiled.actuator_biasprm[i].copy()
+            unlimited = law._replace(limit=np.inf)
+            yield _Limited(unlimited, law.limit, command, gears, i, gain, bias)
 
 
 _LOOK = 4096  # steps between two looks of the monitor; at most so many are taken after a fault

@@ -13,13 +13,13 @@ import numpy as np
 
 import robotball.scene
 from robotball import equations as eq
-from robotball.drives import Free, PositionServo, Servo
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import controlled, read_row
 from robotball.equations import Quaternion, Vector, as_vector
 from robotball.motion import Loads
+from robotball.motors import Free, PositionServo, Servo
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Friction, Scene
 
@@ -103,7 +103,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
 
 def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
     """Return the hinge's angles (SEEN,) [rad]: a servo's commands, or a whole turn without one."""
-    if hinge.name not in dict(scene.ball.named_pendulums):
+    if hinge.name in ("frame", *dict(scene.ball.named_rotors)):
         return np.full(_SEEN, hinge.angle)
     times = np.linspace(0.0, scene.duration, _SEEN - 1)
     if isinstance(hinge.motor, PositionServo):

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from robotball.drives import Servo
 from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
@@ -21,6 +20,7 @@ from robotball.engines.mujoco.mjx import shell_state
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
 from robotball.motion import Label
+from robotball.motors import Servo
 from robotball.scene import Scene
 
 

@@ -78,12 +78,13 @@ def integrate(
         return March(System(ours), allowed, float(times[-1]), limit, progress).run(times)
 
     states, readings = run(rtol)
+    hinges = len(scene.hinges)
     return extended(
-        _motion_of(ours, times, states, readings_of(readings)),
+        _motion_of(ours, times, states, readings_of(readings, hinges)),
         ReferenceMotion,
         scene=scene,
         again=lambda: run(_COARSER * rtol)[0][:, POINT:MOMENTUM],
-        motor_work=states[:, HINGES + 2 * len(scene.hinges) :],
+        motor_work=states[:, HINGES + 2 * hinges :],
         rolling_loss=states[:, LOSS],
     )
 

@@ -2,7 +2,8 @@
 
 A state is (q, X, Y, M, loss, angles, h, work): the frame's attitude, the contact point, the
 momentum M in space axes, the work lost to rolling resistance, and of every hinge its angle, its
-momentum (used where its rate is not given) and the work of its motor. The derivative is computed
+momentum (used where its rate is not given) and the work of its motors. A motor moves one hinge, or
+several by gears. The derivative is computed
 with readings of the state, the forces and rates that it takes: see `Readings`.
 """
 
@@ -19,6 +20,7 @@ from robotball import mechanics
 from robotball.drives import Constant
 from robotball.engines.compiled import compiled_from, inlined
 from robotball.mechanics import (
+    COLUMN,
     MOVING,
     PLACED,
     TURNING,
@@ -26,20 +28,23 @@ from robotball.mechanics import (
     momentum_rates,
     move,
     needed,
+    partial_velocities,
     place,
     put,
     solve_rolling,
     vector,
 )
+from robotball.motors import SLOW
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene
 
 # Places in a state; from HINGES on the angles, the momenta and the work, h numbers each.
 POINT, MOMENTUM, LOSS, HINGES = 4, 6, 9, 10
-# Places in the readings; from PER_HINGE on the rates, torques and unlimited torques, h each.
+# Places in the readings; from PER_HINGE on the hinges' rates and torques, h each, and the motors'
+# torques without limits.
 _FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING, _PER_HINGE = 0, 3, 6, 9, 12
-# Places in a motor's row: the numbers of its law, and its limit.
-_PER_COMMAND, _PER_ANGLE, _PER_RATE, _AT_REST, _LIMIT, _MOTOR = 0, 1, 2, 3, 4, 5
+# Places in a motor's row: the numbers of its law.
+_PER_COMMAND, _PER_ANGLE, _PER_RATE, _AT_REST, _LIMIT, _FRICTION, _MOTOR = 0, 1, 2, 3, 4, 5, 6
 # rad/s: a shell that rolls no faster stands. The direction of the resistance, which would jump at
 # rest, is smoothed below it.
 STANDING = 1e-8
@@ -58,25 +63,26 @@ for _module in (eq, mechanics):
             inlined(_function)
 
 _SIGNATURE = (
-    "void(f8[::1], f8[:, ::1], f8, f8[::1], f8[:, ::1], b1[::1], i8[::1], f8[::1], f8[::1], "
-    "b1, f8, b1, f8[::1], f8[::1], f8[::1])"
+    "void(f8[::1], f8[:, ::1], i8, f8, f8[::1], f8[:, ::1], f8[:, ::1], b1[::1], i8[::1], "
+    "f8[::1], f8[::1], f8[::1], b1, f8, b1, f8[::1], f8[::1], f8[::1])"
 )
 
 
 @compiled_from(_sources(), _SIGNATURE, nogil=True, error_model="numpy")
 def _differentiate(
-    state: Any, bodies: Any, radius: float, gravity: Any, motors: Any, given: Any, modes: Any,
-    commands: Any, accelerations: Any, spin_free: bool, resistance: float, standing: bool,
-    toward: Any, rate: Any, readings: Any,
+    state: Any, bodies: Any, carrier: int, radius: float, gravity: Any, motors: Any, gears: Any,
+    given: Any, modes: Any, rates: Any, accelerations: Any, commands: Any, spin_free: bool,
+    resistance: float, standing: bool, toward: Any, rate: Any, readings: Any,
 ) -> None:  # fmt: skip
     """Write the derivative of a state into `rate`, and the readings into `readings`.
 
-    gravity (3,) m/s², world; motors (h, MOTOR); given (3 + h,): whether a rate is given, by
-    commands (h,) and their accelerations (h,); modes (h,): -1, 0 or 1, the side of its limit on
-    which a motor is; resistance m, of the plane to rolling; standing: whether that holds the shell;
-    toward (3,) world, the direction in which a standing shell will roll.
+    gravity (3,) m/s², world; motors (m, MOTOR); gears (m, h); given (3 + h,): whether a rate is
+    given, by rates (h,) and their accelerations (h,); modes (m,): -1, 0 or 1, the side of its limit
+    on which a motor is; commands (m,), of the motors; resistance m, of the plane to rolling;
+    standing: whether that holds the shell; toward (3,) world, the direction in which a standing
+    shell will roll.
     """
-    count = len(commands)
+    count = len(rates)
     w, x, y, z = state[0], state[1], state[2], state[3]
     alpha, beta, gamma = eq.space_axes((w, x, y, z))
     axes = (alpha, beta, gamma)
@@ -84,9 +90,11 @@ def _differentiate(
     G = eq.seen_from_frame(vector(gravity, 0), axes)
     angles = state[HINGES : HINGES + count]
     placed = np.empty((count + 1, PLACED))
-    place(bodies, np.cos(angles), np.sin(angles), placed)
+    place(bodies, carrier, angles, placed)
+    columns = np.empty((count + 1, 3 + count, COLUMN))
+    partial_velocities(bodies, placed, radius, gamma, columns)
     matrix = np.empty((3 + count, 3 + count))
-    mass_matrix(bodies, placed, radius, gamma, matrix)
+    mass_matrix(bodies, placed, columns, matrix)
 
     directions = np.zeros(((2 if standing else 0) + (1 if spin_free else 0), 3))
     if standing:
@@ -101,36 +109,45 @@ def _differentiate(
         right[i, 0] = L[i]
     for j in range(count):
         right[3 + j, 0] = state[HINGES + count + j]
-        u[3 + j, 0] = commands[j]
+        u[3 + j, 0] = rates[j]
     solve_rolling(matrix, given, directions, right, u)
     now = u[:, 0]
     moving = np.empty((count + 1, MOVING))
-    move(bodies, placed, radius, gamma, now, moving)
+    move(columns, now, moving)
 
     torques = readings[_PER_HINGE + count : _PER_HINGE + 2 * count]
+    torques[:] = 0.0
     for j in range(count):
-        motor = motors[j]
+        readings[_PER_HINGE + j] = now[3 + j]
+    for i in range(len(motors)):
+        motor, angle, speed = motors[i], 0.0, 0.0
+        for j in range(count):
+            angle += gears[i, j] * angles[j]
+            speed += gears[i, j] * now[3 + j]
         free = (
-            motor[_PER_COMMAND] * commands[j]
-            - motor[_PER_ANGLE] * angles[j]
-            - motor[_PER_RATE] * now[3 + j]
+            motor[_PER_COMMAND] * commands[i]
+            - motor[_PER_ANGLE] * angle
+            - motor[_PER_RATE] * speed
             + motor[_AT_REST]
         )
-        readings[_PER_HINGE + j] = now[3 + j]
-        torques[j] = free if modes[j] == 0 else modes[j] * motor[_LIMIT]
-        readings[_PER_HINGE + 2 * count + j] = free
+        if motor[_FRICTION] > 0:
+            free -= motor[_FRICTION] * np.tanh(speed / SLOW)
+        readings[_PER_HINGE + 2 * count + i] = free
+        torque = free if modes[i] == 0 else modes[i] * motor[_LIMIT]
+        for j in range(count):
+            torques[j] += gears[i, j] * torque
 
     # The torques that no acceleration at all would need are the bias; without them, solving for
     # accelerations has the same matrix as solving for rates.
     u_rate, plane = np.zeros((3 + count, 1)), np.empty(3 + count)
-    needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+    needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
     for i in range(3 + count):
         right[i, 0] = -plane[i]
     for j in range(count):
         right[3 + j, 0] += torques[j]
         u_rate[3 + j, 0] = accelerations[j]
     solve_rolling(matrix, given, directions, right, u_rate)
-    force = needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+    force = needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
 
     shell = vector(now, 0)
     rolling = eq.subtract(shell, eq.scale(eq.dot(shell, gamma), gamma))
@@ -149,12 +166,12 @@ def _differentiate(
         solve_rolling(matrix, given, directions, resisted, by_torque)
         both = u_rate[:, 0] + by_torque[:, 0]
         normal = eq.dot(gamma, force)
-        changed = needed(bodies, placed, moving, radius, gamma, G, now, both, plane)
+        changed = needed(bodies, placed, columns, moving, radius, gamma, G, now, both, plane)
         per_torque = eq.dot(gamma, changed) - normal
         torque = resistance * normal / (1 - resistance * per_torque)
         for i in range(3 + count):
             u_rate[i, 0] += torque * by_torque[i, 0]
-        force = needed(bodies, placed, moving, radius, gamma, G, now, u_rate[:, 0], plane)
+        force = needed(bodies, placed, columns, moving, radius, gamma, G, now, u_rate[:, 0], plane)
     for j in range(count):
         if given[3 + j]:
             torques[j] = plane[3 + j]
@@ -168,7 +185,7 @@ def _differentiate(
         L_rate = eq.add(L_rate, level)
         rate[LOSS] = -eq.dot(level, shell)
     M_rate = eq.cross(gamma, L_rate) if spin_free else L_rate
-    omega = vector(moving[1], TURNING)
+    omega = vector(moving[carrier], TURNING)
     rate[0], rate[1], rate[2], rate[3] = eq.attitude_rate((w, x, y, z), omega)
     rate[POINT], rate[POINT + 1] = eq.contact_velocity(alpha, beta, shell, (0.0, 0.0, 0.0), radius)
     for i in range(3):
@@ -190,14 +207,14 @@ def _differentiate(
 class Readings:
     """Readings of states (...); world axes, but for omega.
 
-    numbers       (..., PER_HINGE + 3h)  all of them, as the derivative writes them
+    numbers       (..., PER_HINGE + 2h + m)  all of them, as the derivative writes them
     force         (..., 3)  N, of the plane on the shell
     plane_torque  (..., 3)  N m, of the plane on the shell about the contact point
     omega         (..., 3)  rad/s of the frame, frame axes
     rolling       (..., 3)  rad/s, the horizontal part of the shell's angular velocity
     rates         (..., h)  rad/s, of the hinges
-    torques       (..., h)  N m, of the motors
-    unlimited     (..., h)  N m, the motors' torques as they would be without limits
+    torques       (..., h)  N m, of the motors on the hinges
+    unlimited     (..., m)  N m, the motors' torques as they would be without limits
     """
 
     numbers: Array
@@ -215,19 +232,18 @@ class Readings:
         return float(self.force[2])
 
 
-def readings_of(numbers: Array) -> Readings:
-    """Return the readings in an array (..., PER_HINGE + 3h), as views of it."""
-    count = (numbers.shape[-1] - _PER_HINGE) // 3
+def readings_of(numbers: Array, count: int) -> Readings:
+    """Return the readings of `count` hinges in an array (..., PER_HINGE + 2h + m), as views."""
     threes = (numbers[..., i : i + 3] for i in (_FORCE, _PLANE_TORQUE, _OMEGA, _ROLLING))
-    ends = (_PER_HINGE + part * count for part in range(3))
-    return Readings(numbers, *threes, *(numbers[..., i : i + count] for i in ends))
+    of_hinges = np.split(numbers[..., _PER_HINGE:], [count, 2 * count], axis=-1)
+    return Readings(numbers, *threes, *of_hinges)
 
 
 @dataclass
 class Modes:
     """The modes of a robot; while they stay, the derivative is a smooth function of the state.
 
-    motors (h,): -1, 0 or 1, the side of its limit on which a motor is; standing: whether the
+    motors (m,): -1, 0 or 1, the side of its limit on which a motor is; standing: whether the
     plane's resistance to rolling holds the shell; toward (3,), world: the direction in which it
     will roll.
     """
@@ -244,21 +260,34 @@ class System:
         hinges, robot = scene.hinges, scene.robot
         self.scene, self.count = scene, len(hinges)
         self.given: Mask = np.array([False] * 3 + [hinge.motor is None for hinge in hinges])
-        laws = [(0.0, 0.0, 0.0, 0.0, np.inf) if not h.motor else tuple(h.motor.law) for h in hinges]
+        own = [i for i, hinge in enumerate(hinges) if hinge.motor is not None]
+        laws = [hinge.motor.law for hinge in hinges if hinge.motor is not None]
+        laws += [each.law for each in scene.actuators]
         self.motors = np.array(laws).reshape(-1, _MOTOR)
+        self.gears = np.zeros((len(laws), self.count))
+        self.gears[range(len(own)), own] = 1.0
+        places = {hinge.name: i for i, hinge in enumerate(hinges)}
+        for row, actuator in zip(self.gears[len(own) :], scene.actuators, strict=True):
+            for name, ratio in actuator.gears:
+                row[places[name]] += ratio
         self.limits = self.motors[:, _LIMIT]
         self.limited = np.flatnonzero(np.isfinite(self.limits)).tolist()
         self.resistance = scene.friction.rolling
-        self.modes = Modes(np.zeros(self.count, dtype=np.int64))
+        self.modes = Modes(np.zeros(len(laws), dtype=np.int64))
         self.end = np.inf
-        self._bodies, self._radius = np.ascontiguousarray(robot.bodies), robot.radius
+        self._bodies = np.ascontiguousarray(robot.bodies)
         self._gravity, self._spin_free = scene.gravity_world, scene.rolling == "rubber"
-        self._commands = np.array([float(hinge.command.rate(0.0)) for hinge in hinges])
+        self._rates = np.array([float(hinge.command.rate(0.0)) for hinge in hinges])
         self._accelerations = np.zeros(self.count)
-        self._changing = [
-            (i, hinge.command, hinge.motor is None)
+        commands = [*(hinges[i].command for i in own), *scene.controls]
+        self._commands = np.array([float(command.rate(0.0)) for command in commands])
+        self._changing_rates = [
+            (i, hinge.command)
             for i, hinge in enumerate(hinges)
-            if not isinstance(hinge.command, Constant)
+            if hinge.motor is None and not isinstance(hinge.command, Constant)
+        ]
+        self._changing_commands = [
+            (i, command) for i, command in enumerate(commands) if not isinstance(command, Constant)
         ]
 
     @property
@@ -267,7 +296,7 @@ class System:
 
     @property
     def readings_size(self) -> int:
-        return _PER_HINGE + 3 * self.count
+        return _PER_HINGE + 2 * self.count + len(self.motors)
 
     @property
     def scale(self) -> Array:
@@ -298,19 +327,20 @@ class System:
 
     def readings(self, t: float, state: Array) -> Readings:
         """Return the readings of a state at time t [s]."""
-        return readings_of(self._run(t, state)[1])
+        return readings_of(self._run(t, state)[1], self.count)
 
     def _run(self, t: float, state: Array) -> tuple[Array, Array]:
-        for i, command, given in self._changing:
+        for i, command in self._changing_rates:
+            self._rates[i] = command.rate(t)
+            # A piece's last state has the acceleration of this piece, not that of the next one.
+            self._accelerations[i] = command.acceleration(min(t, self.end))
+        for i, command in self._changing_commands:
             self._commands[i] = command.rate(t)
-            if given:
-                # A piece's last state has the acceleration of this piece, not that of the next one.
-                self._accelerations[i] = command.acceleration(min(t, self.end))
         rate, readings = np.empty(self.size), np.empty(self.readings_size)
-        modes = self.modes
+        modes, robot = self.modes, self.scene.robot
         _differentiate(
-            state, self._bodies, self._radius, self._gravity, self.motors, self.given, modes.motors,
-            self._commands, self._accelerations, self._spin_free, self.resistance, modes.standing,
-            modes.toward, rate, readings,
+            state, self._bodies, robot.carrier, robot.radius, self._gravity, self.motors,
+            self.gears, self.given, modes.motors, self._rates, self._accelerations, self._commands,
+            self._spin_free, self.resistance, modes.standing, modes.toward, rate, readings,
         )  # fmt: skip
         return rate, readings

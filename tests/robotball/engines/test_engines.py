@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engine import OURS, request_of
 from robotball.engines.mujoco.mujoco_engine import MUJOCO
+from robotball.motors import Servo
 from robotball.rotations import Array
 from tests.conftest import Robotball
 from tests.off_engine import ERROR, OFF

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.drives import Free, Rate
+from robotball.drives import Rate
+from robotball.motors import Free
 from robotball.scene import Friction
 from tests.random_robots import random_scene
 from tests.robotball.files.scene_texts import scene_of

@@ -18,10 +18,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import NAIVE, recipe
+from robotball.motors import Servo
 from tests.conftest import Robotball
 from tests.validation.examples import example
 from validation.bench.gallery import numbers_of_tradeoff

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engines.mujoco import limits
 from robotball.engines.mujoco.limits import LimitCheck, PlannedRun, exceeded, limit_checks, planned
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import Prescribed, recipe
 from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motion import Loads
+from robotball.motors import Servo
 from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
 from tests.motions import known

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.monitor import Monitor
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.stepping import by_steps, controlled, read_row
+from robotball.motors import Servo
 from robotball.rotations import Array
 from validation import compare
 from validation.studies.random_runs import extreme, judged, ordinary

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import robotball as rb
-from robotball.drives import Servo
 from robotball.engines.mujoco.settings import (
     ADAPTIVE,
     CONSTANT,
@@ -22,6 +21,7 @@ from robotball.engines.mujoco.settings import (
     for_load,
     settings_from,
 )
+from robotball.motors import Servo
 from tests.robots import worked
 
 FIG12, FAST, BALANCED = rb.load_scene("fig12"), rb.preset("fast"), rb.preset("balanced")

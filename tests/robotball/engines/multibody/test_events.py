@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from robotball import InputError, Scene, integrate
-from robotball.drives import Servo, Sine
+from robotball.drives import Sine
+from robotball.motors import Servo
 from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
 from tests.robots import Y, energy, robot, worked

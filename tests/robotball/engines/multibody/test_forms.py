@@ -21,8 +21,8 @@ def off_by(form: SecondForm, scene: rb.Scene) -> list[float]:
     """The largest difference at the start and after some time, loads as parts of the weight."""
     march = March(System(scene), 1e-15, SECONDS, 10_000)
     states, numbers = march.run(np.array([0.0, SECONDS]))
-    readings, weight = readings_of(numbers), scene.ball.mass * scene.gravity
-    worst = []
+    readings = readings_of(numbers, len(scene.hinges))
+    weight, worst = scene.ball.mass * scene.gravity, []
     for i, t, (q, v) in ((0, 0.0, form.start()), (1, SECONDS, form.end(SECONDS, march.switches))):
         loads = form.loads(t, q, v)
         differences = [

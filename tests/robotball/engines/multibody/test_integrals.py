@@ -6,19 +6,16 @@ inner bodies' momentum along e relative to the shell.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from robotball import Motion, Scene, integrate
-from robotball.drives import Free
 from robotball.equations import Rolling
-from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
+from robotball.robot import Ball, Frame, Rotor, Shell
 from robotball.rotations import Array, perpendicular
 from tests.random_balls import random_axis
-from tests.random_robots import random_robot
-from tests.robots import Y, box_inertia, energy, robot
+from tests.robots import robot
 
 pytestmark = pytest.mark.core
 
@@ -115,3 +112,12 @@ CASES: list[tuple[Rolling, Callable[[Symmetric], Array]]] = [
 def test_integral_of_a_routh_sphere_is_constant(
     rolling: Rolling, integral: Callable[[Symmetric], Array], seed: int
 ) -> None:
+    """With frame and rotor that turn inside, over 5 s. Measured up to 4.0e-13, relative.
+
+    With the other sign of what turns inside it is not; the energy does not know it.
+    """
+    motion = integrate(routh(seed, rolling), np.linspace(0.0, 5.0, 51))
+    assert drift(integral(Symmetric(motion))) < 1e-12
+    assert np.ptp(motion.gamma @ motion.scene.ball.shell.axis) > 0.1
+    if integral is not energy_without_rotation_inside:
+        assert drift(integral(Symmetric(motion, kappa=-1.0))) > 1e-4

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robotball import ReferenceMotion, integrate
-from robotball.drives import Servo
+from robotball.motors import Servo
 from tests.robots import ENDINGS, energy, worked
 
 pytestmark = pytest.mark.core

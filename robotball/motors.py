@@ -1,0 +1,157 @@
+"""Motors: what moves a hinge by a torque, as its command, its angle and its rate ask for.
+
+A hinge without a motor keeps its drive (`drives`) as its rate [rad/s] exactly. To a motor the drive
+is a command: a rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a torque [N m] for a
+Torque. A hinge's torque is that of the parent on the child [N m]. SI units; a slide's are in m, N.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from robotball.drives import Rate
+from robotball.errors import check_not_negative, check_positive, check_size
+
+_Scalar = Any  # a float, or a column (n,)
+
+# rad/s: dry friction turns over within so slow a rate, as no smooth equation has a jump.
+SLOW = 1e-3
+
+
+class Law(NamedTuple):
+    """The law of every motor's torque, between -limit and limit [N m].
+
+    per_command · command - per_angle · angle - per_rate · rate + at_rest, and against the rate a
+    dry friction, smoothed to friction · tanh(rate/SLOW). All motors have one law, so that compiled
+    equations take any motor as six numbers.
+    """
+
+    per_command: float
+    per_angle: float
+    per_rate: float
+    at_rest: float = 0.0
+    limit: float = math.inf
+    friction: float = 0.0
+
+    @property
+    def follows_rate(self) -> bool:
+        """True if the command is a rate, as that of a velocity servo."""
+        return self.per_angle == 0 and 0 < self.per_rate == self.per_command
+
+    def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
+        """Return the torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
+        free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
+        free = free + self.at_rest - self.friction * np.tanh(rate / SLOW)
+        return np.clip(free, -self.limit, self.limit)
+
+
+class Motor(Protocol):
+    """A hinge's motor: its law, and the reflected inertia of its rotor [kg m²]."""
+
+    @property
+    def armature(self) -> float: ...
+
+    @property
+    def law(self) -> Law: ...
+
+    def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
+        """Return the law's torque on the child [N m]."""
+        return self.law.torque(command, angle, rate)
+
+
+@dataclass(frozen=True)
+class Servo(Motor):
+    """A velocity servo with a gain [N m s/rad] and, if it has one, a torque limit [N m]."""
+
+    gain: float
+    torque_limit: float | None = None
+    armature: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_positive("a servo's gain", self.gain, "N m s/rad")
+        _check_common(self)
+
+    @property
+    def law(self) -> Law:
+        return Law(self.gain, 0.0, self.gain, limit=self.torque_limit or math.inf)
+
+
+@dataclass(frozen=True)
+class PositionServo(Motor):
+    """A servo that follows an angle: gain [N m/rad], damping [N m s/rad], torque limit [N m]."""
+
+    gain: float
+    damping: float = 0.0
+    torque_limit: float | None = None
+    armature: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_positive("a position servo's gain", self.gain, "N m/rad")
+        check_not_negative("a position servo's damping", self.damping, "N m s/rad")
+        _check_common(self)
+
+    @property
+    def law(self) -> Law:
+        return Law(self.gain, self.gain, self.damping, limit=self.torque_limit or math.inf)
+
+
+def _check_common(servo: Servo | PositionServo) -> None:
+    if servo.torque_limit is not None:
+        check_positive("a servo's torque limit", servo.torque_limit, "N m")
+    check_not_negative("a servo's armature", servo.armature, "kg m²")
+
+
+@dataclass(frozen=True)
+class Torque(Motor):
+    """A motor that gives the commanded torque, whatever the hinge does."""
+
+    armature: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_not_negative("a motor's armature", self.armature, "kg m²")
+
+    @property
+    def law(self) -> Law:
+        return Law(1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Free(Motor):
+    """No motor: damping [N m s/rad] and a spring [N m/rad] that rests at an angle [rad].
+
+    friction [N m]: dry friction, smoothed as in `Law`. The hinge's command is not used, and is 0.
+    """
+
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    armature: float = 0.0
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_not_negative("a free hinge's friction", self.friction, "N m")
+        check_not_negative("a free hinge's damping", self.damping, "N m s/rad")
+        check_not_negative("a free hinge's stiffness", self.stiffness, "N m/rad")
+        check_not_negative("a free hinge's armature", self.armature, "kg m²")
+        check_size("a free hinge's rest angle", self.rest, "rad")
+
+    @property
+    def law(self) -> Law:
+        at_rest = self.stiffness * self.rest
+        return Law(0.0, self.stiffness, self.damping, at_rest, friction=self.friction)
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """A motor that moves hinges through gears, besides what each hinge has of its own.
+
+    gears: hinges by name, with the ratio of each: the motor's angle is Σ ratio · angle, and a hinge
+    gets ratio times its torque; command: what the law takes, over time.
+    """
+
+    name: str
+    gears: tuple[tuple[str, float], ...]
+    law: Law
+    command: Rate = 0.0

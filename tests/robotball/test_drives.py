@@ -59,6 +59,18 @@ def test_the_acceleration_is_the_derivative_of_the_rate(drive: Drive) -> None:
         assert gained == pytest.approx(drive.rate(b) - drive.rate(a), abs=4e-12)
 
 
+def test_a_rate_is_the_one_asked_for() -> None:
+    """Before, within and after a ramp, and with a sine's phase, by the formulas of the docs."""
+    for name, t, rate in (
+        ("linear", 0.2, 1.0), ("linear", 1.25, 2.0), ("linear", 2.5, 3.0),
+        ("smooth", 0.875, 1 - 4 * (3 / 16 - 2 / 64)), ("smooth", 2.5, -3.0),
+        ("quintic", 0.875, 1 - 4 * (10 / 64 - 15 / 256 + 6 / 1024)),
+        ("sine", 0.4, 1 + 2 * math.sin(0.56 * math.pi + 0.3)),
+        ("sum", 1.0, 5.0 + 2 * math.sin(1.4 * math.pi)),
+    ):  # fmt: skip
+        assert DRIVES[name].rate(t) == pytest.approx(rate, rel=1e-14)
+
+
 def test_samples_are_passed_and_never_overshot() -> None:
     """At each sample its value; between two nothing beyond them, and the slope does not jump."""
     samples = DRIVES["samples"]

@@ -120,7 +120,8 @@ def test_a_rotor_too_fast_for_the_film_shows_no_marks() -> None:
     still = dataclasses.replace(THEORY)  # another motion than the reference, to the film
     for slow, least, most in ((1.0, 0.0, 5e-4), (60.0, 2e-3, 1.0)):
         film = dataclasses.replace(SMALL, slow=slow)
-        first, second = (next(frames(each, THEORY, film)) for each in (still, turned))
+        with at_most(1):  # a slow film has so many frames that processes would draw them
+            first, second = (next(frames(each, THEORY, film)) for each in (still, turned))
         assert least <= np.any(first != second, axis=2).mean() <= most
 
 

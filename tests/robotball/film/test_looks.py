@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.film.looks import BOB, HOOP, INSIDE, RIM, Shape, colours, looks_of, triangles_of
+from robotball.film.looks import BOB, HOOP, INSIDE, RIM, colours, looks_of, triangles_of
 from robotball.robot import PARTS, Ball, Pendulum
 from robotball.rotations import Array, rotation_matrix
 
@@ -40,16 +40,13 @@ def test_every_body_has_its_look_and_every_look_its_colour() -> None:
     assert {shape.material for shapes in looks.values() for shape in shapes} <= set(colours())
 
 
-def distances(shape: Shape) -> Array:
-    return np.linalg.norm(triangles_of(shape).reshape(-1, 3), axis=1)
-
-
 def test_rotors_with_one_centre_are_rings_within_rings() -> None:
     """Whatever they turn by: each is between two spheres, and the next inside the inner one."""
     reaches = []
     for name, _ in BALL.named_rotors:
-        all_of_it = [distances(shape) for shape in looks_of(BALL)[name]]
-        reaches.append((min(d.min() for d in all_of_it), max(d.max() for d in all_of_it)))
+        corners = np.concatenate([triangles_of(shape) for shape in looks_of(BALL)[name]])
+        distances = np.linalg.norm(corners, axis=2)
+        reaches.append((distances.min(), distances.max()))
     (first, outer), (second, middle), (_, inner) = reaches
     # Measured 0.61 > 0.43 of the part, then 0.7 of it, and 0.7 of that.
     assert INSIDE > outer > first > middle > second > inner

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball import Limits, design
@@ -208,10 +209,12 @@ INFEASIBLE: dict[str, dict[str, Any]] = {
 def test_an_infeasible_request_is_refused_with_the_condition_and_by_how_much_it_fails(
     reason: str, request_: dict[str, Any]
 ) -> None:
-    """Each breaks one condition by construction; a rotor is needed."""
-    plain = {"A": 1 / B, "Omega": (0.0, 0.0, 2.0), "K": (0.5, 1.0, 0.0), "radius": 2.0}
+    """Each breaks one condition by construction, in any axes; a rotor is needed."""
+    Q = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
+    others = {"Omega": (0.0, 0.0, 2.0), "K": (0.5, 1.0, 0.0), "radius": 2.0, **request_}
+    A = Q @ np.diag(others.pop("A", 1 / B)) @ Q.T
     with pytest.raises(rb.InputError) as refusal:
-        design(**{**plain, **request_})
+        design(A, **others)
     # A margin below rounding may have any digits.
     assert re.sub(r"margin of \S+", "margin of …", str(refusal.value)) == reason
 

@@ -19,21 +19,16 @@ def fig12(**changes: Any) -> Design:
     return design(**{"A": A12, "Omega": OMEGA12, "K": K12, "radius": 1.0, **changes})
 
 
-def numbers(made: Design) -> tuple[Array, Array, Array]:
-    """A (3, 3), Ω (3,) and K (3,) of the designed bodies and rates."""
-    ball = made.ball
-    Omega = made.frame_rate * ball.shell.axis
-    rates = np.array([made.frame_rate, *made.rotor_rates])
-    return ball.A, Omega, ball.gyrostatic_inertia @ rates - ball.d * Omega
-
-
 def error(made: Design, A: Array, Omega: Array, K: Array) -> float:
     """The largest error of A, Ω and K: of A to A's size, of Ω to its own, of K to |K| + d|Ω|."""
-    got_A, got_Omega, got_K = numbers(made)
+    ball = made.ball
+    got_Omega = made.frame_rate * ball.shell.axis
+    rates = np.array([made.frame_rate, *made.rotor_rates])
+    got_K = ball.gyrostatic_inertia @ rates - ball.d * got_Omega
     turning = float(np.linalg.norm(Omega))
-    momentum = float(np.linalg.norm(K)) + made.ball.d * turning
+    momentum = float(np.linalg.norm(K)) + ball.d * turning
     return max(
-        float(np.abs(got_A - A).max() / np.abs(A).max()),
+        float(np.abs(ball.A - A).max() / np.abs(A).max()),
         float(np.abs(got_Omega - Omega).max() / (turning or 1)),
         float(np.abs(got_K - K).max() / (momentum or 1)),
     )

@@ -16,18 +16,20 @@ from robotball.files.replacing import replacing
 from robotball.processes import in_processes
 
 
-def late(jobs: int, job: int) -> tuple[int, int, int]:
-    """The earlier a job, the longer it takes; also its process and the threads allowed there."""
-    time.sleep(0.02 * (jobs - job))
+def late(job: int) -> tuple[int, int, int]:
+    """The earlier of seven, the longer it takes; also its process and the threads allowed there."""
+    time.sleep(0.02 * (7 - job))
     return job, os.getpid(), allowed()
 
 
 def faulty(job: int) -> int:
-    """Warns of job 1, and refuses job 2."""
+    """Warns of job 1, refuses job 2, and ends its process at job 3."""
     if job == 1:
         warn("job 1 is odd")
     if job == 2:
         raise InputError("job 2 cannot be done")
+    if job == 3:
+        os._exit(job)
     return job
 
 
@@ -47,49 +49,30 @@ def known(module: str) -> bool:
     return module in sys.modules
 
 
-def deadly(job: int) -> int:
-    """Ends its process."""
-    os._exit(job)
-
-
-@pytest.mark.slow
-def test_results_come_in_the_order_of_the_jobs() -> None:
-    """From two processes of one thread each, none of them this one."""
-    with at_most(2):
-        found = list(in_processes(partial(late, 7), range(7)))
+@pytest.mark.parametrize(("most", "least", "count"), [(2, 2, 2), (1, 2, 1), (4, 8, 1)])
+def test_results_come_in_the_order_of_the_jobs(most: int, least: int, count: int) -> None:
+    """From so many processes of one thread each; one, or one for too few jobs, is this one."""
+    with at_most(most):
+        found = list(in_processes(late, range(7), least))
     assert [job for job, _, _ in found] == list(range(7))
     processes = {process for _, process, _ in found}
-    assert len(processes) == 2
-    assert os.getpid() not in processes
-    assert {threads for _, _, threads in found} == {1}
+    assert len(processes) == count
+    assert (os.getpid() in processes) == (count == 1)
+    assert {threads for _, _, threads in found} == {1 if count > 1 else most}
 
 
-def test_one_process_is_this_one() -> None:
-    """Where one is allowed, and where the jobs are too few."""
-    for most, least in ((1, 2), (4, 5)):
-        with at_most(most):
-            found = list(in_processes(partial(late, 4), range(4), least))
-        assert {process for _, process, _ in found} == {os.getpid()}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("most", [1, 3])
+@pytest.mark.parametrize("most", [1, 2])
 def test_warnings_and_errors_are_the_callers(most: int) -> None:
-    """With their own words, wherever the work is done."""
+    """With their own words, wherever the work is done; a process that dies ends the work."""
     with at_most(most), pytest.warns(SceneWarning, match="job 1 is odd"):
-        assert list(in_processes(faulty, [0, 1, 3])) == [0, 1, 3]
+        assert list(in_processes(faulty, [0, 1, 4])) == [0, 1, 4]
     with at_most(most), pytest.raises(InputError, match="job 2 cannot be done"):
-        list(in_processes(faulty, [0, 2, 3]))
+        list(in_processes(faulty, [0, 2, 4]))
+    if most > 1:
+        with at_most(most), pytest.raises(ChildProcessError, match="ended from outside"):
+            list(in_processes(faulty, [3, 3]))
 
 
-@pytest.mark.slow
-def test_a_process_that_dies_ends_the_work() -> None:
-    """It waits for nothing that cannot come."""
-    with at_most(2), pytest.raises(ChildProcessError, match="ended from outside"):
-        list(in_processes(deadly, [3, 3]))
-
-
-@pytest.mark.slow
 def test_a_process_that_is_ended_leaves_no_half_file(tmp_path: Path) -> None:
     """As the disk that is full for one picture of a comparison ends the drawing of the other."""
     with at_most(2), pytest.raises(InputError, match="No space left"):
@@ -98,62 +81,25 @@ def test_a_process_that_is_ended_leaves_no_half_file(tmp_path: Path) -> None:
 
 
 SCRIPT = """
-import os
-from functools import partial
-from robotball.processes import in_processes
 from robotball.cores import at_most
-from tests.robotball.test_processes import late
+from robotball.processes import in_processes, prepare
+from tests.robotball.test_processes import known
 def main():
     with at_most(2):
-        for _, process, _ in in_processes(partial(late, 200), range(200)):
-            print(process, flush=True)
+        prepare("colorsys")
+        print(*in_processes(known, ["colorsys", "wave"]), known("colorsys"))
 """
-GUARDED = f"{SCRIPT}if __name__ == '__main__':\n    main()"
 
 
-@pytest.mark.slow
-def test_no_process_outlives_who_asked_for_it(tmp_path: Path) -> None:
-    """Not even where that is killed without warning."""
-    (tmp_path / "script.py").write_text(GUARDED)
+@pytest.mark.parametrize("guarded", [True, False])
+def test_a_script_prepares_processes_below_its_guard(tmp_path: Path, guarded: bool) -> None:
+    """They alone import what is prepared; without the guard they would run the script for ever."""
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT + ("if __name__ == '__main__':\n    main()" if guarded else "main()"))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen(
-        [sys.executable, tmp_path / "script.py"], stdout=subprocess.PIPE, text=True, env=environment
-    ) as script:
-        assert script.stdout is not None
-        processes = {int(script.stdout.readline()) for _ in range(2)}
-        script.kill()
-    for process in processes:
-        deadline = time.monotonic() + 20
-        while Path(f"/proc/{process}").exists() and time.monotonic() < deadline:
-            time.sleep(0.1)
-        assert not Path(f"/proc/{process}").exists()
-
-
-@pytest.mark.slow
-def test_a_script_that_its_processes_would_run_again_is_refused(tmp_path: Path) -> None:
-    """One line says what the script lacks, and the script is not run for ever."""
-    (tmp_path / "script.py").write_text(f"{SCRIPT}main()")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    script = [sys.executable, str(tmp_path / "script.py")]
-    done = subprocess.run(script, capture_output=True, text=True, env=environment)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, env=environment)
+    if guarded:
+        assert (done.stdout, done.stderr) == ("True False False\n", "")
+        return
     assert done.stdout == ""
     assert 'put what it does below `if __name__ == "__main__":`' in done.stderr.splitlines()[-1]
-
-
-PREPARED = """
-from robotball.processes import in_processes, prepare
-from robotball.cores import at_most
-from tests.robotball.test_processes import known
-with at_most(2):
-    prepare("colorsys")
-    print(*in_processes(known, ["colorsys", "wave"]), known("colorsys"))
-"""
-
-
-@pytest.mark.slow
-def test_what_is_prepared_is_imported_for_the_processes_alone() -> None:
-    """By the server that they come from, and nothing that was not asked for."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    script = [sys.executable, "-c", PREPARED]
-    done = subprocess.run(script, stdout=subprocess.PIPE, text=True, env=environment, check=True)
-    assert done.stdout.split() == ["True", "False", "False"]

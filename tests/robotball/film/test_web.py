@@ -16,58 +16,39 @@ from robotball.rotations import rotation_matrix
 from tests.browser import needs_browser, opened
 
 TIMES = np.linspace(0.0, 2.0, 101)  # s
+THEORY = rb.integrate(rb.load_scene("three_rotors"), TIMES)
 
 
-@pytest.fixture(scope="module")
-def theory() -> rb.Motion:
-    return rb.integrate(rb.load_scene("three_rotors"), TIMES)
-
-
-@pytest.fixture(scope="module")
-def moved(theory: rb.Motion) -> rb.Motion:
-    return replace(theory, contact_point=theory.contact_point * 1.5)
-
-
-def test_a_view_carries_the_motion_as_it_is(theory: rb.Motion) -> None:
+def test_a_view_carries_the_motion_as_it_is() -> None:
     """Rows are contact points in radii, attitudes and hinge angles, as 32-bit floats."""
-    data = view_data([theory])
+    data = view_data([THEORY])
     rows = np.frombuffer(b64decode(data["balls"][0]["rows"]), "<f4").reshape(len(TIMES), -1)
-    wanted = [theory.contact_point / theory.scene.ball.radius, theory.attitude, theory.hinge_angles]
+    wanted = [THEORY.contact_point / THEORY.scene.ball.radius, THEORY.attitude, THEORY.hinge_angles]
     # Measured 1e-5 on an angle of 300 rad: the rounding of 32 bits.
     assert np.allclose(rows, np.column_stack(wanted), rtol=1e-7, atol=1e-6)
     assert data["step"] == STEP
 
 
-def test_a_long_motion_is_shown_in_part_and_says_so(theory: rb.Motion) -> None:
-    """A thousandfold duration has no more samples than MOST."""
-    long = replace(theory, times=theory.times * 1000)
+def test_a_motion_too_long_or_too_short_says_so() -> None:
+    """A thousandfold duration has no more samples than MOST; one that ended at its start none."""
+    long = replace(THEORY, times=THEORY.times * 1000)
     assert view_data([long])["count"] == MOST
     assert "The first 399.98 s of 2000 s are shown" in view_fragment([long])
-
-
-def test_a_view_needs_two_times(theory: rb.Motion) -> None:
-    """A motion that ended at its start has nothing to show."""
-    short = replace(theory, times=theory.times[:1])
     with pytest.raises(rb.InputError, match="a view needs motions of two times at least"):
-        view_fragment([short])
+        view_fragment([replace(THEORY, times=THEORY.times[:1])])
 
 
-def test_a_page_asks_for_nothing_outside_itself(theory: rb.Motion) -> None:
-    """No address, no file."""
-    page = view_page([theory])
-    assert "http" not in page
-    assert re.findall(r'(?:src|href)="(?!data:)', page) == []
-
-
-def test_a_title_is_text_and_never_markup(theory: rb.Motion) -> None:
-    """Whatever a user calls his scene."""
-    scene = replace(theory.scene, title="<b>&</script>", name='a"</script>')
-    page = view_page([replace(theory, scene=scene)])
+def test_a_title_is_text_and_never_markup_and_nothing_is_asked_for_outside() -> None:
+    """Whatever a user calls his scene; no address, no file."""
+    scene = replace(THEORY.scene, title="<b>&</script>", name='a"</script>')
+    page = view_page([replace(THEORY, scene=scene)])
     assert "<b>" not in page
     assert page.count("</script>") == page.count("<script")
     found = re.search(r'<script type="application/json">(.*?)</script>', page)
     assert found is not None
-    assert json.loads(found[1])["balls"][0]["name"] == theory.engine.name
+    assert json.loads(found[1])["balls"][0]["name"] == THEORY.engine.name
+    assert "http" not in page
+    assert re.findall(r'(?:src|href)="(?!data:)', page) == []
 
 
 DRIVE = """(async () => {
@@ -90,16 +71,18 @@ return {scrubbed, played: at(), distinct: new Set(shots).size, still: shots[0] =
         overflow: document.documentElement.scrollWidth - innerWidth,
         names: [...view.querySelectorAll(".rb-name")].map(name => name.textContent)};
 })()"""
+PLACES = """
+const view = document.querySelector(".rb-view").rollingBalls;
+view.set({t: 1.0, playing: false}); view.places();
+"""
 
 
 @needs_browser
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [360, 1000])
-def test_a_view_plays_scrubs_and_turns(
-    theory: rb.Motion, moved: rb.Motion, tmp_path: Path, width: int
-) -> None:
+def test_a_view_plays_scrubs_and_turns(tmp_path: Path) -> None:
     """Paused it stands still; scrubbed, turned and laid over it shows something else each time."""
-    with opened(view_page([moved, theory]), tmp_path, width) as browser:
+    moved = replace(THEORY, contact_point=THEORY.contact_point * 1.5)
+    with opened(view_page([moved, THEORY]), tmp_path, 360) as browser:
         told = browser.run(DRIVE)
         assert browser.console == []
         assert [each for each in browser.requests if not each.startswith(("file:", "data:"))] == []
@@ -109,26 +92,20 @@ def test_a_view_plays_scrubs_and_turns(
     assert told["scrubbed"] == pytest.approx(1.5, abs=1e-6)
     assert told["played"] != told["scrubbed"]
     assert re.search(r"t = \d\.\d\d s · contact points \d\.\d+ m apart", told["line"])
-    assert told["names"] == [theory.engine.name] * 2
+    assert told["names"] == [THEORY.engine.name] * 2
     assert told["overflow"] <= 0
-
-
-PLACES = """
-const view = document.querySelector(".rb-view").rollingBalls;
-view.set({t: 1.0, playing: false}); view.places();
-"""
 
 
 @needs_browser
 @pytest.mark.slow
-def test_a_view_s_bodies_stand_as_the_motion_s(theory: rb.Motion, tmp_path: Path) -> None:
+def test_a_view_s_bodies_stand_as_the_motion_s(tmp_path: Path) -> None:
     """At t = 1 s, by the poses of the library; measured 1.5e-6: 32 bits of a rotor's angle."""
-    with opened(view_page([theory]), tmp_path) as browser:
+    with opened(view_page([THEORY]), tmp_path) as browser:
         places = browser.run(PLACES)
-    ball, row = theory.scene.ball, int(np.argmin(np.abs(theory.times - 1.0)))
+    ball, row = THEORY.scene.ball, int(np.argmin(np.abs(THEORY.times - 1.0)))
     off = []
     for (name, body), columns in zip(ball.named_bodies, places, strict=True):
-        matrix, wanted = np.array(columns).reshape(4, 4).T, poses(theory)[name]
+        matrix, wanted = np.array(columns).reshape(4, 4).T, poses(THEORY)[name]
         off.append(matrix[:3, :3] - rotation_matrix(wanted.attitude[row]))
         centre = matrix[:3, 3] + matrix[:3, :3] @ body.centre / ball.radius
         off.append(centre - wanted.position[row] / ball.radius)

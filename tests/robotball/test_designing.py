@@ -1,0 +1,287 @@
+"""Bodies designed for the numbers of the equations: by the fewest rotors, or refused with why."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import robotball as rb
+from robotball import Limits, design
+from robotball.designing import (
+    ROTOR_SHARE,
+    _best,
+    _DesignRequest,
+    _margin,
+    _request,
+    redesign,
+    share,
+    two_rings,
+)
+from tests.random_balls import RandomBall, random_axis, random_ball, ring_ball
+from tests.robotball.designs import A12, K12, OMEGA12, check_bodies, error, fig12
+
+
+def test_a_ball_whose_momentum_is_that_of_shell_and_mass_needs_no_rotor() -> None:
+    """K = -(J_s + d)Ω for some J_s and d, also where Ω = 0; a K beside it needs one."""
+    made = fig12(K=(0.0, 0.0, -1.9))
+    assert made.rotor_rates == ()
+    assert made.ball.shell.axial_inertia + made.ball.d == pytest.approx(0.95, rel=1e-14)
+    Omega = np.array([0.3, -0.7, 1.9])
+    assert fig12(Omega=Omega, K=-0.95 * Omega).rotor_rates == ()
+    still = fig12(Omega=(0, 0, 0), K=(0, 0, 0))
+    assert (still.frame_rate, still.rotor_rates) == (0, ())
+    assert still.ball.shell.axis.tolist() == [0, 0, 1]
+    for K in ((0.0, 0.0, -1.5), (0.0, 0.0, 1.9), (1e-6, 0.0, -1.9), (0.0, 0.0, 0.0)):
+        assert len(fig12(K=K).rotor_rates) == 1
+    assert len(fig12(Omega=(0, 0, 0)).rotor_rates) == 1
+
+
+def test_slower_rotors_are_heavier_and_at_last_two() -> None:
+    """Where one at the largest rate would break the frame's triangle inequality, two do not."""
+    slow, slower = (
+        fig12(limits=Limits(rotor_speed=speed, rotor_radius=0.9)) for speed in (19.5, 18.5)
+    )
+    assert len(slow.ball.rotors) == 1
+    assert slower.rotor_rates == (18.5, 18.5)
+    for made in (slow, slower):
+        check_bodies(made, None)
+        assert made.buildable
+        assert error(made, A12, OMEGA12, K12) < 1e-14
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.99))
+def test_two_rings_have_the_moments_asked_of_them(seed: int, cosine: float) -> None:
+    """Σ j = T, Σ j n = g and Σ j n nᵀ = g gᵀ/T + τ e eᵀ, to rounding."""
+    rng = np.random.default_rng(seed)
+    T, e = rng.uniform(0.1, 10), random_axis(rng)
+    g = T * cosine * random_axis(rng)
+    tau = float(T - g @ g / T)
+    j_n = two_rings(T, g, e, tau)
+    j = np.linalg.norm(j_n, axis=1)
+    N = np.einsum("ra,rb->ab", j_n, j_n / j[:, None])
+    # Measured at most 6e-16 T over 2e4 draws.
+    assert j.sum() == pytest.approx(T, rel=1e-14)
+    assert np.abs(j_n.sum(axis=0) - g).max() < 1e-14 * T
+    assert np.abs(N - np.outer(g, g) / T - tau * np.outer(e, e)).max() < 1e-14 * T
+
+
+def asked(real: RandomBall, limits: Limits, mass: float | None) -> _DesignRequest:
+    """The numbers of a real ball, to be met by bodies within limits."""
+    B = np.asarray(np.linalg.inv(real.ball.A), dtype=float)
+    return _request(B, real.Omega, real.K, real.ball.radius, mass, limits)
+
+
+def test_what_bodies_have_is_found_and_keeps_every_bound_by_the_margin() -> None:
+    """Each asks for the numbers of a ball made of points and rings, which can be built.
+
+    One bound is kept by no more: of the frame's moments and mass, of its reach, or of the shell's
+    mass. Measured 5e-13 of the margin: rounding. Two rotors may weigh less than is allowed for.
+    """
+    rng, rotors = np.random.default_rng(3), set()
+    for number in range(100):
+        rings = rng.random() < 0.3
+        real = ring_ball(rng, 3) if rings else random_ball(rng, int(rng.integers(4)))
+        ball, tight = real.ball, len(real.rotor_rates) < 2
+        light = rng.choice([0.0, rng.uniform(0.2, 0.99 if tight else 0.6)])
+        limits = Limits(
+            buildable=True,
+            shell_thickness=real.thickness,
+            frame_radius=real.frame_radius,
+            rotor_radius=real.rotor_radius,
+            rotor_speed=(1.01 if tight else 1.1) * max(map(abs, real.rotor_rates), default=1.0),
+            shell_mass=light * ball.shell.mass,
+            frame_mass=light * ball.frame.mass,
+            rotor_mass=light * min((each.mass for each in ball.rotors), default=0.0) / 4,
+        )
+        mass = None if number % 2 else ball.mass
+        request = asked(real, limits, mass)
+        made = design(ball.A, real.Omega, real.K, ball.radius, mass, limits)
+        assert made.buildable
+        check_bodies(made, mass)
+        # Measured 5e-16: rounding of one inverse and of sums of four bodies.
+        assert error(made, ball.A, real.Omega, real.K) < 1e-14
+        found = share(request, request.frame_radius)
+        assert found is not None
+        trace, frame, axes = request.unit * ball.radius**2, made.ball.frame, found.axes
+        spread = (np.trace(frame.inertia) * np.eye(3) - 2 * frame.inertia) / trace
+        flat = np.sum(np.eye(3) - axes[:, :, None] * axes[:, None, :], axis=0)
+        # A single rotor takes a part of the margin for a slower rate, in each direction.
+        slower = ROTOR_SHARE * found.margin * (len(axes) == 1)
+        frame_mass = frame.mass / request.unit
+        kept = [
+            np.linalg.eigvalsh(spread + slower * flat)[0] - slower,
+            frame_mass - request.frame,
+            frame_mass * request.frame_radius**2 - np.trace(spread) / 2,
+            made.ball.shell.mass / request.unit - request.shell,
+        ]
+        rotors.add(len(axes))
+        assert min(kept) >= found.margin * (1 - 1e-9)
+        if len(axes) < 2:
+            # Where the mass is free the shell has just the margin, whatever the others have.
+            assert min(kept[: 4 if mass else 3]) == pytest.approx(found.margin, rel=1e-11)
+    assert rotors == {0, 1, 2}
+
+
+def test_no_number_of_rotors_does_what_two_cannot() -> None:
+    """Balls of two to five heavy rings at one rate: its limit is enough for one or two."""
+    rng, rotors = np.random.default_rng(2), set()
+    for _ in range(30):
+        real = ring_ball(rng, int(rng.integers(2, 6)))
+        limits = Limits(
+            buildable=True,
+            rotor_speed=real.rotor_rates[0] * (1 + 1e-6),
+            rotor_radius=real.rotor_radius,
+            shell_thickness=real.thickness,
+        )
+        made = design(real.ball.A, real.Omega, real.K, real.ball.radius, real.ball.mass, limits)
+        rotors.add(len(made.rotor_rates))
+    assert rotors == {1, 2}
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_rotors_share_the_inertia_as_well_as_they_can(n: int) -> None:
+    """No s and T, from |g| to where the frame is nothing, keep all bounds by more.
+
+    They are scanned over their whole ranges, and near those that are found.
+    """
+    for seed in range(2):
+        real = ring_ball(np.random.default_rng(seed), 3)
+        limits = Limits(rotor_speed=real.rotor_rates[0], rotor_radius=real.rotor_radius)
+        request = asked(real, limits, real.ball.mass)
+        best_s, best_T, margin = _best(request, n, request.frame_radius)
+        near, part = 1 + np.linspace(-1e-3, 1e-3, 41), np.linspace(0.0, 1.0, 101)
+        for s in (part[:-1, None] / 3, best_s * near[:, None]):
+            least = np.linalg.norm(request.momentum(s), axis=-1) / request.speed
+            T = np.hstack([least + part * ((1 - 3 * s) / 2 - least), best_T * near + 0 * s])
+            T = np.maximum(T, least) if n == 2 else least
+            kept = _margin(request, n, request.frame_radius, s + 0 * T, T)
+            assert kept.max() - margin < 1e-9
+            assert n == 1 or kept[:, 0].max() - margin < -1e-4
+
+
+def test_the_speed_that_a_refusal_names_is_enough() -> None:
+    """To four digits, and no less is."""
+    slow = Limits(rotor_speed=5.0, rotor_radius=0.9, buildable=True)
+    with pytest.raises(rb.InputError, match="rotor speed: at most 5 rad/s is allowed") as refusal:
+        fig12(limits=slow)
+    needed = re.search(r"needs ([\d.]+) rad/s: ([\d.]+) rad/s more", str(refusal.value))
+    assert needed is not None
+    speed = float(needed[1])
+    assert float(needed[2]) == pytest.approx(speed - 5, abs=6e-3)
+    assert len(fig12(limits=replace(slow, rotor_speed=speed * 1.001)).ball.rotors) == 2
+    with pytest.raises(rb.InputError, match="rotor speed"):
+        fig12(limits=replace(slow, rotor_speed=speed * 0.999))
+
+
+# Eigenvalues of A⁻¹ [kg m²]: a body's with a = 2 m up to 0.75 kg, inside the shell from 0.55 kg on.
+B = np.array([4.0, 3.6, 3.4])
+INFEASIBLE: dict[str, dict[str, Any]] = {
+    "triangle inequality: the largest eigenvalue of 1/A, 4.8 kg m², must be less than the sum of "
+    "the others, 4.4 kg m²; it is 0.4 kg m² too large, whatever the mass":
+        {"A": 1 / np.array([2.4, 4.8, 2.0])},
+    "triangle inequality: 1/A - m a² breaks it by 0.2 kg m² with m = 0.8 kg; m must be less than "
+    "0.75 kg, 0.05 kg less": {"mass": 0.8},
+    "inertia not positive: 1/A - m a² has the principal moment -0.2 kg m² with m = 0.9 kg; m must "
+    "be less than 0.75 kg, 0.15 kg less": {"mass": 0.9},
+    "mass inside the shell: m must be at least tr(1/A)/(5 a²) = 0.55 kg, and is 0.5 kg: 0.05 kg "
+    "too little": {"mass": 0.5, "limits": Limits(buildable=True)},
+    "mass inside the shell: m must be at least tr(1/A)/(5 a²) = 0.55 kg, and is 0.25 kg at most: "
+    "0.3 kg too little": {"A": 1 / np.array([3.0, 3.0, 5.0]), "limits": Limits(buildable=True)},
+    "masses: the least of shell, frame and rotor are 0.7 kg together, and the ball is to have 0.6 "
+    "kg: 0.1 kg too much":
+        {"mass": 0.6, "limits": Limits(shell_mass=0.2, frame_mass=0.3, rotor_mass=0.2)},
+    "masses: with the least of shell, frame and rotor, 0.7 kg, m + J_s/a² is 0.9 kg at least; for "
+    "the triangle inequality of what the shell leaves it must be less than 0.75 kg: 0.15 kg too "
+    "much": {"limits": Limits(shell_mass=0.3, frame_mass=0.2, rotor_mass=0.2)},
+    "masses: inertia and least masses leave a margin of … kg, less than the 2.75e-09 kg that "
+    "rounding needs":
+        {"mass": 0.6, "limits": Limits(shell_mass=0.06, frame_mass=0.54 - 6e-11)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("reason", "request_"), INFEASIBLE.items(), ids=range(len(INFEASIBLE)))
+def test_an_infeasible_request_is_refused_with_the_condition_and_by_how_much_it_fails(
+    reason: str, request_: dict[str, Any]
+) -> None:
+    """Each breaks one condition by construction, in any axes; a rotor is needed."""
+    Q = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
+    others = {"Omega": (0.0, 0.0, 2.0), "K": (0.5, 1.0, 0.0), "radius": 2.0, **request_}
+    A = Q @ np.diag(others.pop("A", 1 / B)) @ Q.T
+    with pytest.raises(rb.InputError) as refusal:
+        design(A, **others)
+    # A margin below rounding may have any digits.
+    assert re.sub(r"margin of \S+", "margin of …", str(refusal.value)) == reason
+
+
+NUMBERS = """
+title = "by numbers"
+rolling = "rubber"
+duration = 5.0
+[numbers]
+A = [0.7, 0.6, 0.8]
+Omega = [0, 0, 2]
+K = [2, 2, 0]
+radius = 1.0
+[start]
+section = { L = 3.6, l = 0.6, g = 0.0, f = 25.0 }
+"""
+BODIES = "[shell]\nradius = 1.0\nmass = 1.0\ninertia = 'thin'\n"
+MATRIX = "[[0.7, {}, 0], [0, 0.6, 0], [0, 0, 0.8]]"
+A = "[0.7, 0.6, 0.8]"
+
+
+def scene_of(folder: Path, text: str) -> rb.Scene:
+    path = folder / "scene.toml"
+    path.write_text(text)
+    return rb.load_scene(path)
+
+
+def test_numbers_move_as_the_catalogs_bodies_do(tmp_path: Path) -> None:
+    """Fig. 12 by its numbers, A as a diagonal or a matrix, has the path of Fig. 12 by bodies."""
+    times = rb.sample_times(5.0)
+    by_bodies = rb.integrate(rb.load_scene("fig12"), times).contact_point
+    for A_given in (A, MATRIX.format(0)):
+        scene = scene_of(tmp_path, NUMBERS.replace(A, A_given))
+        # Measured 5e-14 m: rounding in A and K.
+        assert np.abs(rb.integrate(scene, times).contact_point - by_bodies).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["fig06", "classical_chaotic", "three_rotors"])
+def test_designed_bodies_keep_the_motion_of_their_scene(tmp_path: Path, name: str) -> None:
+    """Other bodies with the same A, Ω and K: the same path, also from the file written for them."""
+    scene = rb.load_scene(name)
+    found, designed = redesign(scene, None, Limits())
+    reread = scene_of(tmp_path, rb.scene_toml(designed))
+    times = rb.sample_times(3.0)
+    expected = rb.integrate(scene, times).contact_point
+    # Measured 2e-12 m at most (fig06): rounding in A and K, grown by the motion.
+    assert np.abs(rb.integrate(reread, times).contact_point - expected).max() < 3e-11
+    assert found.buildable == (name != "fig06")
+
+
+REFUSED = [
+    ("[start]", f"{BODIES}[start]", "a scene takes bodies or numbers, not both"),
+    (
+        NUMBERS[NUMBERS.index("[numb") : NUMBERS.index("[start")],
+        "",
+        "a scene takes shell and frame",
+    ),
+    (A, "[0.7, 0.6]", "numbers.A takes a diagonal of three"),
+    (A, "[0.7, [0, 0.6, 0], 0.8]", "numbers.A takes a diagonal"),
+    (A, MATRIX.format(0.1), "symmetric"),
+    (A, "[0.9, 0.9, 0.2]", "triangle inequality"),
+    (A, "[0.7, -0.6, 0.8]", "A must be|positive"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), REFUSED)
+def test_numbers_without_a_ball_are_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
+    """One line with the file and the condition that fails."""
+    with pytest.raises(rb.InputError, match=rf"scene\.toml.*({words})"):
+        scene_of(tmp_path, NUMBERS.replace(old, new))

@@ -314,7 +314,7 @@ class Scene(Value):
             if name not in moved:
                 raise InputError(
                     f"{actuator.name} moves the hinge of {name!r}, which must be one whose rate is "
-                    f"not given; those are {', '.join(moved)}"
+                    f"not given; those are {', '.join(moved) or 'none'}"
                 )
 
     def _checked_hinges(self) -> tuple[Array | None, Array | None]:

@@ -7,8 +7,8 @@ import numpy as np
 from robotball.drives import Sine
 from robotball.equations import Rolling
 from robotball.mechanics import momentum_at
-from robotball.motors import Free, Motor, PositionServo, Servo, Torque
-from robotball.robot import Ball, Frame, Pendulum, Rotor, Shell
+from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
+from robotball.robot import NO_FRAME, Ball, Frame, Link, Pendulum, Rotor, Shell
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene, Start
 from tests.random_balls import cloud_inertia, random_axis
@@ -88,13 +88,56 @@ def random_scene(rng: np.random.Generator, rolling: Rolling | None = None) -> Sc
     return with_angular_velocity(replace(scene, start=start), rng.normal(size=3))
 
 
+def random_tree(rng: np.random.Generator, framed: bool) -> Scene:
+    """Three links one upon another, the second on a slide, and one on the shell.
+
+    The shell is of any inertia; framed: the links hang on a frame. Motors move two joints by gears,
+    and one of them alone, up to a limit.
+    """
+    rolling = MODELS[rng.integers(2)]
+    scene = random_scene(rng, rolling)
+    ball, a = scene.ball, scene.ball.radius
+    tensor = cloud_inertia(rng, 0.3, 0.8 * a)
+    shell = replace(ball.shell, asymmetry=tensor, aside=0.1 * a * random_axis(rng))
+    parents = {"arm1": "frame" if framed else "shell", "arm2": "arm1", "arm3": "arm2"}
+    links = tuple(
+        Link(
+            name, parent, 0.4, cloud_inertia(rng, 0.4, 0.2 * a), 0.4 * a * random_axis(rng),
+            random_axis(rng), 0.2 * a * random_axis(rng), slides=name == "arm2",
+        )
+        for name, parent in (parents | {"side": "shell"}).items()
+    )  # fmt: skip
+    moved = ["frame", *parents, "side"] if framed else [*parents, "side"]
+    unit = 0.02 * a * a  # kg m², of what hangs on a hinge
+    motors = tuple(
+        Free(1.0, 60.0, armature=0.1) if name == "arm2" else Free(unit, 5 * unit, 0.1, 0.3 * unit)
+        for name in moved
+    )
+    pulled = Law(10 * unit, 10 * unit, unit, 0.1 * unit)
+    wave = Sine(amplitude=1, frequency=0.6)
+    actuators = (
+        Actuator("cable", (("arm1", 1.0), ("arm3", -0.5)), pulled, wave),
+        Actuator("geared", (("side", 3.0),), Law(unit, 0.0, unit, limit=0.7 * unit), 1.0),
+    )
+    angles = rng.uniform(-0.5, 0.5, len(moved)) * [0.05 * a if n == "arm2" else 1 for n in moved]
+    start = Start(scene.start.attitude, np.zeros(3), angles, 0.1 * angles)
+    tree = replace(
+        scene,
+        ball=Ball(shell, ball.frame if framed else NO_FRAME, (), (), links),
+        frame_rate=0.0, rotor_rates=(), pendulum_rates=(), link_rates=(0.0,) * 4,
+        motors=motors, actuators=actuators, start=start,
+    )  # fmt: skip
+    return with_angular_velocity(tree, rng.normal(size=3))
+
+
 def with_angular_velocity(scene: Scene, omega: Array) -> Scene:
     """The scene whose frame starts with ω (3,), less the shell's spin where it may not spin."""
     start = scene.start
     rates = np.array([hinge.rate for hinge in scene.hinges])
     gamma = rotation_matrix(start.attitude)[2]
     if scene.rolling == "rubber":
-        shell = omega - rates[0] * scene.ball.shell.axis
+        turning = rates[0] if scene.ball.has_frame else 0.0
+        shell = omega - turning * scene.ball.shell.axis
         omega = omega - (shell @ gamma) * gamma
     angles = np.array([hinge.angle for hinge in scene.hinges])
     M = momentum_at(scene.ball, scene.rolling, start.attitude, omega, angles, rates)

@@ -136,20 +136,20 @@ def _bodies(motion: Motion) -> list[dict[str, Any]]:
     placed = poses(motion)
     return [
         {
-            "name": name,
-            "mass": body.mass,
-            "centre_of_mass": body.centre.tolist(),
-            "inertia": body.inertia.tolist(),
-            "inertia_about_centre": _about_centre(body.mass, body.centre, body.inertia).tolist(),
-            "hinge": _hinge(hinges[name]) if name in hinges else None,
+            "name": link.name,
+            "mass": link.mass,
+            "centre_of_mass": link.centre.tolist(),
+            "inertia": link.inertia.tolist(),
+            "inertia_about_centre": _about_centre(link.mass, link.centre, link.inertia).tolist(),
+            "hinge": _hinge(hinges[link.name], link.parent) if link.parent else None,
             "start": {
-                "position": placed[name].position[0].tolist(),
-                "attitude": placed[name].attitude[0].tolist(),
-                "velocity": placed[name].velocity[0].tolist(),
-                "angular_velocity": placed[name].angular_velocity[0].tolist(),
+                "position": placed[link.name].position[0].tolist(),
+                "attitude": placed[link.name].attitude[0].tolist(),
+                "velocity": placed[link.name].velocity[0].tolist(),
+                "angular_velocity": placed[link.name].angular_velocity[0].tolist(),
             },
         }
-        for name, body in scene.ball.named_bodies
+        for link in scene.ball.tree
     ]
 
 
@@ -179,21 +179,24 @@ def poses(motion: Motion) -> dict[str, _Poses]:
     def in_world(vectors: Array) -> Array:
         return np.asarray(np.einsum("nij,nj->ni", to_world, vectors))
 
-    hinges = {hinge.name: (hinge.axis, angles[:, i]) for i, hinge in enumerate(scene.hinges)}
-    # The attitude is the frame's own. Its hinge's angle is relative to the shell, which therefore
-    # turns the other way in the frame.
-    axis, angle = hinges.pop("frame")
-    hinges["shell"] = (axis, -angle)
-    found = {}
-    for i, (name, _) in enumerate(scene.ball.named_bodies):
-        attitude = motion.attitude
-        if name in hinges:
-            axis, angle = hinges[name]
-            turn = Rotation.from_rotvec(np.outer(angle, axis)).as_quat(scalar_first=True)
-            attitude = multiply(attitude, turn)
+    def turned(attitude: Array, axis: Array, angle: Array) -> Array:
+        turn = Rotation.from_rotvec(np.outer(angle, axis)).as_quat(scalar_first=True)
+        return np.asarray(multiply(attitude, turn))
+
+    attitudes, found = {"shell": motion.attitude}, {}
+    if scene.ball.has_frame:
+        # The attitude is the frame's own. Its hinge's angle is relative to the shell, which
+        # therefore turns the other way in the frame.
+        attitudes["frame"] = motion.attitude
+        attitudes["shell"] = turned(motion.attitude, scene.ball.shell.axis, -angles[:, 0])
+    for i, link in enumerate(scene.ball.tree):
+        name = link.name
+        if name not in attitudes:
+            above = attitudes[link.parent]
+            attitudes[name] = above if link.slides else turned(above, link.axis, angles[:, i - 1])
         found[name] = _Poses(
             position=centre + in_world(states.placed[i, :3].T),
-            attitude=attitude,
+            attitude=attitudes[name],
             velocity=in_world(states.velocities[i]),
             angular_velocity=in_world(states.turning[i]),
         )
@@ -205,11 +208,11 @@ def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:
     return inertia + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
 
 
-def _hinge(hinge: Hinge) -> dict[str, Any]:
+def _hinge(hinge: Hinge, parent: str) -> dict[str, Any]:
     motor = hinge.motor
     unit = "rad/s" if motor is None else _COMMANDED.get(type(motor), "N m")
     return {
-        "parent": "shell" if hinge.name == "frame" else "frame",
+        "parent": parent,
         "axis": hinge.axis.tolist(),
         "pivot": hinge.pivot.tolist(),
         "angle": hinge.angle,

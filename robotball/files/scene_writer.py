@@ -39,8 +39,8 @@ _ALWAYS = ("axis", "pivot")
 def scene_toml(scene: Scene) -> str:
     """Return the text of a scene file with the bodies, rates and start of `scene`.
 
-    Its name is the file's. Raises InputError for a rate given by a function of time, which no file
-    can hold.
+    Its name is the file's. Raises InputError for a rate given by a function of time, for links
+    and for actuators, which no file can hold.
     """
     # The start comes last, and its momentum last in it: the remark is on that line. From rest means
     # M = 0 in the paper, where a robot's builder would expect ω = 0.
@@ -50,6 +50,11 @@ def scene_toml(scene: Scene) -> str:
 
 def _scene_table(scene: Scene) -> SceneTable:
     ball, hinges = scene.ball, _hinges(scene)
+    if ball.links or ball.shell.asymmetry.any() or ball.shell.aside.any() or scene.actuators:
+        raise InputError(
+            f"{scene.name}: a scene file holds a symmetric shell, a frame, rotors and pendulums, "
+            "but no links or actuators; keep the model file, or the Python that made the scene"
+        )
     return SceneTable(
         title=scene.title,
         source=scene.source,

@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball.robot import PARTS, Ball, Pendulum
+from robotball.robot import PARTS, Ball, Link, Pendulum
 from robotball.rotations import Array, rotation_matrix, z_along
 
 INK = "#22262B"  # text
@@ -73,12 +73,16 @@ class Shape:
 def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
     """Return the shapes of each body by its name."""
     axis = ball.shell.axis
-    looks = {"shell": _placed(_part("shell"), axis), "frame": _frame(ball)}
+    looks = {"shell": _placed(_part("shell"), axis)}
+    if ball.has_frame:
+        looks["frame"] = _frame(ball)
     for (name, rotor), (size, inmost) in zip(ball.named_rotors, _rings(ball), strict=True):
         shapes = [each for each in _part("rotor") if inmost or each.kind not in _HUB]
         looks[name] = _placed(shapes, rotor.axis, size, rotor.centre / ball.radius)
     for name, pendulum in ball.named_pendulums:
         looks[name] = tuple(_pendulum(ball, pendulum))
+    for link in ball.links:
+        looks[link.name] = tuple(_pendulum(ball, link))
     return looks
 
 
@@ -132,7 +136,7 @@ def _weight(ball: Ball, side: Array, off: float) -> Iterator[Shape]:
         yield Shape("capsule", arm, side * (place + HOOP) / 2, z_along(side), "frame")
 
 
-def _pendulum(ball: Ball, pendulum: Pendulum) -> Iterator[Shape]:
+def _pendulum(ball: Ball, pendulum: Pendulum | Link) -> Iterator[Shape]:
     """Yield an arm from the hinge to a bob at the centre of mass, and the hinge's axle."""
     pivot, arm = pendulum.pivot / ball.radius, (pendulum.centre - pendulum.pivot) / ball.radius
     along = float(pivot @ pendulum.axis) * pendulum.axis

@@ -8,11 +8,12 @@ from robotball.files.export import poses
 from robotball.mechanics import States
 from robotball.rotations import rotation_matrix
 from robotball.scene import Scene
-from tests.random_robots import random_scene
+from tests.random_robots import random_scene, random_tree
 from tests.scenes import FOUR
 
 RNG = np.random.default_rng(1)
-RANDOM = [random_scene(RNG) for _ in range(20)]
+TREES = [random_tree(RNG, framed) for framed in (False, True)]
+RANDOM = [*TREES, *(random_scene(RNG) for _ in range(20))]
 
 
 def states_of(scene: Scene) -> States:
@@ -45,7 +46,7 @@ def test_kinetic_energy_is_that_of_the_bodies() -> None:
         matrix = states.matrix[:, :, 0]
         assert np.abs(matrix - matrix.T).max() <= 1e-16 * matrix.max()
         assert np.linalg.eigvalsh(matrix)[0] > 0
-        tensors = states.placed[:, 6:, 0].reshape(-1, 3, 3)
+        tensors = states.placed[:, 3:12, 0].reshape(-1, 3, 3)
         turning, velocity = states.turning[:, 0], states.velocities[:, 0]
         energy = np.einsum("bi,bij,bj->", turning, tensors, turning) / 2
         energy += bodies[:, 0] @ (velocity**2).sum(axis=1) / 2

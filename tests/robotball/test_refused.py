@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball import designing, drives, errors, scene
+from robotball import designing, drives, errors, motors, robot, scene
 from robotball.engines.mujoco import settings
 from robotball.errors import LONGEST_LINE
-from robotball.files import scene_tables
+from robotball.files import scene_tables, scene_writer
 from robotball.files.parts import solid_of
-from robotball.robot import Ball, Frame, Rotor, Shell
+from robotball.robot import Ball, Frame, Link, Rotor, Shell
 from robotball.rotations import Array
+from tests import random_robots
 from tests.robotball import designs
 from tests.robotball.own_drive import OwnDrive, of_sine
 
@@ -54,6 +55,10 @@ def body(name: str, **changes: Any) -> Ball:
 def part(kind: str, **sizes: Any) -> None:
     """A part of this kind; by a mass of 1 kg where nothing else is given."""
     solid_of(getattr(scene_tables, kind)(**({} if "density" in sizes else {"mass": 1.0}) | sizes))
+
+
+def hung(link: Link) -> Ball:
+    return replace(body("frame"), links=(link,))
 
 
 def start(**changes: Any) -> rb.Scene:
@@ -115,6 +120,14 @@ SCENES = {
     "replace(FIG12, rotor_rates=(NAN,))": r"a drive's rate at t = 0 s must be finite and .*not nan",
     "rb.integrate(replace(FIG12, ball=body('rotor', centre=0.1 * UP)), equations='reduced')":
         r"fig12: the ball is not balanced: its centre of mass is 0\.0142857 m off",
+    "replace(FIG12, actuators=(Actuator('a', (('frame', 1.0),), Law(1.0, 0.0, 0.0)),))":
+        r"a moves the hinge of 'frame', which must be one whose rate is not given; those are none",
+    "hung(Link('arm', 'leg', 1.0, np.eye(3), UP, UP))":
+        r"arm hangs on 'leg', which is no body before it; the bodies before it are shell, frame, r",
+    "hung(Link('frame', 'shell', 1.0, np.eye(3), UP, UP))": r"two bodies are called 'frame'",
+    "scene_toml(random_tree(np.random.default_rng(0), framed=True))":
+        r"a scene file holds a symmetric shell, .* but no links or actuators",
+    "replace(FIG12.ball, frame=NO_FRAME)": r"rotors and pendulums turn on a frame; a ball without",
     "Friction(sliding=0.0)": r"the sliding friction must be positive",
     "Friction(torsional=-1.0)": r"the torsional friction must be positive",
     "Friction(rolling=-1.0)": r"the rolling friction, where it is not 0, must",
@@ -220,7 +233,18 @@ DESIGNS = {
 }  # fmt: skip
 
 
-MODULES = (designing, designs, drives, errors, scene, settings)
+MODULES = (
+    designing,
+    designs,
+    drives,
+    errors,
+    motors,
+    random_robots,
+    robot,
+    scene,
+    scene_writer,
+    settings,
+)
 NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | globals()
 ALL = BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS
 

@@ -19,7 +19,7 @@ from robotball.files.export import poses
 from robotball.files.trajectories import LENGTHS
 from robotball.mechanics import momentum_at
 from robotball.motors import Servo
-from robotball.robot import Ball, Body, Rotor, Shell
+from robotball.robot import Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 
 _FLOOR = 1e-6  # an error below it explains as little as none
@@ -539,7 +539,14 @@ def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
 
     rotors, pendulums = tuple(map(chosen, ball.rotors)), tuple(map(chosen, ball.pendulums))
     try:
-        changed = Ball(chosen(ball.shell), chosen(ball.frame), rotors, pendulums)
+        changed = replace(
+            ball,
+            shell=chosen(ball.shell),
+            frame=chosen(ball.frame),
+            rotors=rotors,
+            pendulums=pendulums,
+            links=tuple(map(chosen, ball.links)),
+        )
     except InputError:  # no body has such moments
         return ()
     heavier = replace(scene, ball=changed)

@@ -16,7 +16,7 @@ from robotball.engines.mujoco.settings import for_load
 from robotball.robot import Ball, Frame, Shell, thin_shell_inertia
 from robotball.scene import Friction
 from tests.motions import known
-from tests.random_robots import random_scene
+from tests.random_robots import random_scene, random_tree
 from tests.robots import Y, box_inertia, robot, worked
 from validation import Agreement, compare
 
@@ -46,6 +46,8 @@ SCENES = {
     "off centre": rb.load_scene("offset_routh_sphere"),
     # Rotors, pendulums, every motor, inclined planes; these are not chaotic.
     **{f"random {i}": random_scene(np.random.default_rng(i)) for i in (0, 3, 14)},
+    "tree": random_tree(np.random.default_rng(3), framed=False),
+    "framed tree": random_tree(np.random.default_rng(3), framed=True),
 }
 
 
@@ -68,6 +70,9 @@ LIKE_THE_EQUATIONS = {
     ("light", "accurate"): 3e-11,  # 9.9e-12
     ("heavy", "accurate"): 3e-11,  # 1.0e-11
     ("off centre", "accurate"): 2.2e-12,  # 7.2e-13
+    ("tree", "accurate"): 2.2e-10,  # 7.5e-11
+    ("framed tree", "balanced"): 6.5e-8,  # 2.1e-8
+    ("framed tree", "adaptive"): 4.7e-12,  # 1.6e-12: as of W4
     ("random 0", "balanced"): 4.5e-9,  # 1.5e-9
     ("random 3", "balanced"): 1.5e-10,  # 5.1e-11
     ("random 14", "balanced"): 3.6e-9,  # 1.2e-9

@@ -1,7 +1,7 @@
 """A second form of ideal rolling: accelerations, with a row of multipliers for each constraint.
 
-MuJoCo's mass matrix and bias of the tree shell - frame - the rest, and explicit rows for the point
-of contact, for the spin and for every hinge whose rate is given. It shares no formula with
+MuJoCo's mass matrix and bias of the tree, whose links come depth first, and explicit rows for the
+point of contact, for the spin and for every hinge whose rate is given. It shares no formula with
 robotball.mechanics: its coordinates are those of the shell, about its centre.
 """
 
@@ -48,30 +48,34 @@ class SecondForm:
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.hinges = scene, scene.hinges
-        links = links_of(scene)
-        joints = [
-            f'<joint type="hinge" axis="{_numbers(hinge.axis)}" '
+        links, joints = links_of(scene), ["<freejoint/>"]
+        joints += [
+            f'<joint type="{"slide" if hinge.slides else "hinge"}" axis="{_numbers(hinge.axis)}" '
             f'armature="{float(hinge.motor.armature if hinge.motor else 0.0)!r}"/>'
             for hinge in self.hinges
         ]
-        inner = "".join(map(_body, links[2:], joints[1:]))
-        ball = _body(links[0], "<freejoint/>", _body(links[1], joints[0], inner))
+
+        def nested(i: int) -> str:
+            inner = (nested(j) for j, link in enumerate(links) if link.parent == i)
+            return _body(links[i], joints[i], "".join(inner))
+
         self.model = mujoco.MjModel.from_xml_string(
             '<mujoco><compiler boundmass="0" boundinertia="0"/>'
             f'<option gravity="{_numbers(scene.gravity_world)}"/>'
-            f"<worldbody>{ball}</worldbody></mujoco>"
+            f"<worldbody>{nested(0)}</worldbody></mujoco>"
         )
         self.data = mujoco.MjData(self.model)
 
     def start(self) -> tuple[Array, Array]:
-        """qpos and qvel at the scene's start; the shell's own axes are the frame's there."""
+        """qpos and qvel at the scene's start; at an angle 0 the shell's axes are the frame's."""
         scene, q, v = self.scene, np.zeros(self.model.nq), np.zeros(self.model.nv)
         q[7:], v[6:] = np.array([(hinge.angle, hinge.rate) for hinge in self.hinges]).T
-        back, e = -q[7] / 2, scene.ball.shell.axis
+        angle, rate = (q[7], v[6]) if scene.ball.has_frame else (0.0, 0.0)
+        back, e = -angle / 2, scene.ball.shell.axis
         q[2] = scene.ball.radius
         q[3:7] = multiply(scene.start.attitude, np.array([np.cos(back), *np.sin(back) * e]))
         to_world = rotation_matrix(scene.start.attitude)
-        shell = to_world @ (scene.angular_velocity_at(scene.start) - v[6] * e)
+        shell = to_world @ (scene.angular_velocity_at(scene.start) - rate * e)
         v[:3] = scene.ball.radius * np.cross(shell, UP)
         v[3:6] = rotation_matrix(q[3:7]).T @ shell
         return q, v
@@ -103,8 +107,10 @@ class SecondForm:
         torques = np.zeros(len(self.hinges))
         for i, hinge in enumerate(self.hinges):
             if hinge.motor is not None:
-                command = float(hinge.command.rate(t))
-                torques[i] = hinge.motor.law.torque(command, q[7 + i], v[6 + i])
+                torques[i] = hinge.motor.law.torque(hinge.command.rate(t), q[7 + i], v[6 + i])
+        for each, command in zip(self.scene.actuators, self.scene.controls, strict=True):
+            gears = np.array([dict(each.gears).get(hinge.name, 0.0) for hinge in self.hinges])
+            torques += gears * each.law.torque(command.rate(t), gears @ q[7:], gears @ v[6:])
         right[6:] += torques
         whole = np.block([[M, -J.T], [J, np.zeros((len(J), len(J)))]])
         found = np.linalg.solve(whole, np.concatenate([right, values]))

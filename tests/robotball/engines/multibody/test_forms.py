@@ -9,7 +9,7 @@ import robotball as rb
 from robotball.engines.multibody import March
 from robotball.engines.multibody.system import HINGES, MOMENTUM, POINT, System, readings_of
 from robotball.motion import attitude_error, momentum_error, path_error
-from tests.random_robots import random_scene
+from tests.random_robots import random_scene, random_tree
 from tests.robotball.engines.multibody.second_form import SecondForm
 
 pytestmark = pytest.mark.core
@@ -54,6 +54,23 @@ def test_random_robots_move_and_load_the_plane_as_newton_and_euler_say() -> None
             wrong = replace(scene, ball=replace(scene.ball, pendulums=(hung,)))
             seen_wrong = min(off_by(SecondForm(wrong), scene)) > 1e-3
     assert seen_wrong
+
+
+@pytest.mark.parametrize("framed", [True, False])
+def test_trees_three_deep_move_and_load_the_plane_as_newton_and_euler_say(framed: bool) -> None:
+    """Hinges, a slide, a shell that is not symmetric, motors with gears on two joints and a limit.
+
+    Measured 1.4e-15 at the start, then 2.1e-12. A slide that is taken for a hinge differs.
+    """
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        scene = random_tree(rng, framed)
+        start, end = off_by(SecondForm(scene), scene)
+        assert start < 5e-15
+        assert end < 7e-12
+    links = tuple(replace(link, slides=False) for link in scene.ball.links)
+    turned = replace(scene, ball=replace(scene.ball, links=links))
+    assert min(off_by(SecondForm(turned), scene)) > 1e-3
 
 
 @pytest.mark.parametrize(

@@ -37,12 +37,16 @@ from .motion import FaultKind as FaultKind
 from .motion import Loads as Loads
 from .motion import Motion as Motion
 from .motion import ReferenceMotion as ReferenceMotion
+from .motors import Actuator as Actuator
 from .motors import Free as Free
+from .motors import Law as Law
 from .motors import PositionServo as PositionServo
 from .motors import Servo as Servo
 from .motors import Torque as Torque
+from .robot import NO_FRAME as NO_FRAME
 from .robot import Ball as Ball
 from .robot import Frame as Frame
+from .robot import Link as Link
 from .robot import Pendulum as Pendulum
 from .robot import Rotor as Rotor
 from .robot import Shell as Shell

@@ -173,7 +173,8 @@ def test_pictures_show_what_their_axes_say(name: str) -> None:
     low, high = components.get_ylim()
     assert high - low > 0.09 * agreement.scene.momentum_scale  # measured 0.1 for fig06
     assert errors.get_ylabel().endswith(f"over {agreement.scene.momentum_scale:.3g} kg m²/s")
-    assert np.max(distance.get_lines()[0].get_ydata()) == agreement.path_errors.max()
+    drawn = np.asarray(distance.get_lines()[0].get_ydata(), dtype=float)
+    assert drawn.max() == agreement.path_errors.max()
 
 
 def test_the_extremes_of_a_long_line_are_drawn() -> None:

@@ -93,6 +93,8 @@ class Pinocchio(Adapter):
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return why it cannot roll the scene. Balance and a level plane are not needed."""
+        if scene.ball.links:
+            return "its adapter knows a shell, a frame, rotors and pendulums, and no links on them"
         if any(scene.motors):
             return "its adapter turns hinges at given rates, and a hinge has a motor"
         if any(hinge.angle for hinge in scene.hinges):

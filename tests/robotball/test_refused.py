@@ -127,6 +127,9 @@ SCENES = {
     "hung(Link('frame', 'shell', 1.0, np.eye(3), UP, UP))": r"two bodies are called 'frame'",
     "scene_toml(random_tree(np.random.default_rng(0), framed=True))":
         r"a scene file holds a symmetric shell, .* but no links or actuators",
+    "rb.simulate(random_tree(np.random.default_rng(0), framed=False), "
+    "settings=replace(rb.preset('fast'), root='frame'))":
+        r"root = .frame. needs a ball with a frame; take root = .shell.",
     "replace(FIG12.ball, frame=NO_FRAME)": r"rotors and pendulums turn on a frame; a ball without",
     "Friction(sliding=0.0)": r"the sliding friction must be positive",
     "Friction(torsional=-1.0)": r"the torsional friction must be positive",

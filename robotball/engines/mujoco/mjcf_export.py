@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import START, Model, ModelHinge, build, hinges_of
 from robotball.engines.mujoco.settings import Prescribed, Settings, for_load
@@ -86,7 +87,8 @@ def write_model(scene: Scene, settings: Settings, *, dressed: bool, stem: str) -
     if needs is None:
         return Written(xml)
     rows = _held(model)
-    header = ["time", *(hinge.body for hinge in model.hinges if hinge.actuated)]
+    actuated = [hinge.body for hinge in model.hinges if hinge.actuated]
+    header = ["time", *actuated, *(each.name for each in scene.actuators)]
     times = np.arange(len(rows)) * model.compiled.opt.timestep
     lines = [",".join(map(repr, row)) for row in np.column_stack([times, rows]).tolist()]
     return Written(
@@ -189,16 +191,21 @@ def _held(model: Model) -> Array:
     """Return the mean controls of each step (steps, actuators) over the scene's duration."""
     step = model.compiled.opt.timestep
     edges = np.arange(round(model.scene.duration / step) + 1) * step
-    columns = [_mean(hinge, edges) for hinge in model.hinges if hinge.actuated]
+    columns = [_mean_control(hinge, edges) for hinge in model.hinges if hinge.actuated]
+    columns += [_mean(command, edges) for command in model.scene.controls]
     return np.stack(columns, axis=1) if columns else np.zeros((len(edges) - 1, 0))
 
 
-def _mean(hinge: ModelHinge, edges: Array) -> Array:
+def _mean_control(hinge: ModelHinge, edges: Array) -> Array:
     """Return the mean (n,) of a hinge's control between n + 1 times [s]."""
-    drive = hinge.drive
     if isinstance(hinge.actuation, Prescribed):
         # The control is the acceleration, whose mean is exact by the rates at the edges.
-        return np.asarray(np.diff(drive.rate(edges)) / np.diff(edges))
+        return np.asarray(np.diff(hinge.drive.rate(edges)) / np.diff(edges))
+    return _mean(hinge.drive, edges)
+
+
+def _mean(drive: Drive, edges: Array) -> Array:
+    """Return the mean (n,) of a command between n + 1 times [s]."""
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
     return np.asarray(
         sum(w * drive.rate(middle + x * half) for x, w in zip(_GAUSS, _WEIGHTS / 2, strict=True))

@@ -184,6 +184,8 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
     # frame as root a slip of |a (ω×Ω)×γ|/b stays, 5e-4 to 1e-1 of the path.
     above = {link.name: link.parent for link in ball.tree}
     if settings.root == "frame":
+        if not ball.has_frame:
+            raise InputError('root = "frame" needs a ball with a frame; take root = "shell"')
         above |= {"frame": "", "shell": "frame"}
     bodies = dict(ball.named_bodies)
     pivots = {link.name: link.pivot for link in ball.tree}

@@ -286,14 +286,20 @@ class Ball(Value):
     def has_frame(self) -> bool:
         return self.frame != NO_FRAME
 
+    @property
+    def general(self) -> bool:
+        """True with links, or a shell that is not symmetric, which the paper does not describe."""
+        shell = self.shell
+        whole = not (self.links or shell.asymmetry.any() or shell.aside.any())
+        return not (whole and self.has_frame)
+
     def _check_tree(self) -> None:
         """Raise InputError unless every link hangs on a body that comes before it."""
         names = [name for name, _ in self.named_bodies]
         if not self.has_frame and (self.rotors or self.pendulums):
             raise InputError("rotors and pendulums turn on a frame; a ball without one takes links")
-        for i, name in enumerate(names):
-            if name in names[:i]:
-                raise InputError(f"two bodies are called {name!r}")
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise InputError(f"two bodies are called {twice[0]!r}")
         for i, link in enumerate(self.links, start=len(names) - len(self.links)):
             if link.parent not in names[:i]:
                 raise InputError(

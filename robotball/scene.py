@@ -428,8 +428,8 @@ class Scene(Value):
             return offset
         if self.ball.pendulums:
             return "a pendulum moves the centre of mass"
-        if self.ball.links:
-            return "its bodies are a tree"
+        if self.ball.general:
+            return "its bodies are a tree of links, or its shell is not symmetric"
         if any(self.motors):
             return "a hinge has a motor, which does not keep its rate exactly"
         if self.gravity_direction != DOWN:
@@ -453,7 +453,7 @@ class Scene(Value):
         pivots = [body.pivot - body.centre for body in self.ball.pendulums]
         swings = [np.cross(b.axis, p) for b, p in zip(self.ball.pendulums, pivots, strict=True)]
         far = ROUNDING * self.ball.radius
-        moves = bool(self.ball.links) or any(np.linalg.norm(s) > far for s in swings)
+        moves = self.ball.general or any(np.linalg.norm(s) > far for s in swings)
         return imbalance(self.ball) is not None or moves
 
     @cached_property

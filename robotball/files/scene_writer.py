@@ -50,7 +50,7 @@ def scene_toml(scene: Scene) -> str:
 
 def _scene_table(scene: Scene) -> SceneTable:
     ball, hinges = scene.ball, _hinges(scene)
-    if ball.links or ball.shell.asymmetry.any() or ball.shell.aside.any() or scene.actuators:
+    if ball.general or scene.actuators:
         raise InputError(
             f"{scene.name}: a scene file holds a symmetric shell, a frame, rotors and pendulums, "
             "but no links or actuators; keep the model file, or the Python that made the scene"

@@ -130,6 +130,8 @@ SCENES = {
     "rb.simulate(random_tree(np.random.default_rng(0), framed=False), "
     "settings=replace(rb.preset('fast'), root='frame'))":
         r"root = .frame. needs a ball with a frame; take root = .shell.",
+    "replace(FIG12, ball=body('shell', asymmetry=np.diag([0.01, -0.01, 0.0]))).check_reduced()":
+        r"fig12: its bodies are a tree of links, or its shell is not symmetric; this needs a scene",
     "replace(FIG12.ball, frame=NO_FRAME)": r"rotors and pendulums turn on a frame; a ball without",
     "Friction(sliding=0.0)": r"the sliding friction must be positive",
     "Friction(torsional=-1.0)": r"the torsional friction must be positive",

@@ -26,6 +26,7 @@ class _Link:
     centre   (3,) m, of mass, from its own origin
     inertia  (3, 3) kg m² about its centre of mass, in the ball's axes
     drive    of its hinge; None of the shell
+    slides   whether the hinge is a slide
     """
 
     name: str
@@ -36,6 +37,7 @@ class _Link:
     centre: Array
     inertia: Array
     drive: Drive | None
+    slides: bool
 
     @property
     def principal(self) -> tuple[Array, Array]:
@@ -56,7 +58,17 @@ def links_of(scene: Scene) -> tuple[_Link, ...]:
         origin = link.pivot - tree[parent].pivot if link.parent else link.pivot
         centre = link.centre - link.pivot
         links.append(
-            _Link(link.name, parent, origin, link.axis, link.mass, centre, link.inertia, command)
+            _Link(
+                link.name,
+                parent,
+                origin,
+                link.axis,
+                link.mass,
+                centre,
+                link.inertia,
+                command,
+                link.slides,
+            )
         )
     return tuple(links)
 

@@ -36,7 +36,7 @@ _COMMANDED = {Servo: "rad/s", PositionServo: "rad", Free: "none"}
 # Times the friction that the motion needs: another engine's contact must not slip at the peak.
 MARGIN = 1.5
 # URDF's readers ask for limits of every joint; these limit nothing.
-_FASTEST, _STRONGEST = "1e6", "1e9"
+_FASTEST, _STRONGEST, _FARTHEST = "1e6", "1e9", "1e6"
 _README = "README.md"
 
 
@@ -257,6 +257,11 @@ def formula(command: Drive) -> dict[str, Any]:
     return {"kind": "function", "formula": "see drives.csv"}
 
 
+def _joint(slides: bool) -> str:
+    """Return the type of a joint that turns or slides without an end, in URDF and SDF."""
+    return "prismatic" if slides else "continuous"
+
+
 def _mjcf(motion: Motion) -> str:
     """Return the MJCF of a reference motion's scene, its start as the keyframe `start`.
 
@@ -288,7 +293,8 @@ def _mjcf(motion: Motion) -> str:
             sphere = {"name": "sphere", "type": "sphere", "size": repr(float(scene.ball.radius))}
             SubElement(body, "geom", {**sphere, "mass": "0", **contact})
         else:
-            SubElement(body, "joint", name=link.name, type="hinge", axis=numbers(link.axis))
+            kind = "slide" if link.slides else "hinge"
+            SubElement(body, "joint", name=link.name, type=kind, axis=numbers(link.axis))
         bodies.append(body)
     shell = poses(motion)["shell"]
     hinges = scene.hinges
@@ -319,12 +325,15 @@ def urdf(scene: Scene) -> str:
             SubElement(geometry, "sphere", radius=repr(float(scene.ball.radius)))
     for link in links:
         if link.parent != SHELL:
-            joint = SubElement(root, "joint", name=f"{link.name}_hinge", type="continuous")
+            joint = SubElement(root, "joint", name=f"{link.name}_hinge", type=_joint(link.slides))
             SubElement(joint, "parent", link=links[link.parent].name)
             SubElement(joint, "child", link=link.name)
             SubElement(joint, "origin", xyz=numbers(link.origin), rpy="0 0 0")
             SubElement(joint, "axis", xyz=numbers(link.axis))
-            SubElement(joint, "limit", velocity=_FASTEST, effort=_STRONGEST)
+            limits = {"velocity": _FASTEST, "effort": _STRONGEST}
+            if link.slides:
+                limits |= {"lower": f"-{_FARTHEST}", "upper": _FARTHEST}
+            SubElement(joint, "limit", limits)
     return _xml_text(root)
 
 
@@ -366,7 +375,7 @@ def sdf(motion: Motion) -> str:
             _fill(collision, {"geometry": sphere, "surface": surface})
     for link in links:
         if link.parent != SHELL:
-            joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type="continuous")
+            joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type=_joint(link.slides))
             axis = {"xyz": numbers(link.axis)}
             _fill(joint, {"parent": links[link.parent].name, "child": link.name, "axis": axis})
     return _xml_text(root)

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from robotball.motion import Motion
+from robotball.robot import Link
 from robotball.rotations import Array
 
 PART = 65_536  # samples that are read at a time, to bound the memory of a long motion
@@ -33,13 +34,13 @@ class Moments:
 class Track:
     """A motion interpolated at any times: attitude by slerp, the rest by cubic splines.
 
-    hinges: the name, axis (3,) and pivot (3,) [radii] of each. After its end it stands still.
+    tree: of the ball. After its end it stands still.
     """
 
     times: Array
     sampled: Moments
     radius: float
-    hinges: tuple[tuple[str, Array, Array], ...]
+    tree: tuple[Link, ...]
 
     @property
     def points(self) -> Array:
@@ -83,17 +84,25 @@ class Track:
 
     def stands(self, then: Moments) -> dict[str, tuple[Array, Array]]:
         """Return each body's rotation (m, 3, 3) and shift (m, 3) in radii."""
-        frame = Rotation.from_quat(then.attitude, scalar_first=True)
+        attitude = Rotation.from_quat(then.attitude, scalar_first=True)
         ones = np.ones((len(then.attitude), 1))
         centre = np.concatenate([then.contact_point / self.radius, ones], axis=1)
-        found = {"frame": (frame.as_matrix(), centre)}
-        for index, (hung, axis, pivot) in enumerate(self.hinges):
-            # The attitude is the frame's, so the first hinge turns the shell, and backwards.
-            name, sign = ("shell", -1) if index == 0 else (hung, 1)
-            turn = Rotation.from_rotvec(np.outer(sign * then.hinge_angles[:, index], axis))
-            shift = centre + frame.apply(pivot - turn.apply(pivot))
-            found[name] = (np.asarray((frame * turn).as_matrix()), shift)
-        return found
+        placed = {"shell": (attitude, centre)}
+        for link, angle in zip(self.tree[1:], then.hinge_angles.T, strict=True):
+            if link.name == "frame":
+                # The attitude is the frame's, in which the shell turns the other way.
+                back = Rotation.from_rotvec(np.outer(-angle, link.axis))
+                placed = {"frame": (attitude, centre), "shell": (attitude * back, centre)}
+                continue
+            above, shift = placed[link.parent]
+            pivot = link.pivot / self.radius
+            if link.slides:
+                moved = np.outer(angle / self.radius, link.axis)
+                placed[link.name] = (above, shift + above.apply(moved))
+                continue
+            turned = above * Rotation.from_rotvec(np.outer(angle, link.axis))
+            placed[link.name] = (turned, shift + above.apply(pivot) - turned.apply(pivot))
+        return {name: (turn.as_matrix(), shift) for name, (turn, shift) in placed.items()}
 
 
 def _neighbours(near: NDArray[np.intp]) -> Iterator[slice]:
@@ -116,7 +125,7 @@ def track_of(motion: Motion) -> Track:
             contact_force=motion.loads.contact_force,
         ),
         ball.radius,
-        tuple((each.name, each.axis, each.pivot / ball.radius) for each in motion.scene.hinges),
+        ball.tree,
     )
 
 

@@ -96,6 +96,10 @@ def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
     end = min(last, step * (MOST - 1))
     grid = step * np.arange(int(np.floor(end / step * (1 + 1e-9))) + 1)
     parts = [track_of(each).at(grid[grid <= each.times[-1] * (1 + 1e-9)]) for each in motions]
+    if scene.ball.links:
+        raise InputError(
+            f"{scene.name}: a page draws a frame and what turns on it, and no links; make a video"
+        )
     ball, hinges = scene.ball, {hinge.name: i for i, hinge in enumerate(scene.hinges)}
     bodies = []
     for name, shapes in looks_of(ball).items():

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotball import scene_toml
+from robotball import Scene, scene_toml
 from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
@@ -74,7 +74,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         f'{embedded(film.read_bytes(), "video/mp4")}"></video>'
         if film
         else view_fragment([first.motion, theory])
-        if len(first.motion.times) > 1
+        if len(first.motion.times) > 1 and not scene.ball.links
         else ""
     )
     settings = [
@@ -93,8 +93,12 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         *(paragraph(words) for words in friction_words(group)),
         "<h3>What was run</h3>",
         *settings,
-        folded("The scene's file", f"<pre>{escape(scene_toml(scene))}</pre>"),
+        *([] if scene.ball.general else [_file(scene)]),
     ]
+
+
+def _file(scene: Scene) -> str:
+    return folded("The scene's file", f"<pre>{escape(scene_toml(scene))}</pre>")
 
 
 def sentence(agreement: Agreement) -> str:

@@ -11,6 +11,7 @@ from robotball.film.looks import looks_of
 from robotball.film.stage import LENS, SUN, Camera, Stage, build_stage, pose
 from robotball.film.tracks import track_of
 from robotball.rotations import Array, rotation_matrix
+from tests.random_robots import random_tree
 from tests.robots import worked
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s
@@ -20,7 +21,13 @@ FIG12 = rb.load_scene("fig12")
 
 
 @pytest.mark.parametrize(
-    "scene", [rb.load_scene("three_rotors"), worked("W4")], ids=lambda scene: scene.name
+    "scene",
+    [
+        rb.load_scene("three_rotors"),
+        worked("W4"),
+        *(random_tree(np.random.default_rng(3), framed) for framed in (False, True)),
+    ],
+    ids=["rotors", "W4", "tree", "framed tree"],
 )
 def test_both_balls_bodies_stand_as_the_library_s(scene: rb.Scene) -> None:
     """Rotors and pendulums too, by `poses`; measured 7e-16 rad, 5e-16 radii."""

@@ -240,6 +240,11 @@ class Link(Value):
     pivot: Array = field(default_factory=lambda: np.zeros(3))
     slides: bool = False
 
+    @property
+    def massless(self) -> bool:
+        """True for a link between two joints of one body."""
+        return self.mass == 0 and not self.inertia.any()
+
 
 Body = Shell | Frame | Rotor | Pendulum | Link
 # Of a ball whose links hang on the shell. NaN, so that no frame of a user's is taken for it.
@@ -265,6 +270,9 @@ class Ball(Value):
         check_positive("the shell's radius", self.shell.radius, "m")
         self._check_tree()
         for name, body in self.named_bodies:
+            if isinstance(body, Link) and body.massless:
+                _check_unit(f"{name}'s axis", body.axis)
+                continue
             check_positive(f"{name}'s mass", body.mass, "kg")
             if not isinstance(body, Frame):
                 _check_unit(f"{name}'s axis", body.axis)

@@ -1,0 +1,426 @@
+"""Read a user's whole robot from an MJCF or URDF file, as it is: tree, actuators, plane and start.
+
+MuJoCo reads and compiles the file. The tree begins at the shell, the body with the sphere that
+touches the plane, wherever the file has it: a joint above the shell is seen from its other side, by
+an axis of the opposite sign. Bodies are taken where all joints are at 0, in the axes of the shell
+and from the centre of its sphere; all that is welded together is one body.
+
+In order: the model with what the file leaves out, the tree, actuators, the plane, the start.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from robotball.drives import Rate
+from robotball.equations import Rolling
+from robotball.errors import InputError, check_positive, unknown
+from robotball.motors import Actuator, Free, Law
+from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
+from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.scene import DOWN, Friction, Scene, Start
+
+# A model has plain numbers, which MuJoCo's enumerations do not equal.
+_FREE, _BALL, _SLIDE, _HINGE = map(
+    int,
+    (
+        mujoco.mjtJoint.mjJNT_FREE,
+        mujoco.mjtJoint.mjJNT_BALL,
+        mujoco.mjtJoint.mjJNT_SLIDE,
+        mujoco.mjtJoint.mjJNT_HINGE,
+    ),
+)
+_SPHERE, _PLANE = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_PLANE)
+_NOT_MOVED = {
+    _BALL: "a ball joint; take three hinges",
+    _FREE: "a free joint of its own; a robot is one tree",
+}
+
+
+_LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
+_TOUCH = 1e-3  # of the radius: how deep the sphere is put to see its contact
+
+
+@dataclass
+class RobotFile:
+    """A user's model with what is added to it, the number of its sphere, and lines to say.
+
+    notes: what the file does in silence, and what was added.
+    """
+
+    path: Path
+    spec: Any
+    model: Any
+    sphere: int
+    notes: list[str] = field(default_factory=list)
+
+
+def open_robot(path: Path, shell: str | None = None) -> RobotFile:
+    """Return a file's model, with a plane and a free joint where it has none.
+
+    shell: the name of the body or geom that rolls, where several could. Raises InputError where
+    MuJoCo refuses the file, or nothing in it can roll.
+    """
+    spec = _parsed(path)
+    model, notes = _compiled(path, spec), []
+    sphere = _sphere(model, shell)
+    added = [*_floor(spec, model), *_free_root(spec, model, sphere)]
+    if added:
+        notes += added
+        model = _compiled(path, spec)
+        sphere = _sphere(model, shell)
+    return RobotFile(path, spec, model, sphere, notes)
+
+
+def _parsed(path: Path) -> Any:
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except (ValueError, mujoco.FatalError) as error:
+        raise InputError(f"{path}: {error}") from None
+    # A URDF's root has no joint, so it would become a part of the world, without its mass.
+    spec.compiler.fusestatic = False
+    return spec
+
+
+def _compiled(path: Path, spec: Any) -> Any:
+    try:
+        return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _sphere(model: Any, shell: str | None) -> int:
+    """Return the number of the geom that rolls: the only one, the outermost, or the named one."""
+    spheres = [
+        i
+        for i in range(model.ngeom)
+        if model.geom_type[i] == _SPHERE and (model.geom_contype[i] or model.geom_conaffinity[i])
+    ]
+    if shell is not None:
+        named = {i: {model.geom(i).name, model.body(model.geom_bodyid[i]).name} for i in spheres}
+        chosen = [i for i in spheres if shell in named[i]]
+        if not chosen:
+            raise unknown("shell", shell, sorted(set().union(*named.values()) - {""}))
+        spheres = chosen
+    if not spheres:
+        raise InputError(
+            "no sphere can touch the plane; a shell has a geom of type sphere with contype or "
+            "conaffinity, where a mesh would roll on its corners"
+        )
+    largest = max(model.geom_size[i, 0] for i in spheres)
+    outermost = [i for i in spheres if model.geom_size[i, 0] == largest]
+    if len(outermost) > 1:
+        names = ", ".join(model.body(model.geom_bodyid[i]).name for i in outermost)
+        raise InputError(
+            f"several spheres of {largest:g} m could roll: {names}; name one by --shell"
+        )
+    return outermost[0]
+
+
+def _floor(spec: Any, model: Any) -> Iterator[str]:
+    if not np.any(model.geom_type == _PLANE):
+        spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1])
+        yield "the file has no plane; one is added at height 0"
+
+
+def _free_root(spec: Any, model: Any, sphere: int) -> Iterator[str]:
+    root = model.body_rootid[model.geom_bodyid[sphere]]
+    joints = [int(model.jnt_type[j]) for j in range(model.njnt) if model.jnt_bodyid[j] == root]
+    name = model.body(root).name
+    if root == 0:
+        raise InputError("the sphere belongs to the world; give its body a freejoint")
+    if not joints:
+        spec.bodies[root].add_freejoint()
+        yield f"{name} hangs on the world, where it cannot roll; it gets a free joint"
+    elif joints != [_FREE]:
+        raise InputError(
+            f"{name} hangs on the world by joints that are no free one, and cannot roll; give it a "
+            "freejoint instead"
+        )
+
+
+@dataclass
+class _Node:
+    """A body of the tree, with all that is welded to it, or what is between two joints of one.
+
+    joints: (number, the other node, the sign by which the joint turns that one from here).
+    """
+
+    name: str
+    solid: Solid
+    joints: list[tuple[int, int, float]] = field(default_factory=list)
+
+
+def tree_of(robot: RobotFile) -> tuple[Ball, list[int], list[float]]:
+    """Return the ball of a file, and the joint and the sign of each of its links."""
+    model, data = robot.model, mujoco.MjData(robot.model)
+    for j in range(model.njnt):
+        if model.jnt_type[j] in (_SLIDE, _HINGE):
+            data.qpos[model.jnt_qposadr[j]] = 0.0
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    nodes, of_shell = _nodes(robot, data)
+    to_shell = data.geom_xmat[robot.sphere].reshape(3, 3).T
+    centre, radius = data.geom_xpos[robot.sphere], float(model.geom_size[robot.sphere, 0])
+
+    def local(solid: Solid) -> Solid:
+        inertia = to_shell @ solid.inertia @ to_shell.T
+        return Solid(solid.mass, to_shell @ (solid.centre - centre), (inertia + inertia.T) / 2)
+
+    shell = local(nodes[of_shell].solid)
+    links, joints, signs = [], [], []
+    reached, waiting = {of_shell}, [(of_shell, "shell")]
+    while waiting:
+        at, parent = waiting.pop()
+        for joint, other, sign in nodes[at].joints:
+            if other in reached:
+                continue
+            reached.add(other)
+            solid, name = local(nodes[other].solid), nodes[other].name
+            links.append(
+                Link(
+                    name, parent, solid.mass, solid.inertia, solid.centre,
+                    axis=sign * to_shell @ data.xaxis[joint],
+                    pivot=to_shell @ (data.xanchor[joint] - centre),
+                    slides=bool(model.jnt_type[joint] == _SLIDE),
+                )
+            )  # fmt: skip
+            joints.append(joint)
+            signs.append(sign)
+            waiting.append((other, name))
+    return Ball(shell_of(radius, shell), NO_FRAME, (), (), tuple(links)), joints, signs
+
+
+def shell_of(radius: float, solid: Solid) -> Shell:
+    """Return a shell of any inertia (3, 3) and centre of mass (3,), as those of z and the rest."""
+    z, inertia = np.array([0.0, 0.0, 1.0]), solid.inertia
+    axial, across = float(inertia[2, 2]), float(inertia[0, 0] + inertia[1, 1]) / 2
+    return Shell(
+        radius, solid.mass, axial, across, z,
+        offset=float(solid.centre[2]),
+        asymmetry=inertia - np.diag([across, across, axial]),
+        aside=solid.centre * [1.0, 1.0, 0.0],
+    )  # fmt: skip
+
+
+def _nodes(robot: RobotFile, data: Any) -> tuple[list[_Node], int]:
+    """Return the nodes of the robot's tree, joined both ways, and the place of the shell."""
+    model = robot.model
+    root = model.body_rootid[model.geom_bodyid[robot.sphere]]
+    nodes: list[_Node] = []
+    place: dict[int, int] = {}  # of a body's own node
+    for head in range(1, model.nbody):
+        if model.body_rootid[head] != root or model.body_weldid[head] != head:
+            continue
+        welded = [i for i in range(1, model.nbody) if model.body_weldid[i] == head]
+        solid = _solid_of(model, data, welded)
+        name = model.body(head).name or f"body{head}"
+        joints = [j for j in range(model.njnt) if model.jnt_bodyid[j] == head]
+        if head == root:
+            joints = []
+        above = place.get(model.body_weldid[model.body_parentid[head]])
+        for i, joint in enumerate(joints):
+            kind = model.jnt_type[joint]
+            if kind not in (_SLIDE, _HINGE):
+                raise InputError(f"{name} has {_NOT_MOVED[int(kind)]}")
+            assert above is not None
+            last = i == len(joints) - 1
+            between = Solid(0.0, data.xipos[head].copy(), np.zeros((3, 3)))
+            label = name if last else f"{name}_{model.joint(joint).name or i}"
+            nodes.append(_Node(label, solid if last else between))
+            nodes[-1].joints.append((joint, above, -1.0))
+            nodes[above].joints.append((joint, len(nodes) - 1, 1.0))
+            above = len(nodes) - 1
+        if head == root:
+            nodes.append(_Node(name, solid))
+            above = len(nodes) - 1
+        assert above is not None
+        place[head] = above
+    return nodes, place[model.body_weldid[model.geom_bodyid[robot.sphere]]]
+
+
+def _solid_of(model: Any, data: Any, bodies: list[int]) -> Solid:
+    solids = []
+    for i in bodies:
+        axes = data.ximat[i].reshape(3, 3)
+        inertia = axes @ np.diag(model.body_inertia[i]) @ axes.T
+        solids.append(Solid(float(model.body_mass[i]), data.xipos[i].copy(), inertia))
+    return composed(each for each in solids if each.mass > 0)
+
+
+def scene_of(
+    robot: RobotFile,
+    rolling: Rolling | None = None,
+    duration: float = 10.0,
+    controls: Mapping[str, Rate] | None = None,
+    keyframe: str | None = None,
+) -> Scene:
+    """Return the scene of a file: its robot rolls on the plane from its start.
+
+    rolling: that of the contact's condim if None; controls: of actuators by name, over time, else
+    the keyframe's; keyframe: the first one if None, or the file's own start where it has none.
+    """
+    model, data = robot.model, _start_data(robot, keyframe)
+    ball, joints, _ = tree_of(robot)
+    contact = _contact(robot)
+    rolling = rolling or ("classical" if contact.dim == 3 else "rubber")
+    names = [link.name for link in ball.links]
+    actuators = tuple(
+        _actuators(robot, dict(zip(joints, names, strict=True)), data, controls or {})
+    )
+    # The plane's axes: those of the world, unless it is inclined.
+    plane = data.geom_xmat[_plane(model)].reshape(3, 3)
+    to_plane = np.eye(3) if plane[2, 2] > _LEVEL else plane.T
+    down = to_plane @ model.opt.gravity
+    gravity = float(np.linalg.norm(down))
+    check_positive("gravity", gravity, "m/s²")
+    direction = DOWN if down[2] < -_LEVEL * gravity else tuple((down / gravity).tolist())
+    angles = data.qpos[model.jnt_qposadr[joints]] if joints else np.zeros(0)
+    rates = data.qvel[model.jnt_dofadr[joints]] if joints else np.zeros(0)
+    to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
+    scene = Scene(
+        name=robot.path.stem,
+        title=f"{robot.path.name}, as it is",
+        source=str(robot.path),
+        ball=ball,
+        rolling=rolling,
+        frame_rate=0.0,
+        rotor_rates=(),
+        link_rates=(0.0,) * len(names),
+        motors=tuple(_passive(model, joint) for joint in joints),
+        actuators=actuators,
+        gravity=gravity,
+        gravity_direction=direction,
+        friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
+        start=Start(from_matrix(to_world), np.zeros(3), angles, rates),
+        duration=duration,
+    )
+    moving = np.zeros(6)
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, robot.sphere, moving, 0)
+    return started(scene, to_plane @ moving[:3])
+
+
+def started(scene: Scene, turning: Array) -> Scene:
+    """Return the scene with the shell's angular velocity (3,), world, less a rubber shell's spin."""
+    if scene.rolling == "rubber":
+        turning = turning * [1.0, 1.0, 0.0]
+    to_world, start = rotation_matrix(scene.start.attitude), scene.start
+    angles = np.array([[hinge.angle for hinge in scene.hinges]])
+    rates = np.array([[hinge.rate for hinge in scene.hinges]])
+    one = scene.robot.states(to_world[None, 2], angles, (to_world.T @ turning)[None], rates)
+    momentum = to_world @ one.momentum(scene.rolling)[0]
+    return replace(scene, start=replace(start, momentum=momentum))
+
+
+def _plane(model: Any) -> int:
+    planes = np.flatnonzero(model.geom_type == _PLANE)
+    if len(planes) != 1:
+        raise InputError(f"the file has {len(planes)} planes, of which the ball can roll on one")
+    return int(planes[0])
+
+
+def _start_data(robot: RobotFile, keyframe: str | None) -> Any:
+    """Return MjData at the start: of a keyframe, the first, or the file's own."""
+    model, data = robot.model, mujoco.MjData(robot.model)
+    keys = [model.key(i).name for i in range(model.nkey)]
+    if keyframe is not None and keyframe not in keys:
+        raise unknown("keyframe", keyframe, keys)
+    if keys:
+        number = 0 if keyframe is None else keys.index(keyframe)
+        mujoco.mj_resetDataKeyframe(model, data, number)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def _contact(robot: RobotFile) -> Any:
+    """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
+    model, data = robot.model, _start_data(robot, None)
+    plane = _plane(model)
+    normal = data.geom_xmat[plane].reshape(3, 3)[:, 2]
+    gap = (data.geom_xpos[robot.sphere] - data.geom_xpos[plane]) @ normal
+    depth = _TOUCH * model.geom_size[robot.sphere, 0]
+    root = model.body_rootid[model.geom_bodyid[robot.sphere]]
+    free = int(model.jnt_qposadr[model.body_jntadr[root]])
+    data.qpos[free : free + 3] -= (gap - model.geom_size[robot.sphere, 0] + depth) * normal
+    mujoco.mj_forward(model, data)
+    for contact in data.contact:
+        if {int(contact.geom1), int(contact.geom2)} == {plane, robot.sphere}:
+            return contact
+    raise InputError(
+        "the sphere passes through the plane: their contype and conaffinity exclude each other"
+    )
+
+
+def _passive(model: Any, joint: int) -> Free:
+    dof = int(model.jnt_dofadr[joint])
+    if np.any(model.jnt_stiffnesspoly[joint]) or np.any(model.dof_dampingpoly[dof]):
+        raise InputError(
+            f"{model.joint(joint).name}: a stiffness or damping that is no constant is not supported"
+        )
+    return Free(
+        damping=float(model.dof_damping[dof]),
+        stiffness=float(model.jnt_stiffness[joint]),
+        rest=float(model.qpos_spring[model.jnt_qposadr[joint]]),
+        armature=float(model.dof_armature[dof]),
+        friction=float(model.dof_frictionloss[dof]),
+    )
+
+
+def _actuators(
+    robot: RobotFile, links: Mapping[int, str], data: Any, controls: Mapping[str, Rate]
+) -> Iterator[Actuator]:
+    """Yield the actuators of a file, whose joints move links by name."""
+    model = robot.model
+    names = [model.actuator(i).name or f"actuator{i}" for i in range(model.nu)]
+    for name in controls:
+        if name not in names:
+            raise unknown("actuator", name, names)
+    for i, name in enumerate(names):
+        command = controls.get(name, float(data.ctrl[i]))
+        gears = tuple((links[j], ratio) for j, ratio in _gears(model, i, name))
+        yield Actuator(name, gears, _law(model, i, name), command)
+
+
+def _gears(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
+    gear, kind, on = (
+        float(model.actuator_gear[i, 0]),
+        model.actuator_trntype[i],
+        model.actuator_trnid[i, 0],
+    )
+    if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
+        yield int(on), gear
+        return
+    if kind != int(mujoco.mjtTrn.mjTRN_TENDON):
+        raise InputError(f"{name} moves no joint and no fixed tendon, which alone are supported")
+    first = int(model.tendon_adr[on])
+    for wrap in range(first, first + int(model.tendon_num[on])):
+        if model.wrap_type[wrap] != int(mujoco.mjtWrap.mjWRAP_JOINT):
+            raise InputError(
+                f"{name} pulls a tendon over sites or geoms; fixed tendons alone are supported"
+            )
+        yield int(model.wrap_objid[wrap]), gear * float(model.wrap_prm[wrap])
+
+
+def _law(model: Any, i: int, name: str) -> Law:
+    """Return an actuator's law. Raises InputError unless it is affine, without a state."""
+    gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
+    affine = model.actuator_biastype[i] in (
+        int(mujoco.mjtBias.mjBIAS_NONE),
+        int(mujoco.mjtBias.mjBIAS_AFFINE),
+    )
+    if model.actuator_gaintype[i] != int(mujoco.mjtGain.mjGAIN_FIXED) or not affine:
+        raise InputError(f"{name}: a gain or bias that is not affine is not supported")
+    if model.actuator_dyntype[i] != int(mujoco.mjtDyn.mjDYN_NONE):
+        raise InputError(f"{name}: an actuator with a state of its own is not supported")
+    b0, b1, b2 = bias[:3].tolist() if model.actuator_biastype[i] else (0.0, 0.0, 0.0)
+    limit = np.inf
+    if model.actuator_forcelimited[i]:
+        low, high = model.actuator_forcerange[i].tolist()
+        if low != -high:
+            raise InputError(f"{name}: forcerange {low:g} {high:g} is not the same both ways")
+        limit = high
+    return Law(float(gain[0]), -b1, -b2, b0, float(limit))

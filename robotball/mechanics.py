@@ -426,7 +426,7 @@ def robot_of(ball: Ball, armatures: tuple[float, ...] = ()) -> Robot:
     rows[1:, _PARENT] = [names.index(link.parent) for link in ball.tree[1:]]
     if armatures:
         rows[1:, _ARMATURE] = armatures
-    return Robot(rows, ball.radius, carrier=names.index("frame") if "frame" in names else 0)
+    return Robot(rows, ball.radius, carrier=int(ball.has_frame))
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,14 @@ def solid_of_urdf(path: Path, name: str) -> Solid:
     return _solid("link", path, name)
 
 
+def check_loads(path: Path) -> None:
+    """Raise InputError unless MuJoCo compiles a file within a few seconds and a few hundred MB."""
+    contents(path)
+    answer = _asked("model", path, "")
+    if "error" in answer:
+        raise InputError(f"{path}: {answer['error']}")
+
+
 def _solid(kind: str, path: Path, name: str) -> Solid:
     contents(path)  # to be refused, and read once more by MuJoCo, with the files beside it
     answer = _asked(kind, path, name)
@@ -93,12 +101,16 @@ def _main() -> None:
     try:
         # Before MuJoCo parses, which leaves a file MUJOCO_LOG.TXT behind where it meets a NaN.
         _check_numbers(Path(path), Path(path).parent)
-        solid = _of_mjcf(path, name) if kind == "body" else _of_urdf(path, name)
-        answer = {
-            "mass": solid.mass,
-            "centre": solid.centre.tolist(),
-            "inertia": solid.inertia.tolist(),
-        }
+        if kind == "model":
+            mujoco.MjSpec.from_file(path).compile()
+            answer: dict[str, Any] = {}
+        else:
+            solid = _of_mjcf(path, name) if kind == "body" else _of_urdf(path, name)
+            answer = {
+                "mass": solid.mass,
+                "centre": solid.centre.tolist(),
+                "inertia": solid.inertia.tolist(),
+            }
     except (ValueError, mujoco.FatalError, RuntimeError, MemoryError) as error:
         of_memory = isinstance(error, MemoryError) or any(w in str(error) for w in _NO_MEMORY)
         large = f"it takes more than {_MEMORY / 1e6:.0f} MB to load"

@@ -1,6 +1,7 @@
 """Read a user's whole robot from an MJCF or URDF file, as it is: tree, actuators, plane and start.
 
-MuJoCo reads and compiles the file. The tree begins at the shell, the body with the sphere that
+MuJoCo reads and compiles the file, at first in a process of its own, which a hostile file may end.
+The tree begins at the shell, the body with the sphere that
 touches the plane, wherever the file has it: a joint above the shell is seen from its other side, by
 an axis of the opposite sign. Bodies are taken where all joints are at 0, in the axes of the shell
 and from the centre of its sphere; all that is welded together is one body.
@@ -18,7 +19,8 @@ import numpy as np
 
 from robotball.drives import Rate
 from robotball.equations import Rolling
-from robotball.errors import InputError, check_positive, unknown
+from robotball.errors import InputError, check_positive, unknown, warn
+from robotball.files.foreign_bodies import check_loads
 from robotball.motors import Actuator, Free, Law
 from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
 from robotball.rotations import Array, from_matrix, rotation_matrix
@@ -41,56 +43,66 @@ _NOT_MOVED = {
 }
 
 
+_OURS = ("shell", "frame", "floor")
 _LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
+_DURATION = 10.0  # s, of a scene from a file, which has none
+_HEIGHT = 1e-6  # of the radius, and of a velocity: a start that misses by less is on the plane
 _TOUCH = 1e-3  # of the radius: how deep the sphere is put to see its contact
 
 
-@dataclass
+@dataclass(frozen=True)
 class RobotFile:
-    """A user's model with what is added to it, the number of its sphere, and lines to say.
+    """A user's model, as an MjSpec and as an MjModel, and the number of the geom that rolls.
 
-    notes: what the file does in silence, and what was added.
+    notes: a line for each thing that was added, that the file does in silence, or that the
+    equations leave out.
     """
 
     path: Path
     spec: Any
     model: Any
     sphere: int
-    notes: list[str] = field(default_factory=list)
+    notes: tuple[str, ...]
+
+
+def robot_scene(path: Path) -> Scene:
+    """Return the scene of an MJCF or URDF file, as it starts and with the controls that it has.
+
+    Warns of what is added or left out. Raises InputError for a file that cannot roll, or has what
+    the equations do not describe.
+    """
+    robot = open_robot(path)
+    for note in robot.notes:
+        warn(f"{path.name}: {note}")
+    try:
+        return scene_of(robot)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def open_robot(path: Path, shell: str | None = None) -> RobotFile:
     """Return a file's model, with a plane and a free joint where it has none.
 
     shell: the name of the body or geom that rolls, where several could. Raises InputError where
-    MuJoCo refuses the file, or nothing in it can roll.
+    MuJoCo refuses the file or takes too long or too much memory, or nothing in it can roll.
     """
-    spec = _parsed(path)
-    model, notes = _compiled(path, spec), []
-    sphere = _sphere(model, shell)
-    added = [*_floor(spec, model), *_free_root(spec, model, sphere)]
-    if added:
-        notes += added
-        model = _compiled(path, spec)
-        sphere = _sphere(model, shell)
-    return RobotFile(path, spec, model, sphere, notes)
-
-
-def _parsed(path: Path) -> Any:
+    check_loads(path)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
+        # A URDF's root has no joint: it would become a part of the world, without its mass.
+        spec.compiler.fusestatic = False
+        model = spec.compile()
+        sphere = _sphere(model, shell)
+        notes = [*_plane_added(spec, model), *_free_joint_added(spec, model, sphere)]
+        if notes:
+            model = spec.compile()
+            sphere = _sphere(model, shell)
+        _check_supported(model)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
-    # A URDF's root has no joint, so it would become a part of the world, without its mass.
-    spec.compiler.fusestatic = False
-    return spec
-
-
-def _compiled(path: Path, spec: Any) -> Any:
-    try:
-        return spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        raise InputError(f"{path}: {error}") from None
+    return RobotFile(
+        path, spec, model, sphere, (*notes, *_inferred(spec), *_ignored(model, sphere))
+    )
 
 
 def _sphere(model: Any, shell: str | None) -> int:
@@ -121,13 +133,13 @@ def _sphere(model: Any, shell: str | None) -> int:
     return outermost[0]
 
 
-def _floor(spec: Any, model: Any) -> Iterator[str]:
+def _plane_added(spec: Any, model: Any) -> Iterator[str]:
     if not np.any(model.geom_type == _PLANE):
         spec.worldbody.add_geom(type=_PLANE, size=[0, 0, 1])
         yield "the file has no plane; one is added at height 0"
 
 
-def _free_root(spec: Any, model: Any, sphere: int) -> Iterator[str]:
+def _free_joint_added(spec: Any, model: Any, sphere: int) -> Iterator[str]:
     root = model.body_rootid[model.geom_bodyid[sphere]]
     joints = [int(model.jnt_type[j]) for j in range(model.njnt) if model.jnt_bodyid[j] == root]
     name = model.body(root).name
@@ -143,6 +155,47 @@ def _free_root(spec: Any, model: Any, sphere: int) -> Iterator[str]:
         )
 
 
+def _check_supported(model: Any) -> None:
+    """Raise InputError for what the equations do not have, and would be silently other without."""
+    tendons = ("stiffness", "damping", "frictionloss", "limited")
+    unsupported = {
+        "an equality constraint": model.eq_active0,
+        "the drag of a medium (density or viscosity)": [model.opt.density, model.opt.viscosity],
+        "gravcomp": model.body_gravcomp,
+        "a tendon with a spring, a damper, friction or limits": np.concatenate(
+            [np.ravel(getattr(model, f"tendon_{each}")) for each in tendons]
+        ),
+        "an actuatorfrcrange": model.jnt_actfrclimited,
+        "an actuator's own armature or damping": [
+            *model.actuator_armature,
+            *model.actuator_damping,
+        ],
+    }
+    for what, values in unsupported.items():
+        if np.any(values):
+            raise InputError(f"{what} is not supported; take it out of the file")
+
+
+def _inferred(spec: Any) -> Iterator[str]:
+    """Yield the bodies whose masses follow from geoms while others have theirs stated."""
+    bodies = spec.bodies[1:]
+    if any(each.explicitinertial for each in bodies):
+        for each in bodies:
+            if not each.explicitinertial and any(geom.mass != geom.mass for geom in each.geoms):
+                yield f"{each.name} has no inertial; its geoms give it a mass by their density"
+
+
+def _ignored(model: Any, sphere: int) -> Iterator[str]:
+    """Yield the moving bodies that are no part of the robot, and the ranges of its joints."""
+    root = model.body_rootid[model.geom_bodyid[sphere]]
+    for i in range(1, model.nbody):
+        if model.body_dofnum[i] and model.body_rootid[i] != root and model.body_rootid[i] == i:
+            yield f"{_name(model, i)} moves apart from the robot; the equations leave it out"
+    for j in range(model.njnt):
+        if model.jnt_limited[j]:
+            yield f"{model.joint(j).name}: the equations have no range, and let the joint go on"
+
+
 @dataclass
 class _Node:
     """A body of the tree, with all that is welded to it, or what is between two joints of one.
@@ -155,8 +208,8 @@ class _Node:
     joints: list[tuple[int, int, float]] = field(default_factory=list)
 
 
-def tree_of(robot: RobotFile) -> tuple[Ball, list[int], list[float]]:
-    """Return the ball of a file, and the joint and the sign of each of its links."""
+def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
+    """Return the ball of a file, and the number of the joint of each of its links."""
     model, data = robot.model, mujoco.MjData(robot.model)
     for j in range(model.njnt):
         if model.jnt_type[j] in (_SLIDE, _HINGE):
@@ -172,7 +225,7 @@ def tree_of(robot: RobotFile) -> tuple[Ball, list[int], list[float]]:
         return Solid(solid.mass, to_shell @ (solid.centre - centre), (inertia + inertia.T) / 2)
 
     shell = local(nodes[of_shell].solid)
-    links, joints, signs = [], [], []
+    links, joints = [], []
     reached, waiting = {of_shell}, [(of_shell, "shell")]
     while waiting:
         at, parent = waiting.pop()
@@ -190,12 +243,11 @@ def tree_of(robot: RobotFile) -> tuple[Ball, list[int], list[float]]:
                 )
             )  # fmt: skip
             joints.append(joint)
-            signs.append(sign)
             waiting.append((other, name))
-    return Ball(shell_of(radius, shell), NO_FRAME, (), (), tuple(links)), joints, signs
+    return Ball(_shell_of(radius, shell), NO_FRAME, (), (), tuple(links)), joints
 
 
-def shell_of(radius: float, solid: Solid) -> Shell:
+def _shell_of(radius: float, solid: Solid) -> Shell:
     """Return a shell of any inertia (3, 3) and centre of mass (3,), as those of z and the rest."""
     z, inertia = np.array([0.0, 0.0, 1.0]), solid.inertia
     axial, across = float(inertia[2, 2]), float(inertia[0, 0] + inertia[1, 1]) / 2
@@ -218,7 +270,7 @@ def _nodes(robot: RobotFile, data: Any) -> tuple[list[_Node], int]:
             continue
         welded = [i for i in range(1, model.nbody) if model.body_weldid[i] == head]
         solid = _solid_of(model, data, welded)
-        name = model.body(head).name or f"body{head}"
+        name = _name(model, head)
         joints = [j for j in range(model.njnt) if model.jnt_bodyid[j] == head]
         if head == root:
             joints = []
@@ -243,6 +295,12 @@ def _nodes(robot: RobotFile, data: Any) -> tuple[list[_Node], int]:
     return nodes, place[model.body_weldid[model.geom_bodyid[robot.sphere]]]
 
 
+def _name(model: Any, body: int) -> str:
+    """Return a body's name as a link's; a model of ours has names without / and some of its own."""
+    name = (model.body(body).name or f"body{body}").replace("/", "_")
+    return f"{name}_" if name in _OURS else name
+
+
 def _solid_of(model: Any, data: Any, bodies: list[int]) -> Solid:
     solids = []
     for i in bodies:
@@ -255,7 +313,6 @@ def _solid_of(model: Any, data: Any, bodies: list[int]) -> Solid:
 def scene_of(
     robot: RobotFile,
     rolling: Rolling | None = None,
-    duration: float = 10.0,
     controls: Mapping[str, Rate] | None = None,
     keyframe: str | None = None,
 ) -> Scene:
@@ -263,49 +320,76 @@ def scene_of(
 
     rolling: that of the contact's condim if None; controls: of actuators by name, over time, else
     the keyframe's; keyframe: the first one if None, or the file's own start where it has none.
+    Raises InputError for what the equations do not describe.
     """
-    model, data = robot.model, _start_data(robot, keyframe)
-    ball, joints, _ = tree_of(robot)
-    contact = _contact(robot)
-    rolling = rolling or ("classical" if contact.dim == 3 else "rubber")
-    names = [link.name for link in ball.links]
-    actuators = tuple(
-        _actuators(robot, dict(zip(joints, names, strict=True)), data, controls or {})
-    )
-    # The plane's axes: those of the world, unless it is inclined.
-    plane = data.geom_xmat[_plane(model)].reshape(3, 3)
-    to_plane = np.eye(3) if plane[2, 2] > _LEVEL else plane.T
+    model, data, contact = robot.model, _start_data(robot, keyframe), _contact(robot)
+    ball, joints = _tree_of(robot)
+    links = dict(zip(joints, (link.name for link in ball.links), strict=True))
+    to_plane = _plane_axes(model)
     down = to_plane @ model.opt.gravity
     gravity = float(np.linalg.norm(down))
     check_positive("gravity", gravity, "m/s²")
-    direction = DOWN if down[2] < -_LEVEL * gravity else tuple((down / gravity).tolist())
-    angles = data.qpos[model.jnt_qposadr[joints]] if joints else np.zeros(0)
-    rates = data.qvel[model.jnt_dofadr[joints]] if joints else np.zeros(0)
+    level = down[2] < -_LEVEL * gravity
     to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
+    for line in _starts_off(robot, data):
+        warn(f"{robot.path.name}: {line}")
     scene = Scene(
         name=robot.path.stem,
-        title=f"{robot.path.name}, as it is",
+        title=f"The robot of {robot.path.name}",
         source=str(robot.path),
         ball=ball,
-        rolling=rolling,
+        rolling=rolling or ("classical" if contact.dim == 3 else "rubber"),
         frame_rate=0.0,
         rotor_rates=(),
-        link_rates=(0.0,) * len(names),
+        link_rates=(0.0,) * len(joints),
         motors=tuple(_passive(model, joint) for joint in joints),
-        actuators=actuators,
+        actuators=tuple(_actuators(model, links, data, controls or {})),
         gravity=gravity,
-        gravity_direction=direction,
+        gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
         friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
-        start=Start(from_matrix(to_world), np.zeros(3), angles, rates),
-        duration=duration,
+        start=Start(
+            from_matrix(to_world),
+            np.zeros(3),
+            np.array([data.qpos[model.jnt_qposadr[joint]] for joint in joints]),
+            np.array([data.qvel[model.jnt_dofadr[joint]] for joint in joints]),
+        ),
+        duration=_DURATION,
     )
+    return _started(scene, to_plane @ _moving(robot, data)[:3])
+
+
+def _starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
+    """Yield how a start misses the plane or the rolling, from which the equations begin."""
+    model, plane = robot.model, _plane(robot.model)
+    radius, normal = float(model.geom_size[robot.sphere, 0]), data.geom_xmat[plane][2::3]
+    gap = float((data.geom_xpos[robot.sphere] - data.geom_xpos[plane]) @ normal) - radius
+    if abs(gap) > _HEIGHT * radius:
+        way = "above" if gap > 0 else "in"
+        yield f"it starts {abs(gap):.3g} m {way} the plane; the equations start on it"
+    moving = _moving(robot, data)
+    slip = float(np.linalg.norm(moving[3:] - radius * np.cross(moving[:3], normal)))
+    if slip > _HEIGHT * max(1.0, float(np.linalg.norm(moving[3:]))):
+        yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
+
+
+def _plane_axes(model: Any) -> Array:
+    """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, model.geom_quat[_plane(model)])
+    plane = axes.reshape(3, 3)
+    return np.eye(3) if plane[2, 2] > _LEVEL else plane.T
+
+
+def _moving(robot: RobotFile, data: Any) -> Array:
+    """Return the shell's angular velocity and its centre's velocity (6,), world axes."""
     moving = np.zeros(6)
-    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, robot.sphere, moving, 0)
-    return started(scene, to_plane @ moving[:3])
+    kind = mujoco.mjtObj.mjOBJ_GEOM
+    mujoco.mj_objectVelocity(robot.model, data, kind, robot.sphere, moving, 0)
+    return moving
 
 
-def started(scene: Scene, turning: Array) -> Scene:
-    """Return the scene with the shell's angular velocity (3,), world, less a rubber shell's spin."""
+def _started(scene: Scene, turning: Array) -> Scene:
+    """Return the scene with the shell turning (3,), world, but for a rubber shell's spin."""
     if scene.rolling == "rubber":
         turning = turning * [1.0, 1.0, 0.0]
     to_world, start = rotation_matrix(scene.start.attitude), scene.start
@@ -323,7 +407,7 @@ def _plane(model: Any) -> int:
     return int(planes[0])
 
 
-def _start_data(robot: RobotFile, keyframe: str | None) -> Any:
+def _start_data(robot: RobotFile, keyframe: str | None = None) -> Any:
     """Return MjData at the start: of a keyframe, the first, or the file's own."""
     model, data = robot.model, mujoco.MjData(robot.model)
     keys = [model.key(i).name for i in range(model.nkey)]
@@ -338,7 +422,7 @@ def _start_data(robot: RobotFile, keyframe: str | None) -> Any:
 
 def _contact(robot: RobotFile) -> Any:
     """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
-    model, data = robot.model, _start_data(robot, None)
+    model, data = robot.model, _start_data(robot)
     plane = _plane(model)
     normal = data.geom_xmat[plane].reshape(3, 3)[:, 2]
     gap = (data.geom_xpos[robot.sphere] - data.geom_xpos[plane]) @ normal
@@ -358,9 +442,8 @@ def _contact(robot: RobotFile) -> Any:
 def _passive(model: Any, joint: int) -> Free:
     dof = int(model.jnt_dofadr[joint])
     if np.any(model.jnt_stiffnesspoly[joint]) or np.any(model.dof_dampingpoly[dof]):
-        raise InputError(
-            f"{model.joint(joint).name}: a stiffness or damping that is no constant is not supported"
-        )
+        name = model.joint(joint).name
+        raise InputError(f"{name}: a stiffness or damping that is no constant is not supported")
     return Free(
         damping=float(model.dof_damping[dof]),
         stiffness=float(model.jnt_stiffness[joint]),
@@ -371,16 +454,17 @@ def _passive(model: Any, joint: int) -> Free:
 
 
 def _actuators(
-    robot: RobotFile, links: Mapping[int, str], data: Any, controls: Mapping[str, Rate]
+    model: Any, links: Mapping[int, str], data: Any, controls: Mapping[str, Rate]
 ) -> Iterator[Actuator]:
     """Yield the actuators of a file, whose joints move links by name."""
-    model = robot.model
     names = [model.actuator(i).name or f"actuator{i}" for i in range(model.nu)]
     for name in controls:
         if name not in names:
             raise unknown("actuator", name, names)
     for i, name in enumerate(names):
         command = controls.get(name, float(data.ctrl[i]))
+        if model.actuator_ctrllimited[i] and isinstance(command, float):
+            command = float(np.clip(command, *model.actuator_ctrlrange[i]))
         gears = tuple((links[j], ratio) for j, ratio in _gears(model, i, name))
         yield Actuator(name, gears, _law(model, i, name), command)
 

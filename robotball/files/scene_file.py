@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from robotball.motors import Motor
 
 CATALOG = Path(__file__).parent.parent / "scenes"
+_MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # Relative: as far as a composed body may miss its symmetry by the rounding of its parts' sums.
 _SYMMETRIC = 1e-9
 
@@ -100,12 +101,16 @@ def load_scene(name: str | Path) -> Scene:
     path = CATALOG / f"{name}.toml"
     if str(name) not in catalog():
         path = Path(name)
+        if path.suffix in _MODEL_FILES:
+            from robotball.files.robot_file import robot_scene
+
+            return robot_scene(path)
         if path.suffix != ".toml":
             with suppress(OSError):  # of a name that no file can have
                 if path.exists():
                     raise InputError(
-                        f"{path}: a scene is a TOML file, in which a body can be one of an MJCF or "
-                        "URDF file: write one with the key `mjcf` or `urdf`, see docs/scene.md"
+                        f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF "
+                        f"file, with a name that ends in {' or '.join(_MODEL_FILES)}"
                     )
             raise unknown("scene", name, catalog())
     scene = read_scene(path, contents(path))

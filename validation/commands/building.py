@@ -29,7 +29,7 @@ class Design:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     mass: DisallowNone[Annotated[float | None, arg(metavar="KG", help_behavior_hint="")]] = None
     """Mass of the ball; the best one if not given."""
     rotor_speed: Annotated[float, arg(metavar="RAD/S")] = math.inf
@@ -69,7 +69,7 @@ class Steer:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file: a robot with two or more driven hinges."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file: a robot with two or more driven hinges."""
     path: Literal["line", "circle", "eight"] = "line"
     """The path's shape."""
     size: Annotated[float, arg(metavar="M")] = 1.0

@@ -139,7 +139,7 @@ class Equilibria:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     longest: float = 100.0
     """Period of the longest limit cycle to look for [s]; 0 for none."""
     out: Path = OUT

@@ -35,7 +35,7 @@ class Video:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     preset: Preset = None
     """The engine's settings to run it with, its default if not given."""
     fps: int = 30
@@ -78,7 +78,7 @@ class View:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     preset: Preset = None
     """The engine's settings to run it with, its default if not given."""
     web: bool = False

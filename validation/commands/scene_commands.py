@@ -41,7 +41,7 @@ class Model:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     preset: Annotated[str, arg(metavar=PRESET)] = "balanced"
     """The settings to write into it."""
     out: File = None
@@ -92,7 +92,7 @@ class Export:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     to: Annotated[Path | None, arg(metavar="DIR")] = None
     """The folder for the files; out/SCENE-export if not given."""
     duration: Duration = None

@@ -292,7 +292,7 @@ class Ablation:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     study: OnceOptions = field(default_factory=Once)
 
     def run(self) -> int:

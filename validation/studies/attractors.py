@@ -224,7 +224,7 @@ class Basins:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     starts: int = 1000
     """Random starts with the scene's M² and (M, γ)."""
     transient: float = 3000.0

@@ -412,7 +412,7 @@ class Section:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     starts: int = 1
     """Motions to follow: the scene's own alone, or as many random ones with its M² and (M, γ)."""
     count: int = 2000

@@ -464,7 +464,7 @@ class Convergence:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     preset: Annotated[str, arg(metavar=PRESET)] = "accurate"
     """The settings whose contact model it is; integrator and step are swept."""
     without: Names = ()

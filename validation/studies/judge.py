@@ -523,7 +523,7 @@ class Judge:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     files: Positional[Annotated[tuple[Path, ...], arg(metavar="FILE...")]]
     """CSV, NPZ or Parquet files with t,x,y,qw,qx,qy,qz; several with different steps give the
     order of convergence."""

@@ -129,7 +129,7 @@ class Lyapunov:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     starts: int = 16
     """Random starts with the scene's M² and (M, γ); for 1 the scene's own."""
     duration: float = 10_000.0

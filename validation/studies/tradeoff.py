@@ -625,7 +625,7 @@ class Tradeoff:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML file."""
+    """A name from the catalog, or a path to a TOML, MJCF or URDF file."""
     parts: bool = False
     """Measure instead what a step costs with each thing that the model leaves out."""
     friction: bool = False

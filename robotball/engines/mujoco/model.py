@@ -114,6 +114,7 @@ _SPHERE = "shell_sphere"  # the geom that touches the plane
 START = "start"  # the keyframe that a run begins from
 
 _PARTS = {Shell: "shell", Frame: "frame", Rotor: "rotor", Pendulum: "pendulum", Link: "pendulum"}
+_LEAST = 1e-14  # kg and kg m², ten times the least that MuJoCo takes
 _PICTURE_ONLY = ("light", "material", "texture", "mesh")
 _FRICTIONS = {3: 2, 4: 3, 6: 5}  # how many coefficients a contact of each condim has
 
@@ -213,7 +214,10 @@ def _compose(chosen: Chosen, hinges: tuple[ModelHinge, ...]) -> tuple[Any, Any]:
             # A shell on the frame turns the other way than the frame in the shell.
             axis = -link.axis if name == "shell" else link.axis
             part.find("site", "hinge").quat = z_along(axis)
-            _inertial(body, link.mass, link.inertia, link.centre - link.pivot)
+            # MuJoCo takes no moving body without mass, as is between two joints of one.
+            least = _LEAST if link.massless else 0.0
+            inertia = link.inertia + least * np.eye(3)
+            _inertial(body, link.mass + least, inertia, link.centre - link.pivot)
         turning["frame" if name == "shell" else name] = (body, axis)
     for hinge in hinges:
         _add_hinge(root, hinge, *turning[hinge.of.name])

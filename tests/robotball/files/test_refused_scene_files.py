@@ -22,7 +22,7 @@ from tests.robotball.files.scene_texts import (
     scene_of,
 )
 
-ROBOT = "a scene is a TOML file, .* with the key `mjcf` or `urdf`, see docs/scene.md"
+ROBOT = "a scene is a TOML file, and a robot as it is an MJCF or URDF file, with a name that"
 PATHS = {
     "fig21": "no scene is called 'fig21'; did you mean .*fig12",
     "zzzz": f"there are {len(rb.catalog())}, as {', '.join(rb.catalog()[:12])}",

@@ -89,28 +89,6 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
     return 2 / 5 * mass * radius * radius * ratio
 
 
-def mass_of(name: str, mass: float | None, density: float | None, volume: float) -> float:
-    """Return the mass [kg] as given, or of a density [kg/m³] in a volume [m³].
-
-    Raises InputError unless one of the two is given.
-    """
-    if mass is not None and density is not None:
-        raise InputError(f"{name} takes a mass or a density, not both")
-    if density is not None:
-        check_positive(f"{name}'s density", density, "kg/m³")
-        mass = density * volume
-    if mass is None:
-        raise InputError(f"{name} needs a mass [kg] or a density [kg/m³]")
-    check_positive(f"{name}'s mass", mass, "kg")
-    return mass
-
-
-def volume_of_wall(radius: float, thickness: float) -> float:
-    """Return the volume of a spherical wall inside the radius [m³]."""
-    b = 1 - thickness / radius
-    return 4 / 3 * math.pi * radius**2 * thickness * (1 + b + b * b)
-
-
 @dataclass(frozen=True)
 class Solid:
     """A mass [kg], its centre (3,) [m] and the inertia (3, 3) about that centre [kg m²].

@@ -188,7 +188,8 @@ def compare(
 ) -> Agreement:
     """Run `scene` by a contact engine and by the equations, and compare the two motions.
 
-    scene: a Scene, a name from the catalog, or a path to a TOML, MJCF or URDF file, as `load_scene` takes them.
+    scene: a Scene, a name from the catalog, or a path to a TOML, MJCF or URDF file, as `load_scene`
+    takes them.
     settings: a preset's name or the engine's settings, its default preset if None; times: (n,) s
     from 0, the scene's own if None; accuracy: instead of settings, the path error to reach; theory:
     the equations' motion at those times, where it is known already. Raises InputError and warns as

@@ -21,7 +21,7 @@ from robotball.files.scene_tables import (
     Sphere,
     Triple,
 )
-from robotball.robot import Solid, axial_tensor, mass_of, thick_shell_inertia, volume_of_wall
+from robotball.robot import Solid, axial_tensor, thick_shell_inertia
 from robotball.rotations import Array, Z, direction, rotation_matrix
 from robotball.scene import unit
 
@@ -123,3 +123,25 @@ def _reach_of_circle(centre: Array, axis: Array, radius: float) -> float:
     """Return how far from the origin a circle about `axis` reaches."""
     along = float(centre @ axis)
     return math.hypot(along, float(np.linalg.norm(centre - along * axis)) + radius)
+
+
+def mass_of(name: str, mass: float | None, density: float | None, volume: float) -> float:
+    """Return the mass [kg] as given, or of a density [kg/m³] in a volume [m³].
+
+    Raises InputError unless one of the two is given.
+    """
+    if mass is not None and density is not None:
+        raise InputError(f"{name} takes a mass or a density, not both")
+    if density is not None:
+        check_positive(f"{name}'s density", density, "kg/m³")
+        mass = density * volume
+    if mass is None:
+        raise InputError(f"{name} needs a mass [kg] or a density [kg/m³]")
+    check_positive(f"{name}'s mass", mass, "kg")
+    return mass
+
+
+def volume_of_wall(radius: float, thickness: float) -> float:
+    """Return the volume of a spherical wall inside the radius [m³]."""
+    b = 1 - thickness / radius
+    return 4 / 3 * math.pi * radius**2 * thickness * (1 + b + b * b)

@@ -49,10 +49,8 @@ from robotball.robot import (
     axial_tensor,
     beyond_the_shell,
     composed,
-    mass_of,
     thick_shell_inertia,
     thin_shell_inertia,
-    volume_of_wall,
 )
 from robotball.rotations import Array, Z, direction, rotation_matrix
 from robotball.scene import Friction, Scene, Start
@@ -92,7 +90,7 @@ def entries() -> list[_Entry]:
 
 
 def load_scene(name: str | Path) -> Scene:
-    """Return the scene of a catalog name, or of a path to a TOML file.
+    """Return the scene of a catalog name, or of a path to a TOML, MJCF or URDF file.
 
     Raises InputError, with the file and the key, where there is none or it cannot be used, and
     warns of bodies that no workshop could build.
@@ -412,6 +410,8 @@ def _wall(table: ShellTable) -> tuple[float, float, float]:
     if given is not None and thickness is not None:
         raise InputError("shell takes thickness or inertia, not both")
     if thickness is not None:
+        from robotball.files.parts import mass_of, volume_of_wall
+
         mass = mass_of("shell", table.mass, table.density, volume_of_wall(table.radius, thickness))
         moment = thick_shell_inertia(table.radius, mass, thickness)
         return mass, moment, moment

@@ -69,7 +69,7 @@ class Steer:
     """
 
     scene: SceneName
-    """A name from the catalog, or a path to a TOML, MJCF or URDF file: a robot with two or more driven hinges."""
+    """A catalog name, or a path to a TOML, MJCF or URDF file: a robot with two driven hinges."""
     path: Literal["line", "circle", "eight"] = "line"
     """The path's shape."""
     size: Annotated[float, arg(metavar="M")] = 1.0

@@ -27,7 +27,8 @@ PATHS = {
     "fig21": "no scene is called 'fig21'; did you mean .*fig12",
     "zzzz": f"there are {len(rb.catalog())}, as {', '.join(rb.catalog()[:12])}",
     "": ROBOT,
-    "mybot.xml": ROBOT,
+    "mybot.txt": ROBOT,
+    "mybot.xml": "mybot.xml: ParseXML: empty file",
     "folder": ROBOT,
     "folder.toml": "folder.toml: Is a directory",
     "nowhere.toml": "nowhere.toml: No such file",
@@ -43,6 +44,7 @@ def test_a_path_to_no_scene_is_a_line(
     """A name that is unknown is answered by the nearest; what is there is not called missing."""
     monkeypatch.chdir(tmp_path)
     Path("mybot.xml").touch()
+    Path("mybot.txt").touch()
     Path("folder").mkdir()
     Path("folder.toml").mkdir()
     with pytest.raises(rb.InputError, match=PATHS[path]) as caught:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.files import robot_file
 from robotball.files.robot_file import RobotFile, open_robot
 from robotball.rotations import Array
 from validation import compare
@@ -110,6 +111,13 @@ def test_a_robots_scene_rolls_as_its_own_model_in_fine_steps(name: str, tmp_path
     assert off(rb.load_scene(str(changed))) > 1e-3
 
 
+@pytest.fixture
+def trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reads files in this process alone; that another one reads them first is tested apart."""
+    monkeypatch.setattr(robot_file, "check_loads", lambda path: None)
+
+
+@pytest.mark.usefixtures("trusted")
 @pytest.mark.parametrize("preset", ["balanced", "accurate"])
 def test_the_recipe_rolls_a_users_robot_right(preset: str, tmp_path: Path) -> None:
     """Measured 1.7e-8 and 2.9e-11 over 3 s: RK4's error, as of any robot."""
@@ -142,6 +150,7 @@ WARNED = {
 }  # fmt: skip
 
 
+@pytest.mark.usefixtures("trusted")
 @pytest.mark.parametrize(("file", "lines"), WARNED.items())
 def test_what_a_file_does_in_silence_is_warned_of(
     file: tuple[str, str], lines: list[str], tmp_path: Path
@@ -164,7 +173,8 @@ REFUSED = {
     "several spheres of 0.15 m could roll: ball, ball":
         ("<freejoint/>", '<freejoint/><geom type="sphere" size=".15" pos="0 0 .1"/>'),
     "arm has a ball joint; take three hinges":
-        ("<freejoint/>", '<freejoint/><body name="arm"><joint type="ball"/><geom size=".1"/></body>'),
+        ("<freejoint/>",
+         '<freejoint/><body name="arm"><joint type="ball"/><geom size=".1"/></body>'),
     "ball hangs on the world by joints that are no free one":
         ("<freejoint/>", '<joint type="slide" axis="1 0 0"/><joint axis="0 1 0"/>'),
     "an equality constraint is not supported":
@@ -180,6 +190,7 @@ REFUSED = {
 }  # fmt: skip
 
 
+@pytest.mark.usefixtures("trusted")
 @pytest.mark.parametrize(("message", "change"), REFUSED.items())
 def test_what_cannot_be_compared_is_refused_in_one_line(
     message: str, change: tuple[str, str], tmp_path: Path
@@ -193,3 +204,13 @@ def test_what_cannot_be_compared_is_refused_in_one_line(
     line = str(refusal.value)
     assert line.startswith(f"{path}: ")
     assert message in line
+
+
+def test_a_file_that_takes_too_much_is_refused(tmp_path: Path) -> None:
+    """It is read in a process of its own first; a device, which has no end, not at all."""
+    hungry = PLATE.replace("<mujoco>", '<mujoco><size memory="100G"/>')
+    with pytest.raises(rb.InputError, match="it takes more than 500 MB to load"):
+        rb.load_scene(str(written(tmp_path, "hungry.xml", hungry)))
+    (tmp_path / "zero.xml").symlink_to("/dev/zero")
+    with pytest.raises(rb.InputError, match="it is no regular file"):
+        rb.load_scene(str(tmp_path / "zero.xml"))

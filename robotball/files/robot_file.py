@@ -1,48 +1,38 @@
 """Read a user's whole robot from an MJCF or URDF file, as it is: tree, actuators, plane and start.
 
 MuJoCo reads and compiles the file, at first in a process of its own, which a hostile file may end.
-The tree begins at the shell, the body with the sphere that
-touches the plane, wherever the file has it: a joint above the shell is seen from its other side, by
-an axis of the opposite sign. Bodies are taken where all joints are at 0, in the axes of the shell
-and from the centre of its sphere; all that is welded together is one body.
+The tree begins at the shell, the body with the sphere that touches the plane, wherever the file has
+it: a joint above the shell is seen from its other side, by an axis of the opposite sign. Bodies are
+taken where all joints are at 0, in the axes of the shell and from the centre of its sphere; all
+that is welded together is one body.
 
-In order: the model with what the file leaves out, the tree, actuators, the plane, the start.
+In order: the scene, the model with what the file leaves out, the tree, the start and the contact,
+the joints and actuators.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from robotball.drives import Rate
 from robotball.equations import Rolling
-from robotball.errors import InputError, check_positive, unknown, warn
+from robotball.errors import InputError, check_positive, warn
 from robotball.files.foreign_bodies import check_loads
+from robotball.mechanics import momentum_at
 from robotball.motors import Actuator, Free, Law
 from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
-from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.rotations import Array, from_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
 
 # A model has plain numbers, which MuJoCo's enumerations do not equal.
-_FREE, _BALL, _SLIDE, _HINGE = map(
-    int,
-    (
-        mujoco.mjtJoint.mjJNT_FREE,
-        mujoco.mjtJoint.mjJNT_BALL,
-        mujoco.mjtJoint.mjJNT_SLIDE,
-        mujoco.mjtJoint.mjJNT_HINGE,
-    ),
-)
+_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+_SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 _SPHERE, _PLANE = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_PLANE)
-_NOT_MOVED = {
-    _BALL: "a ball joint; take three hinges",
-    _FREE: "a free joint of its own; a robot is one tree",
-}
-
-
+# What the scene's own model calls its parts; a user's body of such a name gets another.
 _OURS = ("shell", "frame", "floor")
 _LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
 _DURATION = 10.0  # s, of a scene from a file, which has none
@@ -52,16 +42,16 @@ _TOUCH = 1e-3  # of the radius: how deep the sphere is put to see its contact
 
 @dataclass(frozen=True)
 class RobotFile:
-    """A user's model, as an MjSpec and as an MjModel, and the number of the geom that rolls.
+    """A user's MjModel, and the numbers of the geom that rolls and of the plane.
 
     notes: a line for each thing that was added, that the file does in silence, or that the
     equations leave out.
     """
 
     path: Path
-    spec: Any
     model: Any
     sphere: int
+    plane: int
     notes: tuple[str, ...]
 
 
@@ -72,19 +62,58 @@ def robot_scene(path: Path) -> Scene:
     the equations do not describe.
     """
     robot = open_robot(path)
-    for note in robot.notes:
+    data = _start_data(robot.model)
+    for note in (*robot.notes, *_starts_off(robot, data)):
         warn(f"{path.name}: {note}")
     try:
-        return scene_of(robot)
+        return _scene_of(robot, data)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def open_robot(path: Path, shell: str | None = None) -> RobotFile:
+def _scene_of(robot: RobotFile, data: Any) -> Scene:
+    """Return the scene of a file's robot, which rolls on the plane from its start."""
+    model, contact = robot.model, _contact(robot, data)
+    ball, joints = _tree_of(robot)
+    links = dict(zip(joints, (link.name for link in ball.links), strict=True))
+    to_plane = _plane_axes(robot, data)
+    down = to_plane @ model.opt.gravity
+    gravity = float(np.linalg.norm(down))
+    check_positive("gravity", gravity, "m/s²")
+    level = down[2] < -_LEVEL * gravity
+    rolling: Rolling = "classical" if contact.dim == 3 else "rubber"
+    to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
+    attitude = from_matrix(to_world)
+    angles = np.array([data.qpos[model.jnt_qposadr[joint]] for joint in joints])
+    rates = np.array([data.qvel[model.jnt_dofadr[joint]] for joint in joints])
+    turning = to_plane @ _moving(robot, data)[:3]
+    if rolling == "rubber":  # whose shell does not spin
+        turning = turning * [1.0, 1.0, 0.0]
+    momentum = momentum_at(ball, rolling, attitude, to_world.T @ turning, angles, rates)
+    return Scene(
+        name=robot.path.stem,
+        title=f"The robot of {robot.path.name}",
+        source=str(robot.path),
+        ball=ball,
+        rolling=rolling,
+        frame_rate=0.0,
+        rotor_rates=(),
+        link_rates=(0.0,) * len(joints),
+        motors=tuple(_passive(model, joint) for joint in joints),
+        actuators=tuple(_actuators(model, links, data)),
+        gravity=gravity,
+        gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
+        friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
+        start=Start(attitude, momentum, angles, rates),
+        duration=_DURATION,
+    )
+
+
+def open_robot(path: Path) -> RobotFile:
     """Return a file's model, with a plane and a free joint where it has none.
 
-    shell: the name of the body or geom that rolls, where several could. Raises InputError where
-    MuJoCo refuses the file or takes too long or too much memory, or nothing in it can roll.
+    Raises InputError where MuJoCo refuses the file or takes too long or too much memory, or nothing
+    in it can roll.
     """
     check_loads(path)
     try:
@@ -92,32 +121,24 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
         # A URDF's root has no joint: it would become a part of the world, without its mass.
         spec.compiler.fusestatic = False
         model = spec.compile()
-        sphere = _sphere(model, shell)
-        notes = [*_plane_added(spec, model), *_free_joint_added(spec, model, sphere)]
+        notes = [*_plane_added(spec, model), *_free_joint_added(spec, model, _sphere(model))]
         if notes:
             model = spec.compile()
-            sphere = _sphere(model, shell)
         _check_supported(model)
+        sphere, plane = _sphere(model), _plane(model)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
-    return RobotFile(
-        path, spec, model, sphere, (*notes, *_inferred(spec), *_ignored(model, sphere))
-    )
+    notes += [*_inferred(spec), *_ignored(model, sphere)]
+    return RobotFile(path, model, sphere, plane, tuple(notes))
 
 
-def _sphere(model: Any, shell: str | None) -> int:
-    """Return the number of the geom that rolls: the only one, the outermost, or the named one."""
+def _sphere(model: Any) -> int:
+    """Return the number of the geom that rolls: the only sphere, or the largest."""
     spheres = [
         i
         for i in range(model.ngeom)
         if model.geom_type[i] == _SPHERE and (model.geom_contype[i] or model.geom_conaffinity[i])
     ]
-    if shell is not None:
-        named = {i: {model.geom(i).name, model.body(model.geom_bodyid[i]).name} for i in spheres}
-        chosen = [i for i in spheres if shell in named[i]]
-        if not chosen:
-            raise unknown("shell", shell, sorted(set().union(*named.values()) - {""}))
-        spheres = chosen
     if not spheres:
         raise InputError(
             "no sphere can touch the plane; a shell has a geom of type sphere with contype or "
@@ -128,9 +149,17 @@ def _sphere(model: Any, shell: str | None) -> int:
     if len(outermost) > 1:
         names = ", ".join(model.body(model.geom_bodyid[i]).name for i in outermost)
         raise InputError(
-            f"several spheres of {largest:g} m could roll: {names}; name one by --shell"
+            f"several spheres of {largest:g} m could roll: {names}; give all but one contype and "
+            "conaffinity 0"
         )
     return outermost[0]
+
+
+def _plane(model: Any) -> int:
+    planes = np.flatnonzero(model.geom_type == _PLANE)
+    if len(planes) != 1:
+        raise InputError(f"the file has {len(planes)} planes, of which the ball can roll on one")
+    return int(planes[0])
 
 
 def _plane_added(spec: Any, model: Any) -> Iterator[str]:
@@ -276,9 +305,8 @@ def _nodes(robot: RobotFile, data: Any) -> tuple[list[_Node], int]:
             joints = []
         above = place.get(model.body_weldid[model.body_parentid[head]])
         for i, joint in enumerate(joints):
-            kind = model.jnt_type[joint]
-            if kind not in (_SLIDE, _HINGE):
-                raise InputError(f"{name} has {_NOT_MOVED[int(kind)]}")
+            if model.jnt_type[joint] == _BALL:
+                raise InputError(f"{name} has a ball joint; take three hinges")
             assert above is not None
             last = i == len(joints) - 1
             between = Solid(0.0, data.xipos[head].copy(), np.zeros((3, 3)))
@@ -310,59 +338,9 @@ def _solid_of(model: Any, data: Any, bodies: list[int]) -> Solid:
     return composed(each for each in solids if each.mass > 0)
 
 
-def scene_of(
-    robot: RobotFile,
-    rolling: Rolling | None = None,
-    controls: Mapping[str, Rate] | None = None,
-    keyframe: str | None = None,
-) -> Scene:
-    """Return the scene of a file: its robot rolls on the plane from its start.
-
-    rolling: that of the contact's condim if None; controls: of actuators by name, over time, else
-    the keyframe's; keyframe: the first one if None, or the file's own start where it has none.
-    Raises InputError for what the equations do not describe.
-    """
-    model, data, contact = robot.model, _start_data(robot, keyframe), _contact(robot)
-    ball, joints = _tree_of(robot)
-    links = dict(zip(joints, (link.name for link in ball.links), strict=True))
-    to_plane = _plane_axes(model)
-    down = to_plane @ model.opt.gravity
-    gravity = float(np.linalg.norm(down))
-    check_positive("gravity", gravity, "m/s²")
-    level = down[2] < -_LEVEL * gravity
-    to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
-    for line in _starts_off(robot, data):
-        warn(f"{robot.path.name}: {line}")
-    scene = Scene(
-        name=robot.path.stem,
-        title=f"The robot of {robot.path.name}",
-        source=str(robot.path),
-        ball=ball,
-        rolling=rolling or ("classical" if contact.dim == 3 else "rubber"),
-        frame_rate=0.0,
-        rotor_rates=(),
-        link_rates=(0.0,) * len(joints),
-        motors=tuple(_passive(model, joint) for joint in joints),
-        actuators=tuple(_actuators(model, links, data, controls or {})),
-        gravity=gravity,
-        gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
-        friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
-        start=Start(
-            from_matrix(to_world),
-            np.zeros(3),
-            np.array([data.qpos[model.jnt_qposadr[joint]] for joint in joints]),
-            np.array([data.qvel[model.jnt_dofadr[joint]] for joint in joints]),
-        ),
-        duration=_DURATION,
-    )
-    return _started(scene, to_plane @ _moving(robot, data)[:3])
-
-
 def _starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     """Yield how a start misses the plane or the rolling, from which the equations begin."""
-    model, plane = robot.model, _plane(robot.model)
-    radius, normal = float(model.geom_size[robot.sphere, 0]), data.geom_xmat[plane][2::3]
-    gap = float((data.geom_xpos[robot.sphere] - data.geom_xpos[plane]) @ normal) - radius
+    radius, (normal, gap) = float(robot.model.geom_size[robot.sphere, 0]), _above(robot, data)
     if abs(gap) > _HEIGHT * radius:
         way = "above" if gap > 0 else "in"
         yield f"it starts {abs(gap):.3g} m {way} the plane; the equations start on it"
@@ -372,11 +350,16 @@ def _starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
         yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
 
 
-def _plane_axes(model: Any) -> Array:
+def _above(robot: RobotFile, data: Any) -> tuple[Array, float]:
+    """Return the plane's normal (3,), world, and how far the sphere is above the plane [m]."""
+    normal = data.geom_xmat[robot.plane][2::3]
+    away = data.geom_xpos[robot.sphere] - data.geom_xpos[robot.plane]
+    return normal, float(away @ normal) - float(robot.model.geom_size[robot.sphere, 0])
+
+
+def _plane_axes(robot: RobotFile, data: Any) -> Array:
     """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
-    axes = np.zeros(9)
-    mujoco.mju_quat2Mat(axes, model.geom_quat[_plane(model)])
-    plane = axes.reshape(3, 3)
+    plane = data.geom_xmat[robot.plane].reshape(3, 3)
     return np.eye(3) if plane[2, 2] > _LEVEL else plane.T
 
 
@@ -388,48 +371,24 @@ def _moving(robot: RobotFile, data: Any) -> Array:
     return moving
 
 
-def _started(scene: Scene, turning: Array) -> Scene:
-    """Return the scene with the shell turning (3,), world, but for a rubber shell's spin."""
-    if scene.rolling == "rubber":
-        turning = turning * [1.0, 1.0, 0.0]
-    to_world, start = rotation_matrix(scene.start.attitude), scene.start
-    angles = np.array([[hinge.angle for hinge in scene.hinges]])
-    rates = np.array([[hinge.rate for hinge in scene.hinges]])
-    one = scene.robot.states(to_world[None, 2], angles, (to_world.T @ turning)[None], rates)
-    momentum = to_world @ one.momentum(scene.rolling)[0]
-    return replace(scene, start=replace(start, momentum=momentum))
-
-
-def _plane(model: Any) -> int:
-    planes = np.flatnonzero(model.geom_type == _PLANE)
-    if len(planes) != 1:
-        raise InputError(f"the file has {len(planes)} planes, of which the ball can roll on one")
-    return int(planes[0])
-
-
-def _start_data(robot: RobotFile, keyframe: str | None = None) -> Any:
-    """Return MjData at the start: of a keyframe, the first, or the file's own."""
-    model, data = robot.model, mujoco.MjData(robot.model)
-    keys = [model.key(i).name for i in range(model.nkey)]
-    if keyframe is not None and keyframe not in keys:
-        raise unknown("keyframe", keyframe, keys)
-    if keys:
-        number = 0 if keyframe is None else keys.index(keyframe)
-        mujoco.mj_resetDataKeyframe(model, data, number)
+def _start_data(model: Any) -> Any:
+    """Return MjData at the first keyframe, or at the file's own start where it has none."""
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     return data
 
 
-def _contact(robot: RobotFile) -> Any:
+def _contact(robot: RobotFile, start: Any) -> Any:
     """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
-    model, data = robot.model, _start_data(robot)
-    plane = _plane(model)
-    normal = data.geom_xmat[plane].reshape(3, 3)[:, 2]
-    gap = (data.geom_xpos[robot.sphere] - data.geom_xpos[plane]) @ normal
+    # There may be none at the start, so the robot is moved until the sphere is in the plane.
+    model, plane, data = robot.model, robot.plane, copy(start)
     depth = _TOUCH * model.geom_size[robot.sphere, 0]
     root = model.body_rootid[model.geom_bodyid[robot.sphere]]
     free = int(model.jnt_qposadr[model.body_jntadr[root]])
-    data.qpos[free : free + 3] -= (gap - model.geom_size[robot.sphere, 0] + depth) * normal
+    normal, gap = _above(robot, data)
+    data.qpos[free : free + 3] -= (gap + depth) * normal
     mujoco.mj_forward(model, data)
     for contact in data.contact:
         if {int(contact.geom1), int(contact.geom2)} == {plane, robot.sphere}:
@@ -453,30 +412,22 @@ def _passive(model: Any, joint: int) -> Free:
     )
 
 
-def _actuators(
-    model: Any, links: Mapping[int, str], data: Any, controls: Mapping[str, Rate]
-) -> Iterator[Actuator]:
-    """Yield the actuators of a file, whose joints move links by name."""
-    names = [model.actuator(i).name or f"actuator{i}" for i in range(model.nu)]
-    for name in controls:
-        if name not in names:
-            raise unknown("actuator", name, names)
-    for i, name in enumerate(names):
-        command = controls.get(name, float(data.ctrl[i]))
-        if model.actuator_ctrllimited[i] and isinstance(command, float):
+def _actuators(model: Any, links: Mapping[int, str], data: Any) -> Iterator[Actuator]:
+    """Yield the actuators of a file, whose joints move links by name, at the start's controls."""
+    for i in range(model.nu):
+        name, command = model.actuator(i).name or f"actuator{i}", float(data.ctrl[i])
+        if model.actuator_ctrllimited[i]:
             command = float(np.clip(command, *model.actuator_ctrlrange[i]))
         gears = tuple((links[j], ratio) for j, ratio in _gears(model, i, name))
         yield Actuator(name, gears, _law(model, i, name), command)
 
 
 def _gears(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
-    gear, kind, on = (
-        float(model.actuator_gear[i, 0]),
-        model.actuator_trntype[i],
-        model.actuator_trnid[i, 0],
-    )
+    """Yield the joints that an actuator moves, with the ratio of each."""
+    gear, kind = float(model.actuator_gear[i, 0]), model.actuator_trntype[i]
+    on = int(model.actuator_trnid[i, 0])
     if kind in (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)):
-        yield int(on), gear
+        yield on, gear
         return
     if kind != int(mujoco.mjtTrn.mjTRN_TENDON):
         raise InputError(f"{name} moves no joint and no fixed tendon, which alone are supported")

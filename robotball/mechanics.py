@@ -384,6 +384,17 @@ class Robot:
         place(self.bodies, self.carrier, angles.T, placed)
         return placed
 
+    def moved(self, angles: Array) -> tuple[Array, Array]:
+        """Return how the bodies are turned (b, n, 3, 3) and shifted (b, n, 3) by n joint angles.
+
+        A point x of a body, as it is where all joints are at 0, is at Rx + s from the sphere's
+        centre, in the carrier's axes.
+        """
+        placed = self.placed(angles)
+        turned = placed[:, _ROTATION:].transpose(0, 2, 1).reshape(*placed[:, 0].shape, 3, 3)
+        pivots, at = self.bodies[:, _PIVOT:_INERTIA], placed[:, _AT:_ROTATION]
+        return turned, at.transpose(0, 2, 1) - np.einsum("bnij,bj->bni", turned, pivots)
+
     def columns(self, placed: Array, gamma: Array) -> Array:
         """Return the bodies' columns (b, 3 + h, COLUMN, n) of placed bodies."""
         columns = np.empty((len(self.bodies), 3 + self.hinges, COLUMN, len(gamma)))

@@ -248,10 +248,9 @@ class Ball(Value):
         check_positive("the shell's radius", self.shell.radius, "m")
         self._check_tree()
         for name, body in self.named_bodies:
-            if isinstance(body, Link) and body.massless:
-                _check_unit(f"{name}'s axis", body.axis)
-                continue
-            check_positive(f"{name}'s mass", body.mass, "kg")
+            massless = isinstance(body, Link) and body.massless
+            if not massless:
+                check_positive(f"{name}'s mass", body.mass, "kg")
             if not isinstance(body, Frame):
                 _check_unit(f"{name}'s axis", body.axis)
             for coordinate in body.centre.tolist():
@@ -263,7 +262,8 @@ class Ball(Value):
                     check_size(f"{name}'s pivot", coordinate, "m")
             if isinstance(body, Rotor):
                 _check_no_flatter_than_a_disk(name, body)
-            check_inertia(name, body.inertia)
+            if not massless:
+                check_inertia(name, body.inertia)
         # The sum may fail where the bodies pass: in turned axes a needle's least moment is lost to
         # rounding.
         check_inertia("the ball", self.inertia)

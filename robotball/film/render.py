@@ -305,7 +305,7 @@ class _Painter:
     def _blurred(self, i: int, then: Moments) -> dict[str, float]:
         turned = np.abs(then.hinge_rates[0]) / (self.film.fps * self.film.slow)
         fast = np.clip((turned - _BLUR_FROM) / (_BLUR_TO - _BLUR_FROM), 0, 1).tolist()
-        return {link.name: part for link, part in zip(self.tracks[i].tree[1:], fast, strict=True)}
+        return dict(zip(self.tracks[i].names[1:], fast, strict=True))
 
     @property
     def _panes(self) -> list[list[int]]:

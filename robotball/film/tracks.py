@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
+from robotball.mechanics import Robot
 from robotball.motion import Motion
-from robotball.robot import Link
-from robotball.rotations import Array
+from robotball.rotations import Array, rotation_matrix
 
 PART = 65_536  # samples that are read at a time, to bound the memory of a long motion
 # More samples on each side: the influence of one so far away on a cubic spline is below 1e-9.
@@ -34,13 +34,17 @@ class Moments:
 class Track:
     """A motion interpolated at any times: attitude by slerp, the rest by cubic splines.
 
-    tree: of the ball. After its end it stands still.
+    names: of the robot's bodies. After its end it stands still.
     """
 
     times: Array
     sampled: Moments
-    radius: float
-    tree: tuple[Link, ...]
+    names: tuple[str, ...]
+    robot: Robot
+
+    @property
+    def radius(self) -> float:
+        return self.robot.radius
 
     @property
     def points(self) -> Array:
@@ -84,25 +88,12 @@ class Track:
 
     def stands(self, then: Moments) -> dict[str, tuple[Array, Array]]:
         """Return each body's rotation (m, 3, 3) and shift (m, 3) in radii."""
-        attitude = Rotation.from_quat(then.attitude, scalar_first=True)
+        to_world = rotation_matrix(then.attitude)
         ones = np.ones((len(then.attitude), 1))
         centre = np.concatenate([then.contact_point / self.radius, ones], axis=1)
-        placed = {"shell": (attitude, centre)}
-        for link, angle in zip(self.tree[1:], then.hinge_angles.T, strict=True):
-            if link.name == "frame":
-                # The attitude is the frame's, in which the shell turns the other way.
-                back = Rotation.from_rotvec(np.outer(-angle, link.axis))
-                placed = {"frame": (attitude, centre), "shell": (attitude * back, centre)}
-                continue
-            above, shift = placed[link.parent]
-            pivot = link.pivot / self.radius
-            if link.slides:
-                moved = np.outer(angle / self.radius, link.axis)
-                placed[link.name] = (above, shift + above.apply(moved))
-                continue
-            turned = above * Rotation.from_rotvec(np.outer(angle, link.axis))
-            placed[link.name] = (turned, shift + above.apply(pivot) - turned.apply(pivot))
-        return {name: (turn.as_matrix(), shift) for name, (turn, shift) in placed.items()}
+        turned, shifted = self.robot.moved(then.hinge_angles)
+        shifts = centre + np.einsum("nij,bnj->bni", to_world, shifted / self.radius)
+        return dict(zip(self.names, zip(to_world @ turned, shifts, strict=True), strict=True))
 
 
 def _neighbours(near: NDArray[np.intp]) -> Iterator[slice]:
@@ -116,7 +107,6 @@ def _neighbours(near: NDArray[np.intp]) -> Iterator[slice]:
 
 def track_of(motion: Motion) -> Track:
     """Return the track of a motion of at least two times."""
-    ball = motion.scene.ball
     own = {each.name for each in fields(Moments)} - {"contact_force"}
     return Track(
         motion.times,
@@ -124,8 +114,8 @@ def track_of(motion: Motion) -> Track:
             **{name: getattr(motion, name) for name in own},
             contact_force=motion.loads.contact_force,
         ),
-        ball.radius,
-        ball.tree,
+        tuple(link.name for link in motion.scene.ball.tree),
+        motion.scene.robot,
     )
 
 

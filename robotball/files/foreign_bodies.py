@@ -1,5 +1,7 @@
 """Read a body of a user's MJCF file or a link of a URDF file: mass, centre of mass and inertia.
 
+Whether a whole file loads is asked here as well, by `check_loads`.
+
 MuJoCo reads the file in a process of its own, which runs this module as a script: KIND, PATH and
 NAME in, JSON out. A file of a few lines may ask MuJoCo for any amount of time and memory, or end
 its process, so that process is limited. An MJCF file is compiled, because its masses may follow
@@ -55,7 +57,7 @@ def solid_of_urdf(path: Path, name: str) -> Solid:
 
 def check_loads(path: Path) -> None:
     """Raise InputError unless MuJoCo compiles a file within a few seconds and a few hundred MB."""
-    contents(path)
+    contents(path)  # to be refused, as in `_solid`
     answer = _asked("model", path, "")
     if "error" in answer:
         raise InputError(f"{path}: {answer['error']}")

@@ -14,19 +14,21 @@ from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from robotball.drives import Constant, Rate, Samples, as_drive
 from robotball.equations import Rolling
-from robotball.errors import InputError, check_positive, warn
+from robotball.errors import InputError, check_positive, unknown, warn
 from robotball.files.foreign_bodies import check_loads
 from robotball.mechanics import momentum_at
 from robotball.motors import Actuator, Free, Law
 from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
 from robotball.rotations import Array, from_matrix
-from robotball.scene import DOWN, Friction, Scene, Start
+from robotball.scene import DOWN, Friction, Scene, Start, sample_times
 
 # A model has plain numbers, which MuJoCo's enumerations do not equal.
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
@@ -35,7 +37,8 @@ _SPHERE, _PLANE = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_P
 # What the scene's own model calls its parts; a user's body of such a name gets another.
 _OURS = ("shell", "frame", "floor")
 _LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
-_DURATION = 10.0  # s, of a scene from a file, which has none
+_DURATION = 10.0  # s, the longest of a scene from a file, which has none
+_CLIPPED = 1e-9  # relative: a control that leaves its range by rounding is within it
 _HEIGHT = 1e-6  # of the radius, and of a velocity: a start that misses by less is on the plane
 _TOUCH = 1e-3  # of the radius: how deep the sphere is put to see its contact
 
@@ -44,34 +47,71 @@ _TOUCH = 1e-3  # of the radius: how deep the sphere is put to see its contact
 class RobotFile:
     """A user's MjModel, and the numbers of the geom that rolls and of the plane.
 
-    notes: a line for each thing that was added, that the file does in silence, or that the
-    equations leave out.
+    spec: the MjSpec that the model is compiled from; notes: a line for each thing that was added,
+    that the file does in silence, or that the equations leave out.
     """
 
     path: Path
+    spec: Any
     model: Any
     sphere: int
     plane: int
     notes: tuple[str, ...]
 
+    def start(self, key: str | None = None) -> Any:
+        """Return MjData at a keyframe, or at the first one, or at the file's own start.
 
-def robot_scene(path: Path) -> Scene:
+        Raises InputError for a name that no keyframe has.
+        """
+        data, keys = mujoco.MjData(self.model), range(self.model.nkey)
+        names = [self.model.key(i).name for i in keys]
+        if key is not None and key not in names:
+            raise InputError(f"{self.path}: {unknown('keyframe', key, filter(None, names))}")
+        if names:
+            mujoco.mj_resetDataKeyframe(self.model, data, names.index(key) if key else 0)
+        mujoco.mj_forward(self.model, data)
+        return data
+
+
+def robot_scene(
+    path: Path,
+    controls: Mapping[str, Rate] = MappingProxyType({}),
+    shell: str | None = None,
+    rolling: Rolling | None = None,
+    key: str | None = None,
+    duration: float | None = None,
+) -> Scene:
     """Return the scene of an MJCF or URDF file, as it starts and with the controls that it has.
 
-    Warns of what is added or left out. Raises InputError for a file that cannot roll, or has what
-    the equations do not describe.
+    controls: of actuators by name, over time, instead of the file's constant ones; shell: the body
+    or geom that rolls, where several could; rolling: instead of what the contact's condim says;
+    key: the keyframe to start at, the first one if not given; duration [s]: if not given 10 s, or
+    as long as the controls are given. Warns of what is added or left out.
+    Raises InputError for a file that cannot roll, or has what the equations do not describe.
     """
-    robot = open_robot(path)
-    data = _start_data(robot.model)
+    robot = open_robot(path, shell)
+    data = robot.start(key)
     for note in (*robot.notes, *_starts_off(robot, data)):
         warn(f"{path.name}: {note}")
     try:
-        return _scene_of(robot, data)
+        return _scene_of(robot, data, controls, rolling, duration or _longest(controls))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _scene_of(robot: RobotFile, data: Any) -> Scene:
+def _longest(controls: Mapping[str, Rate]) -> float:
+    """Return how long a scene from a file lasts [s], which says nothing of it."""
+    ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
+    return min([_DURATION, *ends])
+
+
+def _scene_of(
+    robot: RobotFile,
+    data: Any,
+    controls: Mapping[str, Rate],
+    rolling: Rolling | None,
+    duration: float,
+) -> Scene:
     """Return the scene of a file's robot, which rolls on the plane from its start."""
     model, contact = robot.model, _contact(robot, data)
     ball, joints = _tree_of(robot)
@@ -81,7 +121,7 @@ def _scene_of(robot: RobotFile, data: Any) -> Scene:
     gravity = float(np.linalg.norm(down))
     check_positive("gravity", gravity, "m/s²")
     level = down[2] < -_LEVEL * gravity
-    rolling: Rolling = "classical" if contact.dim == 3 else "rubber"
+    rolling = rolling or ("classical" if contact.dim == 3 else "rubber")
     to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
     attitude = from_matrix(to_world)
     angles = np.array([data.qpos[model.jnt_qposadr[joint]] for joint in joints])
@@ -100,20 +140,20 @@ def _scene_of(robot: RobotFile, data: Any) -> Scene:
         rotor_rates=(),
         link_rates=(0.0,) * len(joints),
         motors=tuple(_passive(model, joint) for joint in joints),
-        actuators=tuple(_actuators(model, links, data)),
+        actuators=tuple(_actuators(model, links, data, controls, duration)),
         gravity=gravity,
         gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
         friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
         start=Start(attitude, momentum, angles, rates),
-        duration=_DURATION,
+        duration=duration,
     )
 
 
-def open_robot(path: Path) -> RobotFile:
+def open_robot(path: Path, shell: str | None = None) -> RobotFile:
     """Return a file's model, with a plane and a free joint where it has none.
 
-    Raises InputError where MuJoCo refuses the file or takes too long or too much memory, or nothing
-    in it can roll.
+    shell: the body or geom that rolls, where several could. Raises InputError where MuJoCo refuses
+    the file or takes too long or too much memory, or nothing in it can roll.
     """
     check_loads(path)
     try:
@@ -121,19 +161,19 @@ def open_robot(path: Path) -> RobotFile:
         # A URDF's root has no joint: it would become a part of the world, without its mass.
         spec.compiler.fusestatic = False
         model = spec.compile()
-        notes = [*_plane_added(spec, model), *_free_joint_added(spec, model, _sphere(model))]
+        notes = [*_plane_added(spec, model), *_free_joint_added(spec, model, _sphere(model, shell))]
         if notes:
             model = spec.compile()
         _check_supported(model)
-        sphere, plane = _sphere(model), _plane(model)
+        sphere, plane = _sphere(model, shell), _plane(model)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
     notes += [*_inferred(spec), *_ignored(model, sphere)]
-    return RobotFile(path, model, sphere, plane, tuple(notes))
+    return RobotFile(path, spec, model, sphere, plane, tuple(notes))
 
 
-def _sphere(model: Any) -> int:
-    """Return the number of the geom that rolls: the only sphere, or the largest."""
+def _sphere(model: Any, shell: str | None) -> int:
+    """Return the number of the geom that rolls: of that name or body, the only, or the largest."""
     spheres = [
         i
         for i in range(model.ngeom)
@@ -144,13 +184,19 @@ def _sphere(model: Any) -> int:
             "no sphere can touch the plane; a shell has a geom of type sphere with contype or "
             "conaffinity, where a mesh would roll on its corners"
         )
+    named = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
+    if shell is not None:
+        spheres = [i for i, names in named.items() if shell in names]
+        if not spheres:
+            known = dict.fromkeys(name for names in named.values() for name in names if name)
+            raise unknown("sphere that can roll, or its body,", shell, known)
     largest = max(model.geom_size[i, 0] for i in spheres)
     outermost = [i for i in spheres if model.geom_size[i, 0] == largest]
     if len(outermost) > 1:
-        names = ", ".join(model.body(model.geom_bodyid[i]).name for i in outermost)
+        names = ", ".join(" of ".join(filter(None, named[i])) for i in outermost)
         raise InputError(
-            f"several spheres of {largest:g} m could roll: {names}; give all but one contype and "
-            "conaffinity 0"
+            f"several spheres of {largest:g} m could roll: {names}; name one as the shell, or give "
+            "the others contype and conaffinity 0"
         )
     return outermost[0]
 
@@ -371,15 +417,6 @@ def _moving(robot: RobotFile, data: Any) -> Array:
     return moving
 
 
-def _start_data(model: Any) -> Any:
-    """Return MjData at the first keyframe, or at the file's own start where it has none."""
-    data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
-    return data
-
-
 def _contact(robot: RobotFile, start: Any) -> Any:
     """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
     # There may be none at the start, so the robot is moved until the sphere is in the plane.
@@ -412,14 +449,45 @@ def _passive(model: Any, joint: int) -> Free:
     )
 
 
-def _actuators(model: Any, links: Mapping[int, str], data: Any) -> Iterator[Actuator]:
-    """Yield the actuators of a file, whose joints move links by name, at the start's controls."""
-    for i in range(model.nu):
-        name, command = model.actuator(i).name or f"actuator{i}", float(data.ctrl[i])
+def _actuators(
+    model: Any,
+    links: Mapping[int, str],
+    data: Any,
+    controls: Mapping[str, Rate],
+    duration: float,
+) -> Iterator[Actuator]:
+    """Yield the actuators of a file, whose joints move links by name, for a run of a duration [s].
+
+    Those without a control of their own keep the start's.
+    """
+    names = [model.actuator(i).name or f"actuator{i}" for i in range(model.nu)]
+    for name in controls:
+        if name not in names:
+            raise unknown("actuator", name, names)
+    for i, name in enumerate(names):
+        command = controls.get(name, float(data.ctrl[i]))
         if model.actuator_ctrllimited[i]:
-            command = float(np.clip(command, *model.actuator_ctrlrange[i]))
+            command = _within(name, command, duration, *model.actuator_ctrlrange[i].tolist())
         gears = tuple((links[j], ratio) for j, ratio in _gears(model, i, name))
         yield Actuator(name, gears, _law(model, i, name), command)
+
+
+def _within(name: str, command: Rate, duration: float, low: float, high: float) -> Rate:
+    """Return a control within its ctrlrange: a number is clipped as MuJoCo does.
+
+    Raises InputError for a drive that leaves the range, where it would have kinks.
+    """
+    drive = as_drive(command, duration)
+    if isinstance(drive, Constant):
+        return float(np.clip(drive.value, low, high))
+    off = _CLIPPED * max(abs(low), abs(high))
+    for t in sample_times(duration).tolist():
+        if not low - off <= drive.rate(t) <= high + off:
+            raise InputError(
+                f"{name}: its control is {drive.rate(t):g} at t = {t:g} s, where MuJoCo clips it "
+                f"to its ctrlrange of {low:g} to {high:g}; keep it within"
+            )
+    return command
 
 
 def _gears(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:

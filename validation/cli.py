@@ -62,6 +62,7 @@ COMMANDS = {
     "scenes": "validation.commands.scene_commands",
     "engines": "validation.studies.engine_study",
     "compare": "validation.commands.compare",
+    "check": "validation.studies.check",
     "report": "validation.commands.report",
     "judge": "validation.studies.judge",
     "video": "validation.commands.film",

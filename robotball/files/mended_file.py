@@ -1,0 +1,272 @@
+"""Changes to a user's robot file, as text: what is added at its end, with a comment beside each.
+
+MuJoCo merges sections that stand twice, and of an option that is given twice takes the last. So
+nothing of the file has to go, and all stands in one block at its end; only names that the block
+needs, and a start that is moved, are written where they belong. A file that cannot be changed in
+this way (a URDF, one with includes or copies) is first written by MuJoCo itself.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+from xml.parsers.expat import ExpatError, ParserCreate
+from xml.sax.saxutils import quoteattr
+
+import mujoco
+import numpy as np
+
+from robotball.errors import InputError
+from robotball.files.robot_file import RobotFile
+from robotball.rotations import Array
+
+_CLOSED = "</mujoco>"
+_Names = Mapping[tuple[str, int], str]  # of geoms and bodies, by their numbers
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change to a file, by the MJCF attributes that it sets.
+
+    words: what is wrong without it; option, flag, pair: attributes of these elements, where the
+    pair is that of sphere and plane; exclude: bodies (a, b) that pass through one another; start:
+    whether the robot is set down on the plane.
+    """
+
+    name: str
+    words: str
+    option: Mapping[str, str] = field(default_factory=dict)
+    flag: Mapping[str, str] = field(default_factory=dict)
+    pair: Mapping[str, str] = field(default_factory=dict)
+    exclude: tuple[tuple[str, str], ...] = ()
+    start: bool = False
+
+
+@dataclass(frozen=True)
+class Editable:
+    """The text of a robot's file, in which sphere and plane have names.
+
+    source: the text as it was; moved: text, with the robot set down on the plane; pair: the
+    attributes of their contact as the file has it; paired: whether they are those of a pair, which
+    is taken out of text.
+    """
+
+    source: str
+    text: str
+    moved: str
+    sphere: str
+    plane: str
+    pair: Mapping[str, str]
+    paired: bool
+
+    def changed(self, changes: Iterable[Change]) -> str:
+        """Return the text of the file with some changes."""
+        changes = tuple(changes)
+        text = self.moved if any(each.start for each in changes) else self.text
+        if not changes and not self.paired:
+            return text
+        return _before_end(text, self._block(changes))
+
+    def _block(self, changes: Iterable[Change]) -> Iterator[str]:
+        pair = dict(self.pair)
+        contact = []
+        for change in changes:
+            if change.option or change.flag or change.start:
+                yield _comment(change)
+            if change.option:
+                yield f"<option{_attributes(change.option)}/>"
+            if change.flag:
+                yield f"<option><flag{_attributes(change.flag)}/></option>"
+            if change.pair or change.exclude:
+                contact.append(f"  {_comment(change)}")
+            pair |= change.pair
+            contact += [f'  <exclude body1="{a}" body2="{b}"/>' for a, b in change.exclude]
+        if contact or self.paired:
+            geoms = {"geom1": self.plane, "geom2": self.sphere}
+            yield "<contact>"
+            yield from contact
+            yield f"  <pair{_attributes(geoms | pair)}/>"
+            yield "</contact>"
+
+
+def _before_end(text: str, lines: Iterable[str]) -> str:
+    end = text.rindex(_CLOSED)
+    own = text[:end].rstrip(" ")
+    broken = "" if own.endswith("\n") else "\n"
+    return own + broken + "".join(f"  {line}\n" for line in lines) + text[end:]
+
+
+def _comment(change: Change) -> str:
+    return f"<!-- {change.name}: {change.words.replace('--', '- -')} -->"
+
+
+def _attributes(values: Mapping[str, str]) -> str:
+    return "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
+
+
+def compiled(text: str) -> mujoco.MjModel:
+    """Return the model of a file's text. Raises InputError where MuJoCo refuses it."""
+    try:
+        return mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise InputError(f"the changed file does not compile: {error}") from None
+
+
+def editable(
+    robot: RobotFile, shift: Array, pair: Mapping[str, str], bodies: Iterable[int]
+) -> Editable:
+    """Return the text of a robot's file, ready for changes.
+
+    shift (3,): m, world, by which the robot is set down on the plane; pair: the attributes of the
+    contact of sphere and plane as the file has it; bodies: those that changes name. Raises
+    InputError where no text has the same robot.
+    """
+    model = robot.model
+    new = {("geom", robot.sphere): "rolling_sphere", ("geom", robot.plane): "plane"}
+    new |= {("body", i): f"body{i}" for i in bodies}
+    named = {each: getattr(model, each[0])(each[1]).name for each in new}
+    new = {each: name for each, name in new.items() if not named[each]}
+    named |= new
+    ours = {robot.sphere, robot.plane}
+    pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
+    own_pair = next((i for i, each in enumerate(pairs) if {*map(int, each)} == ours), None)
+    for write in (_own_text, _written_text):
+        try:
+            texts = [write(robot, by, new, own_pair) for by in (np.zeros(3), shift)]
+            if all(_is_same(robot, named, *each) for each in zip(texts, (0 * shift, shift))):
+                geoms = [named["geom", i] for i in (robot.sphere, robot.plane)]
+                source = write(robot, 0 * shift, {}, None)
+                return Editable(source, *texts, *geoms, pair, own_pair is not None)
+        except (InputError, ExpatError, IndexError, UnicodeDecodeError):
+            continue
+    raise InputError(f"{robot.path}: MuJoCo writes it as a file that it reads differently")
+
+
+def _root(robot: RobotFile) -> int:
+    """Return the number of the body with the free joint."""
+    return int(robot.model.body_rootid[robot.model.geom_bodyid[robot.sphere]])
+
+
+def _free(robot: RobotFile) -> slice:
+    """Return the places of its position among qpos."""
+    at = int(robot.model.jnt_qposadr[robot.model.body_jntadr[_root(robot)]])
+    return slice(at, at + 3)
+
+
+def _is_same(robot: RobotFile, names: _Names, text: str, shift: Array) -> bool:
+    """Return whether a text is the robot's model, moved by a shift (3,), with such names."""
+    model, other, at = robot.model, compiled(text), _free(robot)
+    starts = [(model.qpos0, other.qpos0), *zip(model.key_qpos, other.key_qpos, strict=False)]
+    return (
+        (model.nbody, model.ngeom, model.nq, model.nkey)
+        == (other.nbody, other.ngeom, other.nq, other.nkey)
+        and all(getattr(other, kind)(i).name == name for (kind, i), name in names.items())
+        and np.allclose(model.body_mass, other.body_mass, rtol=1e-6)
+        and all(np.allclose(old[at] + shift, new[at], atol=1e-6) for old, new in starts)
+    )
+
+
+def _folders(robot: RobotFile) -> dict[str, str]:
+    """Return the compiler's folders of a file with meshes or pictures, for a text anywhere."""
+    model, spec, here = robot.model, robot.spec, robot.path.parent.absolute()
+    if not (model.nmesh or model.ntex or model.nhfield or model.nskin):
+        return {}
+    return {"meshdir": str(here / spec.meshdir), "texturedir": str(here / spec.texturedir)}
+
+
+def _written_text(robot: RobotFile, shift: Array, names: _Names, pair: int | None) -> str:
+    """Return the file as MuJoCo writes it, with names and without a pair, moved by a shift (3,)."""
+    spec = robot.spec.copy()
+    if pair is not None:
+        spec.delete(spec.pairs[pair])
+    for (kind, i), name in names.items():
+        (spec.geoms if kind == "geom" else spec.bodies)[i].name = name
+    for name, folder in _folders(robot).items():
+        setattr(spec, name, folder)
+    root = spec.bodies[_root(robot)]
+    root.pos = root.pos + shift
+    for key in spec.keys:
+        key.qpos[_free(robot)] = np.asarray(key.qpos)[_free(robot)] + shift
+    spec.compile()
+    return str(spec.to_xml())
+
+
+class _Element(NamedTuple):
+    """A start tag: its name, where it stands in the bytes, and its nearest body or worldbody."""
+
+    tag: str
+    at: int
+    owner: int
+
+
+def _elements(data: bytes) -> list[_Element]:
+    found: list[_Element] = []
+    owners = [-1]
+    parser = ParserCreate()
+
+    def begin(tag: str, _: object) -> None:
+        found.append(_Element(tag, parser.CurrentByteIndex, owners[-1]))
+        owners.append(len(found) - 1 if tag in ("body", "worldbody") else owners[-1])
+
+    parser.StartElementHandler = begin
+    parser.EndElementHandler = lambda _: owners.pop()
+    parser.Parse(data, True)
+    return found
+
+
+def _own_text(robot: RobotFile, shift: Array, names: _Names, pair: int | None) -> str:
+    """Return the author's own text, with names and without a pair, moved by a shift (3,)."""
+    data, model = robot.path.read_bytes(), robot.model
+    elements = _elements(data)
+    bodies = [i for i, each in enumerate(elements) if each.tag == "body" and each.owner >= 0]
+
+    def element(kind: str, number: int) -> _Element:
+        if kind == "body":
+            return elements[bodies[number - 1]]
+        body = int(model.geom_bodyid[number])
+        owners = [bodies[body - 1]] if body else _all_of(elements, "worldbody")
+        own = [each for each in elements if each.tag == "geom" and each.owner in owners]
+        return own[number - int(model.body_geomadr[body])]
+
+    edits: list[tuple[int, str, Callable[[str], str]]] = []
+    for (kind, i), name in names.items():
+        edits.append((element(kind, i).at, "name", lambda _, name=name: name))
+    if np.any(shift):
+        root, first = element("body", _root(robot)).at, _free(robot).start
+        edits.append((root, "pos", lambda old: _added(old, shift, 0)))
+        for i in _all_of(elements, "key"):
+            edits.append((elements[i].at, "qpos", lambda old: _added(old, shift, first)))
+    if pair is not None:
+        at = elements[_all_of(elements, "pair")[pair]].at
+        edits.append((at, "", lambda _: ""))
+    for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
+        data = data[:at] + _with_attribute(data[at:].decode(), attribute, new).encode()
+    text = data.decode()
+    folders = _folders(robot)
+    return _before_end(text, [f"<compiler{_attributes(folders)}/>"]) if folders else text
+
+
+def _all_of(elements: list[_Element], tag: str) -> list[int]:
+    return [i for i, each in enumerate(elements) if each.tag == tag]
+
+
+def _with_attribute(text: str, name: str, new: Callable[[str], str]) -> str:
+    """Return a text that begins with a start tag, whose attribute gets a new value.
+
+    Without a name of an attribute the whole element goes, which has no content.
+    """
+    tag = re.match(r"<[^\s/>]+(\s+[^\s=]+\s*=\s*(\"[^\"]*\"|'[^']*'))*", text)
+    assert tag is not None
+    if not name:
+        return text[tag.end() :].partition(">")[2]
+    old = re.search(rf"\s{name}\s*=\s*[\"']([^\"']*)[\"']", tag.group())
+    if old:
+        return text[: old.start(1)] + new(old.group(1)) + text[old.end(1) :]
+    return f'{tag.group()} {name}="{new("")}"{text[tag.end() :]}'
+
+
+def _added(numbers: str, shift: Array, at: int) -> str:
+    """Return numbers, none of which are those of the origin, with a shift (3,) added from `at`."""
+    values = np.array(numbers.split() or ["0"] * 3, float)
+    values[at : at + 3] += shift
+    return " ".join(f"{value:.12g}" for value in values)

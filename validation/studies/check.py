@@ -1,0 +1,682 @@
+"""Check a user's own model: does it roll right as it is, and if not, which line of it is wrong?
+
+Its model is stepped by plain `mj_step`, as the file says, beside ideal rolling of the same tree.
+Then the choices of the recipe are made in it: the fewest that reach the accuracy are found by
+leaving out one after the other, and are put in the order of their effect. The first is the cause.
+"""
+
+import difflib
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape as html
+from pathlib import Path
+from typing import Annotated, Any
+
+import mujoco
+import numpy as np
+from matplotlib.figure import Figure
+from rich.markup import escape
+from tyro.conf import DisallowNone, Positional, arg
+
+from robotball import InputError, Scene, integrate
+from robotball.errors import check_positive
+from robotball.drives import Rate, as_drive
+from robotball.engines.mujoco import LABEL
+from robotball.equations import ROLLING_MODELS, Rolling
+from robotball.files.mended_file import Change, Editable, compiled, editable
+from robotball.files.robot_file import (
+    RobotFile,
+    _above,
+    _contact,
+    _plane_axes,
+    _scene_of,
+    _starts_off,
+    open_robot,
+)
+from robotball.motion import Motion
+from robotball.rotations import Array
+from validation.options import AGREES, DISAGREES, OUT, Duration, File, Names, check_files
+from validation.output import Show, progress_bar, scientific, title, writable_folder, write_text
+from validation.study import Column, Study, present, table_of
+
+_INTERVAL = 0.01  # s between the points that are compared, or the model's own step
+_LEAST_STEP = 1e-4  # s, the shortest that is tried
+_STANDS = 1e-3  # of the radius: a robot that rolls less in all is moved
+_NEARER = 0.5  # times the other's error: a rolling model so near is the one that the file has
+
+Controls = Mapping[str, Rate]
+
+
+@dataclass(frozen=True)
+class Own:
+    """A user's model, how it is controlled, and where it starts.
+
+    controls: of actuators by name; the others keep those of the keyframe.
+    """
+
+    robot: RobotFile
+    controls: Controls
+    key: str | None
+
+    def begin(self) -> mujoco.MjData:
+        data = self.robot.start(self.key)
+        self.control(data)
+        return data
+
+    def control(self, data: mujoco.MjData) -> None:
+        """Set the controls at the data's time, as a loop around mj_step would."""
+        for name, value in self.controls.items():
+            data.ctrl[self.robot.model.actuator(name).id] = as_drive(value).rate(data.time)
+
+    def scene(self, rolling: Rolling, duration: float) -> Scene:
+        """Return the scene that the reference rolls."""
+        return _scene_of(self.robot, self.robot.start(self.key), self.controls, rolling, duration)
+
+    @property
+    def steady(self) -> bool:
+        return all(isinstance(value, int | float) for value in self.controls.values())
+
+    def path(self, times: Array) -> Array:
+        """Return the contact points (n, 2) [m] at equal times (n,) [s]; NaN where it diverged."""
+        model, data = self.robot.model, self.begin()
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        count = round((times[1] - times[0]) / model.opt.timestep)
+        at_once = count if self.steady else 1
+        centres = np.full((len(times), 3), np.nan)
+        mujoco.mj_kinematics(model, data)
+        centres[0] = data.geom_xpos[self.robot.sphere]
+        for i in range(1, len(times)):
+            for _ in range(count // at_once):
+                self.control(data)
+                mujoco.mj_step(model, data, at_once)
+            if not np.all(np.isfinite(data.qpos)):
+                break
+            mujoco.mj_kinematics(model, data)
+            centres[i] = data.geom_xpos[self.robot.sphere]
+        return np.asarray((centres - centres[0]) @ _plane_axes(self.robot, data).T)[:, :2]
+
+
+@dataclass
+class Seen:
+    """Readings of every step of a user's model as it is.
+
+    slipped, spun: over the path's length, the spin at the sphere's radius; depth: of the sphere in
+    the plane, the mean [m]; aloft: the part of the steps without contact; lost: when it was first lost [s]; inside: the part of the steps in which
+    two geoms touch, neither of which is the plane with the sphere; limits: joints that reach their
+    range, and when [s]; delivered: of the declared resistance to rolling; lag: of servos by name,
+    root mean square over the command's.
+    """
+
+    slipped: float = 0.0
+    spun: float = 0.0
+    aloft: float = 0.0
+    depth: float = 0.0
+    lost: float | None = None
+    inside: Counter[tuple[int, int]] = field(default_factory=Counter)
+    limits: dict[str, float] = field(default_factory=dict)
+    delivered: float | None = None
+    lag: dict[str, float] = field(default_factory=dict)
+
+
+def observe(own: Own, duration: float) -> Seen:
+    """Step a model as it is, and return what its contacts, joints and servos do."""
+    robot, model, data, seen = own.robot, own.robot.model, own.begin(), Seen()
+    radius = float(model.geom_size[robot.sphere, 0])
+    ours = {robot.sphere, robot.plane}
+    limited = np.flatnonzero(model.jnt_limited)
+    at, (low, high) = model.jnt_qposadr[limited], model.jnt_range[limited].T
+    moving, force, resistance = np.zeros(6), np.zeros(6), np.zeros(2)
+    rolled = slipped = spun = depth = 0.0
+    steps = aloft = 0
+    asked, missed = np.zeros(model.nu), np.zeros(model.nu)
+    while data.time < duration and np.all(np.isfinite(data.qpos)):
+        own.control(data)
+        mujoco.mj_step(model, data)
+        steps += 1
+        touching = False
+        for i, contact in enumerate(data.contact):
+            if {int(contact.geom1), int(contact.geom2)} != ours:
+                seen.inside[int(contact.geom1), int(contact.geom2)] += 1
+                continue
+            touching = True
+            depth -= contact.dist
+            mujoco.mj_contactForce(model, data, i, force)
+            if contact.dim == 6:
+                resistance += np.linalg.norm(force[4:]), force[0] * contact.friction[3]
+        normal = data.geom_xmat[robot.plane][2::3]
+        kind = mujoco.mjtObj.mjOBJ_GEOM
+        mujoco.mj_objectVelocity(model, data, kind, robot.sphere, moving, 0)
+        turning, velocity = moving[:3], moving[3:]
+        slip = velocity - radius * np.cross(turning, normal)
+        rolled += float(np.linalg.norm(velocity - (velocity @ normal) * normal))
+        slipped += float(np.linalg.norm(slip - (slip @ normal) * normal))
+        spun += radius * abs(float(turning @ normal))
+        if not touching:
+            aloft += 1
+            seen.lost = data.time if seen.lost is None else seen.lost
+        for j in limited[(data.qpos[at] < low) | (data.qpos[at] > high)]:
+            seen.limits.setdefault(model.joint(j).name or f"joint {j}", data.time)
+        follows = np.where(model.actuator_biasprm[:, 1], data.actuator_length, data.actuator_velocity)
+        asked += data.ctrl**2
+        missed += (data.ctrl - follows) ** 2
+    scale = max(rolled, radius / model.opt.timestep * _STANDS)
+    seen.slipped, seen.spun, seen.aloft = slipped / scale, spun / scale, aloft / max(steps, 1)
+    seen.depth = depth / max(steps - aloft, 1)
+    seen.inside = Counter({pair: count / steps for pair, count in seen.inside.items()})  # type: ignore[misc]
+    seen.delivered = float(resistance[0] / resistance[1]) if resistance[1] else None
+    for i in range(model.nu):
+        if model.actuator_biastype[i] and asked[i]:
+            seen.lag[model.actuator(i).name] = float(np.sqrt(missed[i] / asked[i]))
+    return seen
+
+
+# Flags that change the motion; without them the reference has what the file has.
+_FLAGS = ("CONSTRAINT", "LIMIT", "CONTACT", "FRICTIONLOSS", "GRAVITY", "ACTUATION", "CLAMPCTRL")
+_SLIDE = 20.0  # the recipe's friction, beyond any demand
+_SOFTEST = 0.004  # s, of solref's time constant, and two steps at least
+_NUMBERS = "{:.9g}".format
+
+
+def _text(*values: float) -> str:
+    return " ".join(map(_NUMBERS, values))
+
+
+def _pair_of(contact: Any) -> dict[str, str]:
+    """Return the attributes of a pair that makes this contact."""
+    values = {
+        "condim": [contact.dim],
+        "friction": contact.friction,
+        "solref": contact.solref,
+        "solreffriction": contact.solreffriction,
+        "solimp": contact.solimp,
+        "margin": [contact.includemargin],
+    }
+    # Where all are 0 they are the default.
+    return {name: _text(*each) for name, each in values.items() if np.any(each)}
+
+
+def changes_of(own: Own, seen: Seen, theory: Motion, step: float) -> list[Change]:
+    """Return what the recipe has otherwise than the file, at steps of a length [s].
+
+    The causes that hide all others come first.
+    """
+    robot, scene = own.robot, theory.scene
+    model, data = robot.model, own.begin()
+    option, contact = model.opt, _contact(robot, data)
+    found = []
+    off = [name for name in _FLAGS if option.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))]
+    if off:
+        names = [name.lower() for name in off]
+        words = f"a flag switches off {' and '.join(names)}"
+        found.append(Change("flags", words, flag=dict.fromkeys(names, "enable")))
+    if seen.inside:
+        found.append(_apart(model, seen))
+    gap = _above(robot, data)[1]
+    if abs(gap) > _STANDS * scene.ball.radius / 100:
+        way = "above" if gap > 0 else "in"
+        found.append(Change("start", f"it starts {1e3 * abs(gap):.3g} mm {way} the plane", start=True))
+    resists = scene.friction.rolling
+    condim = 6 if resists else 4 if scene.rolling == "rubber" else 3
+    if contact.dim != condim:
+        lets = "lets the shell spin" if contact.dim < condim else "resists what this rolling does not"
+        words = f"condim {contact.dim} {lets}; {scene.rolling} rolling has {condim}"
+        found.append(Change("condim", words, pair={"condim": str(condim)}))
+    found += _friction(contact, theory, condim)
+    if option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC):
+        words = "the cone of friction is a pyramid, which couples its directions"
+        found.append(Change("cone", words, option={"cone": "elliptic"}))
+    if option.integrator != int(mujoco.mjtIntegrator.mjINT_RK4):
+        words = "the integrator is of first order"
+        found.append(Change("integrator", words, option={"integrator": "RK4"}))
+    solref, solimp = (max(_SOFTEST, 2 * step), 1.0), (0.9999, 0.9999, 0.001, 0.5, 1.0)
+    words = f"the contact is soft: the sphere sinks {1e3 * seen.depth:.2g} mm"
+    found.append(Change("softness", words, pair={"solref": _text(*solref), "solimp": _text(*solimp)}))
+    if option.noslip_iterations < 1:
+        words = "friction is regularized, and creeps; slip is not solved for"
+        found.append(Change("noslip", words, option={"noslip_iterations": "3"}))
+    solver = {}
+    if option.solver != int(mujoco.mjtSolver.mjSOL_NEWTON):
+        solver["solver"] = "Newton"
+    if option.iterations < 20:
+        solver["iterations"] = "100"
+    if option.tolerance > 1e-8:
+        solver["tolerance"] = "1e-10"
+    if solver:
+        words = f"the solver ends early: {option.iterations} iterations, tolerance {option.tolerance:g}"
+        found.append(Change("solver", words, option=solver))
+    if step < option.timestep:
+        words = f"steps of {1e3 * option.timestep:g} ms are too long"
+        found.append(Change("timestep", words, option={"timestep": _text(step)}))
+    return found
+
+
+def _apart(model: Any, seen: Seen) -> Change:
+    """Return the change that lets bodies inside the shell pass through one another."""
+    (a, b), part = seen.inside.most_common(1)[0]
+    others = f", and {len(seen.inside) - 1} more pairs" if len(seen.inside) > 1 else ""
+    words = f"{_geom_name(model, a)} touches {_geom_name(model, b)} in {part:.0%} of the steps{others}"
+    bodies = {tuple(sorted(int(model.geom_bodyid[each]) for each in pair)) for pair in seen.inside}
+    pairs = tuple((_body_name(model, i), _body_name(model, j)) for i, j in sorted(bodies))
+    return Change("contacts", words, exclude=pairs)
+
+
+def _body_name(model: Any, body: int) -> str:
+    """Return a body's name, or the one that the mended file gives it."""
+    return model.body(body).name or f"body{body}"
+
+
+def _geom_name(model: Any, geom: int) -> str:
+    return model.geom(geom).name or f"a geom of {_body_name(model, model.geom_bodyid[geom])}"
+
+
+def _friction(contact: Any, theory: Motion, condim: int) -> Iterator[Change]:
+    """Yield the change to as much friction as any motion needs."""
+    radius, loads = theory.scene.ball.radius, theory.loads
+    normal = loads.contact_force[:, 2]
+    needed = float((np.linalg.norm(loads.contact_force[:, :2], axis=1) / normal).max())
+    twist = float((np.abs(loads.spin_torque) / normal).max())
+    slide, _, spin, roll, _ = contact.friction
+    # Classical rolling has no torque about the normal, which condim 6 has not without.
+    most = (_SLIDE, _SLIDE * radius if theory.scene.rolling == "rubber" else mujoco.mjMINMU)
+    words = [f"sliding friction {slide:.3g}, of which the motion needs {needed:.2g}"]
+    if condim > 3 and theory.scene.rolling == "rubber":
+        words.append(f"torsional friction {spin:.3g} m, of which it needs {twist:.2g}")
+    if slide < most[0] or (condim > 3 and spin != most[1]):
+        values = _text(most[0], most[0], most[1], roll, roll)
+        yield Change("friction", "; ".join(words), pair={"friction": values})
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A model as it is beside its reference, and mended.
+
+    error: as it is; since: when it passes the accuracy [s]; others: the error by the rolling models
+    that are farther; needed: changes by their effect, with the error after each and the error where
+    it alone is undone; spared: the others, with the error after each; text: the mended file;
+    mended: its path.
+    """
+
+    theory: Motion
+    path: Array
+    error: float
+    since: float | None
+    others: Mapping[str, float]
+    seen: Seen
+    needed: Sequence[tuple[Change, float, float]]
+    spared: Sequence[tuple[Change, float]]
+    edit: Editable
+    text: str
+    mended: Array
+    mended_error: float
+
+
+def _error(path: Array, theory: Motion) -> float:
+    """Return the largest distance of a path (n, 2) over the reference's length; inf if it broke."""
+    away = np.linalg.norm(path - theory.contact_point, axis=1) / theory.path_scale
+    return float(away.max()) if np.all(np.isfinite(away)) else np.inf
+
+
+def check_model(
+    own: Own, rolling: Rolling | None, duration: float, accuracy: float, show: Show
+) -> Checked:
+    """Check a user's model against ideal rolling over a duration [s].
+
+    accuracy: the path error to reach; show: called with the part that is done, and what is next.
+    Raises InputError where the reference has no motion.
+    """
+    robot, data = own.robot, own.begin()
+    every = max(1, round(_INTERVAL / robot.model.opt.timestep))
+    interval = every * robot.model.opt.timestep
+    times = interval * np.arange(max(2, round(duration / interval) + 1))
+    show(0.0, "equations")
+    theories = _theories(own, rolling, times)
+    times = min((each.times for each in theories.values()), key=len)
+    show(0.2, "as it is")
+    path = own.path(times)
+    errors = {name: _error(path[: len(each.times)], each) for name, each in theories.items()}
+    default = next(iter(errors))
+    nearest = min(errors, key=lambda name: errors[name] / (_NEARER if name != default else 1.0))
+    theory = theories[nearest]
+    times, path = theory.times, path[: len(theory.times)]
+    seen = observe(own, float(times[-1]))
+    since = np.flatnonzero(
+        ~(np.linalg.norm(path - theory.contact_point, axis=1) <= accuracy * theory.path_scale)
+    )
+    normal, gap = _above(robot, data)
+    edit = editable(robot, -gap * normal, _pair_of(_contact(robot, data)), _touching(robot.model, seen))
+    known: dict[frozenset[str], float] = {}
+
+    def mended(changes: Iterable[Change]) -> Array:
+        model = compiled(edit.changed(changes))
+        return replace(own, robot=replace(robot, model=model)).path(times)
+
+    def error_of(changes: Sequence[Change]) -> float:
+        names = frozenset(str(each) for each in changes)
+        if names not in known:
+            show(min(0.9, 0.3 + len(known) / 60), "what each choice is worth")
+            known[names] = _error(mended(changes), theory)
+        return known[names]
+
+    as_it_is = errors[nearest]
+    needed: list[Change] = []
+    every_change = _enough(own, seen, theory, accuracy, error_of)
+    if as_it_is > accuracy:
+        needed = _fewest(every_change, max(accuracy, _LOOSE * error_of(every_change)), error_of)
+    ranked = _by_effect(needed, error_of)
+    spared = [each for each in every_change if each.name not in {one.name for one in needed}]
+    return Checked(
+        theory, path, as_it_is,
+        since=float(times[since[0]]) if len(since) else None,
+        others={name: error for name, error in errors.items() if name != nearest},
+        seen=seen,
+        needed=[
+            (change, error_of(ranked[: i + 1]), error_of([*ranked[:i], *ranked[i + 1 :]]))
+            for i, change in enumerate(ranked)
+        ],
+        spared=[(each, error_of([*ranked, *spared[: i + 1]])) for i, each in enumerate(spared)],
+        edit=edit,
+        text=edit.changed(ranked),
+        mended=mended(ranked),
+        mended_error=error_of(ranked),
+    )  # fmt: skip
+
+
+_LOOSE = 1.1  # times the least error, where the accuracy is out of reach
+_Measure = Callable[[Sequence[Change]], float]
+
+
+def _theories(own: Own, rolling: Rolling | None, times: Array) -> dict[Rolling, Motion]:
+    """Return the motions of the rolling models, that of the contact's condim first.
+
+    Raises InputError where there is none.
+    """
+    data, found, refused = own.begin(), {}, None
+    default: Rolling = "classical" if _contact(own.robot, data).dim == 3 else "rubber"
+    for each in [rolling] if rolling else sorted(ROLLING_MODELS, key=lambda name: name != default):
+        try:
+            found[each] = integrate(own.scene(each, float(times[-1])), times)
+        except InputError as error:
+            refused = error
+    if not found and refused:
+        raise refused
+    return found
+
+
+def _touching(model: Any, seen: Seen) -> set[int]:
+    """Return the bodies that touch others than the plane."""
+    return {int(model.geom_bodyid[each]) for pair in seen.inside for each in pair}
+
+
+def _enough(
+    own: Own, seen: Seen, theory: Motion, accuracy: float, error_of: _Measure
+) -> list[Change]:
+    """Return all changes, with the longest step that reaches the accuracy, or the best one."""
+    step = float(own.robot.model.opt.timestep)
+    found = [changes_of(own, seen, theory, step)]
+    while error_of(found[-1]) > accuracy and step / 2 >= _LEAST_STEP:
+        step /= 2
+        found.append(changes_of(own, seen, theory, step))
+    return min(found, key=lambda each: max(error_of(each), accuracy))
+
+
+def _fewest(changes: Sequence[Change], limit: float, error_of: _Measure) -> list[Change]:
+    """Return what is left where each change goes without which the error keeps to the limit."""
+    needed, before = list(changes), None
+    while needed != before:  # as one may be needed only as long as another is there
+        before = needed
+        for each in reversed(before):  # the finer points first
+            rest = [other for other in needed if other is not each]
+            if error_of(rest) <= limit:
+                needed = rest
+    return needed
+
+
+_USUAL = 0.02  # relative: a gravity that is nearer to the Earth's is usual
+
+
+def _unlikely(scene: Scene) -> Iterator[str]:
+    """Yield what both motions have, and which the author may not mean."""
+    if abs(scene.gravity / GRAVITY - 1) > _USUAL:
+        yield f"gravity: it is {scene.gravity:g} m/s², where the Earth's is {GRAVITY:g}"
+    slides = {hinge.name: hinge.slides for hinge in scene.hinges}
+    weight = scene.ball.mass * scene.gravity
+    for each in scene.actuators:
+        law, command = each.law, as_drive(each.command)
+        times = np.linspace(0.0, scene.duration, 101)
+        most = float(np.abs(law.torque(command.rate(times), 0.0, 0.0)).max())
+        for name, gear in each.gears:
+            limit, unit = (weight, "N") if slides[name] else (weight * scene.ball.radius, "N m")
+            if not gear:
+                yield f"gear: {each.name} has a gear of 0, and does not move {name}"
+            elif not (law.per_angle or law.per_rate) and most * abs(gear) > limit:
+                yield (
+                    f"gear: {each.name} puts {most * abs(gear):.3g} {unit} on {name}, by a gear of "
+                    f"{gear:g}; the whole weight holds {limit:.3g}"
+                )
+
+
+def _by_effect(changes: Sequence[Change], error_of: _Measure) -> list[Change]:
+    """Return the changes in an order in which each takes away most of the error that is left."""
+    left, made = list(changes), []
+    while left:
+        made.append(min(left, key=lambda each: error_of([*made, each])))
+        left.remove(made[-1])
+    return made
+
+
+def _stands(own: Own) -> bool:
+    """Return whether a model without controls, started at rest, stays where it is."""
+    data, robot = own.begin(), own.robot
+    if own.controls or np.any(data.ctrl) or np.any(data.qvel):
+        return False
+    step = robot.model.opt.timestep
+    path = own.path(step * round(1 + 0.1 / step) * np.arange(20))
+    return bool(np.nanmax(np.abs(path)) < _STANDS * robot.model.geom_size[robot.sphere, 0])
+
+
+def _moved(own: Own) -> Own:
+    """Return a model with controls that move it: a quarter of their range, or what is usual."""
+    model = own.robot.model
+    weight = float(model.body_subtreemass[0] * np.linalg.norm(model.opt.gravity))
+    torque = 0.05 * weight * float(model.geom_size[own.robot.sphere, 0])
+    controls = {}
+    for i in range(model.nu):
+        gain, gear = float(model.actuator_gainprm[i, 0]), float(model.actuator_gear[i, 0])
+        value = 2.0 / gear if model.actuator_biasprm[i, 2] else torque / (gain * gear)
+        value = 0.3 / gear if model.actuator_biasprm[i, 1] else value
+        if model.actuator_ctrllimited[i]:
+            value = min(value, float(model.actuator_ctrlrange[i, 1]) / 4)
+        controls[model.actuator(i).name] = value
+    return replace(own, controls=controls)
+
+
+# Output
+COLUMNS = (
+    Column("change", "change", words=True),
+    Column("path error\nafter it", "error"),
+    Column("it alone\nundone", "undone"),
+    Column("what it mends", "words", words=True),
+)
+
+
+def study_of(own: Own, checked: Checked, accuracy: float, mended: Path | None) -> Study:
+    """Return the table, record, picture and words of a checked model."""
+    theory, name = checked.theory, own.robot.path.name
+    rows = [{"change": "as it is", "error": checked.error, "undone": None, "words": ""}]
+    for change, error, undone in checked.needed:
+        rows.append({"change": f"+ {change.name}", "error": error, "undone": undone, "words": change.words})
+    for change, error in checked.spared:
+        rows.append({"change": f"({change.name})", "error": error, "undone": None, "words": change.words})
+    rows = [{**row, "error": _finite(row["error"]), "undone": _finite(row["undone"])} for row in rows]
+    verdict = _verdict(own, checked, accuracy)
+    lines = [*verdict, *_symptoms(own, checked)]
+    ends = _ending(checked, accuracy, mended)
+    return Study(
+        own.robot.path.stem, LABEL, ["check"], rows,
+        record={
+            "file": str(own.robot.path),
+            "rolling": theory.scene.rolling,
+            "duration": float(theory.times[-1]),
+            "accuracy": accuracy,
+            "path_error": _finite(checked.error),
+            "since": checked.since,
+            "other_rolling": {each: _finite(error) for each, error in checked.others.items()},
+            "cause": checked.needed[0][0].name if checked.needed else None,
+            "notes": list(own.robot.notes),
+            "seen": lines,
+            "changes": rows,
+            "mended": None if mended is None else str(mended),
+            "mended_error": _finite(checked.mended_error),
+        },
+        shown=(
+            f"[bold]{escape(name)}[/], as it is: {escape(verdict[0])}",
+            *map(escape, lines[1:]),
+            *([table_of(COLUMNS, rows)] if len(rows) > 1 else []),
+            *map(escape, ends),
+        ),
+        picture=_picture(name, checked, accuracy),
+    )  # fmt: skip
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def _verdict(own: Own, checked: Checked, accuracy: float) -> list[str]:
+    """Return how far the model is off, and by which rolling model; then the first cause."""
+    theory, error = checked.theory, checked.error
+    off = f"path error {scientific(error)}" if np.isfinite(error) else "it diverges"
+    length, end = theory.path_length, theory.times[-1]
+    when = "" if checked.since is None else f", beyond {accuracy:g} from t = {checked.since:.2g} s on"
+    lines = [f"{off} of {length:.3g} m in {end:.3g} s{when}"]
+    others = "".join(f" ({name}: {scientific(each)})" for name, each in checked.others.items())
+    lines.append(f"rolling: {theory.scene.rolling}{others}")
+    causes = [*_unlikely(theory.scene), *_reached(checked)]
+    causes += [f"{change.name}: {change.words}" for change, *_ in checked.needed]
+    if causes:
+        lines.append(f"cause: {causes[0]}")
+    elif checked.error > accuracy:
+        lines.append(
+            "cause: none of the recipe's choices; a sensitive motion leaves any path in time, so "
+            "try a shorter --duration"
+        )
+    return lines
+
+
+def _symptoms(own: Own, checked: Checked) -> Iterator[str]:
+    """Yield what contacts, joints and servos do that the path alone does not show."""
+    seen, theory = checked.seen, checked.theory
+    if seen.lost is not None:
+        yield f"contact: lost for {seen.aloft:.2%} of the time, first at t = {seen.lost:.3g} s"
+    yield f"slip: {scientific(seen.slipped)} of the path"
+    if theory.scene.rolling == "rubber":
+        yield f"spin: {scientific(seen.spun)} of the path"
+    if seen.delivered is not None:
+        yield (
+            f"rolling resistance: {theory.scene.friction.rolling:g} m is declared, which is in the "
+            f"reference; the contact delivers {seen.delivered:.0%} of it"
+        )
+    for (a, b), part in seen.inside.most_common(_MOST_PAIRS):
+        names = [_geom_name(own.robot.model, each) for each in (a, b)]
+        yield f"inside: {names[0]} touches {names[1]} in {part:.0%} of the steps"
+    for name, time in seen.limits.items():
+        yield f"limit: {name} reaches its range at t = {time:.3g} s"
+    for name, lag in seen.lag.items():
+        if lag > _LAGS:
+            yield f"servo: {name} misses its command by {lag:.0%} (root mean square)"
+
+
+def _ending(checked: Checked, accuracy: float, mended: Path | None) -> Iterator[str]:
+    if mended is None:
+        return
+    reached = "" if checked.mended_error <= accuracy else f", more than the {accuracy:g} asked for"
+    yield f"mended: {mended}, path error {scientific(checked.mended_error)} by plain mj_step{reached}"
+
+
+def difference(checked: Checked) -> list[str]:
+    """Return the lines in which the mended file differs from the user's, as a diff has them."""
+    before, after = (text.splitlines() for text in (checked.edit.source, checked.text))
+    return list(difflib.unified_diff(before, after, "as it is", "mended", n=0, lineterm=""))[:_MOST_LINES]
+
+
+def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
+    """Draw the paths, and the errors over time, as it is and mended."""
+    theory = checked.theory
+    figure = Figure(figsize=(11.0, 5.4), layout="constrained")
+    title(figure, f"{name}: {theory.scene.rolling} rolling")
+    left, right = figure.subplots(1, 2)
+    left.plot(*theory.contact_point.T, color=theory.engine.colour, linewidth=3, label="the equations")
+    drawn = [("as it is", checked.path, "-")]
+    if checked.needed:
+        drawn.append(("mended", checked.mended, "--"))
+    for (label, path, dash), colour in zip(drawn, _COLOURS, strict=False):
+        left.plot(*path.T, dash, color=colour, label=label)
+        away = np.linalg.norm(path - theory.contact_point, axis=1) / theory.path_scale
+        right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)
+    left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
+    left.set_adjustable("datalim")
+    right.axhline(accuracy, color="gray", linestyle=":", label="asked for")
+    right.set(xlabel="t [s]", title="path error over the path's length")
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        axes.legend()
+    return figure
+
+
+_MOST_PAIRS, _LAGS = 5, 0.1
+_MOST_LINES = 60  # of a diff
+_COLOURS = ("#0072B2", "#009E73")
+
+
+@dataclass(frozen=True)
+class Check:
+    """Say whether an MJCF or URDF robot rolls right as it is; if not, which setting is wrong.
+
+    Example: robotball check mybot.xml
+    """
+
+    file: Positional[Annotated[Path, arg(metavar="FILE")]]
+    """The MJCF or URDF file of the robot, of which nothing is overwritten."""
+    shell: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
+    """The body or geom that rolls; the largest sphere if not given."""
+    rolling: DisallowNone[Annotated[Rolling | None, arg(help_behavior_hint="")]] = None
+    """The rolling model; the nearer one if not given."""
+    keyframe: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
+    """The keyframe to start at; the first one if not given."""
+    control: Names = ()
+    """An actuator's control: NAME=VALUE, or NAME=FILE.csv with columns t and value."""
+    accuracy: float = 1e-3
+    """The path error to reach, over the path's length."""
+    duration: Duration = None
+    """Simulated time; 10 s if not given."""
+    out: Path = OUT
+    """Folder for the mended file, the page and the picture."""
+    json: File = None
+    """Also write all of it as JSON."""
+
+    def run(self) -> int:
+        check_positive("accuracy", self.accuracy, "")
+        check_files(self.json)
+        writable_folder(self.out)
+        robot = open_robot(self.file, self.shell)
+        own = Own(robot, {}, self.keyframe)
+        notes = [*robot.notes, *_starts_off(robot, own.begin())]
+        if _stands(own):
+            own = _moved(own)
+            given = ", ".join(f"{name}={value:.3g}" for name, value in own.controls.items())
+            notes.append(f"nothing moves it; checked with {given or 'a push'}; see --control")
+        for note in notes:
+            print(f"{self.file.name}: {note}")
+        duration = 10.0 if self.duration is None else self.duration
+        with progress_bar(1) as show:
+            checked = check_model(own, self.rolling, duration, self.accuracy, show)
+        mended = None
+        if checked.needed:
+            mended = self.out / f"{self.file.stem}-mended.xml"
+            write_text(mended, checked.text)
+        study = study_of(own, checked, self.accuracy, mended)
+        stem = study.stem()
+        present(study, self.out / f"{stem}.png", self.json, None)
+        print(*difference(checked), sep="\n")
+        return AGREES if checked.error <= self.accuracy else DISAGREES

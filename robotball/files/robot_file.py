@@ -128,6 +128,13 @@ def _scene_of(
     attitude = from_matrix(to_world)
     angles = np.array([data.qpos[model.jnt_qposadr[joint]] for joint in joints])
     rates = np.array([data.qvel[model.jnt_dofadr[joint]] for joint in joints])
+    for angle, link in zip(angles.tolist(), ball.links, strict=True):
+        if link.range and not link.range[1] <= angle <= link.range[2]:
+            name, low, high = link.range
+            raise InputError(
+                f"{name} starts at {angle:g} {'m' if link.slides else 'rad'}, outside its range of "
+                f"{low:g} to {high:g}"
+            )
     turning = to_plane @ _moving(robot, data)[:3]
     if rolling == "rubber":  # whose shell does not spin
         turning = turning * [1.0, 1.0, 0.0]
@@ -263,14 +270,11 @@ def _inferred(spec: Any) -> Iterator[str]:
 
 
 def _ignored(model: Any, sphere: int) -> Iterator[str]:
-    """Yield the moving bodies that are no part of the robot, and the ranges of its joints."""
+    """Yield the moving bodies that are no part of the robot."""
     root = model.body_rootid[model.geom_bodyid[sphere]]
     for i in range(1, model.nbody):
         if model.body_dofnum[i] and model.body_rootid[i] != root and model.body_rootid[i] == i:
             yield f"{_name(model, i)} moves apart from the robot; the equations leave it out"
-    for j in range(model.njnt):
-        if model.jnt_limited[j]:
-            yield f"{model.joint(j).name}: the equations have no range, and let the joint go on"
 
 
 @dataclass
@@ -317,11 +321,17 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
                     axis=sign * to_shell @ data.xaxis[joint],
                     pivot=to_shell @ (data.xanchor[joint] - centre),
                     slides=bool(model.jnt_type[joint] == _SLIDE),
+                    range=_range(model, joint) if model.jnt_limited[joint] else None,
                 )
             )  # fmt: skip
             joints.append(joint)
             waiting.append((other, name))
     return Ball(_shell_of(radius, shell), NO_FRAME, (), (), tuple(links)), joints
+
+
+def _range(model: Any, joint: int) -> tuple[str, float, float]:
+    low, high = model.jnt_range[joint].tolist()
+    return model.joint(joint).name or f"joint{joint}", low, high
 
 
 def _shell_of(radius: float, solid: Solid) -> Shell:

@@ -60,7 +60,7 @@ class Followed:
                 f"{self.end:g} s; a number, a Ramp or a Sine has no such limit"
             )
         inside = sorted({float(b) for b in self.breakpoints if 0 < b < self.end})
-        found = _polynomials_of(self._rate, [0.0, *inside, self.end])
+        found = polynomials_of(self._rate, [0.0, *inside, self.end])
         follows = found.off <= FOLLOWED * (1 + found.size)
         # What is given is compared in the middle of each panel that the polynomial follows: near a
         # kink that no breakpoint names, the polynomial itself is off.
@@ -173,7 +173,7 @@ class Polynomials:
         return i, float((2 * t - begin - end) / (end - begin))
 
 
-def _polynomials_of(function: _Function, edges: list[float]) -> Polynomials:
+def polynomials_of(function: _Function, edges: list[float]) -> Polynomials:
     """Return polynomials that follow a function to rounding, or as near as halving brings them.
 
     edges: increasing times, of which the function is smooth between each two. It is asked there

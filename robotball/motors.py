@@ -7,12 +7,15 @@ Torque. A hinge's torque is that of the parent on the child [N m]. SI units; a s
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from robotball.drives import Rate
 from robotball.errors import check_not_negative, check_positive, check_size
+
+if TYPE_CHECKING:
+    from robotball.activations import Activation
 
 _Scalar = Any  # a float, or a column (n,)
 
@@ -148,10 +151,24 @@ class Actuator:
     """A motor that moves hinges through gears, besides what each hinge has of its own.
 
     gears: hinges by name, with the ratio of each: the motor's angle is Σ ratio · angle, and a hinge
-    gets ratio times its torque; command: what the law takes, over time.
+    gets ratio times its torque; command: what the law takes, over time, or first its activation;
+    within: the least and largest command, to which a constant one is clipped.
     """
 
     name: str
     gears: tuple[tuple[str, float], ...]
     law: Law
     command: Rate = 0.0
+    activation: "Activation | None" = None
+    within: tuple[float, float] = (-math.inf, math.inf)
+
+    def control(self, end: float) -> Rate:
+        """Return what the law takes in a run from 0 to `end` [s].
+
+        Raises InputError for a command or an activation that changes in time and leaves its range.
+        """
+        if self.activation is None and self.within == (-math.inf, math.inf):
+            return self.command
+        from robotball.activations import passed  # few actuators have either
+
+        return passed(self.name, self.command, self.within, self.activation, end)

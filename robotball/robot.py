@@ -207,6 +207,7 @@ class Link(Value):
     axis    (3,) of the joint, a unit vector in frame axes
     pivot   (3,) m, a point of the hinge's axis from the sphere's centre
     slides  whether the joint moves the body along the axis, and does not turn it
+    range   of the joint, where it has one: its name, the least and the largest angle [rad; m]
     """
 
     name: str
@@ -217,6 +218,7 @@ class Link(Value):
     axis: Array
     pivot: Array = field(default_factory=lambda: np.zeros(3))
     slides: bool = False
+    range: tuple[str, float, float] | None = None
 
     @property
     def massless(self) -> bool:

@@ -384,7 +384,7 @@ class Scene(Value):
     @cached_property
     def controls(self) -> tuple[Drive, ...]:
         """The actuators' commands."""
-        return tuple(self._drive(each.name, each.command) for each in self.actuators)
+        return tuple(self._drive(each.name, each.control(self.duration)) for each in self.actuators)
 
     @cached_property
     def hinges(self) -> tuple[Hinge, ...]:

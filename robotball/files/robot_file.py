@@ -20,7 +20,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotball.drives import Constant, Rate, Samples, as_drive
+from robotball.activations import Activation
+from robotball.drives import Rate, Samples
 from robotball.equations import Rolling
 from robotball.errors import InputError, check_positive, unknown, warn
 from robotball.files.foreign_bodies import check_loads
@@ -28,17 +29,18 @@ from robotball.mechanics import momentum_at
 from robotball.motors import Actuator, Free, Law
 from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
 from robotball.rotations import Array, from_matrix
-from robotball.scene import DOWN, Friction, Scene, Start, sample_times
+from robotball.scene import DOWN, Friction, Scene, Start
 
 # A model has plain numbers, which MuJoCo's enumerations do not equal.
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 _SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
+_STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+_FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 _SPHERE, _PLANE = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_PLANE)
 # What the scene's own model calls its parts; a user's body of such a name gets another.
 _OURS = ("shell", "frame", "floor")
 _LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
 _DURATION = 10.0  # s, the longest of a scene from a file, which has none
-_CLIPPED = 1e-9  # relative: a control that leaves its range by rounding is within it
 _HEIGHT = 1e-6  # of the radius, and of a velocity: a start that misses by less is on the plane
 _TOUCH = 1e-3  # of the radius: how deep the sphere is put to see its contact
 
@@ -126,6 +128,13 @@ def _scene_of(
     attitude = from_matrix(to_world)
     angles = np.array([data.qpos[model.jnt_qposadr[joint]] for joint in joints])
     rates = np.array([data.qvel[model.jnt_dofadr[joint]] for joint in joints])
+    for angle, link in zip(angles.tolist(), ball.links, strict=True):
+        if link.range and not link.range[1] <= angle <= link.range[2]:
+            name, low, high = link.range
+            raise InputError(
+                f"{name} starts at {angle:g} {'m' if link.slides else 'rad'}, outside its range of "
+                f"{low:g} to {high:g}"
+            )
     turning = to_plane @ _moving(robot, data)[:3]
     if rolling == "rubber":  # whose shell does not spin
         turning = turning * [1.0, 1.0, 0.0]
@@ -140,7 +149,7 @@ def _scene_of(
         rotor_rates=(),
         link_rates=(0.0,) * len(joints),
         motors=tuple(_passive(model, joint) for joint in joints),
-        actuators=tuple(_actuators(model, links, data, controls, duration)),
+        actuators=tuple(_actuators(model, links, data, controls)),
         gravity=gravity,
         gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
         friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
@@ -261,14 +270,11 @@ def _inferred(spec: Any) -> Iterator[str]:
 
 
 def _ignored(model: Any, sphere: int) -> Iterator[str]:
-    """Yield the moving bodies that are no part of the robot, and the ranges of its joints."""
+    """Yield the moving bodies that are no part of the robot."""
     root = model.body_rootid[model.geom_bodyid[sphere]]
     for i in range(1, model.nbody):
         if model.body_dofnum[i] and model.body_rootid[i] != root and model.body_rootid[i] == i:
             yield f"{_name(model, i)} moves apart from the robot; the equations leave it out"
-    for j in range(model.njnt):
-        if model.jnt_limited[j]:
-            yield f"{model.joint(j).name}: the equations have no range, and let the joint go on"
 
 
 @dataclass
@@ -315,11 +321,17 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
                     axis=sign * to_shell @ data.xaxis[joint],
                     pivot=to_shell @ (data.xanchor[joint] - centre),
                     slides=bool(model.jnt_type[joint] == _SLIDE),
+                    range=_range(model, joint) if model.jnt_limited[joint] else None,
                 )
             )  # fmt: skip
             joints.append(joint)
             waiting.append((other, name))
     return Ball(_shell_of(radius, shell), NO_FRAME, (), (), tuple(links)), joints
+
+
+def _range(model: Any, joint: int) -> tuple[str, float, float]:
+    low, high = model.jnt_range[joint].tolist()
+    return model.joint(joint).name or f"joint{joint}", low, high
 
 
 def _shell_of(radius: float, solid: Solid) -> Shell:
@@ -454,9 +466,8 @@ def _actuators(
     links: Mapping[int, str],
     data: Any,
     controls: Mapping[str, Rate],
-    duration: float,
 ) -> Iterator[Actuator]:
-    """Yield the actuators of a file, whose joints move links by name, for a run of a duration [s].
+    """Yield the actuators of a file, whose joints move links by name.
 
     Those without a control of their own keep the start's.
     """
@@ -465,29 +476,30 @@ def _actuators(
         if name not in names:
             raise unknown("actuator", name, names)
     for i, name in enumerate(names):
-        command = controls.get(name, float(data.ctrl[i]))
-        if model.actuator_ctrllimited[i]:
-            command = _within(name, command, duration, *model.actuator_ctrlrange[i].tolist())
-        gears = tuple((links[j], ratio) for j, ratio in _gears(model, i, name))
-        yield Actuator(name, gears, _law(model, i, name), command)
+        limited, (low, high) = model.actuator_ctrllimited[i], model.actuator_ctrlrange[i].tolist()
+        yield Actuator(
+            name,
+            gears=tuple((links[j], ratio) for j, ratio in _gears(model, i, name)),
+            law=_law(model, i, name),
+            command=controls.get(name, float(data.ctrl[i])),
+            activation=_activation(model, i, name, data),
+            within=(low, high) if limited else (-np.inf, np.inf),
+        )
 
 
-def _within(name: str, command: Rate, duration: float, low: float, high: float) -> Rate:
-    """Return a control within its ctrlrange: a number is clipped as MuJoCo does.
-
-    Raises InputError for a drive that leaves the range, where it would have kinks.
-    """
-    drive = as_drive(command, duration)
-    if isinstance(drive, Constant):
-        return float(np.clip(drive.value, low, high))
-    off = _CLIPPED * max(abs(low), abs(high))
-    for t in sample_times(duration).tolist():
-        if not low - off <= drive.rate(t) <= high + off:
-            raise InputError(
-                f"{name}: its control is {drive.rate(t):g} at t = {t:g} s, where MuJoCo clips it "
-                f"to its ctrlrange of {low:g} to {high:g}; keep it within"
-            )
-    return command
+def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
+    """Return the state of an actuator's own, as it starts."""
+    kind, at = model.actuator_dyntype[i], int(model.actuator_actadr[i])
+    if kind == _STATELESS:
+        return None
+    if kind not in (_INTEGRATOR, *_FILTERS) or model.actuator_actnum[i] != 1:
+        raise InputError(
+            f"{name}: a muscle's, PID's or DC motor's state is not supported; take a filter or an "
+            "integrator"
+        )
+    limited, limits = model.actuator_actlimited[i], model.actuator_actrange[i].tolist()
+    settling = None if kind == _INTEGRATOR else float(model.actuator_dynprm[i, 0])
+    return Activation(float(data.act[at]), settling, *(limits if limited else ()))
 
 
 def _gears(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
@@ -509,7 +521,7 @@ def _gears(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
 
 
 def _law(model: Any, i: int, name: str) -> Law:
-    """Return an actuator's law. Raises InputError unless it is affine, without a state."""
+    """Return an actuator's law. Raises InputError unless it is affine."""
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
     affine = model.actuator_biastype[i] in (
         int(mujoco.mjtBias.mjBIAS_NONE),
@@ -517,8 +529,6 @@ def _law(model: Any, i: int, name: str) -> Law:
     )
     if model.actuator_gaintype[i] != int(mujoco.mjtGain.mjGAIN_FIXED) or not affine:
         raise InputError(f"{name}: a gain or bias that is not affine is not supported")
-    if model.actuator_dyntype[i] != int(mujoco.mjtDyn.mjDYN_NONE):
-        raise InputError(f"{name}: an actuator with a state of its own is not supported")
     b0, b1, b2 = bias[:3].tolist() if model.actuator_biastype[i] else (0.0, 0.0, 0.0)
     limit = np.inf
     if model.actuator_forcelimited[i]:

@@ -3,7 +3,8 @@
 The derivative is that of system.py. A motion is smooth between its breakpoints and its events, and
 DOP853 steps along each piece. Events are the zeros of margins, each positive while the modes stay:
 a motor reaches its torque limit or leaves it, the plane's resistance to rolling holds the shell no
-more, the ball lifts off. A margin is scaled to be 1 where it is farthest from zero.
+more, the ball lifts off, a joint reaches its range, where the motion ends. A margin is scaled to be
+1 where it is farthest from zero.
 
 A step over an event is taken back: one that ends there takes its place, and the motion begins anew
 in the next modes. `MULTIBODY` is the same integration as an engine, which can be compared with the
@@ -65,25 +66,43 @@ def integrate(
     """Integrate the motion of any robot that rolls, with an estimate of its error.
 
     times: (n,) s, increasing from 0; rtol: the error allowed in one step; max_steps: a limit;
-    progress: called with the fraction of the motion that is known. Raises InputError where the ball
-    lifts off, where a step shrinks to nothing, where the limit is met, and where it would be
-    because the motors settle too fast.
+    progress: called with the fraction of the motion that is known. Where a joint reaches its range
+    the motion ends, with a warning and fewer times. Raises InputError where the ball lifts off,
+    where a step shrinks to nothing, where the limit is met, and where it would be because the
+    motors settle too fast.
     """
     limit = _MAX_STEPS if max_steps is None else max_steps
     ours = scene.until(float(times[-1]))
     _check_rates(ours, float(times[-1]), limit)
 
-    def run(allowed: float) -> tuple[Array, Array]:
+    def march(allowed: float) -> March:
         # A system of its own each time, as its modes change on the way.
-        return March(System(ours), allowed, float(times[-1]), limit, progress).run(times)
+        return March(System(ours), allowed, float(times[-1]), limit, progress)
 
-    states, readings = run(rtol)
+    def again() -> Array:
+        coarser = march(_COARSER * rtol)
+        coarser.system.ranges = []  # whose ends may come a rounding earlier
+        return coarser.run(times)[0][:, POINT:MOMENTUM]
+
+    first = march(rtol)
+    states, readings = first.run(times)
+    times = times[: len(states)]
+    if first.stopped:
+        t, which = first.stopped
+        at, (joint, *ends) = first.system.ranges[which - 1]
+        slides = scene.ball.tree[1 + at - HINGES].slides
+        low, high = ends if slides else np.degrees(ends)
+        reached = f"{joint} reaches its range of {low:g} to {high:g} {'m' if slides else 'deg'}"
+        line = f"{scene.name}: {reached} at t = {t:.6g} s"
+        if len(times) < 2:
+            raise InputError(f"{line}, before the first sample; sample the motion more often")
+        warn(f"{line}, where the motion ends")
     hinges = len(scene.hinges)
     return extended(
         _motion_of(ours, times, states, readings_of(readings, hinges)),
         ReferenceMotion,
         scene=scene,
-        again=lambda: run(_COARSER * rtol)[0][:, POINT:MOMENTUM],
+        again=again,
         motor_work=states[:, HINGES + 2 * hinges :],
         rolling_loss=states[:, LOSS],
     )
@@ -136,17 +155,21 @@ def _motion_of(scene: Scene, times: Array, states: Array, readings: Readings) ->
     )
 
 
-# The place of this margin, after which there is no mode. Motors' follow, then a standing shell's.
+# The place of this margin, after which there is no mode. Joints' ranges follow, after which the
+# motion ends, then motors, then a standing shell.
 _LIFT_OFF = 0
 # s, and how often: a shell that begins to roll is looked at so far ahead to find its direction.
 _NUDGE, _NUDGES = 1e-6, 30
 
 
-def _margins_of(system: System, readings: Readings) -> Array:
-    """Return the margins: of lifting off, of each motor with a limit, of a shell that stands."""
+def _margins_of(system: System, t: float, state: Array) -> Array:
+    """Return the margins: lifting off, joints' ranges, limited motors, a shell that stands."""
+    readings = system.readings(t, state)
     scene, modes = system.scene, system.modes
     weight = scene.ball.mass * scene.gravity
     found = [readings.normal / weight]
+    for i, (_, low, high) in system.ranges:
+        found.append(1 - abs(2 * state[i] - low - high) / (high - low))
     for j in system.limited:
         part = readings.unlimited[j] / system.limits[j]
         found.append(1 - abs(part) if modes.motors[j] == 0 else modes.motors[j] * part - 1)
@@ -215,9 +238,10 @@ def _switch(system: System, t: float, state: Array, which: int) -> Array:
     readings, modes = system.readings(t, state), system.modes
     if which == _LIFT_OFF:
         raise _lift_off(t)
-    if which > len(system.limited):
+    which -= 1 + len(system.ranges)
+    if which >= len(system.limited):
         return _let_go(system, t, state)
-    j = system.limited[which - 1]
+    j = system.limited[which]
     motors = modes.motors.copy()
     motors[j] = int(np.sign(readings.unlimited[j])) if modes.motors[j] == 0 else 0
     system.modes = replace(modes, motors=motors)
@@ -259,7 +283,8 @@ _ROOT = 1e-15  # s, and relative: how near to its time an event is found
 class March:
     """The integration of a system up to `end` [s], in at most `max_steps` steps.
 
-    rtol: the error allowed in one; switches: the times [s] of the events so far.
+    rtol: the error allowed in one; switches: the times [s] of the events so far; stopped: the time
+    and the margin of the one that ended the motion.
     """
 
     system: System
@@ -269,11 +294,13 @@ class March:
     progress: Progress | None = None
     steps: int = 0
     switches: list[float] = field(default_factory=list)
+    stopped: tuple[float, int] | None = None
 
     def run(self, times: Array) -> tuple[Array, Array]:
         """Return states (n, size) at times (n,), increasing from 0, and their readings' numbers.
 
-        Raises InputError where the ball lifts off, the limit is met or a step shrinks to nothing.
+        They are fewer where the motion is stopped. Raises InputError where the ball lifts off, the
+        limit is met or a step shrinks to nothing.
         """
         system = self.system
         samples = Samples(system, times)
@@ -283,15 +310,15 @@ class March:
             # A drive's rate may jump at the end, and the piece's last state is before the jump.
             system.end = float(np.nextafter(end, t))
             state = _begin(system, t, state)
-            while t < end:
+            while t < end and not self.stopped:
                 t, state = self._piece(t, end, state, samples)
-        return samples.states, samples.readings
+        return samples.states[: samples.done], samples.readings[: samples.done]
 
     def _piece(self, t: float, end: float, state: Array, samples: "Samples") -> tuple[float, Array]:
         """Go to the next event or the smooth span's end. Returns the time and the state there."""
         system = self.system
         solver = self._solver(t, end, state)
-        margins = _margins_of(system, system.readings(t, state))
+        margins = _margins_of(system, t, state)
         while solver.running:
             before = (solver.t, solver.state)
             self.steps = take_step(solver, self.steps, self.max_steps, self.end, self.progress)
@@ -299,6 +326,9 @@ class March:
             samples.add(solver.t if event is None else event[0], solver)
             if event is not None:
                 t, which = event
+                if 0 < which <= len(system.ranges):
+                    self.stopped = event
+                    return t, state
                 self.switches.append(t)
                 # Stepped to anew: the interpolant is of order 7, and all that follows would keep
                 # its error.
@@ -316,18 +346,18 @@ class March:
     ) -> tuple[tuple[float, int] | None, Array]:
         """Return the last step's first event, as its time and margin, and the margins after it."""
         system = self.system
-        after = _margins_of(system, system.readings(solver.t, solver.state))
+        after = _margins_of(system, solver.t, solver.state)
         if len(after) == 1 and min(margins[0], after[0]) > _PRESSED:
             return None, after
         looks = np.linspace(before, solver.t, _LOOKS + 2)
 
         def margin(t: float, which: int) -> float:
             state = solver.within(np.array([t]))[0]
-            return float(_margins_of(system, system.readings(t, state))[which])
+            return float(_margins_of(system, t, state)[which])
 
         seen = [margins]
         seen += [
-            _margins_of(system, system.readings(t, state))
+            _margins_of(system, t, state)
             for t, state in zip(looks[1:-1], solver.within(looks[1:-1]), strict=True)
         ]
         seen.append(after)
@@ -405,7 +435,7 @@ class _Multibody(Engine):
         integrate(scene, times[:2], settings.rtol)
         began = time.process_time()
         motion = integrate(scene, times, settings.rtol)
-        seconds, none = time.process_time() - began, np.zeros(len(times))
+        seconds, none = time.process_time() - began, np.zeros(len(motion.times))
         return extended(
             motion,
             ContactMotion,

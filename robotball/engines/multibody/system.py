@@ -272,6 +272,9 @@ class System:
                 row[places[name]] += ratio
         self.limits = self.motors[:, _LIMIT]
         self.limited = np.flatnonzero(np.isfinite(self.limits)).tolist()
+        self.ranges = [
+            (HINGES + i, each.range) for i, each in enumerate(scene.ball.tree[1:]) if each.range
+        ]
         self.resistance = scene.friction.rolling
         self.modes = Modes(np.zeros(len(laws), dtype=np.int64))
         self.end = np.inf

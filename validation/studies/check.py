@@ -6,10 +6,11 @@ leaving out one after the other, and are put in the order of their effect. The f
 """
 
 import difflib
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from html import escape as html
+from html import escape as html_escape
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,10 +21,9 @@ from rich.markup import escape
 from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError, Scene, integrate
-from robotball.errors import check_positive
-from robotball.drives import Rate, as_drive
-from robotball.engines.mujoco import LABEL
+from robotball.drives import Constant, Drive, as_drive
 from robotball.equations import ROLLING_MODELS, Rolling
+from robotball.errors import SceneWarning, check_positive
 from robotball.files.mended_file import Change, Editable, compiled, editable
 from robotball.files.robot_file import (
     RobotFile,
@@ -36,8 +36,18 @@ from robotball.files.robot_file import (
 )
 from robotball.motion import Motion
 from robotball.rotations import Array
+from robotball.scene import GRAVITY
 from validation.options import AGREES, DISAGREES, OUT, Duration, File, Names, check_files
-from validation.output import Show, progress_bar, scientific, title, writable_folder, write_text
+from validation.output import (
+    Show,
+    progress_bar,
+    scientific,
+    title,
+    versions,
+    writable_folder,
+    write_text,
+)
+from validation.report import embedded, folded, page, paragraph, plain, table, text
 from validation.study import Column, Study, present, table_of
 
 _INTERVAL = 0.01  # s between the points that are compared, or the model's own step
@@ -45,37 +55,46 @@ _LEAST_STEP = 1e-4  # s, the shortest that is tried
 _STANDS = 1e-3  # of the radius: a robot that rolls less in all is moved
 _NEARER = 0.5  # times the other's error: a rolling model so near is the one that the file has
 
-Controls = Mapping[str, Rate]
-
-
 @dataclass(frozen=True)
 class Own:
     """A user's model, how it is controlled, and where it starts.
 
-    controls: of actuators by name; the others keep those of the keyframe.
+    controls: of actuators by name; the others keep those of the keyframe. push: of the robot as a
+    whole at the start, the speed along X at which it rolls [m/s].
     """
 
     robot: RobotFile
-    controls: Controls
+    controls: Mapping[str, Drive]
     key: str | None
+    push: float = 0.0
 
     def begin(self) -> mujoco.MjData:
-        data = self.robot.start(self.key)
+        """Return MjData at the start."""
+        robot, data = self.robot, self.robot.start(self.key)
         self.control(data)
+        if self.push:
+            root = int(robot.model.body_rootid[robot.model.geom_bodyid[robot.sphere]])
+            first = int(robot.model.body_dofadr[root])
+            radius = float(robot.model.geom_size[robot.sphere, 0])
+            turning = np.array([0.0, self.push / radius, 0.0])
+            arm = data.xpos[root] - data.geom_xpos[robot.sphere]
+            data.qvel[first : first + 3] = [self.push, 0.0, 0.0] + np.cross(turning, arm)
+            data.qvel[first + 3 : first + 6] = data.xmat[root].reshape(3, 3).T @ turning
+            mujoco.mj_forward(robot.model, data)
         return data
 
     def control(self, data: mujoco.MjData) -> None:
         """Set the controls at the data's time, as a loop around mj_step would."""
         for name, value in self.controls.items():
-            data.ctrl[self.robot.model.actuator(name).id] = as_drive(value).rate(data.time)
+            data.ctrl[self.robot.model.actuator(name).id] = value.rate(data.time)
 
     def scene(self, rolling: Rolling, duration: float) -> Scene:
         """Return the scene that the reference rolls."""
-        return _scene_of(self.robot, self.robot.start(self.key), self.controls, rolling, duration)
+        return _scene_of(self.robot, self.begin(), self.controls, rolling, duration)
 
     @property
     def steady(self) -> bool:
-        return all(isinstance(value, int | float) for value in self.controls.values())
+        return all(isinstance(value, Constant) for value in self.controls.values())
 
     def path(self, times: Array) -> Array:
         """Return the contact points (n, 2) [m] at equal times (n,) [s]; NaN where it diverged."""
@@ -291,13 +310,14 @@ def _friction(contact: Any, theory: Motion, condim: int) -> Iterator[Change]:
 class Checked:
     """A model as it is beside its reference, and mended.
 
-    error: as it is; since: when it passes the accuracy [s]; others: the error by the rolling models
+    ended: the joint whose range ends both, before the time that was asked for; error: as it is; since: when it passes the accuracy [s]; others: the error by the rolling models
     that are farther; needed: changes by their effect, with the error after each and the error where
     it alone is undone; spared: the others, with the error after each; text: the mended file;
     mended: its path.
     """
 
     theory: Motion
+    ended: str | None
     path: Array
     error: float
     since: float | None
@@ -313,7 +333,8 @@ class Checked:
 
 def _error(path: Array, theory: Motion) -> float:
     """Return the largest distance of a path (n, 2) over the reference's length; inf if it broke."""
-    away = np.linalg.norm(path - theory.contact_point, axis=1) / theory.path_scale
+    theirs = theory.contact_point
+    away = np.linalg.norm(path[: len(theirs)] - theirs, axis=1) / theory.path_scale
     return float(away.max()) if np.all(np.isfinite(away)) else np.inf
 
 
@@ -331,13 +352,12 @@ def check_model(
     times = interval * np.arange(max(2, round(duration / interval) + 1))
     show(0.0, "equations")
     theories = _theories(own, rolling, times)
-    times = min((each.times for each in theories.values()), key=len)
     show(0.2, "as it is")
-    path = own.path(times)
-    errors = {name: _error(path[: len(each.times)], each) for name, each in theories.items()}
+    path = own.path(max((each.times for each, _ in theories.values()), key=len))
+    errors = {name: _error(path, each) for name, (each, _) in theories.items()}
     default = next(iter(errors))
     nearest = min(errors, key=lambda name: errors[name] / (_NEARER if name != default else 1.0))
-    theory = theories[nearest]
+    theory, ended = theories[nearest]
     times, path = theory.times, path[: len(theory.times)]
     seen = observe(own, float(times[-1]))
     since = np.flatnonzero(
@@ -366,7 +386,7 @@ def check_model(
     ranked = _by_effect(needed, error_of)
     spared = [each for each in every_change if each.name not in {one.name for one in needed}]
     return Checked(
-        theory, path, as_it_is,
+        theory, ended, path, as_it_is,
         since=float(times[since[0]]) if len(since) else None,
         others={name: error for name, error in errors.items() if name != nearest},
         seen=seen,
@@ -386,19 +406,28 @@ _LOOSE = 1.1  # times the least error, where the accuracy is out of reach
 _Measure = Callable[[Sequence[Change]], float]
 
 
-def _theories(own: Own, rolling: Rolling | None, times: Array) -> dict[Rolling, Motion]:
+def _theories(
+    own: Own, rolling: Rolling | None, times: Array
+) -> dict[Rolling, tuple[Motion, str | None]]:
     """Return the motions of the rolling models, that of the contact's condim first.
 
-    Raises InputError where there is none.
+    With each is the line of what ended it early, if anything did. Raises InputError where there is
+    no motion.
     """
-    data, found, refused = own.begin(), {}, None
+    data, found, refused = own.begin(), {}, InputError("")
     default: Rolling = "classical" if _contact(own.robot, data).dim == 3 else "rubber"
     for each in [rolling] if rolling else sorted(ROLLING_MODELS, key=lambda name: name != default):
+        scene = own.scene(each, float(times[-1]))
         try:
-            found[each] = integrate(own.scene(each, float(times[-1])), times)
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always", SceneWarning)
+                motion = integrate(scene, times)
+            short = len(motion.times) < len(times)
+            found[each] = motion, (str(caught[-1].message) if short else None)
         except InputError as error:
-            refused = error
-    if not found and refused:
+            unlikely = "; ".join(_unlikely(scene))
+            refused = InputError(f"{error}{unlikely and f'; perhaps {unlikely}'}")
+    if not found:
         raise refused
     return found
 
@@ -436,23 +465,24 @@ _USUAL = 0.02  # relative: a gravity that is nearer to the Earth's is usual
 
 
 def _unlikely(scene: Scene) -> Iterator[str]:
-    """Yield what both motions have, and which the author may not mean."""
+    """Yield what both motions have, and the author may not mean: gravity first, then gears."""
     if abs(scene.gravity / GRAVITY - 1) > _USUAL:
         yield f"gravity: it is {scene.gravity:g} m/s², where the Earth's is {GRAVITY:g}"
-    slides = {hinge.name: hinge.slides for hinge in scene.hinges}
-    weight = scene.ball.mass * scene.gravity
+    inside = {link.name: link for link in scene.ball.tree[1:]}
+    levers = sum(link.mass * float(np.linalg.norm(link.centre)) for link in inside.values())
+    times = np.linspace(0.0, scene.duration, 101)
     for each in scene.actuators:
-        law, command = each.law, as_drive(each.command)
-        times = np.linspace(0.0, scene.duration, 101)
-        most = float(np.abs(law.torque(command.rate(times), 0.0, 0.0)).max())
+        law, command = each.law, as_drive(each.command, scene.duration)
+        # A servo's torque falls as it follows; a motor's does not.
+        lasts = not (law.per_angle or law.per_rate)
+        torque = float(np.abs(law.torque(command.rate(times), 0.0, 0.0)).max())
         for name, gear in each.gears:
-            limit, unit = (weight, "N") if slides[name] else (weight * scene.ball.radius, "N m")
-            if not gear:
-                yield f"gear: {each.name} has a gear of 0, and does not move {name}"
-            elif not (law.per_angle or law.per_rate) and most * abs(gear) > limit:
+            slides = inside[name].slides
+            holds = scene.gravity * (inside[name].mass if slides else levers)
+            if lasts and torque * abs(gear) > holds > 0:
                 yield (
-                    f"gear: {each.name} puts {most * abs(gear):.3g} {unit} on {name}, by a gear of "
-                    f"{gear:g}; the whole weight holds {limit:.3g}"
+                    f"gear: {each.name} puts {torque * abs(gear):.3g} {'N' if slides else 'N m'} "
+                    f"on {name} by a gear of {gear:g}, against weights of {holds:.3g}"
                 )
 
 
@@ -475,23 +505,31 @@ def _stands(own: Own) -> bool:
     return bool(np.nanmax(np.abs(path)) < _STANDS * robot.model.geom_size[robot.sphere, 0])
 
 
-def _moved(own: Own) -> Own:
-    """Return a model with controls that move it: a quarter of their range, or what is usual."""
+def _moved(own: Own) -> tuple[Own, str]:
+    """Return a model with controls that move it, or a push where it has none; and words on it."""
     model = own.robot.model
-    weight = float(model.body_subtreemass[0] * np.linalg.norm(model.opt.gravity))
-    torque = 0.05 * weight * float(model.geom_size[own.robot.sphere, 0])
-    controls = {}
+    radius = float(model.geom_size[own.robot.sphere, 0])
+    gravity = float(np.linalg.norm(model.opt.gravity))
+    torque = _TORQUE * float(model.body_subtreemass[0]) * gravity * radius
+    controls: dict[str, Drive] = {}
     for i in range(model.nu):
-        gain, gear = float(model.actuator_gainprm[i, 0]), float(model.actuator_gear[i, 0])
-        value = 2.0 / gear if model.actuator_biasprm[i, 2] else torque / (gain * gear)
-        value = 0.3 / gear if model.actuator_biasprm[i, 1] else value
+        scale = float(model.actuator_gear[i, 0] * model.actuator_gainprm[i, 0])
+        _, angle, rate = model.actuator_biasprm[i, :3]
+        value = _ANGLE if angle else _RATE if rate else torque / (abs(scale) or 1.0)
         if model.actuator_ctrllimited[i]:
             value = min(value, float(model.actuator_ctrlrange[i, 1]) / 4)
-        controls[model.actuator(i).name] = value
-    return replace(own, controls=controls)
+        controls[model.actuator(i).name] = Constant(value)
+    if not controls:
+        push = float(np.sqrt(gravity * radius)) / 2
+        return replace(own, push=push), f"a push, rolling at {push:.2g} m/s"
+    given = ", ".join(f"{name}={value.rate(0.0):.3g}" for name, value in controls.items())
+    return replace(own, controls=controls), given
 
 
-# Output
+# Controls of a robot that would not move: rad, rad/s, and of the weight at the radius.
+_ANGLE, _RATE, _TORQUE = 0.3, 2.0, 0.03
+
+
 COLUMNS = (
     Column("change", "change", words=True),
     Column("path error\nafter it", "error"),
@@ -500,68 +538,76 @@ COLUMNS = (
 )
 
 
-def study_of(own: Own, checked: Checked, accuracy: float, mended: Path | None) -> Study:
-    """Return the table, record, picture and words of a checked model."""
-    theory, name = checked.theory, own.robot.path.name
-    rows = [{"change": "as it is", "error": checked.error, "undone": None, "words": ""}]
-    for change, error, undone in checked.needed:
-        rows.append({"change": f"+ {change.name}", "error": error, "undone": undone, "words": change.words})
-    for change, error in checked.spared:
-        rows.append({"change": f"({change.name})", "error": error, "undone": None, "words": change.words})
-    rows = [{**row, "error": _finite(row["error"]), "undone": _finite(row["undone"])} for row in rows]
-    verdict = _verdict(own, checked, accuracy)
-    lines = [*verdict, *_symptoms(own, checked)]
-    ends = _ending(checked, accuracy, mended)
+def study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) -> Study:
+    """Return the table, record, picture and words of a checked model; words: known before."""
+    theory, file = checked.theory, own.robot.path
+    rows = [_row("as it is", checked.error)]
+    rows += [_row(f"+ {each.name}", *errors, each.words) for each, *errors in checked.needed]
+    rows += [_row(f"({each.name})", error, words=each.words) for each, error in checked.spared]
+    lines = [*words, *_verdict(checked, accuracy), *_symptoms(own, checked)]
+    if checked.needed:
+        reached = "" if checked.mended_error <= accuracy else f", more than {accuracy:g}"
+        error = scientific(checked.mended_error)
+        lines.append(f"mended: path error {error}{reached}")
     return Study(
-        own.robot.path.stem, LABEL, ["check"], rows,
+        file.stem, None, ["check"], rows,
         record={
-            "file": str(own.robot.path),
+            "file": str(file),
             "rolling": theory.scene.rolling,
             "duration": float(theory.times[-1]),
             "accuracy": accuracy,
             "path_error": _finite(checked.error),
             "since": checked.since,
-            "other_rolling": {each: _finite(error) for each, error in checked.others.items()},
-            "cause": checked.needed[0][0].name if checked.needed else None,
-            "notes": list(own.robot.notes),
-            "seen": lines,
+            "other_rolling": {name: _finite(each) for name, each in checked.others.items()},
+            "causes": _causes(checked, accuracy),
+            "lines": lines,
             "changes": rows,
-            "mended": None if mended is None else str(mended),
             "mended_error": _finite(checked.mended_error),
         },
         shown=(
-            f"[bold]{escape(name)}[/], as it is: {escape(verdict[0])}",
-            *map(escape, lines[1:]),
+            f"[bold]{escape(file.name)}[/]",
+            *map(escape, lines),
             *([table_of(COLUMNS, rows)] if len(rows) > 1 else []),
-            *map(escape, ends),
         ),
-        picture=_picture(name, checked, accuracy),
+        picture=_picture(file.name, checked, accuracy),
     )  # fmt: skip
+
+
+def _row(change: str, error: float, undone: float | None = None, words: str = "") -> dict[str, Any]:
+    return {"change": change, "error": _finite(error), "undone": _finite(undone), "words": words}
 
 
 def _finite(value: float | None) -> float | None:
     return None if value is None or not np.isfinite(value) else float(value)
 
 
-def _verdict(own: Own, checked: Checked, accuracy: float) -> list[str]:
-    """Return how far the model is off, and by which rolling model; then the first cause."""
-    theory, error = checked.theory, checked.error
-    off = f"path error {scientific(error)}" if np.isfinite(error) else "it diverges"
-    length, end = theory.path_length, theory.times[-1]
-    when = "" if checked.since is None else f", beyond {accuracy:g} from t = {checked.since:.2g} s on"
-    lines = [f"{off} of {length:.3g} m in {end:.3g} s{when}"]
-    others = "".join(f" ({name}: {scientific(each)})" for name, each in checked.others.items())
-    lines.append(f"rolling: {theory.scene.rolling}{others}")
-    causes = [*_unlikely(theory.scene), *_reached(checked)]
+def _causes(checked: Checked, accuracy: float) -> list[str]:
+    """Return the causes of an error, the first one first."""
+    causes = [f"limit: {checked.ended}"] if checked.ended else []
     causes += [f"{change.name}: {change.words}" for change, *_ in checked.needed]
-    if causes:
-        lines.append(f"cause: {causes[0]}")
-    elif checked.error > accuracy:
-        lines.append(
-            "cause: none of the recipe's choices; a sensitive motion leaves any path in time, so "
-            "try a shorter --duration"
+    for line in _unlikely(checked.theory.scene):
+        # A gear is in both motions, and the cause only where nothing else is.
+        first = line.startswith("gravity") or checked.mended_error > accuracy
+        causes.insert(0 if first else len(causes), line)
+    if not causes and checked.error > accuracy:
+        causes.append(
+            "unknown: no choice of the recipe helps; a sensitive motion leaves any path in time, "
+            "so try a shorter --duration"
         )
-    return lines
+    return causes
+
+
+def _verdict(checked: Checked, accuracy: float) -> Iterator[str]:
+    """Yield how far the model is off, by which rolling model, and the first cause."""
+    theory, error = checked.theory, checked.error
+    off = f"path error {scientific(error)}" if np.isfinite(error) else "diverges"
+    length, end = theory.path_length, theory.times[-1]
+    when = "" if checked.since is None else f", beyond {accuracy:g} from t = {checked.since:.2g} s"
+    yield f"as it is: {off} over a path of {length:.3g} m in {end:.3g} s{when}"
+    others = "".join(f" ({name}: {scientific(each)})" for name, each in checked.others.items())
+    yield f"rolling: {theory.scene.rolling}{others}"
+    for cause in _causes(checked, accuracy)[:1]:
+        yield f"cause: {cause}"
 
 
 def _symptoms(own: Own, checked: Checked) -> Iterator[str]:
@@ -587,17 +633,28 @@ def _symptoms(own: Own, checked: Checked) -> Iterator[str]:
             yield f"servo: {name} misses its command by {lag:.0%} (root mean square)"
 
 
-def _ending(checked: Checked, accuracy: float, mended: Path | None) -> Iterator[str]:
-    if mended is None:
-        return
-    reached = "" if checked.mended_error <= accuracy else f", more than the {accuracy:g} asked for"
-    yield f"mended: {mended}, path error {scientific(checked.mended_error)} by plain mj_step{reached}"
-
-
 def difference(checked: Checked) -> list[str]:
     """Return the lines in which the mended file differs from the user's, as a diff has them."""
     before, after = (text.splitlines() for text in (checked.edit.source, checked.text))
     return list(difflib.unified_diff(before, after, "as it is", "mended", n=0, lineterm=""))[:_MOST_LINES]
+
+
+def page_of(study: Study, checked: Checked, picture: Path) -> str:
+    """Return the HTML page of a check, with its picture."""
+    first, *lines = study.record["lines"] if study.record else [""]
+    image = embedded(picture.read_bytes(), "image/png")
+    cells = [[column.text(row) for column in COLUMNS] for row in study.rows]
+    body = [
+        f"<h1>{text(study.scene)}</h1>",
+        *map(paragraph, [first, *lines]),
+        f'<figure><img alt="paths and errors" src="{image}"></figure>',
+        "<h2>What each change is worth</h2>",
+        table([column.header for column in COLUMNS], cells),
+        "<h2>The changes</h2>",
+        f'<pre class="wide">{html_escape(chr(10).join(difference(checked)))}</pre>',
+        folded("Versions", plain(versions()), short=True),
+    ]
+    return page(f"robotball: check of {study.scene}", body)
 
 
 def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
@@ -616,6 +673,8 @@ def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
         right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
     left.set_adjustable("datalim")
+    if not np.any(theory.contact_point) or not np.any(path):
+        right.set_yscale("linear")
     right.axhline(accuracy, color="gray", linestyle=":", label="asked for")
     right.set(xlabel="t [s]", title="path error over the path's length")
     for axes in (left, right):
@@ -663,20 +722,18 @@ class Check:
         own = Own(robot, {}, self.keyframe)
         notes = [*robot.notes, *_starts_off(robot, own.begin())]
         if _stands(own):
-            own = _moved(own)
-            given = ", ".join(f"{name}={value:.3g}" for name, value in own.controls.items())
-            notes.append(f"nothing moves it; checked with {given or 'a push'}; see --control")
-        for note in notes:
-            print(f"{self.file.name}: {note}")
+            own, given = _moved(own)
+            notes.append(f"nothing moves it; it is checked with {given}; see --control")
         duration = 10.0 if self.duration is None else self.duration
         with progress_bar(1) as show:
             checked = check_model(own, self.rolling, duration, self.accuracy, show)
-        mended = None
+        study = study_of(own, checked, self.accuracy, notes)
+        stem = self.out / study.stem()
+        picture, *_ = present(study, stem.with_suffix(".png"), self.json, None)
+        write_text(stem.with_suffix(".html"), page_of(study, checked, picture))
+        print(picture, stem.with_suffix(".html"), sep="\n")
         if checked.needed:
             mended = self.out / f"{self.file.stem}-mended.xml"
             write_text(mended, checked.text)
-        study = study_of(own, checked, self.accuracy, mended)
-        stem = study.stem()
-        present(study, self.out / f"{stem}.png", self.json, None)
-        print(*difference(checked), sep="\n")
+            print(mended, *difference(checked), sep="\n")
         return AGREES if checked.error <= self.accuracy else DISAGREES

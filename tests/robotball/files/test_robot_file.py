@@ -61,7 +61,23 @@ FILTERED = (
     .replace('ctrl=".03 20"', 'ctrl=".12 20" act="-.02 1"')
 )
 
-ROBOTS = {"plate.xml": PLATE, "gimbal.xml": GIMBAL, "hull.urdf": HULL, "filtered.xml": FILTERED}
+# Limits of a joint and of a motor that are not the same both ways; a rotor of the motor's own.
+LIMITED = (
+    PLATE.replace(
+        'gear="2" ctrlrange="-1 1"', 'gear="-2" ctrlrange="-.5 .5" armature=".0004" damping=".002"'
+    )
+    .replace('<joint name="axle"', '<joint name="axle" actuatorfrcrange="-.1 .04"')
+    .replace('kv=".01"', 'kv=".01" forcerange="-.01 .06"')
+    .replace('ctrl=".03 20"', 'ctrl="-.2 8"')
+)
+
+ROBOTS = {
+    "plate.xml": PLATE,
+    "gimbal.xml": GIMBAL,
+    "hull.urdf": HULL,
+    "filtered.xml": FILTERED,
+    "limited.xml": LIMITED,
+}
 
 
 def written(folder: Path, name: str, text: str) -> Path:
@@ -100,6 +116,7 @@ CHANGED = {
     "gimbal.xml": ('coef="-1"', 'coef="1"'),
     "hull.urdf": ('xyz="0.03 0', 'xyz="-0.03 0'),
     "filtered.xml": ('dynprm=".2"', 'dynprm=".3"'),
+    "limited.xml": ('armature=".0004"', 'armature=".0005"'),
 }
 
 
@@ -108,7 +125,7 @@ CHANGED = {
 def test_a_robots_scene_rolls_as_its_own_model_in_fine_steps(name: str, tmp_path: Path) -> None:
     """Wherever the file has its root, with gears, tendons, servos, filters, slides and springs.
 
-    Measured 3.3e-6, 3.6e-5, 7.4e-6 and 7.0e-5 of the path; the contact's softness dominates.
+    Measured 3.3e-6, 3.6e-5, 7.4e-6, 7.0e-5 and 2.1e-6 of the path; the contact's softness dominates.
     """
     path, times = written(tmp_path, name, ROBOTS[name]), np.linspace(0.0, 0.6, 13)
     points = own_steps(open_robot(path), times)
@@ -168,7 +185,7 @@ def test_a_scene_file_names_a_robots(tmp_path: Path) -> None:
         ("keyframe =", "keyfram ="): "no key beside robot is called 'keyfram'; did you mean",
         ("duration = 3", "duration = -3"): "duration must be positive and finite, not -3 s",
         ("fly = 15", "flies = 15"): "no actuator is called 'flies'; there are drive, fly",
-        ("mybot.xml", "nobot.xml"): "nobot.xml: No such file or directory",
+        ("mybot.xml", "nobot.xml"): "nobot.xml: ParseXML: Error opening file",
     }.items():
         with pytest.raises(rb.InputError, match=re.escape(line)):
             rb.load_scene(written(tmp_path, "not.toml", NAMED.replace(*change)))
@@ -303,8 +320,15 @@ REFUSED = {
         ('<motor name="drive"', '<general dyntype="muscle" name="drive"'),
     "axle starts at 0 rad, outside its range of 0.0872665 to 1.0472":
         ('name="axle"', 'name="axle" range="5 60"'),
-    "fly: forcerange -1 2 is not the same both ways":
-        ('kv=".01"', 'kv=".01" forcerange="-1 2"'),
+    "axle: actuatorfrcrange is supported for a joint with one actuator":
+        ("<mujoco>", '<mujoco><default><joint actuatorfrcrange="-1 1"/></default><actuator>'
+         '<motor joint="axle"/></actuator>'),
+    "a flag that disables gravity, contacts or other forces":
+        ("<worldbody>", '<option><flag gravity="disable"/></option><worldbody>'),
+    "an actuator's delay": ('gear="2"', 'gear="2" delay=".01" nsample="5"'),
+    "an actuatorfrcrange or armature of a tendon":
+        ("<actuator>",
+         '<tendon><fixed armature="1"><joint joint="spin" coef="1"/></fixed></tendon><actuator>'),
     "the file has 2 planes":
         ("<worldbody>", '<worldbody><geom type="plane" size="1 1 1" pos="0 0 -1"/>'),
     "XML parse error": ("</mujoco>", ""),

@@ -23,7 +23,7 @@ from tyro.conf import subcommand
 from robotball.cores import at_most
 from robotball.errors import InputError, SceneWarning, unknown
 from robotball.files.replacing import STANDARD_OUTPUT
-from validation.options import BAD_INPUT, Names
+from validation.options import BAD_INPUT, Controls, Names
 
 
 @contextlib.contextmanager
@@ -181,7 +181,7 @@ def parse(arguments: Sequence[str]) -> _Command:
 def _check_each_is_given_once(command: type[_Command], arguments: Sequence[str]) -> None:
     """Raises InputError for an option that stands twice: all but the last would be lost."""
     fields = get_type_hints(command, include_extras=True)
-    lists = {f"--{name}" for name, kind in fields.items() if kind == Names}
+    lists = {f"--{name}" for name, kind in fields.items() if kind in (Names, Controls)}
     options = [each.partition("=")[0] for each in arguments if each.startswith("--")]
     for option, times in Counter(each.replace("_", "-") for each in options).items():
         if times > 1 and option not in lists:

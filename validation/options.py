@@ -32,6 +32,16 @@ PRESET = "naive|fast|balanced|accurate|adaptive"
 Preset = DisallowNone[Annotated[str | None, arg(metavar=PRESET, help_behavior_hint="")]]
 # One value an option, so that it never takes the scenes that follow; `listed` reads it.
 Names = UseAppendAction[Annotated[tuple[str, ...], arg(metavar="NAME,…", help_behavior_hint="")]]
+_CONTROL_HELP = (
+    "A control of an actuator of a robot's own file, in place of the file's: a number, or a table "
+    "(.csv, .npz) of time and value, by smooth curves between; once for each actuator."
+)
+Controls = UseAppendAction[
+    Annotated[
+        tuple[str, ...],
+        arg(name="control", metavar="NAME=VALUE|FILE", help=_CONTROL_HELP, help_behavior_hint=""),
+    ]
+]
 
 _THREADS_HELP = (
     "How many cores to work on; all that this process may use if not given. The numbers are the "

@@ -17,7 +17,9 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from robotball import Fault, Motion, Scene, catalog, load_scene
+from robotball import Fault, InputError, Motion, Scene, catalog, load_scene
+from robotball.drives import Rate
+from robotball.files.columns import read_samples
 from robotball.motion import Label
 from validation.agreement import Agreement
 from validation.output import (
@@ -34,14 +36,38 @@ from validation.sensitivity import Sensitivity
 _ALL = "all"  # of an engine's presets
 
 
-def scenes_of(names: Sequence[str]) -> dict[str, Scene]:
+def controls_of(texts: Sequence[str]) -> dict[str, Rate]:
+    """Return the controls of texts `NAME=VALUE` or `NAME=FILE`, a table of two columns.
+
+    Raises InputError for a text of another form, and for a name that is given twice.
+    """
+    controls: dict[str, Rate] = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if not name or not value or name in controls:
+            raise InputError(f"--control takes NAME=VALUE or NAME=FILE, once a name, not {text!r}")
+        try:
+            controls[name] = float(value)
+        except ValueError:
+            controls[name] = read_samples(Path(value))
+    return controls
+
+
+def controlled(name: str, texts: Sequence[str]) -> Scene:
+    """Return a scene with the controls of `controls_of`, after which it is named as well."""
+    scene = load_scene(name, controls_of(texts))
+    words = [re.sub("=.*/", "=", text) for text in texts]  # without the folders of tables
+    return replace(scene, name=file_name(scene.name, None, words)) if texts else scene
+
+
+def scenes_of(names: Sequence[str], controls: Sequence[str] = ()) -> dict[str, Scene]:
     """Return the scenes of catalog names and paths, by these; each once, and none named alike.
 
-    Those of files with the same name in two folders are named after the folder as well. Raises
-    InputError where one cannot be loaded.
+    controls: texts as `controls_of` takes them. Those of files with the same name in two folders
+    are named after the folder as well. Raises InputError where one cannot be loaded.
     """
     distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
-    scenes = [load_scene(name) for name in distinct.values()]
+    scenes = [controlled(name, controls) for name in distinct.values()]
     often = Counter(scene.name for scene in scenes)
     named: list[Scene] = []
     for path, scene in zip(distinct, scenes, strict=True):

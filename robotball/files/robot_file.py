@@ -10,6 +10,7 @@ In order: the scene, the model with what the file leaves out, the tree, the star
 the joints and actuators.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field
@@ -31,6 +32,9 @@ from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
 from robotball.rotations import Array, from_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
 
+# The flags that switch off what the equations have.
+_OFF = ("CONSTRAINT", "FRICTIONLOSS", "CONTACT", "SPRING", "DAMPER", "GRAVITY", "ACTUATION")
+_FORCES = sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")) for name in _OFF)
 # A model has plain numbers, which MuJoCo's enumerations do not equal.
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 _SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
@@ -39,6 +43,7 @@ _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT
 _SPHERE, _PLANE = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_PLANE)
 # What the scene's own model calls its parts; a user's body of such a name gets another.
 _OURS = ("shell", "frame", "floor")
+_NO_LIMITS = (-np.inf, np.inf)
 _LEVEL = 1 - 1e-12  # cosine: a plane or a gravity that is tilted by less is level
 _DURATION = 10.0  # s, the longest of a scene from a file, which has none
 _HEIGHT = 1e-6  # of the radius, and of a velocity: a start that misses by less is on the plane
@@ -117,6 +122,7 @@ def _scene_of(
     """Return the scene of a file's robot, which rolls on the plane from its start."""
     model, contact = robot.model, _contact(robot, data)
     ball, joints = _tree_of(robot)
+    gears = _gears(model)
     links = dict(zip(joints, (link.name for link in ball.links), strict=True))
     to_plane = _plane_axes(robot, data)
     down = to_plane @ model.opt.gravity
@@ -148,8 +154,8 @@ def _scene_of(
         frame_rate=0.0,
         rotor_rates=(),
         link_rates=(0.0,) * len(joints),
-        motors=tuple(_passive(model, joint) for joint in joints),
-        actuators=tuple(_actuators(model, links, data, controls)),
+        motors=tuple(_passive(model, joint, gears) for joint in joints),
+        actuators=tuple(_actuators(model, links, data, controls, gears)),
         gravity=gravity,
         gravity_direction=DOWN if level else tuple((down / gravity).tolist()),
         friction=Friction(rolling=float(contact.friction[3]) if contact.dim == 6 else 0.0),
@@ -249,11 +255,18 @@ def _check_supported(model: Any) -> None:
         "a tendon with a spring, a damper, friction or limits": np.concatenate(
             [np.ravel(getattr(model, f"tendon_{each}")) for each in tendons]
         ),
-        "an actuatorfrcrange": model.jnt_actfrclimited,
-        "an actuator's own armature or damping": [
-            *model.actuator_armature,
-            *model.actuator_damping,
+        "an actuatorfrcrange or armature of a tendon": [
+            *model.tendon_actfrclimited,
+            *model.tendon_armature,
         ],
+        "an actuator's delay": model.actuator_delay,
+        "an actuator with several controls": model.actuator_ctrlnum != 1,
+        "an actuator's damping that is no constant": model.actuator_dampingpoly,
+        "a plugin": model.nplugin,
+        "a joint that yields (springyield)": model.jnt_springyield,
+        "a surface that moves (surfacevel)": model.geom_surfacevel,
+        "a flag that disables gravity, contacts or other forces": model.opt.disableflags & _FORCES,
+        "a group of disabled actuators": model.opt.disableactuator,
     }
     for what, values in unsupported.items():
         if np.any(values):
@@ -447,16 +460,27 @@ def _contact(robot: RobotFile, start: Any) -> Any:
     )
 
 
-def _passive(model: Any, joint: int) -> Free:
+def _gears(model: Any) -> dict[str, dict[int, float]]:
+    """Return the actuators by name, with the joints that each moves and the ratio of each."""
+    gears: dict[str, dict[int, float]] = {}
+    for i in range(model.nactuator):
+        name = model.actuator(i).name or f"actuator{i}"
+        gears[name] = dict(_moved(model, i, name))
+    return gears
+
+
+def _passive(model: Any, joint: int, gears: Mapping[str, Mapping[int, float]]) -> Free:
+    """Return what a joint has without its actuators' forces; their rotors turn with it."""
     dof = int(model.jnt_dofadr[joint])
     if np.any(model.jnt_stiffnesspoly[joint]) or np.any(model.dof_dampingpoly[dof]):
         name = model.joint(joint).name
         raise InputError(f"{name}: a stiffness or damping that is no constant is not supported")
+    squares = np.array([moved.get(joint, 0.0) ** 2 for moved in gears.values()])
     return Free(
-        damping=float(model.dof_damping[dof]),
+        damping=float(model.dof_damping[dof] + squares @ model.actuator_damping),
         stiffness=float(model.jnt_stiffness[joint]),
         rest=float(model.qpos_spring[model.jnt_qposadr[joint]]),
-        armature=float(model.dof_armature[dof]),
+        armature=float(model.dof_armature[dof] + squares @ model.actuator_armature),
         friction=float(model.dof_frictionloss[dof]),
     )
 
@@ -466,25 +490,44 @@ def _actuators(
     links: Mapping[int, str],
     data: Any,
     controls: Mapping[str, Rate],
+    gears: Mapping[str, Mapping[int, float]],
 ) -> Iterator[Actuator]:
     """Yield the actuators of a file, whose joints move links by name.
 
     Those without a control of their own keep the start's.
     """
-    names = [model.actuator(i).name or f"actuator{i}" for i in range(model.nu)]
     for name in controls:
-        if name not in names:
-            raise unknown("actuator", name, names)
-    for i, name in enumerate(names):
-        limited, (low, high) = model.actuator_ctrllimited[i], model.actuator_ctrlrange[i].tolist()
+        if name not in gears:
+            raise unknown("actuator", name, gears)
+    moved_by = Counter(joint for moved in gears.values() for joint in moved)
+    for i, (name, moved) in enumerate(gears.items()):
+        if len(moved) > 1 and (model.actuator_armature[i] or model.actuator_damping[i]):
+            raise InputError(f"{name}: armature or damping of its own takes a single joint")
+        low, high = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else _NO_LIMITS
+        for joint, ratio in moved.items():
+            if model.jnt_actfrclimited[joint]:
+                if len(moved) > 1 or moved_by[joint] > 1 or not ratio:
+                    raise InputError(
+                        f"{model.joint(joint).name}: actuatorfrcrange is supported for a joint "
+                        "with one actuator, which moves no other"
+                    )
+                ends = sorted(model.jnt_actfrcrange[joint] / ratio)
+                low, high = max(low, ends[0]), min(high, ends[1])
+        # A law's limit is the same both ways; what is not is a constant torque beside it.
+        middle = float(low + high) / 2 if np.isfinite(high) else 0.0
+        own = tuple((links[joint], ratio) for joint, ratio in moved.items())
+        within = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else _NO_LIMITS
+        law = _law(model, i, name)
         yield Actuator(
             name,
-            gears=tuple((links[j], ratio) for j, ratio in _gears(model, i, name)),
-            law=_law(model, i, name),
+            own,
+            law._replace(at_rest=law.at_rest - middle, limit=float(high) - middle),
             command=controls.get(name, float(data.ctrl[i])),
             activation=_activation(model, i, name, data),
-            within=(low, high) if limited else (-np.inf, np.inf),
+            within=(float(within[0]), float(within[1])),
         )
+        if middle:
+            yield Actuator(f"{name}_offset", own, Law(0.0, 0.0, 0.0, at_rest=middle))
 
 
 def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
@@ -502,7 +545,7 @@ def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
     return Activation(float(data.act[at]), settling, *(limits if limited else ()))
 
 
-def _gears(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
+def _moved(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
     """Yield the joints that an actuator moves, with the ratio of each."""
     gear, kind = float(model.actuator_gear[i, 0]), model.actuator_trntype[i]
     on = int(model.actuator_trnid[i, 0])
@@ -530,10 +573,4 @@ def _law(model: Any, i: int, name: str) -> Law:
     if model.actuator_gaintype[i] != int(mujoco.mjtGain.mjGAIN_FIXED) or not affine:
         raise InputError(f"{name}: a gain or bias that is not affine is not supported")
     b0, b1, b2 = bias[:3].tolist() if model.actuator_biastype[i] else (0.0, 0.0, 0.0)
-    limit = np.inf
-    if model.actuator_forcelimited[i]:
-        low, high = model.actuator_forcerange[i].tolist()
-        if low != -high:
-            raise InputError(f"{name}: forcerange {low:g} {high:g} is not the same both ways")
-        limit = high
-    return Law(float(gain[0]), -b1, -b2, b0, float(limit))
+    return Law(float(gain[0]), -b1, -b2, b0)

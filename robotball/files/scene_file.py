@@ -7,6 +7,7 @@ starts, bodies.
 """
 
 import tomllib
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -16,13 +17,12 @@ import msgspec
 import numpy as np
 
 from robotball import scene as starts
-from robotball.drives import Rate, Samples, Sum
+from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
 from robotball.files import contents
 from robotball.files.scene_tables import (
     DRIVES,
     Axial,
-    Command,
     FrameTable,
     HingeTable,
     MjcfTable,
@@ -31,13 +31,13 @@ from robotball.files.scene_tables import (
     PendulumTable,
     RotorTable,
     Rows,
-    SamplesTable,
     SceneTable,
     ShellInertia,
     ShellTable,
     StartTable,
     Triple,
     UrdfTable,
+    rate_of,
 )
 from robotball.robot import (
     Ball,
@@ -89,9 +89,10 @@ def entries() -> list[_Entry]:
     ]
 
 
-def load_scene(name: str | Path) -> Scene:
+def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> Scene:
     """Return the scene of a catalog name, or of a path to a TOML, MJCF or URDF file.
 
+    controls: of a robot's own file, by the names of its actuators, in place of those that it has.
     Raises InputError, with the file and the key, where there is none or it cannot be used, and
     warns of bodies that no workshop could build.
     """
@@ -99,37 +100,41 @@ def load_scene(name: str | Path) -> Scene:
     path = CATALOG / f"{name}.toml"
     if str(name) not in catalog():
         path = Path(name)
-        if path.suffix in _MODEL_FILES:
-            from robotball.files.robot_file import robot_scene
+    if path.suffix in _MODEL_FILES:
+        from robotball.files.robot_file import robot_scene
 
-            return robot_scene(path)
-        if path.suffix != ".toml":
-            with suppress(OSError):  # of a name that no file can have
-                if path.exists():
-                    raise InputError(
-                        f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF "
-                        f"file, with a name that ends in {' or '.join(_MODEL_FILES)}"
-                    )
-            raise unknown("scene", name, catalog())
-    scene = read_scene(path, contents(path))
+        scene = robot_scene(path, controls or {})
+    elif path.suffix == ".toml":
+        scene = read_scene(path, contents(path), controls)
+    else:
+        with suppress(OSError):  # of a name that no file can have
+            if path.exists():
+                raise InputError(
+                    f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF file, "
+                    f"with a name that ends in {' or '.join(_MODEL_FILES)}"
+                )
+        raise unknown("scene", name, catalog())
     for line in beyond_the_shell(scene.ball):
         warn(f"{scene.name}: {line}")
     return scene
 
 
-def read_scene(path: Path, text: bytes | str) -> Scene:
+def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | None = None) -> Scene:
     """Return the scene of a TOML file's text; the path names it. Raises InputError."""
     try:
-        table = msgspec.toml.decode(text, type=SceneTable)
+        given = msgspec.toml.decode(text)
+        if "robot" in given or controls:
+            from robotball.files.robot_table import scene_of_robot
+
+            return scene_of_robot(path, given, controls or {})
+        table = msgspec.convert(given, SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
         return _scene(path, table)
     except (msgspec.ValidationError, InputError) as error:
         from robotball.files.scene_keys import counted, explained
 
-        ours = isinstance(error, InputError)
-        raise InputError(
-            f"{path}: {counted(str(error) if ours else explained(str(error)))}"
-        ) from None
+        line = str(error) if isinstance(error, InputError) else explained(str(error))
+        raise InputError(f"{path}: {counted(line)}") from None
     # ValueError: bytes that are no text, an integer of thousands of digits; RecursionError: as
     # many brackets.
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
@@ -240,7 +245,7 @@ def _hinge(name: str, table: HingeTable, folder: Path) -> _ReadHinge:
     command = None if kind.command is None else getattr(table, kind.command)
     # A command that is not given is 0: a hinge without any keys stands still.
     try:
-        rate = _command(0.0 if command is None else command, folder)
+        rate = rate_of(0.0 if command is None else command, folder)
         motor = None if kind.motor is None else _motor(kind.motor, kind.keys, table)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
@@ -274,24 +279,6 @@ def _motor(name: str, keys: tuple[str, ...], table: HingeTable) -> Any:
     names = (field.name for field in fields(motor))
     values = {name: getattr(table, key) for name, key in zip(names, keys, strict=True)}
     return motor(**{name: value for name, value in values.items() if value is not None})
-
-
-def _command(given: Command, folder: Path) -> Rate:
-    """Return a command as a drive takes it; samples may be in a file beside the scene's."""
-    if isinstance(given, list):
-        return Sum(tuple(_command(each, folder) for each in given))
-    if not isinstance(given, SamplesTable):
-        return given
-    if given.file is not None:
-        if given.times is not None or given.values is not None:
-            raise InputError("samples take a file, or times and values, not both")
-        from robotball.files.columns import read_samples  # few scenes have such a file
-
-        return read_samples(folder / given.file)
-    if given.times is None or given.values is None:
-        missing = "times" if given.times is None else "values"
-        raise InputError(f"samples: key {missing!r} is missing, or 'file' instead")
-    return Samples(times=tuple(given.times), values=tuple(given.values))
 
 
 _START_FORMS = (

@@ -164,6 +164,10 @@ def _rows(name: str) -> Iterator[str]:
 def _documented(name: str) -> inspect.StructType:
     if name == "hinge":
         return _struct(HingeTable)
+    if name == "robot":
+        from robotball.files.robot_table import RobotTable  # with MuJoCo, which reads robots
+
+        return _struct(RobotTable)
     # Parts and commands are alike in every body; those of the frame stand for all.
     kinds = [table for path in ("frame.part", "frame.rate") for table in tables_at(path)]
     at_path = tables_at("" if name == "scene" else name)

@@ -7,12 +7,14 @@ scene.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import msgspec
 
-from robotball.drives import COMMAND, Ramp, Sine, key
+from robotball.drives import COMMAND, Ramp, Rate, Samples, Sine, Sum, key
 from robotball.equations import Rolling
+from robotball.errors import InputError
 from robotball.scene import DOWN, GRAVITY
 
 Triple = tuple[float, float, float]
@@ -43,6 +45,26 @@ class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
 
 _Told = float | Ramp | Sine | SamplesTable
 Command = _Told | list[_Told]
+
+
+def rate_of(given: Command, folder: Path) -> Rate:
+    """Return a command as a drive takes it; samples may be in a file beside the scene's."""
+    if isinstance(given, list):
+        return Sum(tuple(rate_of(each, folder) for each in given))
+    if not isinstance(given, SamplesTable):
+        return given
+    if given.file is not None:
+        if given.times is not None or given.values is not None:
+            raise InputError("samples take a file, or times and values, not both")
+        from robotball.files.columns import read_samples  # few scenes have such a file
+
+        return read_samples(folder / given.file)
+    if given.times is None or given.values is None:
+        missing = "times" if given.times is None else "values"
+        raise InputError(f"samples: key {missing!r} is missing, or 'file' instead")
+    return Samples(times=tuple(given.times), values=tuple(given.values))
+
+
 # As a type of its own, so that msgspec refuses any other word.
 _DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
 

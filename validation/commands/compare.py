@@ -17,6 +17,7 @@ from validation.options import (
     BAD_INPUT,
     DISAGREES,
     OUT,
+    Controls,
     File,
     Names,
     Run,
@@ -43,6 +44,7 @@ class Compare:
     preset: Names = ()
     """The engine's settings to run each scene with. Several: naive,fast. There are
     naive, fast, balanced (if not given), accurate, adaptive; other engines have others."""
+    control: Controls = ()
     run_options: RunOptions = field(default_factory=Run)
     plots: bool = True
     """Draw each scene's paths and momentum into the output folder."""
@@ -71,7 +73,7 @@ class Compare:
         requests = [partial(options.request, name) for name in listed(self.preset) or (None,)]
         presets = [make().engine.presets for make in requests]
         self._check_no_preset_is_a_scene(presets[0])
-        scenes = scenes_of(self.scenes)
+        scenes = scenes_of(self.scenes, self.control)
         check_files(self.json, self.csv)
         out = writable_folder(options.out)
         times = times_of(options.duration)

@@ -14,6 +14,7 @@ from tyro.conf import arg
 from validation.options import (
     AGREES,
     DISAGREES,
+    Controls,
     Preset,
     Run,
     RunOptions,
@@ -52,17 +53,19 @@ class Video:
     """Show M, the angular velocity and the contact force."""
     format: Literal["mp4", "webm", "gif"] = "mp4"
     """Of the file."""
+    control: Controls = ()
     run_options: RunOptions = field(default_factory=Run)
     threads: Threads = None
 
     def run(self) -> int:
-        from robotball import load_scene
         from robotball.film.render import Film
-        from validation.results import changed, file_name, file_stem
+        from validation.results import changed, controlled, file_name, file_stem
         from validation.runs import film
 
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
-        agreement, out = _agreement_of(load_scene(self.scene), self.preset, self.run_options)
+        agreement, out = _agreement_of(
+            controlled(self.scene, self.control), self.preset, self.run_options
+        )
         words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows")
         path = out / f"{file_name(file_stem([agreement]), None, words)}.{self.format}"
         film(path, agreement, how)
@@ -83,16 +86,16 @@ class View:
     """The engine's settings to run it with, its default if not given."""
     web: bool = False
     """Write a page for any browser, which needs no network, in place of a window."""
+    control: Controls = ()
     run_options: RunOptions = field(default_factory=Run)
 
     def run(self) -> int:
-        from robotball import load_scene
         from robotball.film.viewer import KEYS, check_display, view
         from robotball.film.web import view_page
         from validation.output import write_text
-        from validation.results import file_stem
+        from validation.results import controlled, file_stem
 
-        scene = load_scene(self.scene)
+        scene = controlled(self.scene, self.control)
         if not self.web:
             check_display()
         agreement, out = _agreement_of(scene, self.preset, self.run_options)

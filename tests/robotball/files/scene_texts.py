@@ -41,6 +41,18 @@ URDF = """
 </robot>
 """
 
+# The free joint is the shell's; a plate on an axle with a geared motor, a wheel with a servo.
+PLATE = """<mujoco><worldbody><geom type="plane" size="5 5 .1"/>
+<body name="ball" pos="0 0 .15"><freejoint/><geom name="hull" type="sphere" size=".15" mass=".6"/>
+ <body name="plate"><joint name="axle" axis="0 1 0" damping=".01"/>
+  <geom type="box" size=".06 .05 .004" pos="0 0 -.03" mass=".8" contype="0" conaffinity="0"/>
+  <body name="wheel" pos="0 0 -.05"><joint name="spin" axis="0 0 1" damping="1e-4"/>
+   <geom type="cylinder" size=".04 .008" mass=".4" contype="0" conaffinity="0"/></body>
+ </body></body></worldbody>
+<actuator><motor name="drive" joint="axle" gear="2" ctrlrange="-1 1"/>
+ <velocity name="fly" joint="spin" kv=".01"/></actuator>
+<keyframe><key name="tilted" qpos="0 0 .15 1 .1 0 0 0 0" ctrl=".03 20"/></keyframe></mujoco>"""
+
 
 def edited(old: str, new: str, text: str = FIG12) -> str:
     """The text with its one occurrence of `old` replaced."""

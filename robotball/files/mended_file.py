@@ -28,15 +28,14 @@ _Names = Mapping[tuple[str, int], str]  # of geoms and bodies, by their numbers
 class Change:
     """A change to a file, by the MJCF attributes that it sets.
 
-    words: what is wrong without it; option, flag, pair: attributes of these elements, where the
-    pair is that of sphere and plane; exclude: bodies (a, b) that pass through one another; start:
+    words: what is wrong without it; option, pair: attributes of these elements, where the pair is
+    that of sphere and plane; exclude: bodies (a, b) that pass through one another; start:
     whether the robot is set down on the plane.
     """
 
     name: str
     words: str
     option: Mapping[str, str] = field(default_factory=dict)
-    flag: Mapping[str, str] = field(default_factory=dict)
     pair: Mapping[str, str] = field(default_factory=dict)
     exclude: tuple[tuple[str, str], ...] = ()
     start: bool = False
@@ -71,12 +70,10 @@ class Editable:
         pair = dict(self.pair)
         contact = []
         for change in changes:
-            if change.option or change.flag or change.start:
+            if change.option or change.start:
                 yield _comment(change)
             if change.option:
                 yield f"<option{_attributes(change.option)}/>"
-            if change.flag:
-                yield f"<option><flag{_attributes(change.flag)}/></option>"
             if change.pair or change.exclude:
                 contact.append(f"  {_comment(change)}")
             pair |= change.pair
@@ -130,13 +127,14 @@ def editable(
     ours = {robot.sphere, robot.plane}
     pairs = zip(model.pair_geom1, model.pair_geom2, strict=True)
     own_pair = next((i for i, each in enumerate(pairs) if {*map(int, each)} == ours), None)
+    sphere, plane = (named["geom", i] for i in (robot.sphere, robot.plane))
+    still = np.zeros(3)
     for write in (_own_text, _written_text):
         try:
-            texts = [write(robot, by, new, own_pair) for by in (np.zeros(3), shift)]
-            if all(_is_same(robot, named, *each) for each in zip(texts, (0 * shift, shift))):
-                geoms = [named["geom", i] for i in (robot.sphere, robot.plane)]
-                source = write(robot, 0 * shift, {}, None)
-                return Editable(source, *texts, *geoms, pair, own_pair is not None)
+            text, moved = (write(robot, by, new, own_pair) for by in (still, shift))
+            if _is_same(robot, named, text, still) and _is_same(robot, named, moved, shift):
+                source = write(robot, still, {}, None)
+                return Editable(source, text, moved, sphere, plane, pair, own_pair is not None)
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
     raise InputError(f"{robot.path}: MuJoCo writes it as a file that it reads differently")
@@ -185,18 +183,19 @@ def _written_text(robot: RobotFile, shift: Array, names: _Names, pair: int | Non
         setattr(spec, name, folder)
     root = spec.bodies[_root(robot)]
     root.pos = root.pos + shift
-    for key in spec.keys:
+    for key in filter(lambda each: len(each.qpos), spec.keys):
         key.qpos[_free(robot)] = np.asarray(key.qpos)[_free(robot)] + shift
     spec.compile()
     return str(spec.to_xml())
 
 
 class _Element(NamedTuple):
-    """A start tag: its name, where it stands in the bytes, and its nearest body or worldbody."""
+    """A start tag, where it stands in the bytes, and its nearest body or worldbody."""
 
     tag: str
     at: int
     owner: int
+    attributes: Mapping[str, str]
 
 
 def _elements(data: bytes) -> list[_Element]:
@@ -204,8 +203,8 @@ def _elements(data: bytes) -> list[_Element]:
     owners = [-1]
     parser = ParserCreate()
 
-    def begin(tag: str, _: object) -> None:
-        found.append(_Element(tag, parser.CurrentByteIndex, owners[-1]))
+    def begin(tag: str, attributes: Mapping[str, str]) -> None:
+        found.append(_Element(tag, parser.CurrentByteIndex, owners[-1], attributes))
         owners.append(len(found) - 1 if tag in ("body", "worldbody") else owners[-1])
 
     parser.StartElementHandler = begin
@@ -230,15 +229,18 @@ def _own_text(robot: RobotFile, shift: Array, names: _Names, pair: int | None) -
 
     edits: list[tuple[int, str, Callable[[str], str]]] = []
     for (kind, i), name in names.items():
-        edits.append((element(kind, i).at, "name", lambda _, name=name: name))
+        edits.append((element(kind, i).at, "name", _constant(name)))
     if np.any(shift):
         root, first = element("body", _root(robot)).at, _free(robot).start
         edits.append((root, "pos", lambda old: _added(old, shift, 0)))
+        # A key without qpos has that of the bodies.
         for i in _all_of(elements, "key"):
+            if "qpos" not in elements[i].attributes:
+                continue
             edits.append((elements[i].at, "qpos", lambda old: _added(old, shift, first)))
     if pair is not None:
         at = elements[_all_of(elements, "pair")[pair]].at
-        edits.append((at, "", lambda _: ""))
+        edits.append((at, "", _constant("")))
     for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
         data = data[:at] + _with_attribute(data[at:].decode(), attribute, new).encode()
     text = data.decode()
@@ -263,6 +265,10 @@ def _with_attribute(text: str, name: str, new: Callable[[str], str]) -> str:
     if old:
         return text[: old.start(1)] + new(old.group(1)) + text[old.end(1) :]
     return f'{tag.group()} {name}="{new("")}"{text[tag.end() :]}'
+
+
+def _constant(value: str) -> Callable[[str], str]:
+    return lambda _: value
 
 
 def _added(numbers: str, shift: Array, at: int) -> str:

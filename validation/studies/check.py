@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape as html_escape
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import mujoco
 import numpy as np
@@ -22,7 +22,7 @@ from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
-from robotball.equations import ROLLING_MODELS, Rolling
+from robotball.equations import Rolling
 from robotball.errors import SceneWarning, check_positive
 from robotball.files.mended_file import Change, Editable, compiled, editable
 from robotball.files.robot_file import (
@@ -37,7 +37,7 @@ from robotball.files.robot_file import (
 from robotball.motion import Motion
 from robotball.rotations import Array
 from robotball.scene import GRAVITY
-from validation.options import AGREES, DISAGREES, OUT, Duration, File, Names, check_files
+from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, check_files
 from validation.output import (
     Show,
     progress_bar,
@@ -48,12 +48,14 @@ from validation.output import (
     write_text,
 )
 from validation.report import embedded, folded, page, paragraph, plain, table, text
+from validation.results import controls_of
 from validation.study import Column, Study, present, table_of
 
 _INTERVAL = 0.01  # s between the points that are compared, or the model's own step
 _LEAST_STEP = 1e-4  # s, the shortest that is tried
 _STANDS = 1e-3  # of the radius: a robot that rolls less in all is moved
 _NEARER = 0.5  # times the other's error: a rolling model so near is the one that the file has
+
 
 @dataclass(frozen=True)
 class Own:
@@ -78,7 +80,7 @@ class Own:
             radius = float(robot.model.geom_size[robot.sphere, 0])
             turning = np.array([0.0, self.push / radius, 0.0])
             arm = data.xpos[root] - data.geom_xpos[robot.sphere]
-            data.qvel[first : first + 3] = [self.push, 0.0, 0.0] + np.cross(turning, arm)
+            data.qvel[first : first + 3] = np.cross(turning, arm) + [self.push, 0.0, 0.0]
             data.qvel[first + 3 : first + 6] = data.xmat[root].reshape(3, 3).T @ turning
             mujoco.mj_forward(robot.model, data)
         return data
@@ -94,6 +96,7 @@ class Own:
 
     @property
     def steady(self) -> bool:
+        """True if no control changes, so that many steps are one call."""
         return all(isinstance(value, Constant) for value in self.controls.values())
 
     def path(self, times: Array) -> Array:
@@ -117,14 +120,14 @@ class Own:
 
 
 @dataclass
-class Seen:
+class _Seen:
     """Readings of every step of a user's model as it is.
 
     slipped, spun: over the path's length, the spin at the sphere's radius; depth: of the sphere in
-    the plane, the mean [m]; aloft: the part of the steps without contact; lost: when it was first lost [s]; inside: the part of the steps in which
-    two geoms touch, neither of which is the plane with the sphere; limits: joints that reach their
-    range, and when [s]; delivered: of the declared resistance to rolling; lag: of servos by name,
-    root mean square over the command's.
+    the plane, the mean [m]; aloft: the part of the steps without contact; lost: when it was first
+    lost [s]; inside: by two geoms that are not sphere and plane, the part of the steps in which
+    they touch; limits: joints that reach their range, and when [s]; delivered: the part of the
+    declared resistance to rolling; lag: of servos by name, root mean square over the command's.
     """
 
     slipped: float = 0.0
@@ -138,9 +141,9 @@ class Seen:
     lag: dict[str, float] = field(default_factory=dict)
 
 
-def observe(own: Own, duration: float) -> Seen:
+def _observe(own: Own, duration: float) -> _Seen:
     """Step a model as it is, and return what its contacts, joints and servos do."""
-    robot, model, data, seen = own.robot, own.robot.model, own.begin(), Seen()
+    robot, model, data, seen = own.robot, own.robot.model, own.begin(), _Seen()
     radius = float(model.geom_size[robot.sphere, 0])
     ours = {robot.sphere, robot.plane}
     limited = np.flatnonzero(model.jnt_limited)
@@ -176,13 +179,15 @@ def observe(own: Own, duration: float) -> Seen:
             seen.lost = data.time if seen.lost is None else seen.lost
         for j in limited[(data.qpos[at] < low) | (data.qpos[at] > high)]:
             seen.limits.setdefault(model.joint(j).name or f"joint {j}", data.time)
-        follows = np.where(model.actuator_biasprm[:, 1], data.actuator_length, data.actuator_velocity)
+        follows = np.where(
+            model.actuator_biasprm[:, 1], data.actuator_length, data.actuator_velocity
+        )
         asked += data.ctrl**2
         missed += (data.ctrl - follows) ** 2
     scale = max(rolled, radius / model.opt.timestep * _STANDS)
     seen.slipped, seen.spun, seen.aloft = slipped / scale, spun / scale, aloft / max(steps, 1)
     seen.depth = depth / max(steps - aloft, 1)
-    seen.inside = Counter({pair: count / steps for pair, count in seen.inside.items()})  # type: ignore[misc]
+    seen.inside = Counter({pair: count / steps for pair, count in seen.inside.items()})
     seen.delivered = float(resistance[0] / resistance[1]) if resistance[1] else None
     for i in range(model.nu):
         if model.actuator_biastype[i] and asked[i]:
@@ -190,8 +195,6 @@ def observe(own: Own, duration: float) -> Seen:
     return seen
 
 
-# Flags that change the motion; without them the reference has what the file has.
-_FLAGS = ("CONSTRAINT", "LIMIT", "CONTACT", "FRICTIONLOSS", "GRAVITY", "ACTUATION", "CLAMPCTRL")
 _SLIDE = 20.0  # the recipe's friction, beyond any demand
 _SOFTEST = 0.004  # s, of solref's time constant, and two steps at least
 _NUMBERS = "{:.9g}".format
@@ -215,42 +218,43 @@ def _pair_of(contact: Any) -> dict[str, str]:
     return {name: _text(*each) for name, each in values.items() if np.any(each)}
 
 
-def changes_of(own: Own, seen: Seen, theory: Motion, step: float) -> list[Change]:
+def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Change]:
     """Return what the recipe has otherwise than the file, at steps of a length [s].
 
-    The causes that hide all others come first.
+    Changes without which the others are not seen come first.
     """
     robot, scene = own.robot, theory.scene
     model, data = robot.model, own.begin()
     option, contact = model.opt, _contact(robot, data)
     found = []
-    off = [name for name in _FLAGS if option.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))]
-    if off:
-        names = [name.lower() for name in off]
-        words = f"a flag switches off {' and '.join(names)}"
-        found.append(Change("flags", words, flag=dict.fromkeys(names, "enable")))
     if seen.inside:
         found.append(_apart(model, seen))
     gap = _above(robot, data)[1]
     if abs(gap) > _STANDS * scene.ball.radius / 100:
         way = "above" if gap > 0 else "in"
-        found.append(Change("start", f"it starts {1e3 * abs(gap):.3g} mm {way} the plane", start=True))
+        found.append(
+            Change("start", f"it starts {1e3 * abs(gap):.3g} mm {way} the plane", start=True)
+        )
     resists = scene.friction.rolling
     condim = 6 if resists else 4 if scene.rolling == "rubber" else 3
     if contact.dim != condim:
-        lets = "lets the shell spin" if contact.dim < condim else "resists what this rolling does not"
+        lets = (
+            "lets the shell spin" if contact.dim < condim else "resists what this rolling does not"
+        )
         words = f"condim {contact.dim} {lets}; {scene.rolling} rolling has {condim}"
         found.append(Change("condim", words, pair={"condim": str(condim)}))
-    found += _friction(contact, theory, condim)
     if option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC):
         words = "the cone of friction is a pyramid, which couples its directions"
         found.append(Change("cone", words, option={"cone": "elliptic"}))
+    found += _friction(contact, theory, condim)
     if option.integrator != int(mujoco.mjtIntegrator.mjINT_RK4):
         words = "the integrator is of first order"
         found.append(Change("integrator", words, option={"integrator": "RK4"}))
     solref, solimp = (max(_SOFTEST, 2 * step), 1.0), (0.9999, 0.9999, 0.001, 0.5, 1.0)
     words = f"the contact is soft: the sphere sinks {1e3 * seen.depth:.2g} mm"
-    found.append(Change("softness", words, pair={"solref": _text(*solref), "solimp": _text(*solimp)}))
+    found.append(
+        Change("softness", words, pair={"solref": _text(*solref), "solimp": _text(*solimp)})
+    )
     if option.noslip_iterations < 1:
         words = "friction is regularized, and creeps; slip is not solved for"
         found.append(Change("noslip", words, option={"noslip_iterations": "3"}))
@@ -262,7 +266,9 @@ def changes_of(own: Own, seen: Seen, theory: Motion, step: float) -> list[Change
     if option.tolerance > 1e-8:
         solver["tolerance"] = "1e-10"
     if solver:
-        words = f"the solver ends early: {option.iterations} iterations, tolerance {option.tolerance:g}"
+        words = (
+            f"the solver ends early: {option.iterations} iterations, tolerance {option.tolerance:g}"
+        )
         found.append(Change("solver", words, option=solver))
     if step < option.timestep:
         words = f"steps of {1e3 * option.timestep:g} ms are too long"
@@ -270,11 +276,13 @@ def changes_of(own: Own, seen: Seen, theory: Motion, step: float) -> list[Change
     return found
 
 
-def _apart(model: Any, seen: Seen) -> Change:
+def _apart(model: Any, seen: _Seen) -> Change:
     """Return the change that lets bodies inside the shell pass through one another."""
     (a, b), part = seen.inside.most_common(1)[0]
     others = f", and {len(seen.inside) - 1} more pairs" if len(seen.inside) > 1 else ""
-    words = f"{_geom_name(model, a)} touches {_geom_name(model, b)} in {part:.0%} of the steps{others}"
+    words = (
+        f"{_geom_name(model, a)} touches {_geom_name(model, b)} in {part:.0%} of the steps{others}"
+    )
     bodies = {tuple(sorted(int(model.geom_bodyid[each]) for each in pair)) for pair in seen.inside}
     pairs = tuple((_body_name(model, i), _body_name(model, j)) for i, j in sorted(bodies))
     return Change("contacts", words, exclude=pairs)
@@ -310,10 +318,11 @@ def _friction(contact: Any, theory: Motion, condim: int) -> Iterator[Change]:
 class Checked:
     """A model as it is beside its reference, and mended.
 
-    ended: the joint whose range ends both, before the time that was asked for; error: as it is; since: when it passes the accuracy [s]; others: the error by the rolling models
-    that are farther; needed: changes by their effect, with the error after each and the error where
-    it alone is undone; spared: the others, with the error after each; text: the mended file;
-    mended: its path.
+    ended: the line of a joint whose range ends the reference early; path (n, 2): as it is [m];
+    error: its; since: when it passes the accuracy [s]; others: the error by the rolling model that
+    is farther; needed: changes by their effect, each with the error after it and the error where it
+    alone is undone; spared: the others, with the error after each; edit, text: the user's file and
+    the mended one; mended (n, 2): its path [m].
     """
 
     theory: Motion
@@ -322,7 +331,7 @@ class Checked:
     error: float
     since: float | None
     others: Mapping[str, float]
-    seen: Seen
+    seen: _Seen
     needed: Sequence[tuple[Change, float, float]]
     spared: Sequence[tuple[Change, float]]
     edit: Editable
@@ -359,12 +368,14 @@ def check_model(
     nearest = min(errors, key=lambda name: errors[name] / (_NEARER if name != default else 1.0))
     theory, ended = theories[nearest]
     times, path = theory.times, path[: len(theory.times)]
-    seen = observe(own, float(times[-1]))
+    seen = _observe(own, float(times[-1]))
     since = np.flatnonzero(
         ~(np.linalg.norm(path - theory.contact_point, axis=1) <= accuracy * theory.path_scale)
     )
     normal, gap = _above(robot, data)
-    edit = editable(robot, -gap * normal, _pair_of(_contact(robot, data)), _touching(robot.model, seen))
+    edit = editable(
+        robot, -gap * normal, _pair_of(_contact(robot, data)), _touching(robot.model, seen)
+    )
     known: dict[frozenset[str], float] = {}
 
     def mended(changes: Iterable[Change]) -> Array:
@@ -414,9 +425,10 @@ def _theories(
     With each is the line of what ended it early, if anything did. Raises InputError where there is
     no motion.
     """
-    data, found, refused = own.begin(), {}, InputError("")
-    default: Rolling = "classical" if _contact(own.robot, data).dim == 3 else "rubber"
-    for each in [rolling] if rolling else sorted(ROLLING_MODELS, key=lambda name: name != default):
+    found: dict[Rolling, tuple[Motion, str | None]] = {}
+    refused = InputError("")
+    default = "classical" if _contact(own.robot, own.begin()).dim == 3 else "rubber"
+    for each in [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default):
         scene = own.scene(each, float(times[-1]))
         try:
             with warnings.catch_warnings(record=True) as caught:
@@ -432,20 +444,20 @@ def _theories(
     return found
 
 
-def _touching(model: Any, seen: Seen) -> set[int]:
+def _touching(model: Any, seen: _Seen) -> set[int]:
     """Return the bodies that touch others than the plane."""
     return {int(model.geom_bodyid[each]) for pair in seen.inside for each in pair}
 
 
 def _enough(
-    own: Own, seen: Seen, theory: Motion, accuracy: float, error_of: _Measure
+    own: Own, seen: _Seen, theory: Motion, accuracy: float, error_of: _Measure
 ) -> list[Change]:
     """Return all changes, with the longest step that reaches the accuracy, or the best one."""
     step = float(own.robot.model.opt.timestep)
-    found = [changes_of(own, seen, theory, step)]
+    found = [_changes_of(own, seen, theory, step)]
     while error_of(found[-1]) > accuracy and step / 2 >= _LEAST_STEP:
         step /= 2
-        found.append(changes_of(own, seen, theory, step))
+        found.append(_changes_of(own, seen, theory, step))
     return min(found, key=lambda each: max(error_of(each), accuracy))
 
 
@@ -488,7 +500,7 @@ def _unlikely(scene: Scene) -> Iterator[str]:
 
 def _by_effect(changes: Sequence[Change], error_of: _Measure) -> list[Change]:
     """Return the changes in an order in which each takes away most of the error that is left."""
-    left, made = list(changes), []
+    left, made = list(changes), list[Change]()
     while left:
         made.append(min(left, key=lambda each: error_of([*made, each])))
         left.remove(made[-1])
@@ -518,6 +530,9 @@ def _moved(own: Own) -> tuple[Own, str]:
         value = _ANGLE if angle else _RATE if rate else torque / (abs(scale) or 1.0)
         if model.actuator_ctrllimited[i]:
             value = min(value, float(model.actuator_ctrlrange[i, 1]) / 4)
+        joint = int(model.actuator_trnid[i, 0])
+        if model.jnt_limited[joint] and not angle:  # which it would soon reach
+            value = 0.0
         controls[model.actuator(i).name] = Constant(value)
     if not controls:
         push = float(np.sqrt(gravity * radius)) / 2
@@ -530,7 +545,7 @@ def _moved(own: Own) -> tuple[Own, str]:
 _ANGLE, _RATE, _TORQUE = 0.3, 2.0, 0.03
 
 
-COLUMNS = (
+_COLUMNS = (
     Column("change", "change", words=True),
     Column("path error\nafter it", "error"),
     Column("it alone\nundone", "undone"),
@@ -538,11 +553,13 @@ COLUMNS = (
 )
 
 
-def study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) -> Study:
+def _study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) -> Study:
     """Return the table, record, picture and words of a checked model; words: known before."""
     theory, file = checked.theory, own.robot.path
     rows = [_row("as it is", checked.error)]
-    rows += [_row(f"+ {each.name}", *errors, each.words) for each, *errors in checked.needed]
+    rows += [
+        _row(f"+ {each.name}", error, undone, each.words) for each, error, undone in checked.needed
+    ]
     rows += [_row(f"({each.name})", error, words=each.words) for each, error in checked.spared]
     lines = [*words, *_verdict(checked, accuracy), *_symptoms(own, checked)]
     if checked.needed:
@@ -559,7 +576,7 @@ def study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) 
             "path_error": _finite(checked.error),
             "since": checked.since,
             "other_rolling": {name: _finite(each) for name, each in checked.others.items()},
-            "causes": _causes(checked, accuracy),
+            "causes": causes_of(checked, accuracy),
             "lines": lines,
             "changes": rows,
             "mended_error": _finite(checked.mended_error),
@@ -567,7 +584,7 @@ def study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) 
         shown=(
             f"[bold]{escape(file.name)}[/]",
             *map(escape, lines),
-            *([table_of(COLUMNS, rows)] if len(rows) > 1 else []),
+            *([table_of(_COLUMNS, rows)] if len(rows) > 1 else []),
         ),
         picture=_picture(file.name, checked, accuracy),
     )  # fmt: skip
@@ -581,7 +598,7 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or not np.isfinite(value) else float(value)
 
 
-def _causes(checked: Checked, accuracy: float) -> list[str]:
+def causes_of(checked: Checked, accuracy: float) -> list[str]:
     """Return the causes of an error, the first one first."""
     causes = [f"limit: {checked.ended}"] if checked.ended else []
     causes += [f"{change.name}: {change.words}" for change, *_ in checked.needed]
@@ -606,7 +623,7 @@ def _verdict(checked: Checked, accuracy: float) -> Iterator[str]:
     yield f"as it is: {off} over a path of {length:.3g} m in {end:.3g} s{when}"
     others = "".join(f" ({name}: {scientific(each)})" for name, each in checked.others.items())
     yield f"rolling: {theory.scene.rolling}{others}"
-    for cause in _causes(checked, accuracy)[:1]:
+    for cause in causes_of(checked, accuracy)[:1]:
         yield f"cause: {cause}"
 
 
@@ -633,25 +650,27 @@ def _symptoms(own: Own, checked: Checked) -> Iterator[str]:
             yield f"servo: {name} misses its command by {lag:.0%} (root mean square)"
 
 
-def difference(checked: Checked) -> list[str]:
+def _difference(checked: Checked) -> list[str]:
     """Return the lines in which the mended file differs from the user's, as a diff has them."""
     before, after = (text.splitlines() for text in (checked.edit.source, checked.text))
-    return list(difflib.unified_diff(before, after, "as it is", "mended", n=0, lineterm=""))[:_MOST_LINES]
+    return list(difflib.unified_diff(before, after, "as it is", "mended", n=0, lineterm=""))[
+        :_MOST_LINES
+    ]
 
 
-def page_of(study: Study, checked: Checked, picture: Path) -> str:
+def _page_of(study: Study, checked: Checked, picture: Path) -> str:
     """Return the HTML page of a check, with its picture."""
     first, *lines = study.record["lines"] if study.record else [""]
     image = embedded(picture.read_bytes(), "image/png")
-    cells = [[column.text(row) for column in COLUMNS] for row in study.rows]
+    cells = [[column.text(row) for column in _COLUMNS] for row in study.rows]
     body = [
         f"<h1>{text(study.scene)}</h1>",
         *map(paragraph, [first, *lines]),
         f'<figure><img alt="paths and errors" src="{image}"></figure>',
         "<h2>What each change is worth</h2>",
-        table([column.header for column in COLUMNS], cells),
+        table([column.header for column in _COLUMNS], cells),
         "<h2>The changes</h2>",
-        f'<pre class="wide">{html_escape(chr(10).join(difference(checked)))}</pre>',
+        f'<pre class="wide">{html_escape(chr(10).join(_difference(checked)))}</pre>',
         folded("Versions", plain(versions()), short=True),
     ]
     return page(f"robotball: check of {study.scene}", body)
@@ -663,7 +682,9 @@ def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     title(figure, f"{name}: {theory.scene.rolling} rolling")
     left, right = figure.subplots(1, 2)
-    left.plot(*theory.contact_point.T, color=theory.engine.colour, linewidth=3, label="the equations")
+    left.plot(
+        *theory.contact_point.T, color=theory.engine.colour, linewidth=3, label="the equations"
+    )
     drawn = [("as it is", checked.path, "-")]
     if checked.needed:
         drawn.append(("mended", checked.mended, "--"))
@@ -703,8 +724,7 @@ class Check:
     """The rolling model; the nearer one if not given."""
     keyframe: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
     """The keyframe to start at; the first one if not given."""
-    control: Names = ()
-    """An actuator's control: NAME=VALUE, or NAME=FILE.csv with columns t and value."""
+    control: Controls = ()
     accuracy: float = 1e-3
     """The path error to reach, over the path's length."""
     duration: Duration = None
@@ -719,21 +739,24 @@ class Check:
         check_files(self.json)
         writable_folder(self.out)
         robot = open_robot(self.file, self.shell)
-        own = Own(robot, {}, self.keyframe)
+        duration = 10.0 if self.duration is None else self.duration
+        controls = {
+            name: as_drive(value, duration) for name, value in controls_of(self.control).items()
+        }
+        own = Own(robot, controls, self.keyframe)
         notes = [*robot.notes, *_starts_off(robot, own.begin())]
         if _stands(own):
             own, given = _moved(own)
             notes.append(f"nothing moves it; it is checked with {given}; see --control")
-        duration = 10.0 if self.duration is None else self.duration
         with progress_bar(1) as show:
             checked = check_model(own, self.rolling, duration, self.accuracy, show)
-        study = study_of(own, checked, self.accuracy, notes)
-        stem = self.out / study.stem()
-        picture, *_ = present(study, stem.with_suffix(".png"), self.json, None)
-        write_text(stem.with_suffix(".html"), page_of(study, checked, picture))
-        print(picture, stem.with_suffix(".html"), sep="\n")
+        study = _study_of(own, checked, self.accuracy, notes)
+        picture, html = (self.out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
+        present(study, picture, self.json, None)
+        write_text(html, _page_of(study, checked, picture))
+        print(picture, html, sep="\n")
         if checked.needed:
             mended = self.out / f"{self.file.stem}-mended.xml"
             write_text(mended, checked.text)
-            print(mended, *difference(checked), sep="\n")
+            print(mended, *_difference(checked), sep="\n")
         return AGREES if checked.error <= self.accuracy else DISAGREES

@@ -294,12 +294,9 @@ def _by_default(spec: Any) -> Iterator[str]:
     """Yield the damping and armature that joints have from a class of defaults."""
     found: dict[str, list[str]] = {}
     for joint in spec.joints:
-        usual = joint.classname.joint
-        for what, own, theirs in (
-            ("damping", joint.damping[0], usual.damping[0]),
-            ("armature", joint.armature, usual.armature),
-        ):
-            if own and own == theirs:
+        for what in ("damping", "armature"):
+            own, usual = (np.ravel(getattr(e, what))[0] for e in (joint, joint.classname.joint))
+            if own and own == usual:
                 line = f"{what} {own:g} is that of the default class {joint.classname.name}"
                 found.setdefault(line, []).append(joint.name)
     for line, names in found.items():

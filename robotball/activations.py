@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import brentq
 
 from robotball.drives import Constant, Custom, Drive, Rate, as_drive
 from robotball.errors import InputError
@@ -18,6 +19,7 @@ from robotball.function_drives import polynomials_of
 
 _LAGS = 5.0  # of a settling time, over which an integral is taken in one piece
 _LOOKS = 1001  # at a function of time, for where it leaves a range
+_ROOT = 1e-14  # s, and how near to its time a limit is found
 _ROUNDING = 1e-9  # of a range's larger end: what leaves it by less is within it
 
 
@@ -34,31 +36,23 @@ class Activation:
     low: float = -math.inf
     high: float = math.inf
 
-    def of_constant(self, u: float) -> Rate:
-        """Return w over time for a constant command."""
-        w, settling = self.initial, self.settling
-        ahead = u if settling is None else u - w
-        if not ahead:
-            return w
-        limit = self.high if ahead > 0 else self.low
-        if settling is None:
-            reached = (limit - w) / u
-        else:
-            left = (u - limit) / ahead  # of the way to u, where w reaches the limit
-            reached = -settling * math.log(left) if left > 0 else math.inf
+    def of(self, u: Drive, end: float) -> Rate:
+        """Return w over time, from 0 to `end` [s]; only a constant u may take it to a limit."""
+        if isinstance(u, Constant) and u.value == (self.initial if self.settling else 0.0):
+            return self.initial
+        value = self._unlimited(u, end)
+        last = value(end)
+        limit = float(np.clip(last, self.low, self.high))
+        if limit == last or not isinstance(u, Constant):
+            return Custom(value, u.breakpoints)
+        # w goes one way all along, and stays at its limit.
+        reached = brentq(lambda t: value(t) - limit, 0.0, end, xtol=_ROOT)
+        return Custom(lambda t: limit if t >= reached else value(t), (reached,))
 
-        def value(t: float) -> float:
-            if t >= reached:
-                return limit
-            return w + u * t if settling is None else u - ahead * math.exp(-t / settling)
-
-        return Custom(value, (reached,) if 0 < reached < math.inf else ())
-
-    def of_drive(self, u: Drive, end: float) -> Custom:
-        """Return w over time, from 0 to `end` [s], for a command that never takes it to a limit."""
+    def _unlimited(self, u: Drive, end: float) -> Callable[[float], float]:
         settling, w = self.settling, self.initial
         if settling is None:
-            return Custom(lambda t: w + float(u.angle(t)), u.breakpoints)
+            return lambda t: w + float(u.angle(t))
         # w = exp(-(t - T)/τ)(w_T + ∫ u exp((s - T)/τ)/τ ds) from a time T not long before t, as the
         # exponential would overflow.
         begins = np.arange(0.0, end, _LAGS * settling).tolist()
@@ -77,7 +71,7 @@ class Activation:
             begin, before, area = pieces[max(bisect_right(begins, t) - 1, 0)]
             return (before + area(t)) * math.exp((begin - t) / settling)
 
-        return Custom(value, u.breakpoints)
+        return value
 
 
 def passed(
@@ -94,13 +88,15 @@ def passed(
     """
     drive = as_drive(command, end)
     if isinstance(drive, Constant):
-        value = float(np.clip(drive.value, *within))
-        return value if activation is None else activation.of_constant(value)
-    _check_within(f"{name}: its control", drive.rate, *within, end)
+        drive = Constant(float(np.clip(drive.value, *within)))
+    else:
+        _check_within(f"{name}: its control", drive.rate, *within, end)
     if activation is None:
-        return command
-    state = activation.of_drive(drive, end)
-    _check_within(f"{name}: its activation", state.function, activation.low, activation.high, end)
+        return drive.value if isinstance(drive, Constant) else command
+    state = activation.of(drive, end)
+    if isinstance(state, Custom):
+        low, high = activation.low, activation.high
+        _check_within(f"{name}: its activation", state.function, low, high, end)
     return state
 
 

@@ -63,6 +63,29 @@ def check_loads(path: Path) -> None:
         raise InputError(f"{path}: {answer['error']}")
 
 
+def drop_missing_looks(spec: Any, folder: Path) -> Iterator[str]:
+    """Delete geoms of an MjSpec whose mesh has no file, where they are only drawn; yield the files.
+
+    folder: of the spec's own file. Raises InputError where a body has its mass or contacts by one.
+    """
+    import mujoco
+
+    by_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    for mesh in list(spec.meshes):
+        file = Path(mesh.file)
+        place = folder / spec.meshdir / (file.name if spec.strippath else file)
+        if not mesh.file or place.is_file():
+            continue
+        for geom in [each for each in spec.geoms if each.meshname == (mesh.name or file.stem)]:
+            body = geom.parent
+            weighs = geom.mass != 0 and (by_geoms or not body.explicitinertial)
+            if weighs or geom.contype or geom.conaffinity:
+                raise InputError(f"there is no {place}, by which {body.name} has mass or contacts")
+            spec.delete(geom)
+        spec.delete(mesh)
+        yield mesh.file
+
+
 def _solid(kind: str, path: Path, name: str) -> Solid:
     contents(path)  # to be refused, and read once more by MuJoCo, with the files beside it
     answer = _asked(kind, path, name)
@@ -104,7 +127,9 @@ def _main() -> None:
         # Before MuJoCo parses, which leaves a file MUJOCO_LOG.TXT behind where it meets a NaN.
         _check_numbers(Path(path), Path(path).parent)
         if kind == "model":
-            mujoco.MjSpec.from_file(path).compile()
+            spec = mujoco.MjSpec.from_file(path)
+            list(drop_missing_looks(spec, Path(path).parent))
+            spec.compile()
             answer: dict[str, Any] = {}
         else:
             solid = _of_mjcf(path, name) if kind == "body" else _of_urdf(path, name)

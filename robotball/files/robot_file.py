@@ -25,7 +25,7 @@ from robotball.activations import Activation
 from robotball.drives import Rate, Samples
 from robotball.equations import Rolling
 from robotball.errors import InputError, check_positive, unknown, warn
-from robotball.files.foreign_bodies import check_loads
+from robotball.files.foreign_bodies import check_loads, drop_missing_looks
 from robotball.mechanics import momentum_at
 from robotball.motors import Actuator, Free, Law
 from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
@@ -175,15 +175,17 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
         spec = mujoco.MjSpec.from_file(str(path))
         # A URDF's root has no joint: it would become a part of the world, without its mass.
         spec.compiler.fusestatic = False
+        missing = list(drop_missing_looks(spec, path.parent))
         model = spec.compile()
         notes = [*_plane_added(spec, model), *_free_joint_added(spec, model, _sphere(model, shell))]
         if notes:
             model = spec.compile()
+        notes += [f"there is no {file}, which is only drawn; it is left out" for file in missing]
         _check_supported(model)
         sphere, plane = _sphere(model, shell), _plane(model)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: {error}") from None
-    notes += [*_inferred(spec), *_ignored(model, sphere)]
+    notes += [*_inferred(spec), *_by_default(spec), *_balanced(spec), *_ignored(model, sphere)]
     return RobotFile(path, spec, model, sphere, plane, tuple(notes))
 
 
@@ -263,6 +265,12 @@ def _check_supported(model: Any) -> None:
         "an actuator with several controls": model.actuator_ctrlnum != 1,
         "an actuator's damping that is no constant": model.actuator_dampingpoly,
         "a plugin": model.nplugin,
+        "damping, armature or friction of a free joint": np.concatenate(
+            [
+                np.ravel(getattr(model, f"dof_{each}"))[model.jnt_type[model.dof_jntid] == _FREE]
+                for each in ("damping", "armature", "frictionloss")
+            ]
+        ),
         "a joint that yields (springyield)": model.jnt_springyield,
         "a surface that moves (surfacevel)": model.geom_surfacevel,
         "a flag that disables gravity, contacts or other forces": model.opt.disableflags & _FORCES,
@@ -280,6 +288,31 @@ def _inferred(spec: Any) -> Iterator[str]:
         for each in bodies:
             if not each.explicitinertial and any(geom.mass != geom.mass for geom in each.geoms):
                 yield f"{each.name} has no inertial; its geoms give it a mass by their density"
+
+
+def _by_default(spec: Any) -> Iterator[str]:
+    """Yield the damping and armature that joints have from a class of defaults."""
+    found: dict[str, list[str]] = {}
+    for joint in spec.joints:
+        for what in ("damping", "armature"):
+            own, usual = (np.ravel(getattr(e, what))[0] for e in (joint, joint.classname.joint))
+            if own and own == usual:
+                line = f"{what} {own:g} is that of the default class {joint.classname.name}"
+                found.setdefault(line, []).append(joint.name)
+    for line, names in found.items():
+        yield f"{', '.join(names)}: {line}"
+
+
+def _balanced(spec: Any) -> Iterator[str]:
+    """Yield the bodies whose inertias MuJoCo changes into ones that a body can have."""
+    if spec.compiler.balanceinertia:
+        for each in spec.bodies[1:]:
+            xx, yy, zz, xy, xz, yz = each.fullinertia
+            full = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+            parts = np.sort(each.inertia if xx != xx else np.linalg.eigvalsh(full))
+            if each.explicitinertial and parts[0] + parts[1] < parts[2]:
+                mean = parts.mean()
+                yield f"{each.name}: balanceinertia makes its impossible inertia {mean:g} each way"
 
 
 def _ignored(model: Any, sphere: int) -> Iterator[str]:
@@ -452,12 +485,22 @@ def _contact(robot: RobotFile, start: Any) -> Any:
     normal, gap = _above(robot, data)
     data.qpos[free : free + 3] -= (gap + depth) * normal
     mujoco.mj_forward(model, data)
+    found = None
     for contact in data.contact:
-        if {int(contact.geom1), int(contact.geom2)} == {plane, robot.sphere}:
-            return contact
-    raise InputError(
-        "the sphere passes through the plane: their contype and conaffinity exclude each other"
-    )
+        others = {int(contact.geom1), int(contact.geom2)} - {robot.sphere}
+        if others == {plane}:
+            found = contact
+        elif len(others) == 1:
+            name = model.body(model.geom_bodyid[others.pop()]).name
+            raise InputError(
+                f"{name} touches the shell: a drive by contacts inside it is not supported; hold "
+                f"{name} by joints, or give its geoms contype and conaffinity 0"
+            )
+    if found is None:
+        raise InputError(
+            "the sphere passes through the plane: their contype and conaffinity exclude each other"
+        )
+    return found
 
 
 def _gears(model: Any) -> dict[str, dict[int, float]]:

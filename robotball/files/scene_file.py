@@ -111,7 +111,7 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
             if path.exists():
                 raise InputError(
                     f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF file, "
-                    f"with a name that ends in {' or '.join(_MODEL_FILES)}"
+                    f"with a name that ends in {' or '.join(_MODEL_FILES)}; convert an SDF"
                 )
         raise unknown("scene", name, catalog())
     for line in beyond_the_shell(scene.ball):

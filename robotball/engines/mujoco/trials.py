@@ -15,7 +15,7 @@ import robotball.scene
 from robotball import equations as eq
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.settings import Settings, recipe
+from robotball.engines.mujoco.settings import Prescribed, Settings, recipe
 from robotball.engines.mujoco.stepping import controlled, read_row
 from robotball.equations import Quaternion, Vector, as_vector
 from robotball.motion import Loads
@@ -74,9 +74,10 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     """Return the largest |λ| [1/s] of the hinges' motors about the start, with the ball rolling.
 
     H du/dt = -C u - K φ for the turning u of the shell and of the hinges that have a motor, where
-    C holds its damping or gain and K its stiffness; H is the part of the robot's mass matrix that
-    is left once the shell rolls, and once the other hinges keep their rates. Where there are
-    pendulums, the largest over eight angles that they pass. At least one hinge has such a motor.
+    C holds its damping or gain and K its stiffness, and those of the actuators; H is the part of
+    the robot's mass matrix that is left once the shell rolls, and once the other hinges keep their
+    rates. Where there are pendulums, the largest over eight angles that they pass. At least one
+    hinge has such a motor.
     """
     own = [each for each in hinges if isinstance(each.actuation, Servo | PositionServo | Free)]
     gamma = rotation_matrix(scene.start.attitude)[2]
@@ -89,39 +90,45 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     free, n = len(turns), len(own)
     onto = np.zeros((free + n, 3 + n))
     onto[:free, :3], onto[free:, 3:] = turns, np.eye(n)
-    stiffness, damping = np.array([_constants(each) for each in own]).T
+    stiffness, damping = map(np.diag, np.array([_constants(each) for each in own]).T)
+    for actuator in scene.actuators:
+        gears = dict(actuator.gears)
+        ratios = np.array([gears.get(each.of.name, 0.0) for each in own])
+        stiffness = stiffness + actuator.law.per_angle * np.outer(ratios, ratios)
+        damping = damping + actuator.law.per_rate * np.outer(ratios, ratios)
     worst = 0.0
     for matrix in stands.matrix.transpose(2, 0, 1):
         H = onto @ matrix[np.ix_(rows, rows)] @ onto.T
         back = np.linalg.solve(H, np.eye(free + n)[:, free:])
         system = np.zeros((2 * n + free, 2 * n + free))
         system[:n, n + free :] = np.eye(n)
-        system[n:, :n], system[n:, n + free :] = -back * stiffness, -back * damping
+        system[n:, :n], system[n:, n + free :] = -back @ stiffness, -back @ damping
         worst = max(worst, float(np.abs(np.linalg.eigvals(system)).max()))
     return worst
 
 
 def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
-    """Return the hinge's angles (SEEN,) [rad]: a servo's commands, or a whole turn without one."""
+    """Return the hinge's angles (SEEN,) [rad]: as it is commanded, or else a whole turn."""
     if hinge.name in ("frame", *dict(scene.ball.named_rotors)):
         return np.full(_SEEN, hinge.angle)
     times = np.linspace(0.0, scene.duration, _SEEN - 1)
-    if isinstance(hinge.motor, PositionServo):
-        return np.array([hinge.angle, *hinge.command.rate(times)])
-    if isinstance(hinge.motor, Servo):
-        return hinge.angle + np.array([0.0, *hinge.command.angle(times)])
+    moved = [(1.0, hinge.motor.law, hinge.command)] if hinge.motor else []
+    for actuator, command in zip(scene.actuators, scene.controls, strict=True):
+        moved += [(ratio, actuator.law, command) for n, ratio in actuator.gears if n == hinge.name]
+    for ratio, law, command in moved:
+        if law.per_command and ratio and law.per_angle:
+            to = law.per_command / law.per_angle / ratio
+            return np.array([hinge.angle, *(to * command.rate(times))])
+        if law.per_command and ratio and law.per_rate:
+            to = law.per_command / law.per_rate / ratio
+            return hinge.angle + np.array([0.0, *(to * command.angle(times))])
     return hinge.angle + np.linspace(0.0, 2 * np.pi, _SEEN, endpoint=False)
 
 
 def _constants(hinge: ModelHinge) -> tuple[float, float]:
     """Return the motor's stiffness [N m/rad] and damping [N m s/rad]."""
-    motor = hinge.actuation
-    if isinstance(motor, Servo):
-        return 0.0, motor.gain
-    if isinstance(motor, PositionServo):
-        return motor.gain, motor.damping
-    assert isinstance(motor, Free)
-    return motor.stiffness, motor.damping
+    assert not isinstance(hinge.actuation, Prescribed)
+    return hinge.actuation.law.per_angle, hinge.actuation.law.per_rate
 
 
 _MOST_STEPS = 500  # of a trial; the loss of a longer run is extrapolated in proportion

@@ -125,7 +125,8 @@ CHANGED = {
 def test_a_robots_scene_rolls_as_its_own_model_in_fine_steps(name: str, tmp_path: Path) -> None:
     """Wherever the file has its root, with gears, tendons, servos, filters, slides and springs.
 
-    Measured 3.3e-6, 3.6e-5, 7.4e-6, 7.0e-5 and 2.1e-6 of the path; the contact's softness dominates.
+    Measured 3.3e-6, 3.6e-5, 7.4e-6, 7.0e-5 and 2.1e-6 of the path; the softness of the contact
+    dominates.
     """
     path, times = written(tmp_path, name, ROBOTS[name]), np.linspace(0.0, 0.6, 13)
     points = own_steps(open_robot(path), times)
@@ -279,6 +280,19 @@ WARNED = {
     ("slips.xml", PLATE.replace("<key ", '<key qvel="1 0 0 0 0 0 0 0" ')): [
         "slips.xml: its contact point starts at 1 m/s; the equations start without slipping"
     ],
+    ("gimbal.xml", GIMBAL): [
+        "gimbal.xml: g1, g2: damping 0.01 is that of the default class main",
+        "gimbal.xml: g1, g2, s: armature 0.0002 is that of the default class main",
+    ],
+    ("looks.xml", PLATE.replace("<worldbody>", '<asset><mesh name="look" file="no.stl"/></asset>'
+     '<worldbody>', 1).replace('mass=".6"/>', 'mass=".6"/><geom type="mesh" mesh="look" mass="0" '
+     'contype="0" conaffinity="0"/>', 1)): [
+        "looks.xml: there is no no.stl, which is only drawn; it is left out",
+    ],
+    ("flat.urdf", HULL.replace('izz=".005"', 'izz=".009"').replace('name="hull">', 'name="hull">'
+     '<mujoco><compiler balanceinertia="true"/></mujoco>', 1)): [
+        "flat.urdf: chassis: balanceinertia makes its impossible inertia 0.00533333 each way",
+    ],
     ("dense.urdf", HULL.replace('<inertial><mass value=".5"/>\n <inertia ixx=".0075" iyy=".0075" '
      'izz=".0075" ixy="0" ixz="0" iyz="0"/></inertial>', "")): [
         "dense.urdf: hull has no inertial; its geoms give it a mass by their density",
@@ -329,6 +343,18 @@ REFUSED = {
     "an actuatorfrcrange or armature of a tendon":
         ("<actuator>",
          '<tendon><fixed armature="1"><joint joint="spin" coef="1"/></fixed></tendon><actuator>'),
+    "damping, armature or friction of a free joint":
+        ("<freejoint/>", '<joint type="free" damping=".1"/>'),
+    "cart touches the shell: a drive by contacts inside it":
+        ("<freejoint/>",
+         '<freejoint/><body><joint/><geom size=".01" mass=".1" contype="0" conaffinity="0"/>'
+         '<body name="cart"><joint axis="1 0 0"/><geom size=".01"/></body></body>'),
+    "no.stl, by which rock has mass or contacts":
+        ("<worldbody>", '<asset><mesh name="look" file="no.stl"/></asset><worldbody>'
+         '<body name="rock"><geom type="mesh" mesh="look"/></body>'),
+    "inertia must satisfy A + B >= C; use 'balanceinertia' to fix Element name 'plate'":
+        ('<joint name="axle"',
+         '<inertial pos="0 0 0" mass="1" diaginertia="1 1 3"/><joint name="axle"'),
     "the file has 2 planes":
         ("<worldbody>", '<worldbody><geom type="plane" size="1 1 1" pos="0 0 -1"/>'),
     "XML parse error": ("</mujoco>", ""),

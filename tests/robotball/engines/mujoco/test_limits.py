@@ -15,7 +15,7 @@ from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.settings import Prescribed, recipe
 from robotball.engines.mujoco.trials import linearised_start, momentum_loss
 from robotball.motion import Loads
-from robotball.motors import Servo
+from robotball.motors import Actuator, Free, Law, Servo
 from robotball.robot import Ball, Frame, Shell
 from robotball.scene import Friction
 from tests.motions import known
@@ -94,6 +94,18 @@ def swinging(gain: float) -> rb.Scene:
     return robot("swinging", ball, "rubber", commands, q, motors=motors, hinge_rates=still)
 
 
+def geared(gain: float) -> rb.Scene:
+    """Its pendulum by an actuator with a gear of 2 instead, whose gain counts four times."""
+    scene = swinging(gain)
+    law, command = Law(gain / 4, 0.0, gain / 4), swing(1.0, 2.0)
+    return replace(
+        scene,
+        motors=(scene.motors[0], Free(armature=0.001)),
+        pendulum_rates=(0.0,),
+        actuators=(Actuator("geared", (("pendulum1", 2.0),), law, command),),
+    )
+
+
 def heavy(scene: rb.Scene, *masses: float) -> list[rb.Scene]:
     return [rescaled(scene, mass=mass) for mass in masses]
 
@@ -143,6 +155,8 @@ EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, Measure, float, floa
         {**SLOW, "integrator": "Euler", "drive": [Servo(21.7), Servo(23.4)]},
         1.0, path, 0.2, np.inf),  # 0.12, gone
     "servo, of a robot": (limits.servo_gain, [swinging(1.746), swinging(1.876)], {},
+        3.0, path, 4e-5, 0.1),  # 1.3e-5, 0.48
+    "actuator, of a robot": (limits.servo_gain, [geared(1.746), geared(1.876)], {},
         3.0, path, 4e-5, 0.1),  # 1.3e-5, 0.48
     "noslip of a heavy ball, rubber": (limits.friction_block, heavy(FIG12, 1e6, 3e6), {},
         1.0, path, 5e-7, 0.35),  # 1.6e-7, 1.1

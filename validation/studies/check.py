@@ -23,7 +23,7 @@ from tyro.conf import DisallowNone, Positional, arg
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
 from robotball.equations import Rolling
-from robotball.errors import SceneWarning, check_positive
+from robotball.errors import SceneWarning, check_positive, unknown
 from robotball.files.mended_file import Change, Editable, compiled, editable
 from robotball.files.robot_file import (
     RobotFile,
@@ -69,6 +69,13 @@ class Own:
     controls: Mapping[str, Drive]
     key: str | None
     push: float = 0.0
+
+    def __post_init__(self) -> None:
+        model = self.robot.model
+        known = [model.actuator(i).name for i in range(model.nu)]
+        for name in self.controls:
+            if name not in known:
+                raise unknown("actuator", name, known)
 
     def begin(self) -> mujoco.MjData:
         """Return MjData at the start."""

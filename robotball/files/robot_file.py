@@ -32,9 +32,9 @@ from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
 from robotball.rotations import Array, from_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
 
-# The flags that switch off what the equations have.
-_OFF = ("CONSTRAINT", "FRICTIONLOSS", "CONTACT", "SPRING", "DAMPER", "GRAVITY", "ACTUATION")
-_FORCES = sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")) for name in _OFF)
+# The flags that switch off what the equations have: all up to that of clamped controls.
+_FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1
+_FORCES |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 # A model has plain numbers, which MuJoCo's enumerations do not equal.
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 _SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
@@ -101,7 +101,8 @@ def robot_scene(
     for note in (*robot.notes, *_starts_off(robot, data)):
         warn(f"{path.name}: {note}")
     try:
-        return _scene_of(robot, data, controls, rolling, duration or _longest(controls))
+        lasts = _longest(controls) if duration is None else duration
+        return _scene_of(robot, data, controls, rolling, lasts)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -298,7 +299,7 @@ def _by_default(spec: Any) -> Iterator[str]:
             own, usual = (np.ravel(getattr(e, what))[0] for e in (joint, joint.classname.joint))
             if own and own == usual:
                 line = f"{what} {own:g} is that of the default class {joint.classname.name}"
-                found.setdefault(line, []).append(joint.name)
+                found.setdefault(line, []).append(joint.name or "a joint")
     for line, names in found.items():
         yield f"{', '.join(names)}: {line}"
 
@@ -485,16 +486,17 @@ def _contact(robot: RobotFile, start: Any) -> Any:
     normal, gap = _above(robot, data)
     data.qpos[free : free + 3] -= (gap + depth) * normal
     mujoco.mj_forward(model, data)
-    found = None
+    found, welded = None, model.body_weldid[model.geom_bodyid]
     for contact in data.contact:
-        others = {int(contact.geom1), int(contact.geom2)} - {robot.sphere}
-        if others == {plane}:
+        geoms = {int(contact.geom1), int(contact.geom2)}
+        if geoms == {plane, robot.sphere}:
             found = contact
-        elif len(others) == 1:
-            name = model.body(model.geom_bodyid[others.pop()]).name
+        inside = [i for i in geoms if welded[i] not in (0, welded[robot.sphere])]
+        if len(inside) == 1 and plane not in geoms:
             raise InputError(
-                f"{name} touches the shell: a drive by contacts inside it is not supported; hold "
-                f"{name} by joints, or give its geoms contype and conaffinity 0"
+                f"{model.body(model.geom_bodyid[inside[0]]).name} touches the shell: a drive by "
+                "contacts inside it is not supported; hold the body by joints, or give its geoms "
+                "contype and conaffinity 0"
             )
     if found is None:
         raise InputError(
@@ -508,7 +510,11 @@ def _gears(model: Any) -> dict[str, dict[int, float]]:
     gears: dict[str, dict[int, float]] = {}
     for i in range(model.nactuator):
         name = model.actuator(i).name or f"actuator{i}"
-        gears[name] = dict(_moved(model, i, name))
+        moved = gears.setdefault(name, {})
+        for joint, ratio in _moved(model, i, name):
+            if model.jnt_type[joint] not in (_SLIDE, _HINGE):
+                raise InputError(f"{name} moves a free joint, by forces from outside the robot")
+            moved[joint] = moved.get(joint, 0.0) + ratio
     return gears
 
 
@@ -535,7 +541,7 @@ def _actuators(
     controls: Mapping[str, Rate],
     gears: Mapping[str, Mapping[int, float]],
 ) -> Iterator[Actuator]:
-    """Yield the actuators of a file, whose joints move links by name.
+    """Yield the actuators of a file, whose joints move links by name; not those of other bodies.
 
     Those without a control of their own keep the start's.
     """
@@ -544,6 +550,8 @@ def _actuators(
             raise unknown("actuator", name, gears)
     moved_by = Counter(joint for moved in gears.values() for joint in moved)
     for i, (name, moved) in enumerate(gears.items()):
+        if moved.keys().isdisjoint(links):
+            continue
         if len(moved) > 1 and (model.actuator_armature[i] or model.actuator_damping[i]):
             raise InputError(f"{name}: armature or damping of its own takes a single joint")
         low, high = model.actuator_forcerange[i] if model.actuator_forcelimited[i] else _NO_LIMITS

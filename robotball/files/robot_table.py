@@ -9,7 +9,7 @@ import msgspec
 
 from robotball.drives import Rate, key
 from robotball.equations import Rolling
-from robotball.errors import InputError, check_positive, unknown
+from robotball.errors import InputError, unknown
 from robotball.files.robot_file import robot_scene
 from robotball.files.scene_tables import Command, Table, rate_of
 from robotball.scene import Scene
@@ -47,8 +47,6 @@ def scene_of_robot(path: Path, table: dict[str, Any], controls: Mapping[str, Rat
         if each not in RobotTable.__struct_fields__:
             raise unknown("key beside robot", each, RobotTable.__struct_fields__)
     given = msgspec.convert(table, RobotTable)
-    if given.duration is not None:
-        check_positive("duration", given.duration, "s")
     own = {name: rate_of(each, path.parent) for name, each in (given.controls or {}).items()}
     scene = robot_scene(
         path.parent / given.robot, {**own, **controls}, given.shell, given.rolling, given.keyframe,

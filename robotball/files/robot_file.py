@@ -453,6 +453,16 @@ def _starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     slip = float(np.linalg.norm(moving[3:] - radius * np.cross(moving[:3], normal)))
     if slip > _HEIGHT * max(1.0, float(np.linalg.norm(moving[3:]))):
         yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
+    for body in sorted(_touching(robot, data)):
+        yield f"{body} touches the shell; the equations let it pass through"
+
+
+def _touching(robot: RobotFile, data: Any) -> set[str]:
+    """Return the robot's bodies that touch its sphere, as parts within it do."""
+    bodies = robot.model.geom_bodyid
+    pairs = [{int(each.geom1), int(each.geom2)} for each in data.contact]
+    geoms = {i for pair in pairs if robot.sphere in pair for i in pair - {robot.sphere}}
+    return {robot.model.body(bodies[i]).name for i in geoms if robot.model.body_weldid[bodies[i]]}
 
 
 def _above(robot: RobotFile, data: Any) -> tuple[Array, float]:
@@ -486,15 +496,15 @@ def _contact(robot: RobotFile, start: Any) -> Any:
     normal, gap = _above(robot, data)
     data.qpos[free : free + 3] -= (gap + depth) * normal
     mujoco.mj_forward(model, data)
-    found, welded = None, model.body_weldid[model.geom_bodyid]
+    found = None
     for contact in data.contact:
         geoms = {int(contact.geom1), int(contact.geom2)}
         if geoms == {plane, robot.sphere}:
             found = contact
-        inside = [i for i in geoms if welded[i] not in (0, welded[robot.sphere])]
-        if len(inside) == 1 and plane not in geoms:
+        apart = [i for i in geoms if model.body_rootid[model.geom_bodyid[i]] not in (0, root)]
+        if apart and robot.sphere in geoms:
             raise InputError(
-                f"{model.body(model.geom_bodyid[inside[0]]).name} touches the shell: a drive by "
+                f"{model.body(model.geom_bodyid[apart[0]]).name} touches the shell: a drive by "
                 "contacts inside it is not supported; hold the body by joints, or give its geoms "
                 "contype and conaffinity 0"
             )

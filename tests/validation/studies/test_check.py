@@ -168,10 +168,10 @@ def test_a_control_that_changes_is_played_step_by_step(tmp_path: Path) -> None:
     """Measured 1.9e-4, the hold of a control over a step; 0.5 with the control's sign turned."""
     path = tmp_path / "good.xml"
     path.write_text(GOOD)
-    wave = Sine(amplitude=0.05, frequency=3.0)
+    wave = Sine(amplitude=0.05, frequency=0.5)
     own = Own(open_robot(path), {"drive": wave}, None)
     right = check_model(own, "classical", 2.0, 1e-3, lambda *_: None)
-    other = Own(open_robot(path), {"drive": Sine(amplitude=-0.05, frequency=3.0)}, None)
+    other = Own(open_robot(path), {"drive": Sine(amplitude=-0.05, frequency=0.5)}, None)
     wrong = other.path(right.theory.times) - right.theory.contact_point
     assert right.error < 6e-4
     assert np.abs(wrong).max() > 0.1 * right.theory.path_scale

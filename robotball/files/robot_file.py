@@ -213,8 +213,8 @@ def _sphere(model: Any, shell: str | None) -> int:
     if len(outermost) > 1:
         names = ", ".join(" of ".join(filter(None, named[i])) for i in outermost)
         raise InputError(
-            f"several spheres of {largest:g} m could roll: {names}; name one as the shell, or give "
-            "the others contype and conaffinity 0"
+            f"several spheres of {largest:g} m could roll: {names}; name one as `shell` in a scene "
+            "file, or give the others contype and conaffinity 0"
         )
     return outermost[0]
 
@@ -491,12 +491,12 @@ def _contact(robot: RobotFile, start: Any) -> Any:
         geoms = {int(contact.geom1), int(contact.geom2)}
         if geoms == {plane, robot.sphere}:
             found = contact
-        inside = [i for i in geoms if welded[i] not in (0, welded[robot.sphere])]
-        if len(inside) == 1 and plane not in geoms:
+        bodies = {int(welded[i]) for i in geoms}
+        if welded[robot.sphere] in bodies and 0 not in bodies:
+            (inner,) = bodies - {welded[robot.sphere]}
             raise InputError(
-                f"{model.body(model.geom_bodyid[inside[0]]).name} touches the shell: a drive by "
-                "contacts inside it is not supported; hold the body by joints, or give its geoms "
-                "contype and conaffinity 0"
+                f"{_name(model, inner)} touches the shell: a drive by contacts inside it is not "
+                "supported; hold the body by joints, or give its geoms contype and conaffinity 0"
             )
     if found is None:
         raise InputError(

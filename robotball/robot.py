@@ -207,7 +207,8 @@ class Link(Value):
     axis    (3,) of the joint, a unit vector in frame axes
     pivot   (3,) m, a point of the hinge's axis from the sphere's centre
     slides  whether the joint moves the body along the axis, and does not turn it
-    range   of the joint, where it has one: its name, the least and the largest angle [rad; m]
+    range   of the joint, where it has one: its name, the least and the largest angle [rad; m]; the
+            equations end a motion there, while engines let the joint go on
     """
 
     name: str

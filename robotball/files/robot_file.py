@@ -213,8 +213,8 @@ def _sphere(model: Any, shell: str | None) -> int:
     if len(outermost) > 1:
         names = ", ".join(" of ".join(filter(None, named[i])) for i in outermost)
         raise InputError(
-            f"several spheres of {largest:g} m could roll: {names}; name one as the shell, or give "
-            "the others contype and conaffinity 0"
+            f"several spheres of {largest:g} m could roll: {names}; name one as `shell` in a scene "
+            "file, or give the others contype and conaffinity 0"
         )
     return outermost[0]
 

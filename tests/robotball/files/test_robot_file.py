@@ -323,7 +323,7 @@ REFUSED = {
         ('type="sphere" size=".15"', 'type="box" size=".1 .1 .1"'),
     "the sphere passes through the plane":
         ('size="5 5 .1"', 'size="5 5 .1" contype="0" conaffinity="0"'),
-    "several spheres of 0.15 m could roll: ball, hull of ball; name one as the shell":
+    "several spheres of 0.15 m could roll: ball, hull of ball; name one as `shell` in a":
         ("<freejoint/>", '<freejoint/><geom type="sphere" size=".15" pos="0 0 .1"/>'),
     "arm has a ball joint; take three hinges":
         ("<freejoint/>",

@@ -13,6 +13,7 @@ import pytest
 
 import robotball as rb
 from tests.conftest import Robotball
+from tests.robotball.files.scene_texts import PLATE
 from validation.cli import COMMANDS, main
 from validation.studies import engine_study
 from validation.studies.ablation import CHOICES
@@ -96,6 +97,20 @@ def test_every_command_is_run() -> None:
 
 
 # compare ---------------------------------------------------------------------------------------
+
+
+def test_a_robots_own_file_takes_controls(robotball: Robotball, tmp_path: Path) -> None:
+    """A number or a table for each actuator; results are named after them, and ranges are said."""
+    ranged = PLATE.replace('name="axle"', 'name="axle" range="-40 40"')
+    (tmp_path / "mybot.xml").write_text(ranged)
+    (tmp_path / "fly.csv").write_text("t,value\n0,0\n1,20\n")
+    (tmp_path / "mine.toml").write_text('robot = "mybot.xml"\nduration = 0.5\n')
+    controls = ("--control", "drive=0.2", "--control", "fly=fly.csv")
+    status, out, err = robotball("compare", "mybot.xml", "mine.toml", *controls, "--no-plots")
+    assert status == 0
+    assert out.count("agrees") == 2
+    assert "mine-drive-0.2-fly-fly.csv" in "".join(out.split())
+    assert err.count("axle reaches its range of -40 to 40 deg at t = 0.1") == 2
 
 
 def test_results_can_be_made_again_from_their_record(robotball: Robotball, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import controlled, read_row
 from robotball.equations import Quaternion, Vector, as_vector
 from robotball.motion import Loads
-from robotball.motors import Free, PositionServo, Servo
+from robotball.motors import PositionServo, Servo
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Friction, Scene
 
@@ -78,7 +78,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     is left once the shell rolls, and once the other hinges keep their rates. Where there are
     pendulums, the largest over eight angles that they pass. At least one hinge has such a motor.
     """
-    own = [each for each in hinges if isinstance(each.actuation, Servo | PositionServo | Free)]
+    own = [each for each in hinges if each.settles]
     gamma = rotation_matrix(scene.start.attitude)[2]
     # Rubber does not spin about the vertical, so the shell turns in the plane across γ alone.
     turns = np.linalg.svd(gamma[None])[2][1:] if scene.rolling == "rubber" else np.eye(3)
@@ -89,7 +89,8 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     free, n = len(turns), len(own)
     onto = np.zeros((free + n, 3 + n))
     onto[:free, :3], onto[free:, 3:] = turns, np.eye(n)
-    stiffness, damping = np.array([_constants(each) for each in own]).T
+    laws = [each.law for each in own if each.law]
+    stiffness, damping = np.array([(law.per_angle, law.per_rate) for law in laws]).T
     worst = 0.0
     for matrix in stands.matrix.transpose(2, 0, 1):
         H = onto @ matrix[np.ix_(rows, rows)] @ onto.T
@@ -111,17 +112,6 @@ def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
     if isinstance(hinge.motor, Servo):
         return hinge.angle + np.array([0.0, *hinge.command.angle(times)])
     return hinge.angle + np.linspace(0.0, 2 * np.pi, _SEEN, endpoint=False)
-
-
-def _constants(hinge: ModelHinge) -> tuple[float, float]:
-    """Return the motor's stiffness [N m/rad] and damping [N m s/rad]."""
-    motor = hinge.actuation
-    if isinstance(motor, Servo):
-        return 0.0, motor.gain
-    if isinstance(motor, PositionServo):
-        return motor.gain, motor.damping
-    assert isinstance(motor, Free)
-    return motor.stiffness, motor.damping
 
 
 _MOST_STEPS = 500  # of a trial; the loss of a longer run is extrapolated in proportion

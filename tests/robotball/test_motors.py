@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from tests.robotball.files.scene_texts import BOB, HEAD, PENDULUM, SHELL, robot, scene_of
+from tests.robotball.files.scene_texts import BOB, HEAD, PENDULUM, robot, scene_of
 from validation import compare
 
 SHEET = 'drive = "dc_motor"\nstall_torque = 0.04\nno_load_speed = 500.0\ngear = 20.0\n'

@@ -100,25 +100,25 @@ def load_scene(name: str | Path) -> Scene:
     path = CATALOG / f"{name}.toml"
     if str(name) not in catalog():
         path = Path(name)
-        if path.suffix in _MODEL_FILES:
-            from robotball.files.robot_file import robot_scene
+    if path.suffix in _MODEL_FILES:
+        from robotball.files.robot_file import robot_scene
 
-            return robot_scene(path)
-        if path.suffix != ".toml":
-            with suppress(OSError):  # of a name that no file can have
-                if path.exists():
-                    raise InputError(
-                        f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF "
-                        f"file, with a name that ends in {' or '.join(_MODEL_FILES)}"
-                    )
-            raise unknown("scene", name, catalog())
-    text = contents(path)
-    scene = read_scene(path, text)
+        scene = robot_scene(path)
+    elif path.suffix == ".toml":
+        scene = read_scene(path, contents(path))
+    else:
+        with suppress(OSError):  # of a name that no file can have
+            if path.exists():
+                raise InputError(
+                    f"{path}: a scene is a TOML file, and a robot as it is an MJCF or URDF file, "
+                    f"with a name that ends in {' or '.join(_MODEL_FILES)}"
+                )
+        raise unknown("scene", name, catalog())
     lines = beyond_the_shell(scene.ball)
     if path.parent != CATALOG:
         from robotball.files.scene_keys import asked_back
 
-        lines += asked_back(text)
+        lines += asked_back(path, scene.ball.radius)
     for line in lines:
         warn(f"{scene.name}: {line}")
     return scene

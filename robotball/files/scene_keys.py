@@ -17,6 +17,7 @@ import msgspec
 from msgspec import inspect
 
 from robotball.drives import COMMAND
+from robotball.files import contents
 from robotball.files.parts import DENSITIES
 from robotball.files.scene_tables import DRIVES, HingeTable, SceneTable, Table
 
@@ -157,11 +158,17 @@ def _meaning(field: inspect.Field) -> tuple[str, str]:
     return (meant.extra_json_schema or {})["description"], (meant.extra or {})["unit"]
 
 
-def asked_back(text: bytes | str) -> list[str]:
-    """Return a line about the numbers of a scene file that seem to be in another unit, if any."""
-    table = msgspec.toml.decode(text, type=SceneTable)
-    found = [*_doubts("", "", table)]
-    more = f" There are {len(found) - 1} more such numbers" if found[1:] else ""
+def asked_back(path: Path, radius: float) -> list[str]:
+    """Return a line about the numbers of a file that seem to be in another unit, if there are any.
+
+    radius: the shell's [m], of which alone a file is asked that has no bodies of its own.
+    """
+    given = msgspec.toml.decode(contents(path)) if path.suffix == ".toml" else {}
+    if "start" in given:
+        found = [*_doubts("", "", msgspec.convert(given, SceneTable))]
+    else:
+        found = [*_doubts("the shell's radius", "m", radius)]
+    more = f" More such numbers: {len(found) - 1}" if found[1:] else ""
     return [f"{counted(line)}{more}" for line in found[:1]]
 
 

@@ -399,8 +399,8 @@ def beyond_the_shell(ball: Ball) -> list[str]:
     lines = []
     for name, body in ball.named_bodies:
         # Of all its mass the mean square distance from its own centre of mass, and that centre's
-        # distance.
-        spread = float(np.trace(body.inertia)) / 2 / body.mass
+        # distance; a link may have no mass.
+        spread = float(np.trace(body.inertia)) / 2 / (body.mass or 1.0)
         reach = math.hypot(math.sqrt(spread), _furthest(body))
         if reach > ball.radius * (1 + ROUNDING):
             lines.append(

@@ -239,9 +239,6 @@ class Rod(_Round, frozen=True, kw_only=True, tag_field="kind", tag="rod"):
 Part = Point | Sphere | Box | Cylinder | Disc | Ring | Rod
 
 
-_Parts = Annotated[list[Part] | None, key("parts that it is made of, see Parts")]
-
-
 class _BodyFile(Table, frozen=True):
     """A file with a body, and where that is laid."""
 
@@ -262,13 +259,7 @@ class UrdfTable(_BodyFile, frozen=True, kw_only=True):
     link: Annotated[str, key("the name of the link")]
 
 
-# Written once for frame, rotor and pendulum, whose other keys differ.
-_Mjcf = Annotated[MjcfTable | None, key("a body of an MJCF file")]
-_Urdf = Annotated[UrdfTable | None, key("a link of a URDF file")]
 Rows = list[float | Triple]  # three moments, or three rows: msgspec knows no list of either
-_Centre = Annotated[
-    Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
-]
 _Tensor = Annotated[
     Rows | None,
     key("about its own centre of mass: three moments, or three rows of three", "kg m²"),
@@ -310,40 +301,37 @@ class ShellTable(_Round, frozen=True):
     urdf: Annotated[UrdfTable | None, key("the whole shell from a URDF file")] = None
 
 
-class FrameTable(HingeTable, frozen=True):
+class _BodyTable(HingeTable, frozen=True):
+    """A body on a hinge, but for its inertia and the hinge's place."""
+
+    mass: Annotated[float | None, key("its mass", "kg")] = None
+    centre: Annotated[
+        Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
+    ] = None
+    part: Annotated[list[Part] | None, key("parts that it is made of, see Parts")] = None
+    mjcf: Annotated[MjcfTable | None, key("a body of an MJCF file")] = None
+    urdf: Annotated[UrdfTable | None, key("a link of a URDF file")] = None
+
+
+class FrameTable(_BodyTable, frozen=True):
     """The body that turns in the shell, about the shell's axis, and carries the others."""
 
-    mass: Annotated[float | None, key("its mass", "kg")] = None
     inertia: _Tensor = None
-    centre: _Centre = None
-    part: _Parts = None
-    mjcf: _Mjcf = None
-    urdf: _Urdf = None
 
 
-class RotorTable(HingeTable, frozen=True, kw_only=True):
+class RotorTable(_BodyTable, frozen=True, kw_only=True):
     """A symmetric body on the frame that turns about its own axis."""
 
-    mass: Annotated[float | None, key("its mass", "kg")] = None
     inertia: Annotated[Axial | None, key("its moments")] = None
     axis: Annotated[Triple, key("its axis; a direction of any length")]
-    centre: _Centre = None
-    part: _Parts = None
-    mjcf: _Mjcf = None
-    urdf: _Urdf = None
 
 
-class PendulumTable(HingeTable, frozen=True, kw_only=True):
+class PendulumTable(_BodyTable, frozen=True, kw_only=True):
     """Any body on a hinge of the frame, as it is at the hinge's angle 0."""
 
-    mass: Annotated[float | None, key("its mass", "kg")] = None
     inertia: _Tensor = None
-    centre: _Centre = None
     axis: Annotated[Triple, key("the hinge's axis; a direction of any length")]
     pivot: Annotated[Triple, key("a point of the axis, from the sphere's centre", "m")] = _ORIGIN
-    part: _Parts = None
-    mjcf: _Mjcf = None
-    urdf: _Urdf = None
 
 
 class FrictionTable(Table, frozen=True):

@@ -38,6 +38,7 @@ from .motion import Loads as Loads
 from .motion import Motion as Motion
 from .motion import ReferenceMotion as ReferenceMotion
 from .motors import Actuator as Actuator
+from .motors import DCMotor as DCMotor
 from .motors import Free as Free
 from .motors import Law as Law
 from .motors import PositionServo as PositionServo

@@ -224,7 +224,6 @@ def run_request(scene: Scene, times: Array | None, request: Request) -> ContactM
     return replace(motion, scene=scene)
 
 
-_LARGEST_RADIUS = 10.0  # m; balls that people ride in have 1.5
 _STILL = 10.0  # s, in which a ball that rolls at all rolls farther than its radius
 _SAMPLED = 100  # samples of a path at least, by which its length is known
 # Times torque_limit/kv, which is a motor's rate without load where the limit is its stall torque;
@@ -235,8 +234,6 @@ _NO_LOAD = 5.0
 def _doubts(motion: ContactMotion) -> Iterator[str]:
     """Yield why the motion can hardly be intended, a line each; wrong units are the usual cause."""
     scene, radius = motion.scene, motion.scene.ball.radius
-    if radius > _LARGEST_RADIUS:
-        yield f"a radius of {radius:g} m is beyond any robot's; lengths are in m, 150 mm is 0.15"
     # A run that faulted has ended early, or has said already that it is off.
     if motion.report.faults or len(motion.times) < _SAMPLED:
         return
@@ -246,7 +243,7 @@ def _doubts(motion: ContactMotion) -> Iterator[str]:
             f"radius of {radius:g} m; check the start, the rates [rad/s] and the masses [kg]"
         )
     for i, motor in enumerate(scene.motors):
-        if motor is not None and motor.law.follows_rate:
+        if motor is not None and motor.follows_rate:
             no_load = motor.law.limit / motor.law.per_rate
             rate = np.abs(motion.hinge_rates[:, i]).max()
             if rate > _NO_LOAD * no_load:

@@ -1,13 +1,14 @@
 """Motors: what moves a hinge by a torque, as its command, its angle and its rate ask for.
 
 A hinge without a motor keeps its drive (`drives`) as its rate [rad/s] exactly. To a motor the drive
-is a command: a rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a torque [N m] for a
-Torque. A hinge's torque is that of the parent on the child [N m]. SI units; a slide's are in m, N.
+is a command: a rate [rad/s] for a Servo, an angle [rad] for a PositionServo, a share of the nominal
+voltage for a DCMotor, a torque [N m] for a Torque. A hinge's torque is that of the parent on the
+child [N m]. SI units; a slide's are in m, N.
 """
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -38,11 +39,6 @@ class Law(NamedTuple):
     limit: float = math.inf
     friction: float = 0.0
 
-    @property
-    def follows_rate(self) -> bool:
-        """True if the command is a rate, as that of a velocity servo."""
-        return self.per_angle == 0 and 0 < self.per_rate == self.per_command
-
     def torque(self, command: _Scalar, angle: _Scalar, rate: _Scalar) -> Any:
         """Return the torque on the child [N m] at an angle [rad] and a rate [rad/s]."""
         free = self.per_command * command - self.per_angle * angle - self.per_rate * rate
@@ -52,6 +48,9 @@ class Law(NamedTuple):
 
 class Motor(Protocol):
     """A hinge's motor: its law, and the reflected inertia of its rotor [kg m²]."""
+
+    # Whether the command is a rate, as that of a velocity servo.
+    follows_rate: ClassVar[bool] = False
 
     @property
     def armature(self) -> float: ...
@@ -68,6 +67,7 @@ class Motor(Protocol):
 class Servo(Motor):
     """A velocity servo with a gain [N m s/rad] and, if it has one, a torque limit [N m]."""
 
+    follows_rate: ClassVar[bool] = True
     gain: float
     torque_limit: float | None = None
     armature: float = 0.0
@@ -104,6 +104,41 @@ def _check_common(servo: Servo | PositionServo) -> None:
     if servo.torque_limit is not None:
         check_positive("a servo's torque limit", servo.torque_limit, "N m")
     check_not_negative("a servo's armature", servo.armature, "kg m²")
+
+
+@dataclass(frozen=True)
+class DCMotor(Motor):
+    """A direct-current motor by its data sheet; the command is its share of the nominal voltage.
+
+    stall_torque [N m], no_load_speed [rad/s] and rotor_inertia [kg m²] are those before the gear,
+    and gear its ratio: turns of the motor in one of the hinge. torque_limit [N m] is that of the
+    hinge, as electronics or the gear set it; without one the torque falls linearly with the rate,
+    also beyond the no-load speed, and a motor that is turned backwards exceeds its stall torque.
+    """
+
+    stall_torque: float
+    no_load_speed: float
+    gear: float = 1.0
+    rotor_inertia: float = 0.0
+    torque_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        check_positive("a motor's stall torque", self.stall_torque, "N m")
+        check_positive("a motor's no-load speed", self.no_load_speed, "rad/s")
+        check_positive("a motor's gear", self.gear, "turns to 1")
+        check_not_negative("a motor's rotor inertia", self.rotor_inertia, "kg m²")
+        if self.torque_limit is not None:
+            check_positive("a motor's torque limit", self.torque_limit, "N m")
+
+    @property
+    def armature(self) -> float:
+        return self.gear**2 * self.rotor_inertia
+
+    @property
+    def law(self) -> Law:
+        stall = self.gear * self.stall_torque
+        slope = self.gear * stall / self.no_load_speed
+        return Law(stall, 0.0, slope, limit=self.torque_limit or math.inf)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,8 @@ _WIDTH = 480  # px, of the picture of a path in a cell
 _FLATTEST, _TALLEST = 0.5, 0.75  # of that width is its height, by the path's own form
 _SHARP = 2  # pixels of the file for one on the page: screens of high resolution show them
 SHOWN, _STEPS = 10.0, 4000  # s of a scene's path at most, and steps: a cell must not take long
-_MOVED = {"Servo": "velocity servo", "PositionServo": "position servo"}  # else the class's name
+# Else the class's name.
+_MOVED = {"Servo": "velocity servo", "PositionServo": "position servo", "DCMotor": "DC motor"}
 _STYLES = ("-", "--", ":", "-.")  # lines differ without colour, too
 
 

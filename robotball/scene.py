@@ -399,7 +399,7 @@ class Scene(Value):
             if motor is not None and rates is not None:
                 rate = float(rates[i])
             else:  # a Torque's command and a PositionServo's are no rates
-                follows = motor is None or motor.law.follows_rate
+                follows = motor is None or motor.follows_rate
                 rate = float(command.rate(0.0)) if follows else 0.0
             angle = 0.0 if angles is None else float(angles[i])
             hinges.append(

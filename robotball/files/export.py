@@ -25,14 +25,14 @@ from robotball.files.columns import Table, write_table
 from robotball.files.replacing import replacing
 from robotball.files.scene_writer import scene_toml
 from robotball.motion import Motion
-from robotball.motors import Free, PositionServo, Servo
+from robotball.motors import DCMotor, Free, PositionServo, Servo
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene
 
 _FORMAT = "robotball scene 1"
 _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
 # Of a hinge's command; of a motor that is not here a torque.
-_COMMANDED = {Servo: "rad/s", PositionServo: "rad", Free: "none"}
+_COMMANDED = {Servo: "rad/s", PositionServo: "rad", DCMotor: "1", Free: "none"}
 # Times the friction that the motion needs: another engine's contact must not slip at the peak.
 MARGIN = 1.5
 # URDF's readers ask for limits of every joint; these limit nothing.

@@ -9,11 +9,12 @@ import math
 
 import numpy as np
 
-from robotball.errors import InputError, check_not_negative, check_positive, check_size
+from robotball.errors import InputError, check_not_negative, check_positive, check_size, unknown
 from robotball.files.scene_tables import (
     Box,
     Cylinder,
     Disc,
+    Matter,
     Part,
     Point,
     Ring,
@@ -25,6 +26,12 @@ from robotball.robot import Solid, axial_tensor, thick_shell_inertia
 from robotball.rotations import Array, Z, direction, rotation_matrix
 from robotball.scene import unit
 
+# kg/m³, of solid material; grades differ by a few hundredths.
+DENSITIES = {
+    "abs": 1050.0, "pla": 1240.0, "petg": 1270.0, "pmma": 1190.0, "pc": 1200.0, "nylon": 1140.0,
+    "pom": 1410.0, "aluminium": 2700.0, "steel": 7850.0, "brass": 8500.0, "lead": 11340.0,
+    "tungsten": 19300.0,
+}  # fmt: skip
 _SIGNS = [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=3)]
 
 
@@ -45,14 +52,12 @@ def solid_of(part: Part, axis: Array = Z) -> Solid:
         case Box():
             return _box(name, part)
         case Cylinder():
-            a, b, h = part.radius, part.inner_radius, _positive(f"{name}'s length", part.length)
-            _check_hole(name, a, b)
-            # (a - b)(a + b), as a² - b² would lose the digits of a thin wall.
-            mass = mass_of(name, part.mass, part.density, math.pi * (a - b) * (a + b) * h)
+            a, b, h = part.outer, part.inner_radius, _positive(f"{name}'s length", part.length)
+            mass = _mass_of_tube(name, part, a, b, h)
         case Disc():
-            mass, a = _positive(f"{name}'s mass", part.mass, "kg"), part.radius
-            b, h = part.inner_radius, 0.0
-            _check_hole(name, a, b)
+            a, b, h = part.outer, part.inner_radius, part.thickness
+            check_not_negative(f"{name}'s thickness", h, "m")
+            mass = _mass_of_tube(name, part, a, b, h)
         case Ring():
             mass = _positive(f"{name}'s mass", part.mass, "kg")
             a = b = _positive(f"{name}'s radius", part.radius)
@@ -71,18 +76,18 @@ def _positive(what: str, value: float, unit: str = "m") -> float:
 
 
 def _sphere(name: str, sphere: Sphere) -> Solid:
-    a = _positive(f"{name}'s radius", sphere.radius)
+    a = _positive(f"{name}'s radius", sphere.outer)
     wall = a if sphere.thickness is None else sphere.thickness
     # Of unit mass: the wall is checked before its volume is taken.
     moment = thick_shell_inertia(a, 1.0, wall)
-    mass = mass_of(name, sphere.mass, sphere.density, volume_of_wall(a, wall))
+    mass = mass_of(name, sphere, volume_of_wall(a, wall))
     reach = math.hypot(*sphere.centre) + a
     return Solid(mass, np.array(sphere.centre), mass * moment * np.eye(3), reach)
 
 
 def _box(name: str, box: Box) -> Solid:
     x, y, z = (_positive(f"{name}'s size", edge) for edge in box.size)
-    mass = mass_of(name, box.mass, box.density, x * y * z)
+    mass = mass_of(name, box, x * y * z)
     moments = mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
     R = rotation_matrix(unit("attitude", np.array(box.attitude)))
     corners = [box.centre + R @ (signs * box.size) / 2 for signs in _SIGNS]
@@ -93,20 +98,23 @@ def _box(name: str, box: Box) -> Solid:
 def _rod(name: str, rod: Rod) -> Solid:
     for coordinate in (*rod.begin, *rod.end):
         check_size(f"{name}'s end", coordinate, "m")
-    check_not_negative(f"{name}'s radius", rod.radius, "m")
+    check_not_negative(f"{name}'s radius", rod.outer, "m")
     begin, end = np.array(rod.begin), np.array(rod.end)
     x, y, z = ((begin + end) / 2).tolist()
-    mass, n = _positive(f"{name}'s mass", rod.mass, "kg"), direction(name, end - begin)
-    return _tube(mass, rod.radius, 0.0, float(np.linalg.norm(end - begin)), (x, y, z), n)
+    n, length = direction(name, end - begin), float(np.linalg.norm(end - begin))
+    mass = mass_of(name, rod, math.pi * rod.outer**2 * length)
+    return _tube(mass, rod.outer, 0.0, length, (x, y, z), n)
 
 
-def _check_hole(name: str, outer: float, inner: float) -> None:
-    check_positive(f"{name}'s radius", outer, "m")
-    if not 0 <= inner < outer:
+def _mass_of_tube(name: str, given: Matter, a: float, b: float, h: float) -> float:
+    """Return the mass [kg] of a tube of outer radius a, inner radius b and length h."""
+    check_positive(f"{name}'s radius", a, "m")
+    if not 0 <= b < a:
         raise InputError(
-            f"{name}'s inner_radius must be at least 0 and less than its radius {outer:g}, not "
-            f"{inner:g} m"
+            f"{name}'s inner_radius must be at least 0 and less than its radius {a:g}, not {b:g} m"
         )
+    # (a - b)(a + b), as a² - b² would lose the digits of a thin wall.
+    return mass_of(name, given, math.pi * (a - b) * (a + b) * h)
 
 
 def _tube(mass: float, a: float, b: float, h: float, centre: Triple, axis: Array) -> Solid:
@@ -125,18 +133,25 @@ def _reach_of_circle(centre: Array, axis: Array, radius: float) -> float:
     return math.hypot(along, float(np.linalg.norm(centre - along * axis)) + radius)
 
 
-def mass_of(name: str, mass: float | None, density: float | None, volume: float) -> float:
-    """Return the mass [kg] as given, or of a density [kg/m³] in a volume [m³].
+def mass_of(name: str, given: Matter, volume: float) -> float:
+    """Return the mass [kg] as given, or of a density or a material in a volume [m³].
 
-    Raises InputError unless one of the two is given.
+    Raises InputError unless one of the three is given, and for a density in no volume.
     """
-    if mass is not None and density is not None:
-        raise InputError(f"{name} takes a mass or a density, not both")
+    mass, density, ways = given.mass, given.density, given.given("mass", "density", "material")
+    if len(ways) > 1:
+        raise InputError(f"{name} takes a mass, a density or a material, not {' and '.join(ways)}")
+    if given.material is not None:
+        if (word := given.material.lower()) not in DENSITIES:
+            raise unknown("material", given.material, DENSITIES)
+        density = DENSITIES[word]
     if density is not None:
         check_positive(f"{name}'s density", density, "kg/m³")
+        if volume == 0:
+            raise InputError(f"{name} of no thickness takes a mass, not a density or a material")
         mass = density * volume
     if mass is None:
-        raise InputError(f"{name} needs a mass [kg] or a density [kg/m³]")
+        raise InputError(f"{name} needs a mass [kg], a density [kg/m³] or a material")
     check_positive(f"{name}'s mass", mass, "kg")
     return mass
 

@@ -98,11 +98,11 @@ def robot_scene(
     """
     robot = open_robot(path, shell)
     data = robot.start(key)
-    for note in (*robot.notes, *_starts_off(robot, data)):
+    for note in (*robot.notes, *starts_off(robot, data)):
         warn(f"{path.name}: {note}")
     try:
         lasts = _longest(controls) if duration is None else duration
-        return _scene_of(robot, data, controls, rolling, lasts)
+        return scene_of(robot, data, controls, rolling, lasts)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -113,7 +113,7 @@ def _longest(controls: Mapping[str, Rate]) -> float:
     return min([_DURATION, *ends])
 
 
-def _scene_of(
+def scene_of(
     robot: RobotFile,
     data: Any,
     controls: Mapping[str, Rate],
@@ -121,11 +121,11 @@ def _scene_of(
     duration: float,
 ) -> Scene:
     """Return the scene of a file's robot, which rolls on the plane from its start."""
-    model, contact = robot.model, _contact(robot, data)
+    model, contact = robot.model, contact_of(robot, data)
     ball, joints = _tree_of(robot)
-    gears = _gears(model)
+    gears = gears_of(model)
     links = dict(zip(joints, (link.name for link in ball.links), strict=True))
-    to_plane = _plane_axes(robot, data)
+    to_plane = plane_axes(robot, data)
     down = to_plane @ model.opt.gravity
     gravity = float(np.linalg.norm(down))
     check_positive("gravity", gravity, "m/s²")
@@ -443,9 +443,9 @@ def _solid_of(model: Any, data: Any, bodies: list[int]) -> Solid:
     return composed(each for each in solids if each.mass > 0)
 
 
-def _starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
+def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     """Yield how a start misses the plane or the rolling, from which the equations begin."""
-    radius, (normal, gap) = float(robot.model.geom_size[robot.sphere, 0]), _above(robot, data)
+    radius, (normal, gap) = float(robot.model.geom_size[robot.sphere, 0]), above_plane(robot, data)
     if abs(gap) > _HEIGHT * radius:
         way = "above" if gap > 0 else "in"
         yield f"it starts {abs(gap):.3g} m {way} the plane; the equations start on it"
@@ -465,14 +465,14 @@ def _touching(robot: RobotFile, data: Any) -> set[str]:
     return {robot.model.body(bodies[i]).name for i in geoms if robot.model.body_weldid[bodies[i]]}
 
 
-def _above(robot: RobotFile, data: Any) -> tuple[Array, float]:
+def above_plane(robot: RobotFile, data: Any) -> tuple[Array, float]:
     """Return the plane's normal (3,), world, and how far the sphere is above the plane [m]."""
     normal = data.geom_xmat[robot.plane][2::3]
     away = data.geom_xpos[robot.sphere] - data.geom_xpos[robot.plane]
     return normal, float(away @ normal) - float(robot.model.geom_size[robot.sphere, 0])
 
 
-def _plane_axes(robot: RobotFile, data: Any) -> Array:
+def plane_axes(robot: RobotFile, data: Any) -> Array:
     """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
     plane = data.geom_xmat[robot.plane].reshape(3, 3)
     return np.eye(3) if plane[2, 2] > _LEVEL else plane.T
@@ -486,14 +486,14 @@ def _moving(robot: RobotFile, data: Any) -> Array:
     return moving
 
 
-def _contact(robot: RobotFile, start: Any) -> Any:
+def contact_of(robot: RobotFile, start: Any) -> Any:
     """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
     # There may be none at the start, so the robot is moved until the sphere is in the plane.
     model, plane, data = robot.model, robot.plane, copy(start)
     depth = _TOUCH * model.geom_size[robot.sphere, 0]
     root = model.body_rootid[model.geom_bodyid[robot.sphere]]
     free = int(model.jnt_qposadr[model.body_jntadr[root]])
-    normal, gap = _above(robot, data)
+    normal, gap = above_plane(robot, data)
     data.qpos[free : free + 3] -= (gap + depth) * normal
     mujoco.mj_forward(model, data)
     found = None
@@ -515,7 +515,7 @@ def _contact(robot: RobotFile, start: Any) -> Any:
     return found
 
 
-def _gears(model: Any) -> dict[str, dict[int, float]]:
+def gears_of(model: Any) -> dict[str, dict[int, float]]:
     """Return the actuators by name, with the joints that each moves and the ratio of each."""
     gears: dict[str, dict[int, float]] = {}
     for i in range(model.nactuator):

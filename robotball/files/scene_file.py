@@ -63,6 +63,7 @@ CATALOG = Path(__file__).parent.parent / "scenes"
 _MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # Relative: as far as a composed body may miss its symmetry by the rounding of its parts' sums.
 _SYMMETRIC = 1e-9
+_THIN = 1e-9  # of m a²: moments of a body whose matter lies on a line
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
 
     controls: of a robot's own file, by the names of its actuators, in place of those that it has.
     Raises InputError, with the file and the key, where there is none or it cannot be used, and
-    warns of bodies that no workshop could build.
+    warns of bodies that no workshop could build and of numbers that seem to have another unit.
     """
     # A catalog name first: a file of that name has a suffix, or a folder before it.
     path = CATALOG / f"{name}.toml"
@@ -114,7 +115,12 @@ def load_scene(name: str | Path, controls: Mapping[str, Rate] | None = None) -> 
                     f"with a name that ends in {' or '.join(_MODEL_FILES)}; convert an SDF"
                 )
         raise unknown("scene", name, catalog())
-    for line in beyond_the_shell(scene.ball):
+    lines = beyond_the_shell(scene.ball)
+    if path.parent != CATALOG:
+        from robotball.files.scene_keys import asked_back
+
+        lines += asked_back(path, scene.ball.radius)
+    for line in lines:
         warn(f"{scene.name}: {line}")
     return scene
 
@@ -204,7 +210,7 @@ def _robot(table: SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
     if table.shell is None or table.frame is None:
         missing = "frame" if table.shell else "shell"
         raise InputError(f"key {missing!r} is missing; a scene takes shell and frame, or numbers")
-    radius = table.shell.radius
+    radius = table.shell.outer
     rotors = [(f"rotor{i}", each) for i, each in enumerate(table.rotor, start=1)]
     pendulums = [(f"pendulum{i}", each) for i, each in enumerate(table.pendulum, start=1)]
     ball = Ball(
@@ -358,9 +364,9 @@ def _one_of(name: str, ways: dict[str, list[str]]) -> str:
 
 def _shell(table: ShellTable, folder: Path) -> Shell:
     """Return the shell. Raises InputError for no mass, or no symmetry about its axis."""
-    check_positive("the shell's radius", table.radius, "m")
-    radius, axis = table.radius, direction("shell.axis", np.array(table.axis))
-    wall = table.given("mass", "density", "thickness", "inertia")
+    check_positive("the shell's radius", table.outer, "m")
+    radius, axis = table.outer, direction("shell.axis", np.array(table.axis))
+    wall = table.given("mass", "density", "material", "thickness", "inertia")
     if file := table.mjcf or table.urdf:
         ways = {each: table.given(each) for each in ("part", "mjcf", "urdf")}
         _one_of("shell", {"mass and thickness": wall, **ways})
@@ -399,17 +405,17 @@ def _wall(table: ShellTable) -> tuple[float, float, float]:
     if thickness is not None:
         from robotball.files.parts import mass_of, volume_of_wall
 
-        mass = mass_of("shell", table.mass, table.density, volume_of_wall(table.radius, thickness))
-        moment = thick_shell_inertia(table.radius, mass, thickness)
+        mass = mass_of("shell", table, volume_of_wall(table.outer, thickness))
+        moment = thick_shell_inertia(table.outer, mass, thickness)
         return mass, moment, moment
-    if table.density is not None:
+    if table.given("density", "material"):
         raise InputError("shell: a density needs the wall's thickness [m] as well")
     if table.mass is None:
         raise InputError("shell: key 'mass' is missing")
     if given is None:
         raise InputError("shell: key 'thickness' is missing, or 'inertia' instead of it")
     if given == "thin":
-        moment = thin_shell_inertia(table.radius, table.mass)
+        moment = thin_shell_inertia(table.outer, table.mass)
         return table.mass, moment, moment
     if given.axial is None or given.transverse is None:
         raise InputError('shell.inertia takes "thin", or thickness, or axial and transverse')
@@ -459,9 +465,11 @@ def _solid(
             raise InputError(f"{name}.part is empty")
         solid = composed(_solids(name, table.part, axis))
         if not np.linalg.eigvalsh(solid.inertia)[0] > _SYMMETRIC * np.abs(solid.inertia).max():
-            raise InputError(
-                f"{name}'s parts lie on one line, about which nothing resists turning; give a rod "
-                "its radius, or a point a sphere's size"
+            if isinstance(table, RotorTable):
+                raise InputError(f"{name}'s parts lie on its axis, and so do not resist turning")
+            # A point or a thin rod: MuJoCo's bodies need moments, and its order is kept with these.
+            solid = replace(
+                solid, inertia=solid.inertia + _THIN * solid.mass * radius**2 * np.eye(3)
             )
     elif table.mass is None or table.inertia is None:
         missing = "mass" if table.mass is None else "inertia"

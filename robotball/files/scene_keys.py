@@ -1,18 +1,24 @@
-"""The keys of scene files in words: what is wrong with one, and docs/scene.md.
+"""The keys of scene files in words: what is wrong with one, units asked back, and docs/scene.md.
 
-Both are made by walking the records of `scene_tables` with msgspec's inspection, so that a key is
+All are made by walking the records of `scene_tables` with msgspec's inspection, so that a key is
 described where it is declared and nowhere else. `python -m robotball.files.scene_keys >
 docs/scene.md` writes the page: its prose is scene_page.md, its tables are the records.
 """
 
 import difflib
+import math
 import re
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
+import msgspec
 from msgspec import inspect
 
+from robotball.drives import COMMAND
+from robotball.files import contents
+from robotball.files.parts import DENSITIES
 from robotball.files.scene_tables import DRIVES, HingeTable, SceneTable, Table
 
 _WORDS = {  # msgspec's names of types, in the words of TOML's users
@@ -25,6 +31,19 @@ _WORDS = {  # msgspec's names of types, in the words of TOML's users
 }
 # Other formats' words for a key. By their letters alone another key would be the nearest.
 _MEANT = dict.fromkeys(("max_torque", "torque_max", "effort", "forcerange"), "torque_limit")
+# By key or unit: the largest number that a robot has there, beyond which it is rather of another
+# unit, and that in the key's. Balls that people ride in have 1.5 m; few motors turn at 19 000 rpm.
+_LARGEST = {
+    "m": (10.0, "mm", 1e-3),
+    "kg": (1e3, "g", 1e-3),
+    "rad": (2 * math.pi, "°", math.pi / 180),
+    "rad/s": (2e3, "rpm", math.pi / 30),
+    "m/s²": (100.0, "mm/s²", 1e-3),
+    "1": (1.0, "%", 1e-2),
+    "stall_torque": (100.0, "mN m", 1e-3),
+    "rotor_inertia": (0.1, "g cm²", 1e-7),
+}
+_LIGHTEST = 25.0  # kg/m³, of a foam; the densest metal has 22.6 g/cm³
 _MANY = ("rotor", "pendulum", "part")
 
 
@@ -126,7 +145,8 @@ def unit_of(table: type[Table], name: str) -> str:
     return _meaning(field)[1]
 
 
-def _struct(table: type[Table]) -> inspect.StructType:
+@cache
+def _struct(table: type[msgspec.Struct]) -> inspect.StructType:
     (struct,) = tables_in(inspect.type_info(table))
     return struct
 
@@ -138,6 +158,40 @@ def _meaning(field: inspect.Field) -> tuple[str, str]:
     return (meant.extra_json_schema or {})["description"], (meant.extra or {})["unit"]
 
 
+def asked_back(path: Path, radius: float) -> list[str]:
+    """Return a line about the numbers of a file that seem to be in another unit, if there are any.
+
+    radius: the shell's [m], of which alone a file is asked that has no bodies of its own.
+    """
+    given = msgspec.toml.decode(contents(path)) if path.suffix == ".toml" else {}
+    if "start" in given:
+        found = [*_doubts("", "", msgspec.convert(given, SceneTable))]
+    else:
+        found = [*_doubts("the shell's radius", "m", radius)]
+    more = f" More such numbers: {len(found) - 1}" if found[1:] else ""
+    return [f"{counted(line)}{more}" for line in found[:1]]
+
+
+def _doubts(path: str, unit: str, value: object) -> Iterator[str]:
+    """Yield a question for each number at a path that is unlikely in the unit."""
+    if isinstance(value, msgspec.Struct):
+        for field in _struct(type(value)).fields:
+            own = _meaning(field)[1]
+            inner = getattr(value, field.name)
+            at = f"{path}.{field.name}" if path else field.name
+            yield from _doubts(at, unit if own == COMMAND else own, inner)
+    elif isinstance(value, list | tuple):
+        for i, inner in enumerate(value):
+            yield from _doubts(f"{path}[{i}]", unit, inner)
+    elif isinstance(value, float):
+        most, other, factor = _LARGEST.get(path.rpartition(".")[2]) or _LARGEST.get(
+            unit, (math.inf, "g/cm³", 1e3)
+        )
+        if abs(value) > most or (unit == "kg/m³" and 0 < value < _LIGHTEST):
+            shown = f"{value:g} {unit}".removesuffix(" 1")
+            yield f"{path} is {shown}; did you mean {value * factor:.4g} ({value:g} {other})?"
+
+
 def page() -> str:
     """Return docs/scene.md: the prose, with a table of keys for each line `{name}` of it."""
     prose = Path(__file__).with_name("scene_page.md").read_text()
@@ -146,6 +200,10 @@ def page() -> str:
 
 def _rows(name: str) -> Iterator[str]:
     """Yield the lines of the table for a path in a scene file, or a kind of part or command."""
+    if name == "materials":
+        yield from ("| `material` | density [kg/m³] |", "|---|---|")
+        yield from (f"| `{each}` | {density:g} |" for each, density in DENSITIES.items())
+        return
     if name == "drives":
         yield from ("| `drive` | what it does | it needs | it may have |", "|---|---|---|---|")
         for drive, kind in DRIVES.items():

@@ -66,7 +66,7 @@ def rate_of(given: Command, folder: Path) -> Rate:
 
 
 # As a type of its own, so that msgspec refuses any other word.
-_DriveName = Literal["prescribed", "servo", "position", "torque", "free"]
+_DriveName = Literal["prescribed", "servo", "position", "dc_motor", "torque", "free"]
 
 
 @dataclass(frozen=True)
@@ -105,6 +105,11 @@ DRIVES: dict[_DriveName, _DriveKind] = {
         "angle", "PositionServo", keys=("kp", "kd", "torque_limit", "armature"),
         needed=("kp", "angle"),
     ),
+    "dc_motor": _DriveKind(
+        "Torque = gear · stall_torque (supply - gear · hinge's rate / no_load_speed), likewise.",
+        "supply", "DCMotor", needed=("stall_torque", "no_load_speed", "supply"),
+        keys=("stall_torque", "no_load_speed", "gear", "rotor_inertia", "torque_limit"),
+    ),
     "torque": _DriveKind(
         "The motor gives the torque, whatever the hinge does.",
         "torque", "Torque", keys=("armature",), needed=("torque",),
@@ -125,6 +130,9 @@ class HingeTable(Table, frozen=True):
     ] = None
     angle: Annotated[Command | None, key("commanded angle, a command as below", "rad")] = None
     torque: Annotated[Command | None, key("commanded torque, a command as below", "N m")] = None
+    supply: Annotated[
+        Command | None, key("share of the nominal voltage, -1 to 1, a command as below", "1")
+    ] = None
     drive: Annotated[
         _DriveName,
         key("what moves the hinge, see Drives; `prescribed`: it keeps its rate exactly"),
@@ -132,6 +140,10 @@ class HingeTable(Table, frozen=True):
     kv: Annotated[float | None, key("gain: torque per rate missed", "N m s/rad")] = None
     kp: Annotated[float | None, key("gain: torque per angle missed", "N m/rad")] = None
     kd: Annotated[float | None, key("damping: torque against the rate", "N m s/rad")] = None
+    stall_torque: Annotated[float | None, key("of the motor before its gear", "N m")] = None
+    no_load_speed: Annotated[float | None, key("of the motor before its gear", "rad/s")] = None
+    gear: Annotated[float | None, key("the motor's turns in one of the hinge's; else 1")] = None
+    rotor_inertia: Annotated[float | None, key("of the motor's own rotor", "kg m²")] = None
     torque_limit: Annotated[float | None, key("the motor's largest torque", "N m")] = None
     damping: Annotated[float | None, key("torque against the rate", "N m s/rad")] = None
     stiffness: Annotated[float | None, key("of a spring", "N m/rad")] = None
@@ -151,9 +163,6 @@ class HingeTable(Table, frozen=True):
 
 
 _Mass = Annotated[float, key("its mass", "kg")]
-_OrMass = Annotated[float | None, key("its mass, or else its density", "kg")]
-_Density = Annotated[float | None, key("instead of the mass", "kg/m³")]
-_Radius = Annotated[float, key("its outer radius", "m")]
 _Place = Annotated[Triple, key("where its middle is, from the sphere's centre", "m")]
 _Axis = Annotated[
     Triple | None,
@@ -161,32 +170,58 @@ _Axis = Annotated[
 ]
 
 
-class _Part(Table, frozen=True, tag_field="kind"):
-    """A solid of a simple shape, of which bodies are put together."""
+class Matter(Table, frozen=True):
+    """A body's matter: its mass, or what makes it in the body's volume."""
+
+    mass: Annotated[float | None, key("its mass, or else its density or material", "kg")] = None
+    density: Annotated[float | None, key("instead of the mass", "kg/m³")] = None
+    material: Annotated[str | None, key("instead of the density, see Materials")] = None
 
 
-class Point(_Part, frozen=True, kw_only=True, tag="point"):
-    """A mass without a size; it needs another part beside it."""
+class _Round(Matter, frozen=True):
+    """Matter of a round shape, by its outer radius or diameter."""
+
+    radius: Annotated[float | None, key("its outer radius, or else its diameter", "m")] = None
+    diameter: Annotated[float | None, key("instead of the radius", "m")] = None
+
+    def __post_init__(self) -> None:
+        if self.diameter is None is self.radius:
+            raise ValueError("key 'radius' is missing, or 'diameter' instead")
+        if self.diameter is not None and self.radius:
+            raise ValueError("it takes a radius or a diameter, not both")
+
+    @property
+    def outer(self) -> float:
+        """The outer radius [m]."""
+        return (self.radius or 0.0) if self.diameter is None else self.diameter / 2
+
+
+class _Bored(_Round, frozen=True):
+    """A round shape about an axis, with or without a round hole."""
+
+    inner_radius: Annotated[float, key("of its hole", "m")] = 0.0
+    centre: _Place = _ORIGIN
+    axis: _Axis = None
+
+
+# The parts, of which bodies are put together.
+class Point(Table, frozen=True, kw_only=True, tag_field="kind", tag="point"):
+    """A mass without a size."""
 
     mass: _Mass
     centre: _Place = _ORIGIN
 
 
-class Sphere(_Part, frozen=True, kw_only=True, tag="sphere"):
+class Sphere(_Round, frozen=True, tag_field="kind", tag="sphere"):
     """A ball, solid or hollow."""
 
-    mass: _OrMass = None
-    density: _Density = None
-    radius: _Radius
     thickness: Annotated[float | None, key("of its wall; without it the ball is solid", "m")] = None
     centre: _Place = _ORIGIN
 
 
-class Box(_Part, frozen=True, kw_only=True, tag="box"):
+class Box(Matter, frozen=True, kw_only=True, tag_field="kind", tag="box"):
     """A cuboid."""
 
-    mass: _OrMass = None
-    density: _Density = None
     size: Annotated[Triple, key("its three edges, whole lengths", "m")]
     centre: _Place = _ORIGIN
     attitude: Annotated[
@@ -194,80 +229,59 @@ class Box(_Part, frozen=True, kw_only=True, tag="box"):
     ] = _UPRIGHT
 
 
-class Cylinder(_Part, frozen=True, kw_only=True, tag="cylinder"):
+class Cylinder(_Bored, frozen=True, kw_only=True, tag_field="kind", tag="cylinder"):
     """A cylinder or a tube."""
 
-    mass: _OrMass = None
-    density: _Density = None
-    radius: _Radius
     length: Annotated[float, key("along the axis", "m")]
-    inner_radius: Annotated[float, key("of a tube", "m")] = 0.0
-    centre: _Place = _ORIGIN
-    axis: _Axis = None
 
 
-class Disc(_Part, frozen=True, kw_only=True, tag="disc"):
-    """A disc of no thickness, with or without a round hole."""
+class Disc(_Bored, frozen=True, tag_field="kind", tag="disc"):
+    """A round plate, with or without a round hole."""
 
-    mass: _Mass
-    radius: _Radius
-    inner_radius: Annotated[float, key("of its hole", "m")] = 0.0
-    centre: _Place = _ORIGIN
-    axis: _Axis = None
+    thickness: Annotated[float, key("along the axis; a density needs it", "m")] = 0.0
 
 
-class Ring(_Part, frozen=True, kw_only=True, tag="ring"):
+class Ring(Table, frozen=True, kw_only=True, tag_field="kind", tag="ring"):
     """A hoop, all of whose mass is at its radius."""
 
     mass: _Mass
-    radius: _Radius
+    radius: Annotated[float, key("its radius", "m")]
     centre: _Place = _ORIGIN
     axis: _Axis = None
 
 
-class Rod(_Part, frozen=True, kw_only=True, tag="rod"):
+class Rod(_Round, frozen=True, kw_only=True, tag_field="kind", tag="rod"):
     """A round rod between two points."""
 
-    mass: _Mass
     begin: Annotated[Triple, key("the middle of its one end, from the sphere's centre", "m")]
     end: Annotated[Triple, key("the middle of its other end", "m")]
-    radius: Annotated[float, key("of its round section", "m")] = 0.0
+    radius: Annotated[float, key("of its round section; a density needs it", "m")] = 0.0
 
 
 Part = Point | Sphere | Box | Cylinder | Disc | Ring | Rod
 
 
-_File = Annotated[str, key("the file; a relative path is from the scene's own folder")]
-_Origin = Annotated[Triple, key("where the body's origin is, from the sphere's centre", "m")]
-_Attitude = Annotated[_Quadruple, key("quaternion (w, x, y, z) that turns the body's axes")]
-_Parts = Annotated[list[Part] | None, key("parts that it is made of, see Parts")]
+class _BodyFile(Table, frozen=True):
+    """A file with a body, and where that is laid."""
+
+    file: Annotated[str, key("the file; a relative path is from the scene's own folder")]
+    origin: Annotated[Triple, key("where its origin is, from the sphere's centre", "m")] = _ORIGIN
+    attitude: Annotated[_Quadruple, key("quaternion (w, x, y, z) that turns its axes")] = _UPRIGHT
 
 
-class MjcfTable(Table, frozen=True):
+class MjcfTable(_BodyFile, frozen=True, kw_only=True):
     """A body of an MJCF file, with all that is fixed to it."""
 
-    file: _File
     body: Annotated[str, key("the name of the body")]
-    origin: _Origin = _ORIGIN
-    attitude: _Attitude = _UPRIGHT
 
 
-class UrdfTable(Table, frozen=True):
+class UrdfTable(_BodyFile, frozen=True, kw_only=True):
     """A link of a URDF file, with all that is fixed to it."""
 
-    file: _File
     link: Annotated[str, key("the name of the link")]
-    origin: _Origin = _ORIGIN
-    attitude: _Attitude = _UPRIGHT
 
 
-# Written once for frame, rotor and pendulum, whose other keys differ.
-_Mjcf = Annotated[MjcfTable | None, key("a body of an MJCF file")]
-_Urdf = Annotated[UrdfTable | None, key("a link of a URDF file")]
 Rows = list[float | Triple]  # three moments, or three rows: msgspec knows no list of either
-_Centre = Annotated[
-    Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
-]
 _Tensor = Annotated[
     Rows | None,
     key("about its own centre of mass: three moments, or three rows of three", "kg m²"),
@@ -289,13 +303,10 @@ class ShellInertia(Table, frozen=True):
     thickness: Annotated[float | None, key("as `thickness` of the shell", "m")] = None
 
 
-class ShellTable(Table, frozen=True):
+class ShellTable(_Round, frozen=True):
     """The sphere that rolls: a wall, and parts fixed to it; symmetric about `axis`."""
 
-    radius: Annotated[float, key("its outer radius", "m")]
-    mass: Annotated[float | None, key("of the wall", "kg")] = None
     # Which of these combine the reader knows; the records have only what a value may be.
-    density: Annotated[float | None, key("of the wall, instead of its mass", "kg/m³")] = None
     thickness: Annotated[float | None, key("of the wall, the same all round", "m")] = None
     inertia: Annotated[
         Literal["thin"] | ShellInertia | None,
@@ -312,40 +323,37 @@ class ShellTable(Table, frozen=True):
     urdf: Annotated[UrdfTable | None, key("the whole shell from a URDF file")] = None
 
 
-class FrameTable(HingeTable, frozen=True):
+class _BodyTable(HingeTable, frozen=True):
+    """A body on a hinge, but for its inertia and the hinge's place."""
+
+    mass: Annotated[float | None, key("its mass", "kg")] = None
+    centre: Annotated[
+        Triple | None, key("the centre of mass, from the sphere's centre; 0 if not given", "m")
+    ] = None
+    part: Annotated[list[Part] | None, key("parts that it is made of, see Parts")] = None
+    mjcf: Annotated[MjcfTable | None, key("a body of an MJCF file")] = None
+    urdf: Annotated[UrdfTable | None, key("a link of a URDF file")] = None
+
+
+class FrameTable(_BodyTable, frozen=True):
     """The body that turns in the shell, about the shell's axis, and carries the others."""
 
-    mass: Annotated[float | None, key("its mass", "kg")] = None
     inertia: _Tensor = None
-    centre: _Centre = None
-    part: _Parts = None
-    mjcf: _Mjcf = None
-    urdf: _Urdf = None
 
 
-class RotorTable(HingeTable, frozen=True, kw_only=True):
+class RotorTable(_BodyTable, frozen=True, kw_only=True):
     """A symmetric body on the frame that turns about its own axis."""
 
-    mass: Annotated[float | None, key("its mass", "kg")] = None
     inertia: Annotated[Axial | None, key("its moments")] = None
     axis: Annotated[Triple, key("its axis; a direction of any length")]
-    centre: _Centre = None
-    part: _Parts = None
-    mjcf: _Mjcf = None
-    urdf: _Urdf = None
 
 
-class PendulumTable(HingeTable, frozen=True, kw_only=True):
+class PendulumTable(_BodyTable, frozen=True, kw_only=True):
     """Any body on a hinge of the frame, as it is at the hinge's angle 0."""
 
-    mass: Annotated[float | None, key("its mass", "kg")] = None
     inertia: _Tensor = None
-    centre: _Centre = None
     axis: Annotated[Triple, key("the hinge's axis; a direction of any length")]
     pivot: Annotated[Triple, key("a point of the axis, from the sphere's centre", "m")] = _ORIGIN
-    part: _Parts = None
-    mjcf: _Mjcf = None
-    urdf: _Urdf = None
 
 
 class FrictionTable(Table, frozen=True):

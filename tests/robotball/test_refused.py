@@ -91,9 +91,9 @@ BODIES = {
 
 PARTS = {
     "part('Sphere', density=1.0, mass=1.0, radius=1.0)":
-        r"a sphere takes a mass or a density, not both",
+        r"a sphere takes a mass, a density or a material, not mass and density",
     "part('Sphere', density=None, radius=1.0)":
-        r"a sphere needs a mass \[kg\] or a density \[kg/m³\]",
+        r"a sphere needs a mass \[kg\], a density \[kg/m³\] or a material",
     "part('Sphere', density=-1.0, radius=1.0)": r"a sphere's density must be positive",
     "part('Box', size=(1.0, 0.0, 1.0))": r"a box's size must be positive and finite, not 0",
     "part('Box', size=(1.0, 1.0, 1.0), attitude=(2.0, 0.0, 0.0, 0.0))":

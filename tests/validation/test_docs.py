@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.files.scene_file import read_scene
 from robotball.qualitative.straight_motions import stability_limit
 from tests.conftest import Robotball
 from tests.imports import PROJECT
@@ -191,6 +192,24 @@ def test_printed_python_runs(text: str, tmp_path: Path, monkeypatch: pytest.Monk
     Path("my_robot.toml").symlink_to(PROJECT / "examples" / "my_robot.toml")
     rb.integrate(rb.load_scene("fig12"), rb.sample_times(0.4)).save("run.csv")
     exec(text, {})
+
+
+def test_the_data_sheet_s_robot_does_what_its_page_says() -> None:
+    """Path, error, needs and speed, to the digits shown; and what a jump of the supply needs."""
+    page, text = PAGES["datasheet.md"], DOCS["datasheet.md"].split("```")[1].removeprefix("toml")
+    jump = re.sub("(?m)^supply = .*$", "supply = -1.0", text)
+    scene, jumping = (read_scene(Path("my_robot.toml"), each) for each in (text, jump))
+    agreement, turned = compare(scene), rb.integrate(jumping)
+    theory, error = agreement.theory, agreement.path_error
+    (shown,) = re.findall(rf"off by (\S+) of its {theory.path_length:.1f} m", page)
+    assert agreement.agrees
+    assert error == pytest.approx(float(shown), rel=0.7)
+    torque, power = np.abs(theory.loads.motor_torques).max(), np.abs(theory.motor_powers).max()
+    assert f"up to {torque:.2f} N m and {power:.1f} W" in page
+    assert f"a friction coefficient of {theory.loads.sliding_friction.max():.2f}." in page
+    assert f"needs no torque: {0.15 * abs(theory.hinge_rates[-1, 0]):.2f} m/s" in page
+    assert turned.gamma[:, 2].min() < -0.9
+    assert f"must give {turned.loads.sliding_friction.max():.2f}. Make" in page
 
 
 # Names and links -------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from html import escape as html_escape
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -27,12 +28,13 @@ from robotball.errors import SceneWarning, check_positive, unknown
 from robotball.files.mended_file import Change, Editable, compiled, editable
 from robotball.files.robot_file import (
     RobotFile,
-    _above,
-    _contact,
-    _plane_axes,
-    _scene_of,
-    _starts_off,
+    above_plane,
+    contact_of,
+    gears_of,
     open_robot,
+    plane_axes,
+    scene_of,
+    starts_off,
 )
 from robotball.motion import Motion
 from robotball.rotations import Array
@@ -71,11 +73,15 @@ class Own:
     push: float = 0.0
 
     def __post_init__(self) -> None:
-        model = self.robot.model
-        known = [model.actuator(i).name for i in range(model.nu)]
         for name in self.controls:
-            if name not in known:
-                raise unknown("actuator", name, known)
+            if name not in self.actuators:
+                raise unknown("actuator", name, self.actuators)
+
+    @cached_property
+    def actuators(self) -> dict[str, int]:
+        """The numbers of the actuators by name."""
+        names = gears_of(self.robot.model)
+        return {name: i for i, name in enumerate(names)}
 
     def begin(self) -> mujoco.MjData:
         """Return MjData at the start."""
@@ -87,7 +93,8 @@ class Own:
             radius = float(robot.model.geom_size[robot.sphere, 0])
             turning = np.array([0.0, self.push / radius, 0.0])
             arm = data.xpos[root] - data.geom_xpos[robot.sphere]
-            data.qvel[first : first + 3] = np.cross(turning, arm) + [self.push, 0.0, 0.0]
+            data.qvel[first : first + 3] = np.cross(turning, arm)
+            data.qvel[first] += self.push
             data.qvel[first + 3 : first + 6] = data.xmat[root].reshape(3, 3).T @ turning
             mujoco.mj_forward(robot.model, data)
         return data
@@ -95,11 +102,11 @@ class Own:
     def control(self, data: mujoco.MjData) -> None:
         """Set the controls at the data's time, as a loop around mj_step would."""
         for name, value in self.controls.items():
-            data.ctrl[self.robot.model.actuator(name).id] = value.rate(data.time)
+            data.ctrl[self.actuators[name]] = value.rate(data.time)
 
     def scene(self, rolling: Rolling, duration: float) -> Scene:
         """Return the scene that the reference rolls."""
-        return _scene_of(self.robot, self.begin(), self.controls, rolling, duration)
+        return scene_of(self.robot, self.begin(), self.controls, rolling, duration)
 
     @property
     def steady(self) -> bool:
@@ -123,7 +130,7 @@ class Own:
                 break
             mujoco.mj_kinematics(model, data)
             centres[i] = data.geom_xpos[self.robot.sphere]
-        return np.asarray((centres - centres[0]) @ _plane_axes(self.robot, data).T)[:, :2]
+        return np.asarray((centres - centres[0]) @ plane_axes(self.robot, data).T)[:, :2]
 
 
 @dataclass
@@ -196,9 +203,9 @@ def _observe(own: Own, duration: float) -> _Seen:
     seen.depth = depth / max(steps - aloft, 1)
     seen.inside = Counter({pair: count / steps for pair, count in seen.inside.items()})
     seen.delivered = float(resistance[0] / resistance[1]) if resistance[1] else None
-    for i in range(model.nu):
+    for name, i in own.actuators.items():
         if model.actuator_biastype[i] and asked[i]:
-            seen.lag[model.actuator(i).name] = float(np.sqrt(missed[i] / asked[i]))
+            seen.lag[name] = float(np.sqrt(missed[i] / asked[i]))
     return seen
 
 
@@ -232,11 +239,11 @@ def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Chan
     """
     robot, scene = own.robot, theory.scene
     model, data = robot.model, own.begin()
-    option, contact = model.opt, _contact(robot, data)
+    option, contact = model.opt, contact_of(robot, data)
     found = []
     if seen.inside:
         found.append(_apart(model, seen))
-    gap = _above(robot, data)[1]
+    gap = above_plane(robot, data)[1]
     if abs(gap) > _STANDS * scene.ball.radius / 100:
         way = "above" if gap > 0 else "in"
         found.append(
@@ -379,9 +386,9 @@ def check_model(
     since = np.flatnonzero(
         ~(np.linalg.norm(path - theory.contact_point, axis=1) <= accuracy * theory.path_scale)
     )
-    normal, gap = _above(robot, data)
+    normal, gap = above_plane(robot, data)
     edit = editable(
-        robot, -gap * normal, _pair_of(_contact(robot, data)), _touching(robot.model, seen)
+        robot, -gap * normal, _pair_of(contact_of(robot, data)), _touching(robot.model, seen)
     )
     known: dict[frozenset[str], float] = {}
 
@@ -434,7 +441,7 @@ def _theories(
     """
     found: dict[Rolling, tuple[Motion, str | None]] = {}
     refused = InputError("")
-    default = "classical" if _contact(own.robot, own.begin()).dim == 3 else "rubber"
+    default = "classical" if contact_of(own.robot, own.begin()).dim == 3 else "rubber"
     for each in [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default):
         scene = own.scene(each, float(times[-1]))
         try:
@@ -531,7 +538,7 @@ def _moved(own: Own) -> tuple[Own, str]:
     gravity = float(np.linalg.norm(model.opt.gravity))
     torque = _TORQUE * float(model.body_subtreemass[0]) * gravity * radius
     controls: dict[str, Drive] = {}
-    for i in range(model.nu):
+    for name, i in own.actuators.items():
         scale = float(model.actuator_gear[i, 0] * model.actuator_gainprm[i, 0])
         _, angle, rate = model.actuator_biasprm[i, :3]
         value = _ANGLE if angle else _RATE if rate else torque / (abs(scale) or 1.0)
@@ -540,7 +547,7 @@ def _moved(own: Own) -> tuple[Own, str]:
         joint = int(model.actuator_trnid[i, 0])
         if model.jnt_limited[joint] and not angle:  # which it would soon reach
             value = 0.0
-        controls[model.actuator(i).name] = Constant(value)
+        controls[name] = Constant(value)
     if not controls:
         push = float(np.sqrt(gravity * radius)) / 2
         return replace(own, push=push), f"a push, rolling at {push:.2g} m/s"
@@ -751,7 +758,7 @@ class Check:
             name: as_drive(value, duration) for name, value in controls_of(self.control).items()
         }
         own = Own(robot, controls, self.keyframe)
-        notes = [*robot.notes, *_starts_off(robot, own.begin())]
+        notes = [*robot.notes, *starts_off(robot, own.begin())]
         if _stands(own):
             own, given = _moved(own)
             notes.append(f"nothing moves it; it is checked with {given}; see --control")

@@ -21,7 +21,7 @@ from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_
 from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError, warn
 from robotball.motion import Loads, loads_of
-from robotball.motors import Free, PositionServo, Servo
+from robotball.motors import Servo
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene, step_count
 
@@ -139,8 +139,7 @@ class PlannedRun(Chosen):
     @cached_property
     def servo_rate(self) -> float:
         """The largest |λ| [1/s] of the hinges' motors; 0 without a motor that settles."""
-        motors = [each.actuation for each in self.hinges]
-        if not any(isinstance(each, Servo | PositionServo | Free) for each in motors):
+        if not any(each.settles for each in self.hinges):
             return 0.0
         from robotball.engines.mujoco.trials import fastest_rate
 

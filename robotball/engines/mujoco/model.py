@@ -20,7 +20,7 @@ import robotball.scene
 from robotball.drives import Drive, turns
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
 from robotball.errors import InputError
-from robotball.motors import Actuator, Free, Motor, PositionServo, Servo
+from robotball.motors import Actuator, Free, Law, Motor, PositionServo, Servo, Torque
 from robotball.robot import PARTS, Frame, Link, Pendulum, Rotor, Shell
 from robotball.rotations import Array, multiply, rotation_matrix, z_along
 from robotball.scene import Scene, Start
@@ -71,11 +71,19 @@ class ModelHinge:
         return not isinstance(self.actuation, Free)
 
     @property
-    def torque_limit(self) -> float | None:
-        """The torque limit of its servo [N m], None without either."""
-        if isinstance(self.actuation, Servo | PositionServo):
-            return self.actuation.torque_limit
-        return None
+    def law(self) -> Law | None:
+        """The law of its motor; None where its rate is prescribed."""
+        return None if isinstance(self.actuation, Prescribed) else self.actuation.law
+
+    @property
+    def torque_limit(self) -> float:
+        """The torque limit of its motor [N m]; infinite without either."""
+        return self.law.limit if self.law else np.inf
+
+    @property
+    def settles(self) -> bool:
+        """True if its torque depends on its angle or rate, as it does of all motors but Torque."""
+        return not isinstance(self.actuation, Torque | Prescribed)
 
     @property
     def follows_rate(self) -> bool:
@@ -333,13 +341,26 @@ def _add_hinge(root: Any, hinge: ModelHinge, body: Any, axis: Array) -> None:
         actuator = add("velocity", **names, kv=motor.gain)
     elif isinstance(motor, PositionServo):
         actuator = add("position", **names, kp=motor.gain, kv=motor.damping)
-    else:
+    elif isinstance(motor, Torque | Prescribed):
         # With the gear as scale, the control of a prescribed rate is its acceleration. MuJoCo sets
         # controls over 1e10 to zero, which torques on such an armature would be.
         gear = motor.armature if isinstance(motor, Prescribed) else 1.0
         actuator = add("motor", **names, gear=[gear])
-    if hinge.torque_limit is not None:
+    else:
+        actuator = _add_law(root, motor.law, **names)
+    if hinge.torque_limit < np.inf:
         actuator.forcerange = [-hinge.torque_limit, hinge.torque_limit]
+
+
+def _add_law(root: Any, law: Law, **on: Any) -> Any:
+    """Add and return an actuator that has a motor's law but for its limit."""
+    return root.actuator.add(
+        "general",
+        biastype="affine",
+        gainprm=[law.per_command],
+        biasprm=[law.at_rest, -law.per_angle, -law.per_rate],
+        **on,
+    )
 
 
 def controls_at(scene: Scene, hinges: tuple[ModelHinge, ...], t: float) -> list[float]:
@@ -358,14 +379,7 @@ def _add_actuator(root: Any, actuator: Actuator, joints: Mapping[str, str]) -> N
         on = {"tendon": tendon}
     else:
         on = {"joint": joints[first[0]], "gear": [first[1]]}
-    added = root.actuator.add(
-        "general",
-        name=actuator.name,
-        biastype="affine",
-        gainprm=[law.per_command],
-        biasprm=[law.at_rest, -law.per_angle, -law.per_rate],
-        **on,
-    )
+    added = _add_law(root, law, name=actuator.name, **on)
     if law.limit < np.inf:
         added.forcerange = [-law.limit, law.limit]
 

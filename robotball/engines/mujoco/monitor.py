@@ -111,7 +111,7 @@ class Monitor:
                     Fault(kind.TORQUE_LIMIT, np.nan, hinge.body, note=hinge.own_motor),
                 )
                 for hinge in readings.model.hinges
-                if hinge.torque_limit is not None
+                if hinge.torque_limit < np.inf
             ),
             *(
                 (~diverged & (readings.warnings[:, i] > 0), Fault(kind.ENGINE_WARNED, np.nan, name))

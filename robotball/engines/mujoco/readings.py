@@ -205,9 +205,8 @@ class Readings:
 
     def servo_saturation(self, hinge: ModelHinge) -> Mask:
         """Return whether a hinge's servo is at its torque limit in each row (m,), to rounding."""
-        limit = hinge.torque_limit
         torque = np.abs(self.motor_torques[:, hinge.index])
-        return torque >= (np.inf if limit is None else limit * (1 - 1e-9))
+        return torque >= hinge.torque_limit * (1 - 1e-9)
 
 
 def lengths(v: Array) -> Array:

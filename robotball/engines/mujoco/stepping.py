@@ -28,7 +28,7 @@ from robotball.drives import Drive
 from robotball.engines.mujoco.model import Model, controls_at
 from robotball.engines.mujoco.settings import INTEGRATORS, MUJOCOS_DEFAULT
 from robotball.motion import Fault, pieces
-from robotball.motors import Law, PositionServo, Servo
+from robotball.motors import Law
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import spans
 
@@ -353,8 +353,8 @@ def _limited(model: Model) -> Iterator[_Limited]:
     scene, compiled, motors = model.scene, model.compiled, []
     units = np.eye(len(model.hinges))
     for hinge, gears in zip(model.hinges, units, strict=True):
-        if isinstance(hinge.actuation, Servo | PositionServo):
-            motors.append((hinge.body, hinge.actuation.law, hinge.drive, gears))
+        if hinge.law:
+            motors.append((hinge.body, hinge.law, hinge.drive, gears))
     places = {hinge.body: gears for hinge, gears in zip(model.hinges, units, strict=True)}
     for each, command in zip(scene.actuators, scene.controls, strict=True):
         gears = np.sum([ratio * places[name] for name, ratio in each.gears], axis=0)

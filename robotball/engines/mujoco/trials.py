@@ -15,11 +15,10 @@ import robotball.scene
 from robotball import equations as eq
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import Readings
-from robotball.engines.mujoco.settings import Prescribed, Settings, recipe
+from robotball.engines.mujoco.settings import Settings, recipe
 from robotball.engines.mujoco.stepping import controlled, read_row
 from robotball.equations import Quaternion, Vector, as_vector
 from robotball.motion import Loads
-from robotball.motors import Free, PositionServo, Servo
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Friction, Scene
 
@@ -79,7 +78,7 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     rates. Where there are pendulums, the largest over eight angles that they pass. At least one
     hinge has such a motor.
     """
-    own = [each for each in hinges if isinstance(each.actuation, Servo | PositionServo | Free)]
+    own = [each for each in hinges if each.settles]
     gamma = rotation_matrix(scene.start.attitude)[2]
     # Rubber does not spin about the vertical, so the shell turns in the plane across γ alone.
     turns = np.linalg.svd(gamma[None])[2][1:] if scene.rolling == "rubber" else np.eye(3)
@@ -90,7 +89,8 @@ def fastest_rate(scene: Scene, hinges: tuple[ModelHinge, ...]) -> float:
     free, n = len(turns), len(own)
     onto = np.zeros((free + n, 3 + n))
     onto[:free, :3], onto[free:, 3:] = turns, np.eye(n)
-    stiffness, damping = map(np.diag, np.array([_constants(each) for each in own]).T)
+    laws = [each.law for each in own if each.law]
+    stiffness, damping = map(np.diag, np.array([(law.per_angle, law.per_rate) for law in laws]).T)
     for actuator in scene.actuators:
         gears = dict(actuator.gears)
         ratios = np.array([gears.get(each.of.name, 0.0) for each in own])
@@ -123,12 +123,6 @@ def _angles(scene: Scene, hinge: robotball.scene.Hinge) -> Array:
             to = law.per_command / law.per_rate / ratio
             return hinge.angle + np.array([0.0, *(to * command.angle(times))])
     return hinge.angle + np.linspace(0.0, 2 * np.pi, _SEEN, endpoint=False)
-
-
-def _constants(hinge: ModelHinge) -> tuple[float, float]:
-    """Return the motor's stiffness [N m/rad] and damping [N m s/rad]."""
-    assert not isinstance(hinge.actuation, Prescribed)
-    return hinge.actuation.law.per_angle, hinge.actuation.law.per_rate
 
 
 _MOST_STEPS = 500  # of a trial; the loss of a longer run is extrapolated in proportion

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from robotball.files.parts import solid_of
+from robotball.files.parts import DENSITIES, solid_of
 from robotball.files.scene_tables import (
     Box,
     Cylinder,
@@ -41,6 +41,12 @@ SAME: list[tuple[Part, str, list[float], Any, Any]] = [
      "BOX", [0.1, 0.05, 0.03], CENTRE, TURNED),
     (Cylinder(density=2700.0, radius=0.04, length=0.12, centre=CENTRE, axis=AXIS),
      "CYLINDER", [0.04, 0.06, 0], CENTRE, LAID),
+    (Cylinder(material="ABS", diameter=0.08, length=0.12, axis=AXIS),
+     "CYLINDER", [0.04, 0.06, 0], (0.0, 0.0, 0.0), LAID),
+    (Disc(density=7850.0, diameter=0.08, thickness=0.012, centre=CENTRE, axis=AXIS),
+     "CYLINDER", [0.04, 0.006, 0], CENTRE, LAID),
+    (Rod(material="steel", begin=(0.0, 0.0, 0.0), end=(0.1, -0.2, 0.2), diameter=0.02),
+     "CYLINDER", [0.01, 0.15, 0], (0.05, -0.1, 0.1), LAID),
     (Rod(mass=0.2, begin=(0.0, 0.0, 0.0), end=(0.1, -0.2, 0.2), radius=0.01),
      "CYLINDER", [0.01, 0.15, 0], (0.05, -0.1, 0.1), LAID),
 ]  # fmt: skip
@@ -60,7 +66,7 @@ def test_parts_are_mujocos_bodies_of_that_shape(
     if part.mass is not None:
         geom.mass = part.mass
     else:
-        geom.density = part.density
+        geom.density = part.density or DENSITIES[str(part.material).lower()]
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 import robotball as rb
 from robotball.files.scene_file import CATALOG, read_scene
+from robotball.files.scene_keys import asked_back
+from tests.imports import PROJECT
 from tests.robotball.files.scene_texts import (
     BOB,
     FIG12,
@@ -116,9 +118,18 @@ BODIES = [
     ("frame", "[frame]\n" + parts('"rod", mass = 1, begin = [0, 0, -0.25], end = [0, 0, 0]', BALL),
      "frame reaches 0.25 m"),
     ("frame", "[frame]\n" + parts(BALL, '"box", size = [0.1, 0.1, 0.1]'),
-     "frame.part2: a box needs a mass [kg] or a density [kg/m³]"),
-    ("rest", PENDULUM + parts('"point", mass = 1, centre = [0, 0, -0.1]'),
-     "pendulum1's parts lie on one line, about which nothing resists turning"),
+     "frame.part2: a box needs a mass [kg], a density [kg/m³] or a material"),
+    ("frame", "[frame]\n" + parts('"box", size = [0.1, 0.1, 0.1], mass = 1, material = "pc"'),
+     "frame.part1: a box takes a mass, a density or a material, not mass and material"),
+    ("frame", "[frame]\n" + parts('"sphere", radius = 0.1, material = "aluminum"'),
+     "frame.part1: no material is called 'aluminum'; did you mean aluminium?"),
+    ("frame", "[frame]\n" + parts('"disc", radius = 0.1, material = "PC"'),
+     "frame.part1: a disc of no thickness takes a mass, not a density or a material"),
+    ("frame", "[frame]\n" + parts('"sphere", radius = 0.1, diameter = 0.2, mass = 1'),
+     "frame.part1: it takes a radius or a diameter, not both"),
+    ("shell", SHELL.replace("radius = 0.2\n", ""), "shell: key 'radius' is missing, or 'diameter'"),
+    ("rest", "[[rotor]]\naxis = [0, 0, 1]\n" + parts('"point", mass = 1, centre = [0, 0, -0.1]'),
+     "rotor1's parts lie on its axis, and so do not resist turning"),
     ("frame", FRAME + parts(BALL),
      "frame gives mass, inertia and part; it takes mass and inertia, or part, or mjcf, or urdf"),
     ("rest", PENDULUM, "pendulum1 gives nothing; it takes mass and inertia, or part, or mjcf"),
@@ -166,18 +177,22 @@ HINGES = {
     'drive = "servo"': 'drive = "servo" needs the key \'kv\' [N m s/rad]',
     'drive = "position"\nangle = 0': 'drive = "position" needs the key \'kp\' [N m/rad]',
     'drive = "position"\nkp = 1': 'drive = "position" needs the key \'angle\' [rad]',
+    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1':
+        'drive = "dc_motor" needs the key \'no_load_speed\' [rad/s]',
+    'drive = "dc_motor"\nsupply = 1\nstall_torque = 1\nno_load_speed = 1\ngear = 0':
+        "a motor's gear must be positive and finite, not 0",
     'drive = "torque"': 'drive = "torque" needs the key \'torque\' [N m]',
     'drive = "servo"\nkv = 0': "a servo's gain must be positive and finite, not 0 N m s/rad",
     'drive = "servo"\nkv = 1\nkp = 1': 'kp belongs to drive = "position", not to "servo"',
     "kv = 1": 'kv belongs to drive = "servo", not to "prescribed"',
     "torque_limit = 1":
-        'torque_limit belongs to drive = "servo" or "position", not to "prescribed"',
+        'torque_limit belongs to drive = "servo" or "position" or "dc_motor", not to "prescribed"',
     'drive = "position"\nkp = 1\nangle = 1\nrate = 2':
         'rate belongs to drive = "prescribed" or "servo", not to "position"',
     "rate = 1\ninitial_rate = 2":
-        'initial_rate belongs to drive = "servo" or "position" or "torque" or "free", not to',
+        'initial_rate belongs to drive = "servo" or "position" or "dc_motor" or "torque" or',
     'drive = "servoo"':
-        "drive: unknown value 'servoo'; it takes free, position, prescribed, servo, torque",
+        "drive: unknown value 'servoo'; it takes dc_motor, free, position, prescribed,",
     'rate = { kind = "rmap", final = 1, end = 1 }':
         "rate.kind: unknown value 'rmap'; it takes ramp, sine, samples",
     "rate = { final = 1, end = 1 }": "rate: key 'kind' is missing; it takes ramp, sine, samples",
@@ -218,6 +233,45 @@ def test_scene_that_cannot_be_used_is_refused_with_key_and_reason(
     assert words in message
     assert message.startswith(f"{tmp_path}/mine.toml: {body}")
     assert "\n" not in message
+
+
+EXAMPLE = (PROJECT / "examples" / "my_robot.toml").read_text()
+# In the example robot: what stands there, the same in a data sheet's unit, and the question.
+ASKED = {
+    "radius = 0.15\n": ("radius = 150\n", "shell.radius is 150 m; did you mean 0.15 (150 mm)?"),
+    "0.06, 0.04]": ("60, 40]", "size[1] is 60 m; did you mean 0.06 (60 mm)? More such numbers: 1"),
+    "density = 1200": ("density = 1.2", "density is 1.2 kg/m³; did you mean 1200 (1.2 g/cm³)?"),
+    "mass = 0.9": ("mass = 5000", "frame.part2.mass is 5000 kg; did you mean 5 (5000 g)?"),
+    "amplitude = 0.3": ("amplitude = 30", "angle.amplitude is 30 rad; did you mean 0.5236 (30 °)?"),
+    "final = -6.0": ("final = -6000", "frame.rate.final is -6000 rad/s; did you mean -628.3 (-6"),
+    "duration = 10.0": ("duration = 10.0\ngravity = 9810", "did you mean 9.81 (9810 mm/s²)?"),
+    'drive = "servo"': ("supply = 12", "frame.supply is 12; did you mean 0.12 (12 %)?"),
+    "kv = 0.4": ("rotor_inertia = 12", "inertia is 12 kg m²; did you mean 1.2e-06 (12 g cm²)"),
+}
+
+
+@pytest.mark.parametrize("stands", ASKED)
+def test_a_number_that_seems_to_be_in_another_unit_is_asked_back(
+    stands: str, tmp_path: Path
+) -> None:
+    """In one line, with the key and the number in the key's unit."""
+    typed, words = ASKED[stands]
+    (tmp_path / "mine.toml").write_text(edited(stands, typed, EXAMPLE))
+    (line,) = asked_back(tmp_path / "mine.toml", 0.15)
+    assert words in line
+
+
+def test_no_scene_of_ours_is_asked_about_and_a_robots_own_file_for_its_shell(
+    tmp_path: Path,
+) -> None:
+    """It is a warning, of a file alone: the library takes any radius."""
+    ours = [PROJECT / "examples" / "my_robot.toml", *CATALOG.glob("*.toml")]
+    assert [line for path in ours for line in asked_back(path, 150.0)] == []
+    ball = '<body><freejoint/><geom size="150"/></body><geom type="plane" size="1 1 1"/>'
+    (tmp_path / "big.xml").write_text(f"<mujoco><worldbody>{ball}</worldbody></mujoco>")
+    with pytest.warns(rb.SceneWarning) as caught:
+        rb.load_scene(tmp_path / "big.xml")
+    assert "the shell's radius is 150 m; did you mean 0.15 (150 mm)?" in str(caught[-1].message)
 
 
 # Scenes of many kinds of tables, without the texts about them.

@@ -394,10 +394,6 @@ class _Multibody(Engine):
     least_accuracy: float | None = None
     ladders: Mapping[str, Ladder] = {"best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15))}
 
-    def cannot_express(self, scene: Scene) -> str | None:
-        """Return None: it describes every scene."""
-        return None
-
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion, which neither slips nor spins."""
         settings = as_own(request.settings, _MultibodySettings, _LABEL)

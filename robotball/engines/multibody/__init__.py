@@ -113,6 +113,11 @@ def _fastest(system: System) -> float:
         (system.rate(0.0, state + step) - system.rate(0.0, state - step)) / (2 * step.max())
         for step in np.diag(_DIFFERENCE * system.scale)
     ]
+    if not np.isfinite(sides).all():
+        raise InputError(
+            f"{system.scene.name}: its equations have no finite solution at the start; see that "
+            "all masses are in kg, lengths in m, and not too different"
+        )
     return float(np.abs(np.linalg.eigvals(np.array(sides))).max())
 
 

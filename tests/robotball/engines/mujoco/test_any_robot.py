@@ -36,6 +36,11 @@ def times_mass(factor: float) -> rb.Scene:
 
 
 RESISTING, SLOPE = Friction(rolling=0.01), (np.sin(0.1), 0.0, -np.cos(0.1))
+# A user's file may have a shell and nothing else.
+ALONE = robot(
+    "alone", Ball(thin_shell(0.2, 1.0), NO_FRAME, ()), "classical", [], (1.0, 0.3, 0.2, 0.1),
+    (1.0, 3.0, 2.0), gravity_direction=SLOPE,
+)  # fmt: skip
 SCENES = {
     **{name: worked(name) for name in ("W1", "W2", "W4", "W5")},
     "light": times_mass(1e-6),
@@ -45,11 +50,7 @@ SCENES = {
     "resisting classical": replace(rb.load_scene("classical_regular"), friction=RESISTING),
     "resisting W4": replace(worked("W4"), friction=Friction(rolling=0.005)),
     "resisting W5": replace(worked("W5"), friction=Friction(rolling=0.005)),
-    # A user's file may have a shell and nothing else.
-    "shell alone": robot(
-        "alone", Ball(thin_shell(0.2, 1.0), NO_FRAME, ()), "classical", [], (1.0, 0.3, 0.2, 0.1),
-        (1.0, 3.0, 2.0), gravity_direction=SLOPE,
-    ),  # fmt: skip
+    "shell alone": ALONE,
     "off centre": rb.load_scene("offset_routh_sphere"),
     # Rotors, pendulums, every motor, inclined planes; these are not chaotic.
     **{f"random {i}": random_scene(np.random.default_rng(i)) for i in (0, 3, 14)},

@@ -150,7 +150,7 @@ def partial_velocities(
 
 
 def _before(bodies: _Numbers, i: int) -> int:
-    """Return the number in u of the last rate before i that moves the bodies of i as well, or -1."""
+    """Return the number in u of the last rate before i that moves the body of i too, or -1."""
     return 2 + int(bodies[i - 2][_PARENT]) if i > 2 else i - 1
 
 

@@ -392,6 +392,11 @@ def _contact(robot: RobotFile, start: Any) -> Any:
     mujoco.mj_forward(model, data)
     for contact in data.contact:
         if {int(contact.geom1), int(contact.geom2)} == {plane, robot.sphere}:
+            if contact.dim == 1 or not contact.friction[0]:
+                raise InputError(
+                    "the sphere slides without friction; rolling takes a condim of 3, 4 or 6 and "
+                    "sliding friction"
+                )
             return contact
     raise InputError(
         "the sphere passes through the plane: their contype and conaffinity exclude each other"
@@ -418,7 +423,14 @@ def _actuators(model: Any, links: Mapping[int, str], data: Any) -> Iterator[Actu
         name, command = model.actuator(i).name or f"actuator{i}", float(data.ctrl[i])
         if model.actuator_ctrllimited[i]:
             command = float(np.clip(command, *model.actuator_ctrlrange[i]))
-        gears = tuple((links[j], ratio) for j, ratio in _gears(model, i, name))
+        moved = list(_gears(model, i, name))
+        for joint, _ in moved:
+            if joint not in links:
+                raise InputError(
+                    f"{name} acts on {model.joint(joint).name or f'joint {joint}'}, which is not "
+                    "inside the robot; take it out, or put a joint between the shell and a body"
+                )
+        gears = tuple((links[joint], ratio) for joint, ratio in moved)
         yield Actuator(name, gears, _law(model, i, name), command)
 
 

@@ -177,6 +177,11 @@ REFUSED = {
          '<freejoint/><body name="arm"><joint type="ball"/><geom size=".1"/></body>'),
     "ball hangs on the world by joints that are no free one":
         ("<freejoint/>", '<joint type="slide" axis="1 0 0"/><joint axis="0 1 0"/>'),
+    "pull acts on apart, which is not inside the robot":
+        ("</worldbody>\n<actuator>",
+         '<body><joint name="apart"/><geom size=".1"/></body></worldbody><actuator>'
+         '<motor name="pull" joint="apart"/>'),
+    "the sphere slides without friction": ('mass=".6"', 'mass=".6" friction="0 0 0" priority="1"'),
     "an equality constraint is not supported":
         ("<actuator>", '<equality><joint joint1="axle" joint2="spin"/></equality><actuator>'),
     "the drag of a medium": ("<worldbody>", '<option density="1.2"/><worldbody>'),

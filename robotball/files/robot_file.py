@@ -392,11 +392,8 @@ def _contact(robot: RobotFile, start: Any) -> Any:
     mujoco.mj_forward(model, data)
     for contact in data.contact:
         if {int(contact.geom1), int(contact.geom2)} == {plane, robot.sphere}:
-            if contact.dim == 1 or not contact.friction[0]:
-                raise InputError(
-                    "the sphere slides without friction; rolling takes a condim of 3, 4 or 6 and "
-                    "sliding friction"
-                )
+            if contact.dim == 1:
+                raise InputError("the sphere slides without friction; rolling takes condim 3 to 6")
             return contact
     raise InputError(
         "the sphere passes through the plane: their contype and conaffinity exclude each other"

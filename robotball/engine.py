@@ -56,7 +56,7 @@ class Engine(Protocol):
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return why the engine cannot roll this scene, in a line; None where it can."""
-        ...
+        return None
 
     def run(self, scene: Scene, times: Array, request: "Request") -> ContactMotion:
         """Return the scene's motion at times (n,) [s] from 0; fewer where the run broke off."""

@@ -149,17 +149,26 @@ def partial_velocities(
             j = int(bodies[j][_PARENT])
 
 
+def _before(bodies: _Numbers, i: int) -> int:
+    """Return the number in u of the last rate before i that moves the body of i too, or -1."""
+    return 2 + int(bodies[i - 2][_PARENT]) if i > 2 else i - 1
+
+
 def mass_matrix(bodies: _Numbers, placed: _Numbers, columns: _Numbers, matrix: _Numbers) -> None:
     """Write 𝓜 (3 + h, 3 + h, ...): u·𝓜u/2 is the kinetic energy, with that of the armatures."""
     matrix[:] = 0.0
     k = len(matrix)
     for b in range(len(bodies)):
-        for i in range(k):
+        i = 2 + b
+        while i >= 0:
             spin = _applied(placed[b], _TENSOR, vector(columns[b, i], _TURN))
             push = scale(bodies[b][_MASS], vector(columns[b, i], _MOVE))
-            for j in range(i + 1):
+            j = i
+            while j >= 0:
                 turn, move = vector(columns[b, j], _TURN), vector(columns[b, j], _MOVE)
                 matrix[i, j] += dot(turn, spin) + dot(move, push)
+                j = _before(bodies, j)
+            i = _before(bodies, i)
     for i in range(k):
         if i > 2:  # a motor's rotor, behind its gear, counts for the rate of its joint alone
             matrix[i, i] += bodies[i - 2][_ARMATURE]

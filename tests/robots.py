@@ -98,7 +98,7 @@ def robot(
         source="tests/robots.py",
         ball=ball,
         rolling=rolling,
-        frame_rate=rates[0],
+        frame_rate=rates[0] if rates else 0.0,
         rotor_rates=tuple(rates[1 : 1 + rotors]),
         pendulum_rates=tuple(rates[1 + rotors :]),
         start=Start(q, momentum, hinge_rates=rates_now),

@@ -125,7 +125,7 @@ def _main() -> None:
     _limit()
     try:
         # Before MuJoCo parses, which leaves a file MUJOCO_LOG.TXT behind where it meets a NaN.
-        _check_numbers(Path(path), Path(path).parent)
+        _check_numbers(Path(path), Path(path).parent, set())
         if kind == "model":
             spec = mujoco.MjSpec.from_file(path)
             list(drop_missing_looks(spec, Path(path).parent))
@@ -157,12 +157,13 @@ def _limit() -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _check_numbers(path: Path, folder: Path) -> None:
+def _check_numbers(path: Path, folder: Path, read: set[Path]) -> None:
     """Raise InputError for NaN or infinity in a file or one that it includes, also from a folder.
 
     MuJoCo takes NaN for an attribute that is not given, and an infinite angle for none. A range may
-    have no end. The text is searched, as MuJoCo reads more than well-formed XML.
+    have no end. The text is searched, as MuJoCo reads more than well-formed XML; each file once.
     """
+    read.add(path.resolve())
     text = _COMMENT.sub("", path.read_text(errors="replace"))
     attributes = [(key, value) for key, _, value in _ATTRIBUTE.findall(text)]
     names = {value for key, value in attributes if key in ("name", "class")}
@@ -173,8 +174,8 @@ def _check_numbers(path: Path, folder: Path) -> None:
     for file in _INCLUDED.findall(text):
         # MuJoCo looks beside the file that includes another, and beside the first of them.
         for each in {path.parent / file, folder / file}:
-            if each.is_file():
-                _check_numbers(each, folder)
+            if each.is_file() and each.resolve() not in read:
+                _check_numbers(each, folder, read)
 
 
 def _finite(text: str) -> bool:

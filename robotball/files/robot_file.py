@@ -130,7 +130,7 @@ def scene_of(
     gravity = float(np.linalg.norm(down))
     check_positive("gravity", gravity, "m/s²")
     level = down[2] < -_LEVEL * gravity
-    rolling = rolling or ("classical" if contact.dim == 3 else "rubber")
+    rolling = rolling or rolling_of(contact)
     to_world = to_plane @ data.geom_xmat[robot.sphere].reshape(3, 3)
     attitude = from_matrix(to_world)
     angles = np.array([data.qpos[model.jnt_qposadr[joint]] for joint in joints])
@@ -453,6 +453,8 @@ def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     slip = float(np.linalg.norm(moving[3:] - radius * np.cross(moving[:3], normal)))
     if slip > _HEIGHT * max(1.0, float(np.linalg.norm(moving[3:]))):
         yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
+    if contact_of(robot, data).dim == 1:
+        yield "its contact has no friction (condim 1); the equations roll"
     for body in sorted(_touching(robot, data)):
         yield f"{body} touches the shell; the equations let it pass through"
 
@@ -513,6 +515,11 @@ def contact_of(robot: RobotFile, start: Any) -> Any:
             "the sphere passes through the plane: their contype and conaffinity exclude each other"
         )
     return found
+
+
+def rolling_of(contact: Any) -> Rolling:
+    """Return the rolling model of a contact: rubber where it resists spinning."""
+    return "rubber" if contact.dim > 3 else "classical"
 
 
 def gears_of(model: Any) -> dict[str, dict[int, float]]:

@@ -24,6 +24,15 @@ EXPECTED = {
         "RK4, alone: -1e-13 1e-13; RK4, with a rotor: -2e-12 -2e-13",
     "mujoco_rk4_order": "error at 20 ms: 2.9e-7 3.2e-7; order: 3.9 4.1",
     "mujoco_condim6": "condim 3: 5e-5 5.5e-5; condim 4: 5e-5 5.5e-5; condim 6: 0.174 0.176",
+    "mujoco_rolling_friction":
+        "pyramidal, impratio 1, 0.0001 m: -0.03 -0.02; pyramidal, impratio 1, 0.002 m: 0.31 0.34; "
+        "pyramidal, impratio 1, 0.006 m: 0.69 0.74; elliptic, impratio 1, 0.0001 m: 0.05 0.065; "
+        "elliptic, impratio 1, 0.002 m: 0.99 1; elliptic, impratio 1, 0.006 m: 0.98 1; "
+        "pyramidal, impratio 100, 0.0001 m: 0.98 1.02; "
+        "pyramidal, impratio 100, 0.002 m: 0.87 0.92; "
+        "pyramidal, impratio 100, 0.006 m: 0.85 0.9; elliptic, impratio 100, 0.0001 m: 0.98 1; "
+        "elliptic, impratio 100, 0.002 m: 0.98 1; elliptic, impratio 100, 0.006 m: 0.98 1; "
+        "elliptic at 0.1 m/s: 0.21 0.23; in contact, 0.015 m at 2 m/s: 0.2 0.4",
     "mujoco_newton_stops":
         "default tolerance, iterations: 0 0; default tolerance, slip: 0.34 0.36; "
         'default tolerance, warnings: 0 0; tolerance="0", iterations: 1 100; '

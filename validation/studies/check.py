@@ -33,6 +33,7 @@ from robotball.files.robot_file import (
     gears_of,
     open_robot,
     plane_axes,
+    rolling_of,
     scene_of,
     starts_off,
 )
@@ -441,7 +442,7 @@ def _theories(
     """
     found: dict[Rolling, tuple[Motion, str | None]] = {}
     refused = InputError("")
-    default = "classical" if contact_of(own.robot, own.begin()).dim == 3 else "rubber"
+    default = rolling_of(contact_of(own.robot, own.begin()))
     for each in [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default):
         scene = own.scene(each, float(times[-1]))
         try:

@@ -171,7 +171,9 @@ class PlannedRun(Chosen):
 
     @property
     def Omega(self) -> Array:
-        """Ω (3,) of the frame in the shell, in principal axes at the start [rad/s]."""
+        """Ω (3,) of the frame in the shell, in principal axes at the start; 0 without [rad/s]."""
+        if not self.scene.ball.has_frame:
+            return np.zeros(3)
         frame = self.scene.hinges[0]
         return self.scene.principal_axes.T @ (frame.rate * frame.axis)
 

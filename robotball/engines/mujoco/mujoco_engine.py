@@ -40,12 +40,6 @@ class MuJoCo(Engine):
     as_it_comes: str = "naive"
     ladders: Mapping[str, Ladder] = field(default_factory=lambda: _LADDERS)
 
-    def cannot_express(self, scene: Scene) -> str | None:
-        """Refuse rolling resistance under a varying load, which it would need in advance."""
-        if scene.friction.rolling and scene.load_varies:
-            return "its plane resists rolling, by a load that varies"
-        return None
-
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the scene's motion at times (n,) [s] from 0; fewer where the run broke off."""
         if request.accuracy is not None:

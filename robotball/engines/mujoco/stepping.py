@@ -64,20 +64,22 @@ class Control:
     """The controls of a model's hinges within one smooth span of time [s].
 
     MuJoCo calls it whenever it evaluates the forces, inside `controlled`. Where the plane resists
-    rolling it also applies that torque, which needs trials of the forces in data of its own.
+    rolling it also applies that torque, which needs trials of the forces in data of its own: both
+    the shell's acceleration and the load are affine in it.
     """
 
     model: Model
     span: Sequence[float] = (0.0, 0.0)
-    resistance: float = field(init=False)  # N m, to rolling
+    resistance: float = field(init=False)  # m, to rolling
+    weight: float = field(init=False)  # N, on the plane of a ball that stands
     shell: int = field(init=False)
     trial: mujoco.MjData = field(init=False)  # in which torques on the shell are tried
     tried: Array | None = None  # (2,) N m, the torque while one is
 
     def __post_init__(self) -> None:
         scene = self.model.scene
-        normal_force = -scene.ball.mass * scene.gravity_world[2]
-        self.resistance = float(scene.friction.rolling * normal_force)
+        self.resistance = scene.friction.rolling
+        self.weight = float(-scene.ball.mass * scene.gravity_world[2])
         self.shell = self.model.compiled.body("shell").id
         self.trial = mujoco.MjData(self.model.compiled)
 
@@ -102,41 +104,51 @@ class Control:
         speed = float(np.linalg.norm(rolling))
         along = rolling
         if speed <= _STANDING:
-            holding = self._holding(data)
-            size = float(np.linalg.norm(holding))
-            if size <= self.resistance:
+            holding, holds = self._holding(data)
+            if holds:
                 return holding
-            along = rolling - (_STANDING - speed) / size * holding
-        return -self.resistance / float(np.linalg.norm(along)) * along
+            along = rolling - (_STANDING - speed) / float(np.linalg.norm(holding)) * holding
+        along = along / float(np.linalg.norm(along))
+        return -self._resisting(data, along) * along
 
-    def _holding(self, data: mujoco.MjData) -> Array:
+    def _resisting(self, data: mujoco.MjData, along: Array) -> float:
+        """Return the plane's torque [N m] against rolling along a unit vector (2,)."""
+        usual = self.resistance * self.weight
+        if not self.model.scene.load_varies:
+            return usual
+        free, braked = (self._tried(data, t)[2] for t in (np.zeros(2), -usual * along))
+        return float(self.resistance * free / (1 - (braked - free) / self.weight))
+
+    def _holding(self, data: mujoco.MjData) -> tuple[Array, bool]:
         """Return the torque (2,) [N m] under which the shell's rolling does not change.
 
-        The acceleration is affine in the torque, so three trials determine it.
+        Returns also whether the plane can give it. Three trials determine both.
         """
-        free, *turned = (
-            self._acceleration(data, torque)
-            for torque in self.resistance * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-        )
-        solved = np.linalg.solve((np.array(turned) - free).T, free)
-        return np.asarray(-self.resistance * solved, dtype=np.float64)
+        usual = self.resistance * self.weight
+        free, *turned = (self._tried(data, usual * each) for each in np.eye(3, 2, -1))
+        change = np.array(turned) - free
+        parts = np.linalg.solve(change[:, :2].T, -free[:2])
+        load = float(free[2] + parts @ change[:, 2])
+        torque = np.asarray(usual * parts, dtype=np.float64)
+        return torque, bool(np.linalg.norm(torque) <= self.resistance * load)
 
-    def _acceleration(self, data: mujoco.MjData, torque: Array | None = None) -> Array:
-        """Return the rolling's acceleration (2,) [rad/s²] under a torque instead of the plane's."""
+    def _tried(self, data: mujoco.MjData, torque: Array) -> Array:
+        """Return the rolling's acceleration [rad/s²] and the load [N] (3,) under a torque (2,)."""
         compiled, trial = self.model.compiled, self.trial
         trial.time, trial.qpos, trial.qvel = data.time, data.qpos, data.qvel
+        trial.qacc_warmstart = data.qacc_warmstart
         self.tried = torque
         mujoco.mj_forward(compiled, trial)
         self.tried = None
         mujoco.mj_rnePostConstraint(compiled, trial)
-        return trial.cacc[self.shell, :2].copy()
+        return np.append(trial.cacc[self.shell, :2], trial.sensor("contact").data[1])
 
     def stop(self, data: mujoco.MjData) -> bool:
         """Stop a shell in `data` that the plane has come to hold; return whether it did."""
         rolling = self._rolling(data)
         if not _RESTING < np.linalg.norm(rolling) <= _STANDING:
             return False
-        if np.linalg.norm(self._holding(data)) > self.resistance:
+        if not self._holding(data)[1]:
             return False
         to_world = rotation_matrix(data.qpos[3:7])
         data.qvel[:2] = 0.0
@@ -149,12 +161,13 @@ class Control:
         Near it the rolling's direction turns at a rate of the resistance over the speed.
         """
         speed = float(np.linalg.norm(self._rolling(data)))
-        if speed <= _STANDING and np.linalg.norm(self._holding(data)) <= self.resistance:
+        if speed <= _STANDING and self._holding(data)[1]:
             return length
-        now, free = (self._acceleration(data, torque) for torque in (None, np.zeros(2)))
+        torques = (self._torque(data), np.zeros(2))
+        now, free = (self._tried(data, torque)[:2] for torque in torques)
         turning = float(np.linalg.norm(now - free)) / max(speed, _STANDING)
         slowing = float(np.linalg.norm(now)) / speed if speed > _STANDING else 0.0
-        return float(min(length, _TURNED / turning, _APPROACH / max(slowing, _APPROACH / length)))
+        return 1 / max(1 / length, turning / _TURNED, slowing / _APPROACH)
 
     def _rolling(self, data: mujoco.MjData) -> Array:
         """Return the horizontal part (2,) of the shell's angular velocity [rad/s]."""

@@ -132,6 +132,11 @@ def _fastest(system: System) -> float:
         (system.rate(0.0, state + step) - system.rate(0.0, state - step)) / (2 * step.max())
         for step in np.diag(_DIFFERENCE * system.scale)
     ]
+    if not np.isfinite(sides).all():
+        raise InputError(
+            f"{system.scene.name}: its equations have no finite solution at the start; see that "
+            "all masses are in kg, lengths in m, and not too different"
+        )
     return float(np.abs(np.linalg.eigvals(np.array(sides))).max())
 
 
@@ -423,10 +428,6 @@ class _Multibody(Engine):
     default = "best"
     least_accuracy: float | None = None
     ladders: Mapping[str, Ladder] = {"best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15))}
-
-    def cannot_express(self, scene: Scene) -> str | None:
-        """Return None: it describes every scene."""
-        return None
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the motion, which neither slips nor spins."""

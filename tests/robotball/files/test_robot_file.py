@@ -277,6 +277,9 @@ WARNED = {
     ("wheel.xml", PLATE.replace('mass=".4" contype="0"', 'mass=".4"')): [
         "wheel.xml: wheel touches the shell; the equations let it pass through"
     ],
+    ("slick.xml", PLATE.replace('mass=".6"', 'mass=".6" condim="1" priority="1"')): [
+        "slick.xml: its contact has no friction (condim 1); the equations roll"
+    ],
     ("high.xml", PLATE.replace('qpos="0 0 .15', 'qpos="0 0 .16')): [
         "high.xml: it starts 0.01 m above the plane; the equations start on it"
     ],
@@ -330,6 +333,10 @@ REFUSED = {
          '<freejoint/><body name="arm"><joint type="ball"/><geom size=".1"/></body>'),
     "ball hangs on the world by joints that are no free one":
         ("<freejoint/>", '<joint type="slide" axis="1 0 0"/><joint axis="0 1 0"/>'),
+    "pull acts on apart, which is not inside the robot":
+        ("</worldbody>\n<actuator>",
+         '<body><joint name="apart"/><geom size=".1"/></body></worldbody><actuator>'
+         '<motor name="pull" joint="apart"/>'),
     "an equality constraint is not supported":
         ("<actuator>", '<equality><joint joint1="axle" joint2="spin"/></equality><actuator>'),
     "the drag of a medium": ("<worldbody>", '<option density="1.2"/><worldbody>'),

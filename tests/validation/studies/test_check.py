@@ -80,6 +80,17 @@ def test_a_planted_error_is_the_first_cause(cause: str, tmp_path: Path) -> None:
     assert found.mended_error < 5e-4
 
 
+def test_a_model_on_a_tilted_plane_is_compared_along_it(tmp_path: Path) -> None:
+    """Measured 2.9e-4, as on the level, and 4e-2 along the horizontal."""
+    path = tmp_path / "tilted.xml"
+    tilted = GOOD.replace('type="plane"', 'type="plane" euler="0 -3 0"')
+    path.write_text(tilted.replace('pos="0 0 .15"', 'pos="-.00785040 0 .14979443"'))
+    own = Own(open_robot(path), {}, None)
+    found = check_model(own, "classical", 1.0, 5e-4, lambda *_: None)
+    assert found.error < 6e-4
+    assert np.ptp(found.path[:, 0]) > 0.1
+
+
 def test_a_right_model_is_left_alone(robotball: Robotball) -> None:
     """Measured 1.2e-4, the contact's softness: no cause, no mended file, status 0."""
     found = checked(robotball, "good.xml", GOOD, "--duration", "2")

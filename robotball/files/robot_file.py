@@ -610,6 +610,8 @@ def _activation(model: Any, i: int, name: str, data: Any) -> Activation | None:
         )
     limited, limits = model.actuator_actlimited[i], model.actuator_actrange[i].tolist()
     settling = None if kind == _INTEGRATOR else float(model.actuator_dynprm[i, 0])
+    if settling is not None:
+        check_positive(f"{name}'s time constant", settling, "s")
     return Activation(float(data.act[at]), settling, *(limits if limited else ()))
 
 

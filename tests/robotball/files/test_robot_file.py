@@ -342,6 +342,8 @@ REFUSED = {
     "the drag of a medium": ("<worldbody>", '<option density="1.2"/><worldbody>'),
     "drive: a muscle's, PID's or DC motor's state is not supported":
         ('<motor name="drive"', '<general dyntype="muscle" name="drive"'),
+    "drive's time constant must be positive and finite, not 0 s":
+        ('<motor name="drive"', '<general dyntype="filter" dynprm="0" name="drive"'),
     "axle starts at 0 rad, outside its range of 0.0872665 to 1.0472":
         ('name="axle"', 'name="axle" range="5 60"'),
     "axle: actuatorfrcrange is supported for a joint with one actuator":

@@ -98,9 +98,9 @@ def robot_scene(
     """
     robot = open_robot(path, shell)
     data = robot.start(key)
-    for note in (*robot.notes, *starts_off(robot, data)):
-        warn(f"{path.name}: {note}")
     try:
+        for note in (*robot.notes, *starts_off(robot, data)):
+            warn(f"{path.name}: {note}")
         lasts = _longest(controls) if duration is None else duration
         return scene_of(robot, data, controls, rolling, lasts)
     except InputError as error:
@@ -506,9 +506,9 @@ def contact_of(robot: RobotFile, start: Any) -> Any:
         apart = [i for i in geoms if model.body_rootid[model.geom_bodyid[i]] not in (0, root)]
         if apart and robot.sphere in geoms:
             raise InputError(
-                f"{model.body(model.geom_bodyid[apart[0]]).name} touches the shell: a drive by "
-                "contacts inside it is not supported; hold the body by joints, or give its geoms "
-                "contype and conaffinity 0"
+                f"{_name(model, model.geom_bodyid[apart[0]])} touches the shell: a drive by "
+                "contacts is not supported; hold the body by joints, or give its geoms contype and "
+                "conaffinity 0"
             )
     if found is None:
         raise InputError(

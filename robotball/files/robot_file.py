@@ -12,7 +12,7 @@ the joints and actuators.
 
 from collections.abc import Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from robotball.motors import Actuator, Free, Law
 from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
 from robotball.rotations import Array, from_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
+from robotball.shapes import shapes_of_geoms
 
 # A model has plain numbers, which MuJoCo's enumerations do not equal.
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
@@ -251,7 +252,11 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
 
     def local(solid: Solid) -> Solid:
         inertia = to_shell @ solid.inertia @ to_shell.T
-        return Solid(solid.mass, to_shell @ (solid.centre - centre), (inertia + inertia.T) / 2)
+        turn, shift = from_matrix(to_shell), -to_shell @ centre
+        return Solid(
+            solid.mass, to_shell @ solid.centre + shift, (inertia + inertia.T) / 2,
+            shapes=tuple(each.moved(turn, shift) for each in solid.shapes),
+        )  # fmt: skip
 
     shell = local(nodes[of_shell].solid)
     links, joints = [], []
@@ -269,6 +274,7 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
                     axis=sign * to_shell @ data.xaxis[joint],
                     pivot=to_shell @ (data.xanchor[joint] - centre),
                     slides=bool(model.jnt_type[joint] == _SLIDE),
+                    shapes=solid.shapes,
                 )
             )  # fmt: skip
             joints.append(joint)
@@ -285,6 +291,7 @@ def _shell_of(radius: float, solid: Solid) -> Shell:
         offset=float(solid.centre[2]),
         asymmetry=inertia - np.diag([across, across, axial]),
         aside=solid.centre * [1.0, 1.0, 0.0],
+        shapes=solid.shapes,
     )  # fmt: skip
 
 
@@ -335,7 +342,8 @@ def _solid_of(model: Any, data: Any, bodies: list[int]) -> Solid:
         axes = data.ximat[i].reshape(3, 3)
         inertia = axes @ np.diag(model.body_inertia[i]) @ axes.T
         solids.append(Solid(float(model.body_mass[i]), data.xipos[i].copy(), inertia))
-    return composed(each for each in solids if each.mass > 0)
+    solid = composed(each for each in solids if each.mass > 0)
+    return replace(solid, shapes=tuple(shapes_of_geoms(model, data, bodies)))
 
 
 def _starts_off(robot: RobotFile, data: Any) -> Iterator[str]:

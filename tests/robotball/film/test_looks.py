@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.film.looks import BOB, HOOP, INSIDE, RIM, colours, looks_of, triangles_of
+from robotball.film.looks import BOB, HOOP, INSIDE, RIM, colours, looks_of
 from robotball.robot import PARTS, Ball, Pendulum
 from robotball.rotations import Array, rotation_matrix
 
@@ -44,7 +44,7 @@ def test_rotors_with_one_centre_are_rings_within_rings() -> None:
     """Whatever they turn by: each is between two spheres, and the next inside the inner one."""
     reaches = []
     for name, _ in BALL.named_rotors:
-        corners = np.concatenate([triangles_of(shape) for shape in looks_of(BALL)[name]])
+        corners = np.concatenate([shape.triangles for shape in looks_of(BALL)[name]])
         distances = np.linalg.norm(corners, axis=2)
         reaches.append((distances.min(), distances.max()))
     (first, outer), (second, middle), (_, inner) = reaches

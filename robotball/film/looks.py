@@ -155,6 +155,12 @@ def _rotor(ball: Ball, rotor: Rotor, size: float, inmost: bool) -> tuple[Shape, 
     return _placed(shapes, rotor.axis, size, rotor.centre / ball.radius)
 
 
+def materials_of(looks: Looks) -> dict[str, tuple[float, ...]]:
+    """Return the materials of all shapes by name, as `rgba_of` has them."""
+    used = sorted({shape.material for shapes in looks.values() for shape in shapes})
+    return {name: rgba_of(name) for name in used}
+
+
 def rgba_of(material: str) -> tuple[float, ...]:
     """Return (red, green, blue, opacity), each 0 to 1, of a material or a colour "#rrggbbaa"."""
     if material in colours():
@@ -285,8 +291,7 @@ def add_materials(
     opacity: float = 1.0,
 ) -> None:
     """Add the materials of shapes; own: "r g b" for those that have another colour here."""
-    for name in sorted({shape.material for shapes in looks.values() for shape in shapes}):
-        red, green, blue, solid = rgba_of(name)
+    for name, (red, green, blue, solid) in materials_of(looks).items():
         rgb = (own or {}).get(name, f"{red:g} {green:g} {blue:g}")
         SubElement(
             assets,

@@ -75,10 +75,7 @@ class Shape:
     def _own(self) -> Array:
         if self.kind == "mesh":
             return np.asarray(self.vertices[self.faces] * self.size)
-        if self.kind == "box":
-            return _cuboid(self.size)
-        around = _turned(*_profile(self.kind, self.size))
-        return around * self.size if self.kind == "ellipsoid" else around
+        return _triangles(self.kind, self.size)
 
     def thinned(self, most: int) -> "Shape":
         """Return a mesh of at most so many triangles: vertices that share a cell become one."""
@@ -95,18 +92,13 @@ class Shape:
 
 
 def tube(outer: float, inner: float, length: float) -> Shape:
-    """Return a tube about z, from its radii and its whole length; one without a length is thin."""
-    a, b, h = outer, inner, max(length, 0.01 * outer) / 2
-    corners = np.array([(b, -h), (a, -h), (a, h), (b, h)])
-    angles = np.linspace(0.0, 2 * np.pi, _AROUND, endpoint=False)
-    r, z = np.tile(corners, (_AROUND, 1)).T
-    turn = np.repeat(angles, 4)
-    vertices = np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
-    k = np.arange(4 * _AROUND)
-    along = k - k % 4 + (k + 1) % 4
-    quads = np.stack([k, k + 4, along + 4, along], axis=1) % (4 * _AROUND)
-    faces = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
-    return Shape("mesh", np.ones(3), vertices=vertices, faces=faces)
+    """Return a tube about z, from its radii and its whole length; a wall of no size is thin."""
+    a, b, h = outer, min(inner, 0.98 * outer), max(length, 0.02 * outer) / 2
+    section = np.array([(b, -h), (a, -h), (a, h), (b, h), (b, -h)])
+    corners = _turned(section, _AROUND).reshape(-1, 3)
+    # Triangles share their corners, without which no light would run smoothly round the tube.
+    vertices, numbers = np.unique(np.round(corners / a, 9), axis=0, return_inverse=True)
+    return Shape("mesh", np.full(3, a), vertices=vertices, faces=numbers.reshape(-1, 3))
 
 
 def shapes_of_geoms(model: Any, data: Any, bodies: Iterable[int]) -> Iterator[Shape]:
@@ -182,10 +174,10 @@ _AROUND, _SECTION = 48, 8  # steps about a shape's axis, and around a tube or a 
 _THIN = 12  # steps about the axis of a capsule or a small sphere
 
 
-def _turned(profile: Array, steps: int) -> Array:
+def _turned(section: Array, steps: int) -> Array:
     """Return the triangles (n, 3, 3) of a section (m, 2), as r and z, turned about z."""
-    angles = np.linspace(0.0, 2 * np.pi, steps + 1)
-    r, z = profile.T
+    angles = 2 * np.pi * (np.arange(steps + 1) + 0.5) / steps
+    r, z = section.T
     grid = np.stack(
         [np.outer(np.cos(angles), r), np.outer(np.sin(angles), r), np.tile(z, (steps + 1, 1))],
         axis=2,
@@ -194,28 +186,21 @@ def _turned(profile: Array, steps: int) -> Array:
     return np.stack([a, b, c, a, c, d], axis=-2).reshape(-1, 3, 3)
 
 
-def _profile(kind: Kind, size: Array) -> tuple[Array, int]:
-    """Return the section (m, 2) of a shape turned about z, and its steps about z."""
-    a, b, _ = (1.0, 0.0, 0.0) if kind == "ellipsoid" else size
+def _triangles(kind: Kind, size: Array) -> Array:
+    """Return the triangles (n, 3, 3) of any shape but a mesh, in its own axes."""
+    a, b, _ = size
     if kind == "torus":
         turn = np.linspace(0.0, 2 * np.pi, _SECTION + 1)
-        return np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), _AROUND
-    if kind == "cylinder":
-        return np.array([(0.0, -b), (a, -b), (a, b), (0.0, b)]), _AROUND
+        return _turned(np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), _AROUND)
+    if kind in ("cylinder", "box"):
+        # A box is a cylinder with four sides, whose edges are √2 as far from the axis.
+        r, steps = (1.0, _AROUND) if kind == "cylinder" else (np.sqrt(2), 4)
+        section = np.array([(0.0, -1.0), (r, -1.0), (r, 1.0), (0.0, 1.0)])
+        return _turned(section, steps) * ([a, a, b] if kind == "cylinder" else size)
     # Only the shell is so large that its steps would be seen.
     large = kind != "capsule" and a > 0.5
     rise = np.linspace(-np.pi / 2, np.pi / 2, (2 if large else 1) * _SECTION + 1)
-    side = (b if kind == "capsule" else 0.0) * np.where(rise > 0, 1, -1)
-    return np.column_stack([a * np.cos(rise), a * np.sin(rise) + side]), _AROUND if large else _THIN
-
-
-def _cuboid(size: Array) -> Array:
-    corners = []
-    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, -1), (1, 1), (-1, 1)])
-    for axis in range(3):
-        for side in (-1, 1):
-            face = np.full((6, 3), side)
-            # The far side's corners run the other way round, anticlockwise from outside as well.
-            face[:, [(axis + 1) % 3, (axis + 2) % 3]] = square[::side]
-            corners.append(face * size)
-    return np.reshape(corners, (-1, 3, 3))
+    section, steps = np.column_stack([np.cos(rise), np.sin(rise)]), _AROUND if large else _THIN
+    if kind == "capsule":
+        return _turned(a * section + np.outer(np.where(rise > 0, b, -b), [0, 1]), steps)
+    return _turned(section, steps) * (a if kind == "sphere" else size)

@@ -120,11 +120,7 @@ def _tube(mass: float, a: float, b: float, h: float, centre: Triple, axis: Array
     middle = np.array(centre)
     ends = [middle - h / 2 * axis, middle + h / 2 * axis]
     reach = max(_reach_of_circle(end, axis, a) for end in ends)
-    shape = Shape("cylinder", np.array([a, h / 2, 0.0]))
-    if a == b:
-        shape = Shape("torus", np.array([a, 0.0, 0.0]))
-    elif b:
-        shape = tube(a, b, h)
+    shape = tube(a, b, h) if b else Shape("cylinder", np.array([a, h / 2, 0.0]))
     inertia = axial_tensor(2 * across, across + mass * h * h / 12, axis)
     return Solid(mass, middle, inertia, reach, (shape.moved(z_along(axis), middle),))
 

@@ -3,7 +3,7 @@
 The colours are Okabe and Ito's, which colour-blind readers distinguish, also in grey; each engine
 has its own in its label. A body that has shapes, from parts or from a user's own model, is drawn as
 it is built. One that is given by numbers alone has a symbol: shell, frame and rotor are the
-hand-written parts in mjcf/, a pendulum is drawn from its numbers, a link is the box of its inertia.
+hand-written parts in mjcf/, a pendulum or link is the box of its inertia on an arm.
 Sizes of symbols are chosen so that no two touch: the frame's hoop is near the shell, what turns
 inside it stays inside, and rotors with one centre are rings within rings. A frame off balance has a
 weight on the side of its centre of mass. The shell is always glass, with bands that show it roll.
@@ -43,15 +43,16 @@ _HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim
 INSIDE = 0.75  # bodies that turn in the frame's hoop reach no further
 RIM = 0.61  # how far the part "rotor" reaches
 _RING = 0.7  # the size of a ring over that of the ring around it
-_LEAST = 0.06  # the smallest rotor, and the smallest bob, that can still be seen
+_LEAST = 0.06  # the smallest rotor, and the smallest box, that can still be seen
 _CORE = 0.28  # room for rotors at the centre where a pendulum swings around them
-BOB, _ARM = 0.17, 0.035  # radii of a pendulum's bob and arm
-HOOP, _OUTSIDE = 0.82, 0.96  # the frame's hoop, and how far out a weight on it reaches
+_ARM, _HINGE = 0.035, 0.14  # radius of a pendulum's arm, and half of its hinge's length
+_OUTSIDE = 0.96  # how far out a weight on the frame's hoop reaches
+_WEIGHT = (_OUTSIDE - INSIDE) / 2  # its radius, by which it clears all that turns inside
 _BALANCED = 0.01  # a frame whose centre of mass is nearer to the ball's has no weight
 _TOGETHER = 0.05  # rotors whose centres are nearer are nested
 
 _ORIGIN, _NO_TURN = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-_SHORT, _THROUGH = np.array([1.4 * _ARM, 4 * _ARM, 0.0]), np.array([0.02, 0.97, 0.0])  # axles
+_AXLE, _POLE = 0.02, 0.97  # radius of the axle of a frame of parts, and how far out it ends
 _THIN = 0.012  # of what has no size
 _SAME = 0.02  # a sphere of the shell's that differs by less is the shell
 _GLASS = "26"  # opacity, as a colour ends with, of a user's part that hides what is inside
@@ -65,11 +66,8 @@ def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
 
     A shape of a user's that encloses a whole other body is see-through.
     """
-    rings = dict(zip((name for name, _ in ball.named_rotors), _rings(ball), strict=True))
-    looks = {
-        name: tuple(_look(ball, body, rings.get(name, (1.0, True))))
-        for name, body in ball.named_bodies
-    }
+    rings = _rings(ball)
+    looks = {name: tuple(_look(ball, body, rings)) for name, body in ball.named_bodies}
     corners = {
         name: np.concatenate([each.triangles.reshape(-1, 3) for each in shapes])
         for name, shapes in looks.items()
@@ -86,38 +84,42 @@ def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
     return {name: tuple(seen(name, each) for each in shapes) for name, shapes in looks.items()}
 
 
-def _look(ball: Ball, body: Body, ring: tuple[float, bool]) -> Iterator[Shape]:
-    """Yield a body's own shapes, then what stands for what they do not show."""
-    kind = "frame" if isinstance(body, Shell | Frame) else "rotor"
-    scaled = (each.moved(_NO_TURN, scale=1 / ball.radius) for each in body.shapes)
+def _look(ball: Ball, body: Body, rings: Iterator[tuple[float, bool]]) -> Iterator[Shape]:
+    """Yield a body's own shapes, then what stands for what they do not show.
+
+    rings: of which a rotor takes the next.
+    """
+    radius, axis = ball.radius, ball.shell.axis
+    own = _hex("frame" if isinstance(body, Shell | Frame) else "rotor")
     built = [
         replace(
-            each,
-            size=np.where(each.size == 0, _THIN, each.size),
-            material=each.material or _hex(kind),
+            each.moved(_NO_TURN, scale=1 / radius),
+            size=np.where(each.size == 0, _THIN, each.size / radius),
+            material=each.material or own,
         )
-        for each in scaled
+        for each in body.shapes
     ]
-    axis = ball.shell.axis
+    # The glass is in place of the sphere that rolls, and of one for its looks alone.
+    yield from (each for each in built if not (isinstance(body, Shell) and _is_the_ball(each)))
     match body:
         case Shell():
-            # The glass is in place of the sphere that rolls, and of one for its looks alone.
-            yield from (each for each in built if not _is_the_ball(each))
             bearings = ball.has_frame
-            yield from _placed(
-                [each for each in _part("shell") if bearings or each.kind != "cylinder"], axis
-            )
-            return
+            part = [each for each in _part("shell") if bearings or each.kind != "cylinder"]
+            yield from _placed(part, axis)
         case Frame():
-            symbol = _axle(_ORIGIN, axis, _THROUGH) if built else _frame(ball)
+            yield from [_rod(-_POLE * axis, _POLE * axis, _AXLE)] if built else _frame(ball)
         case Rotor():
-            symbol = _bar(built, body, ball.radius) if built else _rotor(ball, body, *ring)
-        case Pendulum():
-            short = _axle(body.pivot / ball.radius, body.axis, _SHORT)
-            symbol = short if built else (*_pendulum(ball, body), *short)
-        case Link():
-            symbol = () if built or body.massless else _inertia_box(body, ball.radius)
-    yield from (*built, *symbol)
+            size, inmost = next(rings)
+            part = [each for each in _part("rotor") if inmost or each.kind not in _HUB]
+            ring = _placed(part, body.axis, size, body.centre / radius)
+            yield from [_bar(built, body, radius)] if built else ring
+        case Pendulum() | Link():
+            pivot, centre = body.pivot / radius, body.centre / radius
+            if not built and body.mass:
+                yield _inertia_box(body, radius)
+                yield _rod(pivot, centre, _ARM)
+            if isinstance(body, Pendulum):
+                yield _rod(pivot - _HINGE * body.axis, pivot + _HINGE * body.axis, 1.4 * _ARM)
 
 
 def _is_the_ball(shape: Shape) -> bool:
@@ -126,11 +128,13 @@ def _is_the_ball(shape: Shape) -> bool:
     return shape.kind == "sphere" and off < _SAME
 
 
-def _axle(at: Array, axis: Array, size: Array) -> tuple[Shape, ...]:
-    return (Shape("capsule", size, at, z_along(axis), "frame"),)
+def _rod(begin: Array, end: Array, radius: float) -> Shape:
+    length = float(np.linalg.norm(end - begin))
+    turn = z_along((end - begin) / length) if length else _NO_TURN
+    return Shape("capsule", np.array([radius, length / 2, 0.0]), (begin + end) / 2, turn, "frame")
 
 
-def _bar(built: Sequence[Shape], rotor: Rotor, radius: float) -> tuple[Shape, ...]:
+def _bar(built: Sequence[Shape], rotor: Rotor, radius: float) -> Shape:
     """Return a bar from a rotor's axis to its rim, which shows its angle on both of its faces."""
     centre, turn = rotor.centre / radius, z_along(rotor.axis)
     corners = np.concatenate([each.triangles.reshape(-1, 3) for each in built])
@@ -138,21 +142,15 @@ def _bar(built: Sequence[Shape], rotor: Rotor, radius: float) -> tuple[Shape, ..
     rim, high = float(np.hypot(*own.T[:2]).max()), float(np.abs(own[:, 2]).max())
     size = np.array([rim / 2, 0.05 * rim, high + 0.01 * rim])
     at = centre + rotation_matrix(turn) @ [rim / 2, 0.0, 0.0]
-    return (Shape("box", size, at, turn, MARKS),)
+    return Shape("box", size, at, turn, MARKS)
 
 
-def _inertia_box(link: Link, radius: float) -> tuple[Shape, ...]:
-    """Return the box of a link's mass and moments, which is no shape that the link has."""
-    moments, axes = np.linalg.eigh(link.inertia / link.mass)
+def _inertia_box(body: Pendulum | Link, radius: float) -> Shape:
+    """Return the box of a body's mass and moments, which is no shape that the body has."""
+    moments, axes = np.linalg.eigh(body.inertia / body.mass)
     size = np.sqrt(np.maximum(1.5 * (moments.sum() - 2 * moments), 0.0)) / radius
-    axes = axes * np.sign(np.linalg.det(axes))  # eigh may return a reflection
-    turn = from_matrix(axes)
-    return (Shape("box", np.maximum(size, _LEAST / 4), link.centre / radius, turn, _INERTIA),)
-
-
-def _rotor(ball: Ball, rotor: Rotor, size: float, inmost: bool) -> tuple[Shape, ...]:
-    shapes = [each for each in _part("rotor") if inmost or each.kind not in _HUB]
-    return _placed(shapes, rotor.axis, size, rotor.centre / ball.radius)
+    turn = from_matrix(axes * np.sign(np.linalg.det(axes)))  # eigh may return a reflection
+    return Shape("box", np.maximum(size, _LEAST / 2), body.centre / radius, turn, _INERTIA)
 
 
 def materials_of(looks: Looks) -> dict[str, tuple[float, ...]]:
@@ -198,45 +196,15 @@ def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
 
 
 def _frame(ball: Ball) -> tuple[Shape, ...]:
-    """Return the frame's shapes; off balance, the hoop is turned to carry a weight there."""
+    """Return the frame's shapes; off balance, the hoop is turned to carry a weight on that side."""
     part, axis, centre = _part("frame"), ball.shell.axis, ball.frame.centre / ball.radius
     off = float(np.linalg.norm(centre))
     if off < _BALANCED:
         return _placed(part, axis)
-    across = Rotation.from_quat(z_along(axis), scalar_first=True).inv().apply(centre)
+    across = rotation_matrix(z_along(axis)).T @ centre
     hoop = _placed(part, axis, spin=float(np.arctan2(across[1], across[0])))
-    return (*hoop, *_weight(ball, centre / off, off))
-
-
-def _weight(ball: Ball, side: Array, off: float) -> Iterator[Shape]:
-    """Yield a weight on an arm at the frame's centre of mass, or on the hoop above moving parts."""
-    reach = INSIDE if ball.pendulums else 0.0
-    for rotor, (size, _) in zip(ball.rotors, _rings(ball), strict=True):
-        reach = max(reach, float(np.linalg.norm(rotor.centre)) / ball.radius + RIM * size)
-    radius = min(BOB, (_OUTSIDE - reach) / 2)
-    # Where nothing moves inside, the weight may sit at the centre of mass itself.
-    place = _OUTSIDE - radius if reach else min(off, INSIDE - radius)
-    yield Shape("sphere", np.array([radius, 0, 0]), place * side, _NO_TURN, "rotor")
-    if not reach:
-        arm = np.array([_ARM, (HOOP - place) / 2, 0.0])
-        yield Shape("capsule", arm, side * (place + HOOP) / 2, z_along(side), "frame")
-
-
-def _pendulum(ball: Ball, pendulum: Pendulum) -> Iterator[Shape]:
-    """Yield an arm from the hinge to a bob at the centre of mass."""
-    pivot, arm = pendulum.pivot / ball.radius, (pendulum.centre - pendulum.pivot) / ball.radius
-    along = float(pivot @ pendulum.axis) * pendulum.axis
-    # The farthest that the bob comes at any angle of the hinge.
-    reach = float(np.linalg.norm(along) + np.linalg.norm(pivot - along) + np.linalg.norm(arm))
-    arm = arm * min(1.0, (INSIDE - _LEAST) / reach) if reach > 0 else arm
-    length = float(np.linalg.norm(arm))
-    bob = float(np.clip(INSIDE - reach, _LEAST, BOB))
-    yield Shape("sphere", np.array([bob, 0, 0]), pivot + arm, _NO_TURN, "rotor")
-    begin = _CORE if ball.rotors else 0.0  # the rotors are in the way
-    if length > begin:
-        unit = arm / length
-        size = np.array([_ARM, (length - begin) / 2, 0.0])
-        yield Shape("capsule", size, pivot + unit * (begin + length) / 2, z_along(unit), "frame")
+    size, at = np.array([_WEIGHT, 0.0, 0.0]), (_OUTSIDE - _WEIGHT) * centre / off
+    return (*hoop, Shape("sphere", size, at, _NO_TURN, "rotor"))
 
 
 def _placed(

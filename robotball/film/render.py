@@ -313,23 +313,17 @@ class _Painter:
         return [[0, 1]] if self.film.ghost else [[0], [1]]
 
     @cached_property
-    def _points(self) -> list[Array]:
-        return [track.points for track in self.tracks]
-
-    @cached_property
     def _cameras(self) -> list[Callable[[int], Camera]]:
         height, width = self.sheet.pane
         return [
-            _camera(self.film, [self._points[i] for i in pane], width / height)
+            _camera(self.film, [self.tracks[i].points for i in pane], width / height)
             for pane in self._panes
         ]
 
     @cached_property
     def _stage(self) -> Stage:
-        distance = self._cameras[0](0).distance
-        return Stage(
-            self.sheet.pane, self.looks, self.colours, self._points, distance, self.backend
-        )
+        distance, points = self._cameras[0](0).distance, [track.points for track in self.tracks]
+        return Stage(self.sheet.pane, self.looks, self.colours, points, distance, self.backend)
 
     def close(self) -> None:
         """Free the OpenGL of this process."""

@@ -162,9 +162,7 @@ def _plain(shape: Shape, meshes: int) -> dict[str, Any]:
     thin = shape.thinned(MESHES // max(meshes, 1))
     return {
         "kind": shape.kind,
-        "size": _rounded(shape.size),
-        "pos": _rounded(shape.pos),
-        "turn": _rounded(shape.turn),
+        **{name: _rounded(getattr(shape, name)) for name in ("size", "pos", "turn")},
         "material": shape.material,
         "mesh": [_packed(thin.vertices), _packed(thin.faces)],
     }

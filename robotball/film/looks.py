@@ -94,7 +94,7 @@ def _look(ball: Ball, body: Body, rings: Iterator[tuple[float, bool]]) -> Iterat
     built = [
         replace(
             each.moved(_NO_TURN, scale=1 / radius),
-            size=np.where(each.size == 0, _THIN, each.size / radius),
+            size=np.where((each.size == 0) & (not each.material), _THIN, each.size / radius),
             material=each.material or own,
         )
         for each in body.shapes

@@ -1,13 +1,16 @@
-"""Interpolate motions at any times, and place the bodies of their balls there."""
+"""Interpolate motions at any times, and place the bodies of their balls there.
+
+Motions show themselves in notebooks by this module, and so are not imported by it.
+"""
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from robotball.mechanics import Robot
-from robotball.motion import Motion
 from robotball.rotations import Array, rotation_matrix
 
 # Samples on each side of those in question: the influence on a cubic spline of one so far away is
@@ -83,8 +86,8 @@ class Track:
         return dict(zip(self.names, zip(to_world @ turned, shifts, strict=True), strict=True))
 
 
-def track_of(motion: Motion) -> Track:
-    """Return the track of a motion of at least two times."""
+def track_of(motion: Any) -> Track:
+    """Return the track of a `Motion` of at least two times."""
     own = {each.name for each in fields(Moments)} - {"contact_force"}
     return Track(
         motion.times,

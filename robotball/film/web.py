@@ -14,7 +14,6 @@ from robotball.errors import InputError
 from robotball.film import looks as palette
 from robotball.film.looks import MARKS, Looks, looks_of, materials_of
 from robotball.film.tracks import heading_of, track_of
-from robotball.motion import Motion
 from robotball.robot import Ball
 from robotball.rotations import Array
 from robotball.shapes import Shape
@@ -45,8 +44,8 @@ def view_head() -> str:
     return f"<style>{style}</style>\n<script>{script}</script>"
 
 
-def view_fragment(motions: Sequence[Motion]) -> str:
-    """Return HTML of a 3-D view of one or two motions of a scene; put `view_head` before it.
+def view_fragment(motions: Sequence[Any]) -> str:
+    """Return HTML of a 3-D view of one or two `Motion`s of a scene; put `view_head` before it.
 
     The balls stand side by side, or the second is a ghost over the first. Motions longer than MOST
     samples are cut there. Raises InputError for a motion of fewer than two times.
@@ -75,7 +74,7 @@ def view_fragment(motions: Sequence[Motion]) -> str:
     )
 
 
-def view_page(motions: Sequence[Motion]) -> str:
+def view_page(motions: Sequence[Any]) -> str:
     """Return an HTML page with the view alone."""
     title = html.escape(" ".join(motions[0].scene.title.split()))
     return (
@@ -89,7 +88,7 @@ def view_page(motions: Sequence[Motion]) -> str:
     )
 
 
-def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
+def view_data(motions: Sequence[Any]) -> dict[str, Any]:
     """Return the script's data: bodies, materials, and for each ball a row a sample.
 
     All meshes together have MESHES triangles at most; of larger ones the corners that are near each

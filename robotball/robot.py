@@ -154,8 +154,7 @@ class Shell(Built):
     @property
     def inertia(self) -> Array:
         """The inertia (3, 3) about the shell's own centre of mass, frame axes [kg m²]."""
-        symmetric = axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
-        return symmetric + self.asymmetry
+        return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis) + self.asymmetry
 
 
 @dataclass(frozen=True)
@@ -286,8 +285,7 @@ class Ball(Value):
     def general(self) -> bool:
         """True with links, or a shell that is not symmetric, which the paper does not describe."""
         shell = self.shell
-        whole = not (self.links or shell.asymmetry.any() or shell.aside.any())
-        return not (whole and self.has_frame)
+        return bool(self.links or shell.asymmetry.any() or shell.aside.any()) or not self.has_frame
 
     def _check_tree(self) -> None:
         """Raise InputError unless every link hangs on a body that comes before it."""
@@ -308,8 +306,7 @@ class Ball(Value):
         """(name, body) of the shell, frame, rotors, pendulums and links, as engines name them."""
         frame = (("frame", self.frame),) if self.has_frame else ()
         links = ((each.name, each) for each in self.links)
-        shell = ("shell", self.shell)
-        return (shell, *frame, *self.named_rotors, *self.named_pendulums, *links)
+        return ("shell", self.shell), *frame, *self.named_rotors, *self.named_pendulums, *links
 
     @cached_property
     def tree(self) -> tuple[Link, ...]:
@@ -357,10 +354,8 @@ class Ball(Value):
     @cached_property
     def centre_of_mass(self) -> Array:
         """The centre of mass (3,) from the centre of the sphere, frame axes [m]."""
-        return (
-            np.array([body.mass * body.centre for _, body in self.named_bodies]).sum(axis=0)
-            / self.mass
-        )
+        moment = np.array([body.mass * body.centre for _, body in self.named_bodies]).sum(axis=0)
+        return np.asarray(moment / self.mass)
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:

@@ -47,7 +47,6 @@ _LEAST = 0.06  # the smallest rotor, and the smallest box, that can still be see
 _CORE = 0.28  # room for rotors at the centre where a pendulum swings around them
 _ARM, _HINGE = 0.035, 0.14  # radius of a pendulum's arm, and half of its hinge's length
 _OUTSIDE = 0.96  # how far out a weight on the frame's hoop reaches
-_WEIGHT = (_OUTSIDE - INSIDE) / 2  # its radius, by which it clears all that turns inside
 _BALANCED = 0.01  # a frame whose centre of mass is nearer to the ball's has no weight
 _TOGETHER = 0.05  # rotors whose centres are nearer are nested
 
@@ -203,8 +202,11 @@ def _frame(ball: Ball) -> tuple[Shape, ...]:
         return _placed(part, axis)
     across = rotation_matrix(z_along(axis)).T @ centre
     hoop = _placed(part, axis, spin=float(np.arctan2(across[1], across[0])))
-    size, at = np.array([_WEIGHT, 0.0, 0.0]), (_OUTSIDE - _WEIGHT) * centre / off
-    return (*hoop, Shape("sphere", size, at, _NO_TURN, "rotor"))
+    # Rotors at the centre leave more room than what turns elsewhere.
+    elsewhere = ball.pendulums or any(rotor.centre.any() for rotor in ball.rotors)
+    size = (_OUTSIDE - (INSIDE if elsewhere else RIM)) / 2
+    at = (_OUTSIDE - size) * centre / off
+    return (*hoop, Shape("sphere", np.array([size, 0.0, 0.0]), at, _NO_TURN, "rotor"))
 
 
 def _placed(

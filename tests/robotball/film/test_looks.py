@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.film.looks import INSIDE, colours, looks_of
+from robotball.film.looks import INSIDE, RIM, colours, looks_of
 from robotball.robot import PARTS, Ball, Pendulum
 from robotball.rotations import Array, rotation_matrix
 
@@ -87,16 +87,18 @@ AXES = [[0.0, 0.0, 1.0], [0.6, 0.0, -0.8]]
 
 @pytest.mark.parametrize("centre", SIDES)
 @pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("swings", [False, True])
 def test_a_frame_off_balance_has_a_weight_on_its_hoop(
-    centre: list[float], axis: list[float]
+    centre: list[float], axis: list[float], swings: bool
 ) -> None:
     """Towards its centre of mass, in the hoop's plane, outside of what turns, inside the shell."""
-    *hoop, weight = looks_of(off_balance(centre, axis))["frame"]
+    swinging = with_pendulums((0.5, X, 0 * X)).pendulums if swings else ()
+    *hoop, weight = looks_of(replace(off_balance(centre, axis), pendulums=swinging))["frame"]
     assert len(hoop) == len(looks_of(BALL)["frame"])
     assert weight.kind == "sphere"
     out = float(np.linalg.norm(weight.pos))
     assert weight.pos == pytest.approx(out * np.array(centre) / np.linalg.norm(centre))
-    assert out - weight.size[0] >= INSIDE - 1e-12
+    assert out - weight.size[0] >= (INSIDE if swings else RIM) - 1e-12
     assert out + weight.size[0] < 0.97
     (ring,) = (shape for shape in hoop if shape.kind == "torus")
     normal = rotation_matrix(ring.turn)[:, 2]

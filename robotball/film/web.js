@@ -78,7 +78,7 @@ const HALF = Math.PI / 2, SHAPES = {
   box: size => [0, 1, 2].flatMap(i => [-1, 1].flatMap(side => {
     const n = [0, 0, 0], j = (i + 1) % 3, k = (i + 2) % 3; n[i] = side;
     return [[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]].flatMap(([a, b]) => {
-      const p = [0, 0, 0]; p[i] = side * size[i]; p[j] = a * size[j]; p[k] = b * size[k];
+      const p = [0, 0, 0]; p[i] = side * size[i]; p[j] = side * a * size[j]; p[k] = b * size[k];
       return [...p, ...n];
     });
   })),

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 
 Kind = Literal["torus", "sphere", "ellipsoid", "capsule", "cylinder", "box", "mesh"]
-Faces = NDArray[np.int64]
 
 _ORIGIN = np.zeros(3)
 _KINDS: dict[int, Kind] = {  # by MuJoCo's numbers; 8 is a mesh with a signed distance field
@@ -48,7 +47,7 @@ class Shape:
     turn: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
     material: str = ""
     vertices: Array = field(default_factory=lambda: np.empty((0, 3)))
-    faces: Faces = field(default_factory=lambda: np.empty((0, 3), np.int64))
+    faces: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 3), np.int64))
 
     def moved(self, turn: Array, shift: Array = _ORIGIN, scale: float = 1.0) -> "Shape":
         """Return the shape scaled, turned about the origin by a quaternion (4,), and shifted."""

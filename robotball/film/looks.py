@@ -63,7 +63,8 @@ Looks = Mapping[str, Sequence[Shape]]
 def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
     """Return the shapes of each body by its name, in radii of the ball.
 
-    A shape of a user's that encloses a whole other body is see-through.
+    A shape of a user's that encloses a whole other body, or is fixed on the shell and encloses the
+    middle of one, is see-through.
     """
     rings = _rings(ball)
     looks = {name: tuple(_look(ball, body, rings)) for name, body in ball.named_bodies}
@@ -74,9 +75,10 @@ def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
     }
 
     def seen(name: str, shape: Shape) -> Shape:
-        own = shape.material.startswith("#")
-        others = (points for other, points in corners.items() if other != name)
-        if own and any(map(shape.encloses, others)):
+        others = [points for other, points in corners.items() if other != name]
+        if name == "shell":  # an axle may reach through a hull
+            others = [points.mean(axis=0, keepdims=True) for points in others]
+        if shape.material.startswith("#") and any(map(shape.encloses, others)):
             return replace(shape, material=shape.material[:7] + min(shape.material[7:], _GLASS))
         return shape
 
@@ -92,7 +94,8 @@ def _look(ball: Ball, body: Body, rings: Iterator[tuple[float, bool]]) -> Iterat
     own = _hex("frame" if isinstance(body, Shell | Frame) else "rotor")
     built = [
         replace(
-            each.moved(_NO_TURN, scale=1 / radius),
+            each,
+            pos=each.pos / radius,
             size=np.where((each.size == 0) & (not each.material), _THIN, each.size / radius),
             material=each.material or own,
         )
@@ -102,8 +105,7 @@ def _look(ball: Ball, body: Body, rings: Iterator[tuple[float, bool]]) -> Iterat
     yield from (each for each in built if not (isinstance(body, Shell) and _is_the_ball(each)))
     match body:
         case Shell():
-            bearings = ball.has_frame
-            part = [each for each in _part("shell") if bearings or each.kind != "cylinder"]
+            part = [each for each in _part("shell") if ball.has_frame or each.kind != "cylinder"]
             yield from _placed(part, axis)
         case Frame():
             yield from [_rod(-_POLE * axis, _POLE * axis, _AXLE)] if built else _frame(ball)

@@ -95,7 +95,7 @@ def test_a_geom_of_a_users_is_where_its_own_model_has_it(name: str, tmp_path: Pa
 
 
 def test_what_hides_the_inside_is_drawn_through(tmp_path: Path) -> None:
-    """A hull and a housing, as the wheel is wholly inside; the plate beside it is not."""
+    """A hull, and a housing where the wheel is wholly inside; the plate beside it is not."""
     looks = looks_of(scene_of(tmp_path, "meshed.xml", MESHED).ball)
     assert [each.material for each in looks["shell"] if each.kind == "mesh"] == ["#80808026"]
     assert [each.material for each in looks["plate"]] == ["#808080ff", "#80808026"]

@@ -94,7 +94,12 @@ def motion_cell(motion: Any) -> str:
 
 
 def cell(line: str, motions: Sequence[Any], above: str = "") -> str:
-    """Return a notebook cell: a line of text, optional HTML, and the motions' paths as a PNG."""
+    """Return a notebook cell: a line of text, optional HTML, the motions' paths and a 3-D view.
+
+    The paths are a PNG. The view, of motions of two times at least, is folded away.
+    """
+    from robotball.film.web import view_page
+
     figure = _figure((_WIDTH / 100, _WIDTH * _TALLEST / 100))
     axes = figure.add_subplot()
     _draw_paths(axes, motions)
@@ -105,9 +110,17 @@ def cell(line: str, motions: Sequence[Any], above: str = "") -> str:
     # In the page itself: a notebook is passed on without the files beside it.
     png = b64encode(_png(figure, _SHARP)).decode("ascii")
     names = escape(", ".join(each.engine.name for each in motions), quote=True)
+    view = ""
+    if min(len(each.times) for each in motions) > 1:
+        # Folded away it is not loaded: a browser has room for few 3-D views at a time.
+        view = (
+            '<details><summary>3-D view</summary><iframe loading="lazy" width="100%" height="600" '
+            f'srcdoc="{escape(view_page(motions), quote=True)}"></iframe></details>'
+        )
     return (
-        f'<div><code>{escape(line)}</code>{above}<div><img width="{_WIDTH}" '
-        f'alt="path of the contact point: {names}" src="data:image/png;base64,{png}"/></div></div>'
+        f'<div><code>{escape(line)}</code>{above}<div><img width="{_WIDTH}" alt="path of the '
+        f'contact point: {names}" src="data:image/png;base64,{png}"/></div>{view}'
+        "</div>"
     )
 
 

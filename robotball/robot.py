@@ -94,12 +94,14 @@ class Solid:
     """A mass [kg], its centre (3,) [m] and the inertia (3, 3) about that centre [kg m²].
 
     reach [m]: how far from the sphere's centre its matter lies, where that is known, else 0.
+    shapes: as of a body.
     """
 
     mass: float
     centre: Array
     inertia: Array
     reach: float = 0.0
+    shapes: tuple[Any, ...] = ()
 
 
 def composed(solids: Iterable[Solid]) -> Solid:
@@ -108,7 +110,8 @@ def composed(solids: Iterable[Solid]) -> Solid:
     mass = sum(each.mass for each in solids)
     centre = np.array([each.mass / mass * each.centre for each in solids]).sum(axis=0)
     inertia = np.array([_about(centre, each) for each in solids]).sum(axis=0)
-    return Solid(mass, centre, inertia, max(each.reach for each in solids))
+    shapes = tuple(shape for each in solids for shape in each.shapes)
+    return Solid(mass, centre, inertia, max(each.reach for each in solids), shapes)
 
 
 def _about(point: Array, body: "Solid | Body") -> Array:
@@ -118,7 +121,14 @@ def _about(point: Array, body: "Solid | Body") -> Array:
 
 
 @dataclass(frozen=True)
-class Shell(Value):
+class Built(Value):
+    """A body. shapes: its `robotball.shapes.Shape`s as it is built [m], for pictures alone."""
+
+    shapes: tuple[Any, ...] = field(default=(), compare=False, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True)
+class Shell(Built):
     """The sphere that rolls, as a rule symmetric about `axis` (3,), about which the frame turns.
 
     SI units; `axis` is a unit vector in frame axes. offset [m]: σ, the centre of mass along the
@@ -144,12 +154,11 @@ class Shell(Value):
     @property
     def inertia(self) -> Array:
         """The inertia (3, 3) about the shell's own centre of mass, frame axes [kg m²]."""
-        symmetric = axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis)
-        return symmetric + self.asymmetry
+        return axial_tensor(self.axial_inertia, self.transverse_inertia, self.axis) + self.asymmetry
 
 
 @dataclass(frozen=True)
-class Frame(Value):
+class Frame(Built):
     """The body that turns inside the shell and carries the rotors and pendulums.
 
     mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, of mass, from the
@@ -162,7 +171,7 @@ class Frame(Value):
 
 
 @dataclass(frozen=True)
-class Rotor(Value):
+class Rotor(Built):
     """A symmetric body turning on the frame about its own axis (3,), a unit vector.
 
     Its moments are about its own centre of mass; centre (3,) m, of mass, from the shell's.
@@ -181,7 +190,7 @@ class Rotor(Value):
 
 
 @dataclass(frozen=True)
-class Pendulum(Value):
+class Pendulum(Built):
     """Any body on a hinge of the frame, as it is at the hinge's angle 0, frame axes.
 
     mass kg; inertia (3, 3) kg m² about its own centre of mass; centre (3,) m, that centre from the
@@ -197,7 +206,7 @@ class Pendulum(Value):
 
 
 @dataclass(frozen=True)
-class Link(Value):
+class Link(Built):
     """Any body of the tree with the joint that holds it, as they are where all joints are at 0.
 
     name    its own; parent: of the body that it is joined to, "" of the shell
@@ -279,8 +288,7 @@ class Ball(Value):
     def general(self) -> bool:
         """True with links, or a shell that is not symmetric, which the paper does not describe."""
         shell = self.shell
-        whole = not (self.links or shell.asymmetry.any() or shell.aside.any())
-        return not (whole and self.has_frame)
+        return bool(self.links or shell.asymmetry.any() or shell.aside.any()) or not self.has_frame
 
     def _check_tree(self) -> None:
         """Raise InputError unless every link hangs on a body that comes before it."""
@@ -301,8 +309,7 @@ class Ball(Value):
         """(name, body) of the shell, frame, rotors, pendulums and links, as engines name them."""
         frame = (("frame", self.frame),) if self.has_frame else ()
         links = ((each.name, each) for each in self.links)
-        shell = ("shell", self.shell)
-        return (shell, *frame, *self.named_rotors, *self.named_pendulums, *links)
+        return ("shell", self.shell), *frame, *self.named_rotors, *self.named_pendulums, *links
 
     @cached_property
     def tree(self) -> tuple[Link, ...]:
@@ -350,10 +357,8 @@ class Ball(Value):
     @cached_property
     def centre_of_mass(self) -> Array:
         """The centre of mass (3,) from the centre of the sphere, frame axes [m]."""
-        return (
-            np.array([body.mass * body.centre for _, body in self.named_bodies]).sum(axis=0)
-            / self.mass
-        )
+        moment = np.array([body.mass * body.centre for _, body in self.named_bodies]).sum(axis=0)
+        return np.asarray(moment / self.mass)
 
     @cached_property
     def principal(self) -> tuple[Array, Array]:

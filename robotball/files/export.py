@@ -26,7 +26,7 @@ from robotball.files.replacing import replacing
 from robotball.files.scene_writer import scene_toml
 from robotball.motion import Motion
 from robotball.motors import DCMotor, Free, PositionServo, Servo
-from robotball.rotations import Array, multiply, rotation_matrix
+from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 from robotball.scene import Hinge, Scene
 
 _FORMAT = "robotball scene 1"
@@ -179,28 +179,22 @@ def poses(motion: Motion) -> dict[str, _Poses]:
     def in_world(vectors: Array) -> Array:
         return np.asarray(np.einsum("nij,nj->ni", to_world, vectors))
 
-    def turned(attitude: Array, axis: Array, angle: Array) -> Array:
-        turn = Rotation.from_rotvec(np.outer(angle, axis)).as_quat(scalar_first=True)
-        return np.asarray(multiply(attitude, turn))
-
-    attitudes, found = {"shell": motion.attitude}, {}
-    if scene.ball.has_frame:
-        # The attitude is the frame's own. Its hinge's angle is relative to the shell, which
-        # therefore turns the other way in the frame.
-        attitudes["frame"] = motion.attitude
-        attitudes["shell"] = turned(motion.attitude, scene.ball.shell.axis, -angles[:, 0])
-    for i, link in enumerate(scene.ball.tree):
-        name = link.name
-        if name not in attitudes:
-            above = attitudes[link.parent]
-            attitudes[name] = above if link.slides else turned(above, link.axis, angles[:, i - 1])
-        found[name] = _Poses(
+    turned, _ = scene.robot.moved(angles)
+    return {
+        link.name: _Poses(
             position=centre + in_world(states.placed[i, :3].T),
-            attitude=attitudes[name],
+            attitude=_without_jumps(multiply(motion.attitude, from_matrix(turned[i]))),
             velocity=in_world(states.velocities[i]),
             angular_velocity=in_world(states.turning[i]),
         )
-    return found
+        for i, link in enumerate(scene.ball.tree)
+    }
+
+
+def _without_jumps(attitude: Array) -> Array:
+    """Return quaternions (n, 4) each with the sign by which it is nearer to the one before."""
+    turns_over = np.sum(attitude[1:] * attitude[:-1], axis=1) < 0
+    return attitude * np.cumprod([1, *np.where(turns_over, -1, 1)])[:, None]
 
 
 def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:

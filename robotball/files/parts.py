@@ -23,8 +23,9 @@ from robotball.files.scene_tables import (
     Triple,
 )
 from robotball.robot import Solid, axial_tensor, thick_shell_inertia
-from robotball.rotations import Array, Z, direction, rotation_matrix
+from robotball.rotations import Array, Z, direction, rotation_matrix, z_along
 from robotball.scene import unit
+from robotball.shapes import Shape, tube
 
 # kg/m³, of solid material; grades differ by a few hundredths.
 DENSITIES = {
@@ -46,7 +47,8 @@ def solid_of(part: Part, axis: Array = Z) -> Solid:
         case Point():
             # It has no inertia of its own, but one by its place once it is put to other parts.
             mass, reach = _positive(f"{name}'s mass", part.mass, "kg"), math.hypot(*part.centre)
-            return Solid(mass, np.array(part.centre), np.zeros((3, 3)), reach)
+            dot = Shape("sphere", np.zeros(3), np.array(part.centre))
+            return Solid(mass, np.array(part.centre), np.zeros((3, 3)), reach, (dot,))
         case Sphere():
             return _sphere(name, part)
         case Box():
@@ -81,8 +83,9 @@ def _sphere(name: str, sphere: Sphere) -> Solid:
     # Of unit mass: the wall is checked before its volume is taken.
     moment = thick_shell_inertia(a, 1.0, wall)
     mass = mass_of(name, sphere, volume_of_wall(a, wall))
-    reach = math.hypot(*sphere.centre) + a
-    return Solid(mass, np.array(sphere.centre), mass * moment * np.eye(3), reach)
+    reach, middle = math.hypot(*sphere.centre) + a, np.array(sphere.centre)
+    shape = Shape("sphere", np.array([a, 0.0, 0.0]), middle)
+    return Solid(mass, middle, mass * moment * np.eye(3), reach, (shape,))
 
 
 def _box(name: str, box: Box) -> Solid:
@@ -92,7 +95,8 @@ def _box(name: str, box: Box) -> Solid:
     R = rotation_matrix(unit("attitude", np.array(box.attitude)))
     corners = [box.centre + R @ (signs * box.size) / 2 for signs in _SIGNS]
     reach = max(float(np.linalg.norm(corner)) for corner in corners)
-    return Solid(mass, np.array(box.centre), R @ np.diag(moments) @ R.T, reach)
+    shape = Shape("box", np.array(box.size) / 2, np.array(box.centre), np.array(box.attitude))
+    return Solid(mass, np.array(box.centre), R @ np.diag(moments) @ R.T, reach, (shape,))
 
 
 def _rod(name: str, rod: Rod) -> Solid:
@@ -124,7 +128,9 @@ def _tube(mass: float, a: float, b: float, h: float, centre: Triple, axis: Array
     middle = np.array(centre)
     ends = [middle - h / 2 * axis, middle + h / 2 * axis]
     reach = max(_reach_of_circle(end, axis, a) for end in ends)
-    return Solid(mass, middle, axial_tensor(2 * across, across + mass * h * h / 12, axis), reach)
+    shape = tube(a, b, h) if b else Shape("cylinder", np.array([a, h / 2, 0.0]))
+    inertia = axial_tensor(2 * across, across + mass * h * h / 12, axis)
+    return Solid(mass, middle, inertia, reach, (shape.moved(z_along(axis), middle),))
 
 
 def _reach_of_circle(centre: Array, axis: Array, radius: float) -> float:

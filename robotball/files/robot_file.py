@@ -13,7 +13,7 @@ the joints and actuators.
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -31,6 +31,7 @@ from robotball.motors import Actuator, Free, Law
 from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
 from robotball.rotations import Array, from_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
+from robotball.shapes import shapes_of_geoms
 
 # The flags that switch off what the equations have: all up to that of clamped controls.
 _FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1
@@ -350,7 +351,11 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
 
     def local(solid: Solid) -> Solid:
         inertia = to_shell @ solid.inertia @ to_shell.T
-        return Solid(solid.mass, to_shell @ (solid.centre - centre), (inertia + inertia.T) / 2)
+        turn, shift = from_matrix(to_shell), -to_shell @ centre
+        return Solid(
+            solid.mass, to_shell @ solid.centre + shift, (inertia + inertia.T) / 2,
+            shapes=tuple(each.moved(turn, shift) for each in solid.shapes),
+        )  # fmt: skip
 
     shell = local(nodes[of_shell].solid)
     links, joints = [], []
@@ -369,6 +374,7 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
                     pivot=to_shell @ (data.xanchor[joint] - centre),
                     slides=bool(model.jnt_type[joint] == _SLIDE),
                     range=_range(model, joint) if model.jnt_limited[joint] else None,
+                    shapes=solid.shapes,
                 )
             )  # fmt: skip
             joints.append(joint)
@@ -390,6 +396,7 @@ def _shell_of(radius: float, solid: Solid) -> Shell:
         offset=float(solid.centre[2]),
         asymmetry=inertia - np.diag([across, across, axial]),
         aside=solid.centre * [1.0, 1.0, 0.0],
+        shapes=solid.shapes,
     )  # fmt: skip
 
 
@@ -440,7 +447,8 @@ def _solid_of(model: Any, data: Any, bodies: list[int]) -> Solid:
         axes = data.ximat[i].reshape(3, 3)
         inertia = axes @ np.diag(model.body_inertia[i]) @ axes.T
         solids.append(Solid(float(model.body_mass[i]), data.xipos[i].copy(), inertia))
-    return composed(each for each in solids if each.mass > 0)
+    solid = composed(each for each in solids if each.mass > 0)
+    return replace(solid, shapes=tuple(shapes_of_geoms(model, data, bodies)))
 
 
 def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:

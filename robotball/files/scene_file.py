@@ -390,7 +390,8 @@ def _shell(table: ShellTable, folder: Path) -> Shell:
             f"shell's centre of mass is {off:.6g} m off its axis; what is not symmetric about "
             "the axis belongs to the frame"
         )
-    return Shell(radius, solid.mass, *_symmetric("shell", solid.inertia, axis), axis, offset)
+    moments = _symmetric("shell", solid.inertia, axis)
+    return Shell(radius, solid.mass, *moments, axis, offset, shapes=solid.shapes)
 
 
 def _wall(table: ShellTable) -> tuple[float, float, float]:
@@ -425,7 +426,7 @@ def _wall(table: ShellTable) -> tuple[float, float, float]:
 def _frame(table: FrameTable, radius: float, folder: Path) -> Frame:
     """Return the frame in a shell of this radius [m]."""
     solid = _solid("frame", table, radius, folder)
-    return Frame(solid.mass, solid.inertia, solid.centre)
+    return Frame(solid.mass, solid.inertia, solid.centre, shapes=solid.shapes)
 
 
 def _rotor(name: str, table: RotorTable, radius: float, folder: Path) -> Rotor:
@@ -437,14 +438,14 @@ def _rotor(name: str, table: RotorTable, radius: float, folder: Path) -> Rotor:
         axial, transverse = table.inertia.axial, table.inertia.transverse
     else:
         axial, transverse = _symmetric(name, solid.inertia, axis)
-    return Rotor(solid.mass, axial, transverse, axis, solid.centre)
+    return Rotor(solid.mass, axial, transverse, axis, solid.centre, shapes=solid.shapes)
 
 
 def _pendulum(name: str, table: PendulumTable, radius: float, folder: Path) -> Pendulum:
     """Return a pendulum in a shell of this radius [m]."""
     solid = _solid(name, table, radius, folder)
-    axis = direction(f"{name}'s axis", np.array(table.axis))
-    return Pendulum(solid.mass, solid.inertia, solid.centre, axis, np.array(table.pivot))
+    axis, pivot = direction(f"{name}'s axis", np.array(table.axis)), np.array(table.pivot)
+    return Pendulum(solid.mass, solid.inertia, solid.centre, axis, pivot, shapes=solid.shapes)
 
 
 def _solid(

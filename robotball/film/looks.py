@@ -1,25 +1,27 @@
-"""Colours, and the simple shapes of each body, shared by films, models and pages.
+"""Colours, and the shapes of each body as films, models and pages show it.
 
 The colours are Okabe and Ito's, which colour-blind readers distinguish, also in grey; each engine
-has its own in its label. Shell, frame and rotors are the hand-written parts in mjcf/; a pendulum is
-drawn from its numbers. Sizes are chosen so that no two parts touch: the frame's hoop is near the
-shell, what turns inside it stays inside, and rotors with one centre are rings within rings. A frame
-off balance has a weight on the side of its centre of mass. The shapes become MJCF with materials,
-meshes and geoms that take no part in contact and have no mass.
+has its own in its label. A body that has shapes, from parts or from a user's own model, is drawn as
+it is built. One that is given by numbers alone has a symbol: shell, frame and rotor are the
+hand-written parts in mjcf/, a pendulum or link is the box of its inertia on an arm.
+Sizes of symbols are chosen so that no two touch: the frame's hoop is near the shell, what turns
+inside it stays inside, and rotors with one centre are rings within rings. A frame off balance has a
+weight on the side of its centre of mass. The shell is always glass, with bands that show it roll.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
-from typing import Literal, cast
+from typing import cast
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from robotball.robot import PARTS, Ball, Link, Pendulum
-from robotball.rotations import Array, rotation_matrix, z_along
+from robotball.robot import PARTS, Ball, Body, Frame, Link, Pendulum, Rotor, Shell
+from robotball.rotations import Array, from_matrix, multiply, rotation_matrix, z_along
+from robotball.shapes import Kind, Shape
 
 INK = "#22262B"  # text
 ACCENT = "#D55E00"  # what the rest is held against
@@ -41,49 +43,132 @@ _HUB = ("capsule", "cylinder")  # the shapes inside a rotor's rim
 INSIDE = 0.75  # bodies that turn in the frame's hoop reach no further
 RIM = 0.61  # how far the part "rotor" reaches
 _RING = 0.7  # the size of a ring over that of the ring around it
-_LEAST = 0.06  # the smallest rotor, and the smallest bob, that can still be seen
+_LEAST = 0.06  # the smallest rotor, and the smallest box, that can still be seen
 _CORE = 0.28  # room for rotors at the centre where a pendulum swings around them
-BOB, _ARM = 0.17, 0.035  # radii of a pendulum's bob and arm
-HOOP, _OUTSIDE = 0.82, 0.96  # the frame's hoop, and how far out a weight on it reaches
+_ARM, _HINGE = 0.035, 0.14  # radius of a pendulum's arm, and half of its hinge's length
+_OUTSIDE = 0.96  # how far out a weight on the frame's hoop reaches
 _BALANCED = 0.01  # a frame whose centre of mass is nearer to the ball's has no weight
 _TOGETHER = 0.05  # rotors whose centres are nearer are nested
 
-_ORIGIN, _AS_IT_IS = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+_ORIGIN, _NO_TURN = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+_AXLE, _POLE = 0.02, 0.97  # radius of the axle of a frame of parts, and how far out it ends
+_THIN = 0.012  # of what has no size
+_SAME = 0.02  # a sphere of the shell's that differs by less is the shell
+_GLASS = "26"  # opacity, as a colour ends with, of a user's part that hides what is inside
+_INERTIA = "#f2c23399"  # the box of a body that has a mass and no shape
 
-_Kind = Literal["torus", "sphere", "capsule", "cylinder", "box"]
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A shape of a body at hinge angle 0, in the frame's axes; lengths in radii of the ball.
-
-    size      (3,)  as in MJCF; for a torus about z its radius and its tube's, then 0
-    pos       (3,)  from the sphere's centre
-    turn      (4,)  quaternion
-    material  its name
-    """
-
-    kind: _Kind
-    size: Array
-    pos: Array
-    turn: Array
-    material: str
+Looks = Mapping[str, Sequence[Shape]]
 
 
 def looks_of(ball: Ball) -> dict[str, tuple[Shape, ...]]:
-    """Return the shapes of each body by its name."""
-    axis = ball.shell.axis
-    looks = {"shell": _placed(_part("shell"), axis)}
-    if ball.has_frame:
-        looks["frame"] = _frame(ball)
-    for (name, rotor), (size, inmost) in zip(ball.named_rotors, _rings(ball), strict=True):
-        shapes = [each for each in _part("rotor") if inmost or each.kind not in _HUB]
-        looks[name] = _placed(shapes, rotor.axis, size, rotor.centre / ball.radius)
-    for name, pendulum in ball.named_pendulums:
-        looks[name] = tuple(_pendulum(ball, pendulum))
-    for link in ball.links:
-        looks[link.name] = tuple(_pendulum(ball, link))
-    return looks
+    """Return the shapes of each body by its name, in radii of the ball.
+
+    A shape of a user's that encloses a whole other body, or is fixed on the shell and encloses the
+    middle of one, is see-through.
+    """
+    rings = _rings(ball)
+    looks = {name: tuple(_look(ball, body, rings)) for name, body in ball.named_bodies}
+    corners = {
+        name: np.concatenate([each.triangles.reshape(-1, 3) for each in shapes])
+        for name, shapes in looks.items()
+        if shapes and name != "shell"
+    }
+
+    def seen(name: str, shape: Shape) -> Shape:
+        others = [points for other, points in corners.items() if other != name]
+        if name == "shell":  # an axle may reach through a hull
+            others = [points.mean(axis=0, keepdims=True) for points in others]
+        if shape.material.startswith("#") and any(map(shape.encloses, others)):
+            return replace(shape, material=shape.material[:7] + min(shape.material[7:], _GLASS))
+        return shape
+
+    return {name: tuple(seen(name, each) for each in shapes) for name, shapes in looks.items()}
+
+
+def _look(ball: Ball, body: Body, rings: Iterator[tuple[float, bool]]) -> Iterator[Shape]:
+    """Yield a body's own shapes, then what stands for what they do not show.
+
+    rings: of which a rotor takes the next.
+    """
+    radius, axis = ball.radius, ball.shell.axis
+    own = _hex("frame" if isinstance(body, Shell | Frame) else "rotor")
+    built = [
+        replace(
+            each,
+            pos=each.pos / radius,
+            size=np.where((each.size == 0) & (not each.material), _THIN, each.size / radius),
+            material=each.material or own,
+        )
+        for each in body.shapes
+    ]
+    # The glass is in place of the sphere that rolls, and of one for its looks alone.
+    yield from (each for each in built if not (isinstance(body, Shell) and _is_the_ball(each)))
+    match body:
+        case Shell():
+            part = [each for each in _part("shell") if ball.has_frame or each.kind != "cylinder"]
+            yield from _placed(part, axis)
+        case Frame():
+            yield from [_rod(-_POLE * axis, _POLE * axis, _AXLE)] if built else _frame(ball)
+        case Rotor():
+            size, inmost = next(rings)
+            part = [each for each in _part("rotor") if inmost or each.kind not in _HUB]
+            ring = _placed(part, body.axis, size, body.centre / radius)
+            yield from [_bar(built, body, radius)] if built else ring
+        case Pendulum() | Link():
+            pivot, centre = body.pivot / radius, body.centre / radius
+            if not built and body.mass:
+                yield _inertia_box(body, radius)
+                yield _rod(pivot, centre, _ARM)
+            if isinstance(body, Pendulum):
+                yield _rod(pivot - _HINGE * body.axis, pivot + _HINGE * body.axis, 1.4 * _ARM)
+
+
+def _is_the_ball(shape: Shape) -> bool:
+    """Return whether a shape is a sphere of the ball's own size and place, but for hundredths."""
+    off = max(float(np.linalg.norm(shape.pos)), abs(float(shape.size[0]) - 1))
+    return shape.kind == "sphere" and off < _SAME
+
+
+def _rod(begin: Array, end: Array, radius: float) -> Shape:
+    length = float(np.linalg.norm(end - begin))
+    turn = z_along((end - begin) / length) if length else _NO_TURN
+    return Shape("capsule", np.array([radius, length / 2, 0.0]), (begin + end) / 2, turn, "frame")
+
+
+def _bar(built: Sequence[Shape], rotor: Rotor, radius: float) -> Shape:
+    """Return a bar from a rotor's axis to its rim, which shows its angle on both of its faces."""
+    centre, turn = rotor.centre / radius, z_along(rotor.axis)
+    corners = np.concatenate([each.triangles.reshape(-1, 3) for each in built])
+    own = (corners - centre) @ rotation_matrix(turn)
+    rim, high = float(np.hypot(*own.T[:2]).max()), float(np.abs(own[:, 2]).max())
+    size = np.array([rim / 2, 0.05 * rim, high + 0.01 * rim])
+    at = centre + rotation_matrix(turn) @ [rim / 2, 0.0, 0.0]
+    return Shape("box", size, at, turn, MARKS)
+
+
+def _inertia_box(body: Pendulum | Link, radius: float) -> Shape:
+    """Return the box of a body's mass and moments, which is no shape that the body has."""
+    moments, axes = np.linalg.eigh(body.inertia / body.mass)
+    size = np.sqrt(np.maximum(1.5 * (moments.sum() - 2 * moments), 0.0)) / radius
+    turn = from_matrix(axes * np.sign(np.linalg.det(axes)))  # eigh may return a reflection
+    return Shape("box", np.maximum(size, _LEAST / 2), body.centre / radius, turn, _INERTIA)
+
+
+def materials_of(looks: Looks) -> dict[str, tuple[float, ...]]:
+    """Return the materials of all shapes by name, as `rgba_of` has them."""
+    used = sorted({shape.material for shapes in looks.values() for shape in shapes})
+    return {name: rgba_of(name) for name in used}
+
+
+def rgba_of(material: str) -> tuple[float, ...]:
+    """Return (red, green, blue, opacity), each 0 to 1, of a material or a colour "#rrggbbaa"."""
+    if material in colours():
+        return colours()[material]
+    return (*rgb(material[:7]), int(material[7:], 16) / 255)
+
+
+def _hex(material: str) -> str:
+    return "#" + bytes(round(255 * part) for part in colours()[material]).hex()
 
 
 @cache
@@ -112,47 +197,18 @@ def _rings(ball: Ball) -> Iterator[tuple[float, bool]]:
 
 
 def _frame(ball: Ball) -> tuple[Shape, ...]:
-    """Return the frame's shapes; off balance, the hoop is turned to carry a weight there."""
+    """Return the frame's shapes; off balance, the hoop is turned to carry a weight on that side."""
     part, axis, centre = _part("frame"), ball.shell.axis, ball.frame.centre / ball.radius
     off = float(np.linalg.norm(centre))
     if off < _BALANCED:
         return _placed(part, axis)
-    across = Rotation.from_quat(z_along(axis), scalar_first=True).inv().apply(centre)
+    across = rotation_matrix(z_along(axis)).T @ centre
     hoop = _placed(part, axis, spin=float(np.arctan2(across[1], across[0])))
-    return (*hoop, *_weight(ball, centre / off, off))
-
-
-def _weight(ball: Ball, side: Array, off: float) -> Iterator[Shape]:
-    """Yield a weight on an arm at the frame's centre of mass, or on the hoop above moving parts."""
-    reach = INSIDE if ball.pendulums else 0.0
-    for rotor, (size, _) in zip(ball.rotors, _rings(ball), strict=True):
-        reach = max(reach, float(np.linalg.norm(rotor.centre)) / ball.radius + RIM * size)
-    radius = min(BOB, (_OUTSIDE - reach) / 2)
-    # Where nothing moves inside, the weight may sit at the centre of mass itself.
-    place = _OUTSIDE - radius if reach else min(off, INSIDE - radius)
-    yield Shape("sphere", np.array([radius, 0, 0]), place * side, _AS_IT_IS, "rotor")
-    if not reach:
-        arm = np.array([_ARM, (HOOP - place) / 2, 0.0])
-        yield Shape("capsule", arm, side * (place + HOOP) / 2, z_along(side), "frame")
-
-
-def _pendulum(ball: Ball, pendulum: Pendulum | Link) -> Iterator[Shape]:
-    """Yield an arm from the hinge to a bob at the centre of mass, and the hinge's axle."""
-    pivot, arm = pendulum.pivot / ball.radius, (pendulum.centre - pendulum.pivot) / ball.radius
-    along = float(pivot @ pendulum.axis) * pendulum.axis
-    # The farthest that the bob comes at any angle of the hinge.
-    reach = float(np.linalg.norm(along) + np.linalg.norm(pivot - along) + np.linalg.norm(arm))
-    arm = arm * min(1.0, (INSIDE - _LEAST) / reach) if reach > 0 else arm
-    length = float(np.linalg.norm(arm))
-    bob = float(np.clip(INSIDE - reach, _LEAST, BOB))
-    yield Shape("sphere", np.array([bob, 0, 0]), pivot + arm, _AS_IT_IS, "rotor")
-    axle = np.array([1.4 * _ARM, 4 * _ARM, 0.0])
-    yield Shape("capsule", axle, pivot, z_along(pendulum.axis), "frame")
-    begin = _CORE if ball.rotors else 0.0  # the rotors are in the way
-    if length > begin:
-        unit = arm / length
-        size = np.array([_ARM, (length - begin) / 2, 0.0])
-        yield Shape("capsule", size, pivot + unit * (begin + length) / 2, z_along(unit), "frame")
+    # Rotors at the centre leave more room than what turns elsewhere.
+    elsewhere = ball.pendulums or any(rotor.centre.any() for rotor in ball.rotors)
+    size = (_OUTSIDE - (INSIDE if elsewhere else RIM)) / 2
+    at = (_OUTSIDE - size) * centre / off
+    return (*hoop, Shape("sphere", np.array([size, 0.0, 0.0]), at, _NO_TURN, "rotor"))
 
 
 def _placed(
@@ -166,18 +222,8 @@ def _placed(
 
     spin: the angle about that axis [rad].
     """
-    turn = Rotation.from_quat(z_along(axis), scalar_first=True) * Rotation.from_rotvec([0, 0, spin])
-    return tuple(
-        replace(
-            shape,
-            size=shape.size * size,
-            pos=centre + turn.apply(shape.pos * size),
-            turn=(turn * Rotation.from_quat(shape.turn, scalar_first=True)).as_quat(
-                scalar_first=True
-            ),
-        )
-        for shape in shapes
-    )
+    turn = multiply(z_along(axis), np.array([np.cos(spin / 2), 0.0, 0.0, np.sin(spin / 2)]))
+    return tuple(each.moved(turn, centre, size) for each in shapes)
 
 
 @cache
@@ -206,72 +252,18 @@ def _shape(geom: ElementTree.Element, meshes: dict[str, ElementTree.Element]) ->
         tube = float(mesh.attrib["params"].split()[1])
         radius = float(mesh.get("scale", "1").split()[0])
         return Shape("torus", np.array([1, tube, 0]) * radius, pos, turn, material)
-    return Shape(cast(_Kind, kind), size, pos, turn, material)
-
-
-_AROUND, _SECTION = 48, 8  # steps about a shape's axis, and around a tube or a round end
-_THIN = 12  # steps about the axis of a capsule or a small sphere
-
-
-def triangles_of(shape: Shape) -> Array:
-    """Return the triangles (n, 3, 3) of a shape in the frame's axes; lengths in radii of the ball.
-
-    They are for drawings without OpenGL. Seen from outside, corners run anticlockwise.
-    """
-    if shape.kind == "box":
-        own = _box(shape.size)
-    else:
-        profile, steps = _profile(shape)
-        angles = np.linspace(0.0, 2 * np.pi, steps + 1)
-        r, z = profile.T
-        grid = np.stack(
-            [np.outer(np.cos(angles), r), np.outer(np.sin(angles), r), np.tile(z, (steps + 1, 1))],
-            axis=2,
-        )
-        a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
-        own = np.stack([a, b, c, a, c, d], axis=-2).reshape(-1, 3, 3)
-    return own @ rotation_matrix(shape.turn).T + shape.pos
-
-
-def _profile(shape: Shape) -> tuple[Array, int]:
-    """Return the section (m, 2) of a shape turned about z, as r and z, and its steps about z."""
-    a, b, _ = shape.size
-    if shape.kind == "torus":
-        turn = np.linspace(0.0, 2 * np.pi, _SECTION + 1)
-        return np.column_stack([a + b * np.cos(turn), b * np.sin(turn)]), _AROUND
-    if shape.kind == "cylinder":
-        return np.array([(0.0, -b), (a, -b), (a, b), (0.0, b)]), _AROUND
-    # Only the shell is so large that its steps would be seen.
-    large = shape.kind == "sphere" and a > 0.5
-    rise = np.linspace(-np.pi / 2, np.pi / 2, (2 if large else 1) * _SECTION + 1)
-    side = b * np.where(rise > 0, 1, -1)  # a sphere's is 0
-    return np.column_stack([a * np.cos(rise), a * np.sin(rise) + side]), _AROUND if large else _THIN
-
-
-def _box(size: Array) -> Array:
-    corners = []
-    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, -1), (1, 1), (-1, 1)])
-    for axis in range(3):
-        for side in (-1, 1):
-            face = np.full((6, 3), side)
-            # The far side's corners run the other way round, anticlockwise from outside as well.
-            face[:, [(axis + 1) % 3, (axis + 2) % 3]] = square[::side]
-            corners.append(face * size)
-    return np.reshape(corners, (-1, 3, 3))
-
-
-_RESOLUTION = 48  # points around a torus, and around its tube
-_BLUR_GROUP = "3"  # hidden until a picture asks for it
+    return Shape(cast(Kind, kind), size, pos, turn, material)
 
 
 def add_materials(
     assets: Element,
+    looks: Looks,
     own: Mapping[str, str] | None = None,
     prefix: str = "",
     opacity: float = 1.0,
 ) -> None:
-    """Add the parts' materials; own: "r g b" for those that have another colour here."""
-    for name, (red, green, blue, solid) in colours().items():
+    """Add the materials of shapes; own: "r g b" for those that have another colour here."""
+    for name, (red, green, blue, solid) in materials_of(looks).items():
         rgb = (own or {}).get(name, f"{red:g} {green:g} {blue:g}")
         SubElement(
             assets,
@@ -281,42 +273,3 @@ def add_materials(
             specular="0.4",
             shininess="0.6",
         )
-
-
-def add_shapes(
-    assets: Element,
-    body: Element,
-    shapes: Iterable[Shape],
-    unit: float = 1.0,
-    prefix: str = "",
-) -> None:
-    """Add shapes to a body that has the same axes; unit: the ball's radius [m]."""
-    for shape in shapes:
-        geom = SubElement(body, "geom", contype="0", conaffinity="0", mass="0")
-        if shape.kind == "torus":
-            radius, tube, _ = shape.size
-            name = f"ring_{radius:.4g}_{tube:.4g}"
-            # Rings of one size share a mesh, which has thousands of triangles.
-            if assets.find(f"mesh[@name='{name}']") is None:
-                SubElement(
-                    assets,
-                    "mesh",
-                    name=name,
-                    builtin="supertorus",
-                    params=f"{_RESOLUTION} {tube / radius:.6g} 1 1",
-                    scale=_text(np.full(3, radius * unit)),
-                )
-            geom.attrib.update(type="mesh", mesh=name)
-        else:
-            geom.attrib.update(type=shape.kind, size=_text(shape.size * unit))
-        geom.attrib.update(
-            pos=_text(shape.pos * unit),
-            quat=_text(shape.turn),
-            material=f"{prefix}{shape.material}",
-        )
-        if shape.material == BLUR:
-            geom.set("group", _BLUR_GROUP)
-
-
-def _text(numbers: Array) -> str:
-    return " ".join(f"{number:.9g}" for number in numbers)

@@ -19,7 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 from robotball.errors import InputError, check_positive
 from robotball.film import gl
 from robotball.film import looks as palette
-from robotball.film.looks import GHOST, Shape, looks_of
+from robotball.film.looks import GHOST, MARKS, Looks, looks_of
 from robotball.film.stage import LENS, NEAR, Arrow, Camera, Pixels, Stage
 from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.motion import ContactMotion, Motion
@@ -247,15 +247,16 @@ def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator
     motions = (motion, theory)
     tracks = (track_of(motion).sampled_at(times), track_of(theory).sampled_at(times))
     apart = np.linalg.norm(tracks[0].points - tracks[1].points, axis=1) * theory.scene.ball.radius
+    looks = looks_of(theory.scene.ball)
     # No generator itself, so that what cannot be drawn is refused here, not at the first picture.
     return _painted(
         _Painter(
             film,
             times,
             tracks,
-            looks_of(theory.scene.ball),
+            looks,
             (motion.engine.colour, theory.engine.colour),
-            _sheet(motions, film, times, apart),
+            _sheet(motions, film, looks, times, apart),
             _lengths(tracks[1].sampled, theory.scene.momentum_scale) if film.arrows else {},
             backend,
         )
@@ -274,7 +275,7 @@ class _Painter:
     film: Film
     times: Array
     tracks: tuple[Track, Track]
-    looks: dict[str, tuple[Shape, ...]]
+    looks: Looks
     colours: tuple[str, str]
     sheet: _Sheet
     lengths: dict[str, float]
@@ -312,23 +313,17 @@ class _Painter:
         return [[0, 1]] if self.film.ghost else [[0], [1]]
 
     @cached_property
-    def _points(self) -> list[Array]:
-        return [track.points for track in self.tracks]
-
-    @cached_property
     def _cameras(self) -> list[Callable[[int], Camera]]:
         height, width = self.sheet.pane
         return [
-            _camera(self.film, [self._points[i] for i in pane], width / height)
+            _camera(self.film, [self.tracks[i].points for i in pane], width / height)
             for pane in self._panes
         ]
 
     @cached_property
     def _stage(self) -> Stage:
-        distance = self._cameras[0](0).distance
-        return Stage(
-            self.sheet.pane, self.looks, self.colours, self._points, distance, self.backend
-        )
+        distance, points = self._cameras[0](0).distance, [track.points for track in self.tracks]
+        return Stage(self.sheet.pane, self.looks, self.colours, points, distance, self.backend)
 
     def close(self) -> None:
         """Free the OpenGL of this process."""
@@ -336,7 +331,9 @@ class _Painter:
             self._stage.close()
 
 
-def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) -> _Sheet:
+def _sheet(
+    motions: Sequence[Motion], film: Film, looks: Looks, times: Array, apart: Array
+) -> _Sheet:
     names = []
     for motion, at in zip(motions, (0.25, 0.75), strict=True):
         text = f"{motion.engine.name} {motion.engine.version}"
@@ -351,7 +348,8 @@ def _sheet(motions: Sequence[Motion], film: Film, times: Array, apart: Array) ->
     if film.slow != 1:
         notes.append(f"{film.slow:g} times slower than life" if film.slow > 1 else
                      f"{1 / film.slow:g} times faster than life")  # fmt: skip
-    rates = np.abs(motions[1].hinge_rates[:, 1:])
+    marked = [any(each.material == MARKS for each in shapes) for shapes in looks.values()]
+    rates = np.abs(motions[1].hinge_rates[:, marked[1:]])
     if rates.size and rates.max() / (film.fps * film.slow) > _BLUR_FROM:
         notes.append("a rotor too fast for the film has no marks")
     return _Sheet(

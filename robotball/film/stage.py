@@ -28,19 +28,19 @@ from scipy.spatial.transform import Rotation
 
 from robotball.film import gl
 from robotball.film import looks as palette
-from robotball.film.looks import BLUR, MARKS, Shape, add_materials, add_shapes
+from robotball.film.looks import BLUR, MARKS, Looks, add_materials
 from robotball.robot import PARTS
 from robotball.rotations import Array
+from robotball.shapes import add_geoms
 
 Pixels = NDArray[np.uint8]
 _Stands = Mapping[str, tuple[Array, Array]]
 
+_HIDDEN = "3"  # the group of what is hidden until a picture asks for it
 _OWN = ("shell", "mark")  # the materials that have the engine's colour
 
 
-def build_stage(
-    looks: Mapping[str, Sequence[Shape]], colours: Sequence[str], opacities: Sequence[float]
-) -> mujoco.MjSpec:
+def build_stage(looks: Looks, colours: Sequence[str], opacities: Sequence[float]) -> mujoco.MjSpec:
     """Return the model of the floor and a ball of each colour and opacity; lengths in radii.
 
     Its mocap bodies are the first ball's in the order of `looks`, then the next one's. A body and a
@@ -52,10 +52,12 @@ def build_stage(
     assert world is not None
     for number, (colour, opacity) in enumerate(zip(colours, opacities, strict=True)):
         prefix, rgb = f"ball{number}_", " ".join(f"{part:g}" for part in palette.rgb(colour))
-        add_materials(assets, dict.fromkeys(_OWN, rgb), prefix, opacity)
+        add_materials(assets, looks, dict.fromkeys(_OWN, rgb), prefix, opacity)
         for name, shapes in looks.items():
             body = SubElement(world, "body", name=f"{prefix}{name}", mocap="true")
-            add_shapes(assets, body, shapes, prefix=prefix)
+            add_geoms(assets, body, shapes, prefix=prefix)
+            for disc in body.iterfind(f"geom[@material='{prefix}{BLUR}']"):
+                disc.set("group", _HIDDEN)
     return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
 
 
@@ -101,7 +103,7 @@ _LIFT_PATH, _LIFT_OTHER, _LIFT_SHADOW = 0.006, 0.004, 0.002
 _BEHIND = 0.003  # a ghost is drawn farther away, or its surfaces would flicker through the ball's
 _THICK = 0.045  # half of an arrow's width
 POINTS = 20_000  # of a path; a longer one is thinned, as all are sent to OpenGL for each picture
-_GEOMS = 2000  # room for a stage's own and for what is added
+_ADDED = 100  # room for the geoms that a picture adds
 _SAMPLES = 4  # a pixel
 _NEAREST, _FAR = 0.015, 40.0  # what is seen, in distances of the camera from what it looks at
 _SKY = (0.95, 0.96, 0.97)
@@ -128,7 +130,7 @@ class Stage:
     def __init__(
         self,
         size: tuple[int, int],
-        looks: Mapping[str, Sequence[Shape]],
+        looks: Looks,
         colours: Sequence[str],
         paths: Sequence[Array],
         distance: float,
@@ -165,7 +167,7 @@ class Stage:
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 1  # the discs of fast rotors too, which viewers hide
         self._context = gl.context(width, height, backend)
-        self._scene = mujoco.MjvScene(model, _GEOMS)
+        self._scene = mujoco.MjvScene(model, model.ngeom + _ADDED)
         # Shadows have a buffer of their own, which saves a seventh of a frame: a picture is read in
         # the time that its whole buffer takes, and a blurred one needs no samples.
         self._shading = self._buffer(_TEXELS, _TEXELS, 0)

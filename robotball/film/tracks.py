@@ -1,19 +1,20 @@
-"""Interpolate motions at any times, and place the bodies of their balls there."""
+"""Interpolate motions at any times, and place the bodies of their balls there.
 
-from collections.abc import Iterator
+Motions show themselves in notebooks by this module, and so are not imported by it.
+"""
+
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from robotball.mechanics import Robot
-from robotball.motion import Motion
 from robotball.rotations import Array, rotation_matrix
 
-PART = 65_536  # samples that are read at a time, to bound the memory of a long motion
-# More samples on each side: the influence of one so far away on a cubic spline is below 1e-9.
+# Samples on each side of those in question: the influence on a cubic spline of one so far away is
+# below 1e-9.
 MARGIN = 16
 
 
@@ -52,28 +53,17 @@ class Track:
         return self.sampled.contact_point / self.radius
 
     def at(self, times: Array) -> Moments:
-        """Return the motion at ascending times (m,) [s]; a long one is read part by part."""
+        """Return the motion at ascending times (m,) [s]."""
         inside = np.minimum(times, self.times[-1])
-        near = np.searchsorted(self.times, inside)
-        parts = []
-        for part in _neighbours(near):
-            first, last = max(near[part][0] - MARGIN, 0), near[part][-1] + MARGIN + 1
-            parts.append(self._near(slice(first, last), inside[part]))
-        return Moments(
-            **{
-                each.name: np.concatenate([getattr(part, each.name) for part in parts])
-                for each in fields(Moments)
-            }
-        )
-
-    def _near(self, samples: slice, times: Array) -> Moments:
+        first, last = np.searchsorted(self.times, inside[[0, -1]])
+        samples = slice(max(first - MARGIN, 0), last + MARGIN + 1)
         known = self.times[samples]
         here = {each.name: getattr(self.sampled, each.name)[samples] for each in fields(Moments)}
         # Splines of a quaternion's parts would leave the unit sphere.
         attitude = Rotation.from_quat(here.pop("attitude"), scalar_first=True)
         return Moments(
-            attitude=Slerp(known, attitude)(times).as_quat(scalar_first=True),
-            **{name: np.asarray(CubicSpline(known, row)(times)) for name, row in here.items()},
+            attitude=Slerp(known, attitude)(inside).as_quat(scalar_first=True),
+            **{name: np.asarray(CubicSpline(known, row)(inside)) for name, row in here.items()},
         )
 
     def sampled_at(self, times: Array) -> "Track":
@@ -96,17 +86,8 @@ class Track:
         return dict(zip(self.names, zip(to_world @ turned, shifts, strict=True), strict=True))
 
 
-def _neighbours(near: NDArray[np.intp]) -> Iterator[slice]:
-    """Yield slices of ascending sample numbers (m,) that each span less than PART samples."""
-    start = 0
-    while start < len(near):
-        stop = int(np.searchsorted(near, near[start] + PART, "right"))
-        yield slice(start, stop)
-        start = stop
-
-
-def track_of(motion: Motion) -> Track:
-    """Return the track of a motion of at least two times."""
+def track_of(motion: Any) -> Track:
+    """Return the track of a `Motion` of at least two times."""
     own = {each.name for each in fields(Moments)} - {"contact_force"}
     return Track(
         motion.times,

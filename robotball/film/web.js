@@ -54,6 +54,23 @@ const arc = (n, from, to, f) => Array.from({length: n + 1}, (_, i) => {
 const HALF = Math.PI / 2, SHAPES = {
   torus: ([R, r]) => turned(arc(14, 0, 4 * HALF, (c, s) => [R + r*c, r*s, c, s]), 64),
   sphere: ([r]) => turned(arc(24, -HALF, HALF, (c, s) => [r*c, r*s, c, s]), 48),
+  ellipsoid: size => {
+    const out = SHAPES.sphere([1]);
+    for (let i = 0; i < out.length; i += 6) {
+      const n = unit([0, 1, 2].map(k => out[i + k] / size[k]));
+      for (let k = 0; k < 3; k++) { out[i + k] *= size[k]; out[i + 3 + k] = n[k]; }
+    }
+    return out;
+  },
+  mesh: (size, [vertices, faces]) => { // each triangle has its own normal
+    const at = floats(vertices), out = [], numbers = floats(faces);
+    for (let i = 0; i < numbers.length; i += 3) {
+      const [a, b, c] = [0, 1, 2].map(k => size.map((s, j) => s * at[3 * numbers[i + k] + j]));
+      const n = unit(cross(sub(b, a), sub(c, a)));
+      out.push(...a, ...n, ...b, ...n, ...c, ...n);
+    }
+    return out;
+  },
   capsule: ([r, h]) => turned([...arc(6, -HALF, 0, (c, s) => [r*c, r*s - h, c, s]),
                                ...arc(6, 0, HALF, (c, s) => [r*c, r*s + h, c, s])], 20),
   cylinder: ([r, h]) => turned([[0, -h, 0, -1], [r, -h, 0, -1], [r, -h, 1, 0], [r, h, 1, 0],
@@ -61,7 +78,7 @@ const HALF = Math.PI / 2, SHAPES = {
   box: size => [0, 1, 2].flatMap(i => [-1, 1].flatMap(side => {
     const n = [0, 0, 0], j = (i + 1) % 3, k = (i + 2) % 3; n[i] = side;
     return [[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]].flatMap(([a, b]) => {
-      const p = [0, 0, 0]; p[i] = side * size[i]; p[j] = a * size[j]; p[k] = b * size[k];
+      const p = [0, 0, 0]; p[i] = side * size[i]; p[j] = side * a * size[j]; p[k] = b * size[k];
       return [...p, ...n];
     });
   })),
@@ -75,8 +92,8 @@ function buffer(numbers) {
 }
 const bodies = data.bodies.map(body => {
   const parts = {};
-  for (const {kind, size, pos, turn, material} of body.shapes) {
-    const corners = SHAPES[kind](size), into = parts[material] ||= [];
+  for (const {kind, size, pos, turn, material, mesh} of body.shapes) {
+    const corners = SHAPES[kind](size, mesh), into = parts[material] ||= [];
     for (let i = 0; i < corners.length; i += 6)
       into.push(...add(rotate(turn, corners.slice(i, i + 3)), pos), ...rotate(turn, corners.slice(i + 3, i + 6)));
   }
@@ -158,6 +175,8 @@ function draw(mesh, kind, place, colour, mode = gl.TRIANGLES, count = mesh.count
   gl.uniform4fv(uniform.colour, colour); gl.bindVertexArray(mesh.array); gl.drawArrays(mode, 0, count);
 }
 
+const clear = part => data.materials[part.material][3] < .3; // the shell, and what hides the inside
+
 // What the reader chooses.
 const dark = matchMedia("(prefers-color-scheme: dark)"), still = matchMedia("(prefers-reduced-motion: reduce)");
 const state = {t: 0, playing: !still.matches, speed: 1, ghost: false, arm: data.heading + Math.PI, up: 0.42, far: 8.5};
@@ -173,11 +192,13 @@ function pose(ball, t) { // the row of a ball at a time
   return {x: mixed[0], y: mixed[1], frame, angles: mixed.slice(6), rates, row: i};
 }
 function placesOf(now, centre) { // each body's matrix
-  return bodies.map(({hinge, sign, axis, pivot}) => {
-    if (hinge < 0) return placed(now.frame, centre);
-    const turn = about(axis, sign * now.angles[hinge]);
-    return placed(mul(now.frame, turn), add(centre, rotate(now.frame, sub(pivot, rotate(turn, pivot)))));
-  });
+  const stands = [], stand = i => stands[i] ||= stoodOn(bodies[i]);
+  function stoodOn({parent, hinge, sign, slides, axis, pivot}) {
+    if (parent < 0) return [now.frame, centre];
+    const [q, p] = stand(parent), angle = sign * now.angles[hinge], turn = about(axis, slides ? 0 : angle);
+    return [mul(q, turn), add(p, rotate(q, slides ? times(axis, angle) : sub(pivot, rotate(turn, pivot))))];
+  }
+  return bodies.map((_, i) => placed(...stand(i)));
 }
 
 function frame() {
@@ -215,13 +236,13 @@ function frame() {
   if (eye[2] > 0) for (const [level, glass] of [[0, true], [1, false]]) { // no pixel is darkened twice
     gl.stencilFunc(gl.GEQUAL, level, 255);
     each(drawn, (one, part, place) => {
-      if ((part.material === "shell") === glass && part.material !== "blur") draw(part.mesh, SHADOW, place, [0, 0, 0, glass ? .13 : .2]);
+      if (clear(part) === glass && part.material !== "blur") draw(part.mesh, SHADOW, place, [0, 0, 0, glass ? .13 : .2]);
     });
   }
   gl.disable(gl.STENCIL_TEST);
   drawn.forEach(({ball, now}, i) => draw(ball.trail, PATH, placed([1, 0, 0, 0], add(now.lane, [0, 0, .006])), [...ball.colour, 1], gl.TRIANGLE_STRIP, 2 * (now.row + 1)));
   gl.enable(gl.DEPTH_TEST);
-  const turns = now => bodies.map(body => body.marked < 0 ? 0 : Math.min(1, Math.max(0, (Math.abs(now.rates[body.marked]) * state.speed * (state.playing ? 1 : 0) / 60 - .25) / .5)));
+  const turns = now => bodies.map(body => !body.marked ? 0 : Math.min(1, Math.max(0, (Math.abs(now.rates[body.hinge]) * state.speed * (state.playing ? 1 : 0) / 60 - .25) / .5)));
   const glassy = [];
   drawn.forEach((one, i) => {
     const fast = turns(one.now), dim = state.ghost && i ? .35 : 1;
@@ -230,7 +251,7 @@ function frame() {
       let alpha = a * dim;
       if (part.material === "spoke") alpha *= 1 - fast[j];
       if (part.material === "blur") alpha *= fast[j];
-      const job = [part.mesh, part.material === "shell" ? GLASS : LIT, one.places[j], [...(own ? one.ball.colour : [r, g, b]), alpha]];
+      const job = [part.mesh, clear(part) ? GLASS : LIT, one.places[j], [...(own ? one.ball.colour : [r, g, b]), alpha]];
       if (alpha > .99) draw(...job); else if (alpha > .01) glassy.push(job);
     }));
   });

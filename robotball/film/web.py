@@ -3,22 +3,25 @@
 import html
 import json
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robotball.errors import InputError
 from robotball.film import looks as palette
-from robotball.film.looks import colours, looks_of
+from robotball.film.looks import MARKS, Looks, looks_of, materials_of
 from robotball.film.tracks import heading_of, track_of
-from robotball.motion import Motion
+from robotball.robot import Ball
 from robotball.rotations import Array
+from robotball.shapes import Shape
 
 _HERE = Path(__file__).parent
 STEP = 0.02  # s between the samples of a view
 MOST = 20_000  # samples, which keep a page to some megabytes
+MESHES = 60_000  # triangles, which are less than two
 _SPEEDS = (0.1, 0.25, 0.5, 1, 2, 4)
 
 _CONTROLS = """
@@ -41,8 +44,8 @@ def view_head() -> str:
     return f"<style>{style}</style>\n<script>{script}</script>"
 
 
-def view_fragment(motions: Sequence[Motion]) -> str:
-    """Return HTML of a 3-D view of one or two motions of a scene; put `view_head` before it.
+def view_fragment(motions: Sequence[Any]) -> str:
+    """Return HTML of a 3-D view of one or two `Motion`s of a scene; put `view_head` before it.
 
     The balls stand side by side, or the second is a ghost over the first. Motions longer than MOST
     samples are cut there. Raises InputError for a motion of fewer than two times.
@@ -71,7 +74,7 @@ def view_fragment(motions: Sequence[Motion]) -> str:
     )
 
 
-def view_page(motions: Sequence[Motion]) -> str:
+def view_page(motions: Sequence[Any]) -> str:
     """Return an HTML page with the view alone."""
     title = html.escape(" ".join(motions[0].scene.title.split()))
     return (
@@ -85,8 +88,12 @@ def view_page(motions: Sequence[Motion]) -> str:
     )
 
 
-def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
-    """Return the script's data: bodies, materials, and for each ball a row a sample."""
+def view_data(motions: Sequence[Any]) -> dict[str, Any]:
+    """Return the script's data: bodies, materials, and for each ball a row a sample.
+
+    All meshes together have MESHES triangles at most; of larger ones the corners that are near each
+    other are joined.
+    """
     scene = motions[0].scene
     if min(len(motion.times) for motion in motions) < 2:
         raise InputError("a view needs motions of two times at least")
@@ -96,36 +103,7 @@ def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
     end = min(last, step * (MOST - 1))
     grid = step * np.arange(int(np.floor(end / step * (1 + 1e-9))) + 1)
     parts = [track_of(each).at(grid[grid <= each.times[-1] * (1 + 1e-9)]) for each in motions]
-    if scene.ball.links:
-        raise InputError(
-            f"{scene.name}: a page draws a frame and what turns on it, and no links; make a video"
-        )
-    ball, hinges = scene.ball, {hinge.name: i for i, hinge in enumerate(scene.hinges)}
-    bodies = []
-    for name, shapes in looks_of(ball).items():
-        # The attitude is the frame's, so the first hinge turns the shell, and backwards.
-        index = {"frame": -1, "shell": 0}.get(name, hinges.get(name, -1))
-        hinge = scene.hinges[max(index, 0)]
-        bodies.append(
-            {
-                "name": name,
-                "hinge": index,
-                "sign": -1 if name == "shell" else 1,
-                "axis": hinge.axis.tolist(),
-                "pivot": (hinge.pivot / ball.radius).tolist(),
-                "marked": index if index > 0 else -1,
-                "shapes": [
-                    {
-                        "kind": shape.kind,
-                        "size": _rounded(shape.size),
-                        "pos": _rounded(shape.pos),
-                        "turn": _rounded(shape.turn),
-                        "material": shape.material,
-                    }
-                    for shape in shapes
-                ],
-            }
-        )
+    ball, looks = scene.ball, looks_of(scene.ball)
     shared = min(len(part.attitude) for part in parts)
     gap = parts[0].contact_point[:shared] - parts[-1].contact_point[:shared]
     return {
@@ -134,8 +112,8 @@ def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
         "count": len(grid),
         "hinges": len(scene.hinges),
         "heading": heading_of(parts[-1].contact_point),
-        "bodies": bodies,
-        "materials": colours(),
+        "bodies": list(_bodies(ball, looks)),
+        "materials": materials_of(looks),
         "apart": _packed(np.linalg.norm(gap, axis=1)),
         "balls": [
             {
@@ -153,11 +131,47 @@ def view_data(motions: Sequence[Motion]) -> dict[str, Any]:
     }
 
 
+def _bodies(ball: Ball, looks: Looks) -> Iterator[dict[str, Any]]:
+    """Yield each body, with its shapes and the joint by which it stands on its parent, a number.
+
+    A motion gives the attitude of the frame, so that the shell stands on the frame, and turns
+    backwards; without a frame it gives the shell's own.
+    """
+    names, carrier = [link.name for link in ball.tree], int(ball.has_frame)
+    meshes = sum(each.kind == "mesh" for shapes in looks.values() for each in shapes)
+    for i, link in enumerate(ball.tree):
+        joint, sign = (ball.tree[carrier], -1) if i < carrier else (link, 1)
+        parent = carrier if i < carrier else names.index(link.parent or link.name)
+        marked = any(each.material == MARKS for each in looks[link.name])
+        yield {
+            "name": link.name,
+            "parent": -1 if i == carrier else parent,
+            "hinge": max(i, 1) - 1,
+            "sign": sign,
+            "slides": joint.slides,
+            "axis": (joint.axis / (ball.radius if joint.slides else 1)).tolist(),
+            "pivot": (joint.pivot / ball.radius).tolist(),
+            "marked": marked,
+            "shapes": [_plain(each, meshes) for each in looks[link.name]],
+        }
+
+
+def _plain(shape: Shape, meshes: int) -> dict[str, Any]:
+    """Return a shape as the script takes it, a mesh as one of so many."""
+    thin = shape.thinned(MESHES // max(meshes, 1))
+    return {
+        "kind": shape.kind,
+        **{name: _rounded(getattr(shape, name)) for name in ("size", "pos", "turn")},
+        "material": shape.material,
+        "mesh": [_packed(thin.vertices), _packed(thin.faces)],
+    }
+
+
 def _rounded(numbers: Array) -> list[float]:
     return [round(float(number), 6) for number in numbers]
 
 
-def _packed(numbers: Array) -> str:
+def _packed(numbers: NDArray[Any]) -> str:
     """Encode numbers as little-endian 32-bit floats in base 64."""
     # Seven digits are more than a picture shows, and half of the page.
     return b64encode(numbers.astype("<f4").tobytes()).decode("ascii")

@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from robotball import Motion, Scene, integrate, sample_times
-from robotball.film.looks import BLUR, INK, Shape, colours, looks_of, triangles_of
+from robotball.film.looks import BLUR, INK, looks_of, rgba_of
 from robotball.film.tracks import track_of
 from robotball.rotations import Array, rotation_matrix
+from robotball.shapes import Shape
 from validation.figures import (
     ENGINE_LINE,
     ENGINE_NAME,
@@ -44,9 +45,9 @@ class _Solid:
 def solid_of(shapes: Sequence[Shape], turn: Array, shift: Array) -> _Solid:
     """Return a body's shapes turned (3, 3), then shifted (3,), without its glass and what blurs."""
     solid = [shape for shape in shapes if shape.material not in ("shell", BLUR)]
-    corners = [triangles_of(shape) for shape in solid]
+    corners = [shape.triangles for shape in solid]
     colour = [
-        np.tile(colours()[shape.material][:3], (len(own), 1))
+        np.tile(rgba_of(shape.material)[:3], (len(own), 1))
         for shape, own in zip(solid, corners, strict=True)
     ]
     return _Solid(np.concatenate(corners) @ turn.T + shift, np.concatenate(colour))

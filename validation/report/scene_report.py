@@ -74,7 +74,7 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
         f'{embedded(film.read_bytes(), "video/mp4")}"></video>'
         if film
         else view_fragment([first.motion, theory])
-        if len(first.motion.times) > 1 and not scene.ball.links
+        if len(first.motion.times) > 1
         else ""
     )
     settings = [

@@ -13,16 +13,16 @@ from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from robotball.drives import Drive
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import START, Model, ModelHinge, build, hinges_of
 from robotball.engines.mujoco.settings import Prescribed, Settings, for_load
-from robotball.film.looks import BLUR, Shape, add_materials, add_shapes, looks_of
+from robotball.film.looks import BLUR, add_materials, looks_of
 from robotball.robot import PARTS
-from robotball.rotations import Array
+from robotball.rotations import Array, conjugate, rotation_matrix
 from robotball.scene import Scene
+from robotball.shapes import add_geoms
 
 _AGREES = 1e-6  # of the path: the largest error of held controls
 _HALVINGS = 5  # of the step at most, to 32 times as many rows of controls
@@ -272,15 +272,16 @@ def dress(model: Model) -> Model:
     assets.extend(_child(floor, "asset"))
     _child(assets, "material").set("texrepeat", f"{_TILE / unit:g} {_TILE / unit:g}")
     _child(worldbody, "geom").set("material", "floor")
-    add_materials(assets)
     looks, stands = looks_of(ball), _stands(model.compiled)
+    add_materials(assets, looks)
     for body in worldbody.iter("body"):
         shapes = [each for each in looks[body.attrib["name"]] if each.material != BLUR]
         if (sphere := body.find("geom")) is not None:  # the shell's, which the model has
             sphere.set("material", "shell")
             shapes = [each for each in shapes if each.material != "shell"]
-        stand = stands[body.attrib["name"]]
-        add_shapes(assets, body, [_seen_from(stand, unit, each) for each in shapes], unit)
+        origin, turn = stands[body.attrib["name"]]
+        shift = -rotation_matrix(turn) @ origin / unit
+        add_geoms(assets, body, [each.moved(turn, shift) for each in shapes], unit)
     ball_body, sun = _child(worldbody, "body"), _child(_child(floor, "worldbody"), "light")
     place = " ".join(f"{float(part) * unit:g}" for part in _CAMERA.split())
     SubElement(ball_body, "camera", name="track", mode="trackcom", pos=place, xyaxes="1 0 0 0 2 5")
@@ -299,28 +300,17 @@ def _child(element: Element, tag: str) -> Element:
     return found
 
 
-def _stands(model: mujoco.MjModel) -> dict[str, tuple[Array, Rotation]]:
-    """Return each body's place from the sphere's centre [m] and its turn, with all hinges at 0."""
+def _stands(model: mujoco.MjModel) -> dict[str, tuple[Array, Array]]:
+    """Return each body's place from the sphere's centre [m], and the quaternion into its axes.
+
+    All hinges are at 0.
+    """
     data = mujoco.MjData(model)
     data.qpos[:] = 0
     data.qpos[3] = 1
     mujoco.mj_kinematics(model, data)
     centre = data.body("shell").xpos
     return {
-        model.body(i).name: (
-            data.xpos[i] - centre,
-            Rotation.from_quat(data.xquat[i], scalar_first=True),
-        )
+        model.body(i).name: (data.xpos[i] - centre, conjugate(data.xquat[i]))
         for i in range(1, model.nbody)
     }
-
-
-def _seen_from(stand: tuple[Array, Rotation], unit: float, shape: Shape) -> Shape:
-    """Return the shape in a body's own axes."""
-    origin, turn = stand
-    own = turn.inv() * Rotation.from_quat(shape.turn, scalar_first=True)
-    return replace(
-        shape,
-        pos=turn.inv().apply(shape.pos - origin / unit),
-        turn=own.as_quat(scalar_first=True),
-    )

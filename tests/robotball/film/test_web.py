@@ -14,6 +14,7 @@ from robotball.files.export import poses
 from robotball.film.web import MOST, STEP, view_data, view_fragment, view_page
 from robotball.rotations import rotation_matrix
 from tests.browser import needs_browser, opened
+from tests.random_robots import random_tree
 
 TIMES = np.linspace(0.0, 2.0, 101)  # s
 THEORY = rb.integrate(rb.load_scene("three_rotors"), TIMES)
@@ -98,14 +99,21 @@ def test_a_view_plays_scrubs_and_turns(tmp_path: Path) -> None:
 
 @needs_browser
 @pytest.mark.slow
-def test_a_view_s_bodies_stand_as_the_motion_s(tmp_path: Path) -> None:
-    """At t = 1 s, by the poses of the library; measured 1.5e-6: 32 bits of a rotor's angle."""
-    with opened(view_page([THEORY]), tmp_path) as browser:
+@pytest.mark.parametrize("framed", [None, False, True])
+def test_a_view_s_bodies_stand_as_the_motion_s(framed: bool | None, tmp_path: Path) -> None:
+    """Of rotors, and of trees with slides, with and without a frame.
+
+    At t = 1 s, by the poses of the library; measured 1.5e-6: 32 bits of a rotor's angle.
+    """
+    motion = THEORY
+    if framed is not None:
+        motion = rb.integrate(random_tree(np.random.default_rng(3), framed), TIMES[:76])
+    with opened(view_page([motion]), tmp_path) as browser:
         places = browser.run(PLACES)
-    ball, row = THEORY.scene.ball, int(np.argmin(np.abs(THEORY.times - 1.0)))
+    ball, row = motion.scene.ball, int(np.argmin(np.abs(motion.times - 1.0)))
     off = []
     for (name, body), columns in zip(ball.named_bodies, places, strict=True):
-        matrix, wanted = np.array(columns).reshape(4, 4).T, poses(THEORY)[name]
+        matrix, wanted = np.array(columns).reshape(4, 4).T, poses(motion)[name]
         off.append(matrix[:3, :3] - rotation_matrix(wanted.attitude[row]))
         centre = matrix[:3, 3] + matrix[:3, :3] @ body.centre / ball.radius
         off.append(centre - wanted.position[row] / ball.radius)

@@ -9,12 +9,12 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from robotball.film.looks import Shape
 from robotball.qualitative.equilibria import closed_form_points, fixed_points
 from robotball.qualitative.portraits import separatrices
 from robotball.qualitative.straight_motions import stability_limit
 from robotball.qualitative.tori import invariant_curve
 from robotball.rotations import rotation_matrix
+from robotball.shapes import Shape
 from tests.figures import from_rest
 from validation.figures import View, lines, rest
 from validation.figures import attractor_sections as tori

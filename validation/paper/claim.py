@@ -8,9 +8,9 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 from rich import box
 from rich.console import Console
@@ -99,6 +99,7 @@ class AtLeast:
 
 Evidence = Residual | Value | AtLeast
 Check = Callable[[float], Evidence]
+_Function = TypeVar("_Function", bound=Callable[..., Evidence])
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,35 @@ class Section:
     """A section of the paper, or the part that is not the paper's, with its claims in order."""
 
     title: str
-    claims: tuple[Claim, ...]
+    claims: list[Claim] = field(default_factory=list)
+
+    def claim(
+        self,
+        place: str,
+        statement: str,
+        means: str,
+        twist: str,
+        control: float = -1.0,
+        printed: str = "",
+        **given: Any,
+    ) -> Callable[[_Function], _Function]:
+        """Return a decorator that adds the claim which a function checks, with arguments given.
+
+        Of several decorators on one function Python applies the lowest first.
+        """
+
+        def add(check: _Function) -> _Function:
+            def computed(twist: float) -> Evidence:
+                return check(twist=twist, **given)
+
+            self.add(Claim(place, statement, computed, means, twist, control, printed))
+            return check
+
+        return add
+
+    def add(self, *claims: Claim) -> None:
+        """Add claims as they are, in this order."""
+        self.claims.extend(claims)
 
 
 @dataclass(frozen=True)

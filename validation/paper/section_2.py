@@ -7,7 +7,6 @@ leaves 2e-8 in 10 s, and the differences by which rates of ω and of the contact
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from robotball.robot import Ball, Frame
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
-from validation.paper.claim import Claim, Residual
+from validation.paper.claim import Claim, Residual, Section
 from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
@@ -33,9 +32,16 @@ from validation.paper.engine_ball import (
 from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import MASSES, Moment, Rolled, moments, rolled
 
+SECTION = Section(
+    "2. Equations of motion",
+    [Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours")],
+)
+claim = SECTION.claim
+
 # The system ----------------------------------------------------------------------------------
 
 
+@claim("2", "the inertia does not change in the frame's axes", MASSES, "the axes: the shell's")
 def _mass_distribution(twist: float) -> Residual:
     """Compute the inertia of the point masses as shell and rotors turn on, in the frame's axes."""
     worst = 0.0
@@ -48,6 +54,7 @@ def _mass_distribution(twist: float) -> Residual:
     return Residual(worst, bound=3e-15, unit="kg m²")
 
 
+@claim("Remark 1", "α, β and γ stay orthonormal", "scipy", "the sign of dβ/dt")
 def _orthonormal(twist: float) -> Residual:
     """Compare SSᵀ with E after 10 s of (2.6) and dγ/dt = γ×ω, integrated one by one, ω(t) any."""
     swing = np.array([3.0, -2.0, 1.0])
@@ -62,6 +69,7 @@ def _orthonormal(twist: float) -> Residual:
     return Residual(float(np.abs(S @ S.T - f.E).max()), bound=1e-11)
 
 
+@claim("2", "ω̂ = dS/dt Sᵀ", MOTION, "the sign of ω̂")
 def _quasi_velocities(twist: float) -> Residual:
     """Compare dS/dt Sᵀ, by differences of MuJoCo's attitude, with its ω."""
     ball = seen(RUBBER)
@@ -74,6 +82,7 @@ def _quasi_velocities(twist: float) -> Residual:
 # Constraints ---------------------------------------------------------------------------------
 
 
+@claim("(2.1)", "v + aγ×(ω - Ω) = 0", MOTION, "the sign of Ω")
 def _no_slip(twist: float) -> Residual:
     """Compute v + aγ×(ω - Ω) of (2.1)."""
     worst = 0.0
@@ -83,6 +92,7 @@ def _no_slip(twist: float) -> Residual:
     return Residual(worst, bound=6e-6, unit="m/s")
 
 
+@claim("(2.2)", "rubber: (ω - Ω, γ) = 0", MOTION, "the sign of Ω")
 def _no_spin(twist: float) -> Residual:
     """Compute (ω - Ω, γ) of (2.2)."""
     off = [seen(name).of(lambda n, w, g: (w - twist * n.Omega) @ g) for name in (RUBBER, DRIVEN)]
@@ -92,6 +102,7 @@ def _no_spin(twist: float) -> Residual:
 # Energy ------------------------------------------------------------------------------------
 
 
+@claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", MASSES, "the sign of k")
 def _kinetic_energy(twist: float) -> Residual:
     """Compare Σ mu²/2 with mv²/2 + (ω, Iω)/2 + (k, ω), less its value where v = ω = 0."""
     worst = 0.0
@@ -103,6 +114,7 @@ def _kinetic_energy(twist: float) -> Residual:
     return Residual(worst, bound=3e-14, unit="J")
 
 
+@claim("2", "k = Σ jφ̇n - J_sΩ", MASSES, "the sign of J_s")
 def _gyrostatic_momentum(twist: float) -> Residual:
     """Compare Σ r×mu with Iω + k, where k = Σ jφ̇n - J_sΩ."""
     worst = 0.0
@@ -122,6 +134,7 @@ def _plane_force(ball: Seen) -> Array:
     return np.einsum("nij,ni->nj", ball.axes, in_space)
 
 
+@claim("(2.3)", "both lines, with the contact's λ and λ₀", MOTION, "sign of ∂f/∂ω")
 def _poincare_suslov(twist: float) -> Residual:
     """Compare both lines of (2.3), the rates of Iω + k and mv, with MuJoCo's λ at -aγ and λ₀."""
     worst = 0.0
@@ -137,6 +150,7 @@ def _poincare_suslov(twist: float) -> Residual:
     return Residual(worst, bound=2e-4, unit="N, N m")
 
 
+@claim("Remark 3", "gravity has no part", MOTION, "the centre of mass")
 def _without_gravity(twist: float) -> Residual:
     """Compare MuJoCo's paths at 9.81 and 3.7 m/s²; twisted, with the centre of mass off."""
     scene = paper_scene(RUBBER)
@@ -149,6 +163,7 @@ def _without_gravity(twist: float) -> Residual:
     return Residual(largest(paths[0] - paths[1]), bound=1e-11, unit="m")
 
 
+@claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", MOTION, "the sign of its last term")
 def _reaction(twist: float) -> Residual:
     """Compare λ after (2.3), with dω/dt by differences, with MuJoCo's contact force."""
     worst = 0.0
@@ -178,6 +193,8 @@ def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array
         yield moment, n, omega, rolled(moment.ball, omega, moment.gamma, rubber)
 
 
+@claim("(2.4)", "rubber: dω/dt", MASSES, "the sign of W", rubber=True)
+@claim("(2.4)", "classical: dω/dt", MASSES, "the sign of W", rubber=False)
 def _full_equations(rubber: bool, twist: float) -> Residual:
     """Compare dω/dt of (2.4), with the λ₀ that Newton and Euler give, with theirs."""
     worst = 0.0
@@ -190,6 +207,7 @@ def _full_equations(rubber: bool, twist: float) -> Residual:
     return Residual(worst, bound=2e-13, unit="rad/s²")
 
 
+@claim("(2.4)", "dω/dt while Ω and k change", MOTION, "the sign of λ₀")
 def _driven_equations(twist: float) -> Residual:
     """Compare dω/dt of (2.4)-(2.5) with differences of MuJoCo's ω, while the rates swing."""
     ball = seen(DRIVEN)
@@ -200,23 +218,13 @@ def _driven_equations(twist: float) -> Residual:
     return Residual(largest(rate(ball.omega) - ball.of(formula)[INNER]), 3e-5, unit="rad/s²")
 
 
-def _multiplier(twist: float) -> Residual:
-    """Compare λ₀ of (2.5) with the spin torque of Newton and Euler's equations."""
-    worst = 0.0
-    for moment, n, omega, expected in _by_masses(25, rubber=True):
-        change = twist * n.Omega_rate
-        found = f.spin_torque(replace(n, Omega_rate=change), omega, moment.gamma)
-        worst = max(worst, abs(found - expected.spin_torque))
-    return Residual(worst, bound=4e-14, unit="N m")
-
-
-def _contact_torque(twist: float) -> Residual:
-    """Compare λ₀ of (2.5) with the torque that MuJoCo's contact feels, while the rates swing."""
-    ball = seen(DRIVEN)
-    off = twist * ball.of(f.spin_torque) - ball.motion.loads.spin_torque
-    return Residual(largest(off), bound=6e-8, unit="N m")
-
-
+@claim(
+    "E4, (2.4)",
+    "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point",
+    MASSES,
+    "the sign of γ²",
+    printed="ma²(γ² - γ⊗γ), where I is …",
+)
 def _contact_inertia(twist: float) -> Residual:
     """Compare Ĩ with Σ m(r²E - r⊗r) about the contact point.
 
@@ -233,6 +241,32 @@ def _contact_inertia(twist: float) -> Residual:
     return Residual(corrected, bound=1e-14, printed=printed, unit="kg m²")
 
 
+@claim("(2.5)", "λ₀, with Ω and k changing", MASSES, "the sign of Ω̇")
+def _multiplier(twist: float) -> Residual:
+    """Compare λ₀ of (2.5) with the spin torque of Newton and Euler's equations."""
+    worst = 0.0
+    for moment, n, omega, expected in _by_masses(25, rubber=True):
+        change = twist * n.Omega_rate
+        found = f.spin_torque(replace(n, Omega_rate=change), omega, moment.gamma)
+        worst = max(worst, abs(found - expected.spin_torque))
+    return Residual(worst, bound=4e-14, unit="N m")
+
+
+@claim("(2.5)", "λ₀ is the torque of the contact", MOTION, "the sign of λ₀")
+def _contact_torque(twist: float) -> Residual:
+    """Compare λ₀ of (2.5) with the torque that MuJoCo's contact feels, while the rates swing."""
+    ball = seen(DRIVEN)
+    off = twist * ball.of(f.spin_torque) - ball.motion.loads.spin_torque
+    return Residual(largest(off), bound=6e-8, unit="N m")
+
+
+@claim(
+    "E3, (2.5)",
+    "the rate of (2.2): … - (Ω̇, γ) = 0",
+    MASSES,
+    "the sign of (Ω̇, γ)",
+    printed="… + (Ω̇, γ) = 0",
+)
 def _constraint_rate(twist: float) -> Residual:
     """Compute (Ĩω̇, Ĩ⁻¹γ) - (Ω, γ×ω) - (Ω̇, γ) of rubber balls of point masses, and + (Ω̇, γ)."""
 
@@ -248,6 +282,7 @@ def _constraint_rate(twist: float) -> Residual:
     return Residual(off(-twist), bound=4e-14, printed=off(+1.0), unit="rad/s²")
 
 
+@claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω", MOTION, "the sign of both")
 def _reconstruction(twist: float) -> Residual:
     """Compare the rates of α and β, by differences of MuJoCo's attitude, with (2.6)."""
     worst = 0.0
@@ -258,6 +293,7 @@ def _reconstruction(twist: float) -> Residual:
     return Residual(worst, bound=3e-5, unit="rad/s")
 
 
+@claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)", MOTION, "the sign of Ẏ")
 def contact_point(twist: float) -> Residual:
     """Compare Ẋ and Ẏ, by differences of MuJoCo's path, with (2.7): a(β, ω-Ω) and -a(α, ω-Ω)."""
     worst = 0.0
@@ -269,6 +305,7 @@ def contact_point(twist: float) -> Residual:
     return Residual(worst, bound=6e-6, unit="m/s")
 
 
+@claim("Remark 4", "turned about OZ, ω and γ stay the same", MOTION, "OX for OZ")
 def _plane_symmetry(twist: float) -> Residual:
     """Compare ω, γ and the path of MuJoCo's ball with those turned 0.7 rad about OZ.
 
@@ -288,56 +325,3 @@ def _plane_symmetry(twist: float) -> Residual:
         worst = max(worst, largest(other.omega - ball.omega), largest(other.gamma - ball.gamma))
         worst = max(worst, largest(other.motion.contact_point - path))
     return Residual(worst, bound=3e-10, unit="rad/s, m")
-
-
-CLAIMS = (
-    Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours"),
-    Claim(
-        "2",
-        "the inertia does not change in the frame's axes",
-        _mass_distribution,
-        MASSES,
-        "the axes: the shell's",
-    ),
-    Claim("Remark 1", "α, β and γ stay orthonormal", _orthonormal, "scipy", "the sign of dβ/dt"),
-    Claim("2", "ω̂ = dS/dt Sᵀ", _quasi_velocities, MOTION, "the sign of ω̂"),
-    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", _no_slip, MOTION, "the sign of Ω"),
-    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", _no_spin, MOTION, "the sign of Ω"),
-    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", _kinetic_energy, MASSES, "the sign of k"),
-    Claim("2", "k = Σ jφ̇n - J_sΩ", _gyrostatic_momentum, MASSES, "the sign of J_s"),
-    Claim(
-        "(2.3)",
-        "both lines, with the contact's λ and λ₀",
-        _poincare_suslov,
-        MOTION,
-        "sign of ∂f/∂ω",
-    ),
-    Claim("Remark 3", "gravity has no part", _without_gravity, MOTION, "the centre of mass"),
-    Claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", _reaction, MOTION, "the sign of its last term"),
-    Claim("(2.4)", "classical: dω/dt", partial(_full_equations, False), MASSES, "the sign of W"),
-    Claim("(2.4)", "rubber: dω/dt", partial(_full_equations, True), MASSES, "the sign of W"),
-    Claim("(2.4)", "dω/dt while Ω and k change", _driven_equations, MOTION, "the sign of λ₀"),
-    Claim(
-        "E4, (2.4)",
-        "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point",
-        _contact_inertia,
-        MASSES,
-        "the sign of γ²",
-        printed="ma²(γ² - γ⊗γ), where I is …",
-    ),
-    Claim("(2.5)", "λ₀, with Ω and k changing", _multiplier, MASSES, "the sign of Ω̇"),
-    Claim("(2.5)", "λ₀ is the torque of the contact", _contact_torque, MOTION, "the sign of λ₀"),
-    Claim(
-        "E3, (2.5)",
-        "the rate of (2.2): … - (Ω̇, γ) = 0",
-        _constraint_rate,
-        MASSES,
-        "the sign of (Ω̇, γ)",
-        printed="… + (Ω̇, γ) = 0",
-    ),
-    Claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω", _reconstruction, MOTION, "the sign of both"),
-    Claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)", contact_point, MOTION, "the sign of Ẏ"),
-    Claim(
-        "Remark 4", "turned about OZ, ω and γ stay the same", _plane_symmetry, MOTION, "OX for OZ"
-    ),
-)

@@ -43,22 +43,22 @@ class _DartSettings(StepSettings):
 def _skeleton(scene: Scene, dart: Any) -> Any:
     """Return the ball as a skeleton without collision shapes."""
     ball = dart.dynamics.Skeleton("ball")
-    bodies: list[Any] = []
+    bodies: dict[str, Any] = {}
     for link in links_of(scene):
-        if link.drive is None:
+        if not link.parent:
             _, body = ball.createFreeJointAndBodyNodePair()
         else:
             properties = dart.dynamics.RevoluteJointProperties()
             properties.mName = link.name
             properties.mAxis = link.axis
             place = dart.math.Isometry3()
-            place.set_translation(link.origin)
+            place.set_translation(link.pivot)
             properties.mT_ParentBodyToJoint = place
             joint, body = ball.createRevoluteJointAndBodyNodePair(bodies[link.parent], properties)
             # The rate is then a constraint of DART's own, without a gain or an armature to choose.
             joint.setActuatorType(dart.dynamics.ActuatorType.VELOCITY)
         body.setInertia(dart.dynamics.Inertia(link.mass, link.centre, link.inertia))
-        bodies.append(body)
+        bodies[link.name] = body
     return ball
 
 

@@ -103,16 +103,16 @@ def _double(values: Any) -> Array:
 def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
     """Return the MJCF of the ball alone, from which Genesis reads bodies."""
     root = Element("mujoco")
-    above = [SubElement(root, "worldbody")]
+    above = {"": SubElement(root, "worldbody")}
     for link in links_of(scene):
-        parent = above[link.parent + 1] if link.drive else above[0]
-        body = SubElement(parent, "body", name=link.name, pos=_text(link.origin))
+        place = _text(link.pivot)
+        body = SubElement(above[link.parent], "body", name=link.name, pos=place)
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
         SubElement(
             body, "inertial", pos=_text(link.centre), mass=_text([link.mass]),
             fullinertia=_text([xx, yy, zz, xy, xz, yz]),
         )  # fmt: skip
-        if link.drive is None:
+        if not link.parent:
             SubElement(body, "freejoint")
             sphere = SubElement(body, "geom", type="sphere", size=_text([scene.ball.radius]))
             if (d := settings.impedance) is not None:
@@ -120,7 +120,7 @@ def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
                 sphere.set("solimp", _text([d, d, 1e-3, 0.5, 1.0]))
         else:
             SubElement(body, "joint", type="hinge", name=link.name, axis=_text(link.axis))
-        above.append(body)
+        above[link.name] = body
     return tostring(root, encoding="unicode")
 
 

@@ -98,22 +98,22 @@ class _NewtonWorld(SteppedWorld):
         motor: dict[str, Any] = {"armature": settings.armature}
         if settings.armature is None:
             motor = {"target_kd": _SERVO, "actuator_mode": newton.JointTargetMode.VELOCITY}
-        bodies: list[int] = []
+        bodies: dict[str, int] = {}
         joints: list[int] = []
         for link in links_of(scene):
             body = builder.add_link(
                 mass=link.mass, com=wp.vec3(*link.centre), lock_inertia=True,
                 inertia=wp.mat33(*link.inertia.ravel()), label=link.name,
             )  # fmt: skip
-            if link.drive is None:
+            if not link.parent:
                 joint = builder.add_joint_free(child=body)
                 sphere = builder.add_shape_sphere(body, radius=scene.ball.radius, cfg=material)
             else:
-                place = wp.transform(wp.vec3(*link.origin), wp.quat_identity())
+                place = wp.transform(wp.vec3(*link.pivot), wp.quat_identity())
                 joint = builder.add_joint_revolute(
                     bodies[link.parent], body, axis=wp.vec3(*link.axis), parent_xform=place, **motor
                 )
-            bodies.append(body)
+            bodies[link.name] = body
             joints.append(joint)
         builder.add_articulation(joints)
         plane = builder.add_ground_plane(cfg=material)

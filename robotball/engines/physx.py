@@ -8,7 +8,7 @@ import numpy as np
 
 from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
-from robotball.engines.links import State, links_of
+from robotball.engines.links import State, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, perpendicular
 from robotball.scene import Scene
@@ -62,14 +62,14 @@ class _PhysxWorld(ServoWorld):
         ground.add_plane_collision(upward, material=material)
         ground.build("ground")
         builder = self.world.create_articulation_builder()
-        made: list[Any] = []
+        made: dict[str, Any] = {}
         patch = settings.patch if scene.rolling == "rubber" else None
         for link in links_of(scene):
-            each = builder.create_link_builder(made[link.parent] if made else None)
+            each = builder.create_link_builder(made.get(link.parent))
             each.set_name(link.name)
-            moments, axes = link.principal
+            moments, axes = principal_inertia(link)
             each.set_mass_and_inertia(link.mass, sapien.Pose(link.centre, axes), moments)
-            if link.drive is None:
+            if not link.parent:
                 each.add_sphere_collision(
                     radius=scene.ball.radius, material=material,
                     patch_radius=patch or 0.0, min_patch_radius=patch or 0.0,
@@ -80,9 +80,9 @@ class _PhysxWorld(ServoWorld):
                 # Unwrapped, as a rotor turns through more than a thousand radians.
                 each.set_joint_properties(
                     "revolute_unwrapped", [[-np.inf, np.inf]],
-                    sapien.Pose(link.origin, turn), sapien.Pose(q=turn),
+                    sapien.Pose(link.pivot, turn), sapien.Pose(q=turn),
                 )  # fmt: skip
-            made.append(each)
+            made[link.name] = each
         builder.set_initial_pose(sapien.Pose(start.centre, start.attitude))
         self.ball = ball = builder.build()
         for link in ball.links:

@@ -28,7 +28,6 @@ from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, planned
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load
-from robotball.engines.reduced import compiled_states, motion_of
 from robotball.errors import check_count, check_seed
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
@@ -50,7 +49,7 @@ from validation.studies.extreme_maps import (
     cells_of,
 )
 from validation.studies.random_runs import measure_detection
-from validation.study import Column, Row, Study, show, table_of
+from validation.study import Column, Row, Study, compiled_motion, show, table_of
 from validation.sweeps import Result, rows_of
 
 
@@ -141,7 +140,7 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 def _measured(this: CellRun) -> dict[str, Any]:
     scene, times = this.scene, sample_times(this)
-    theory = reference(scene, times)
+    theory = compiled_motion(scene, times)
     settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(scene, settings), times)
     errors = _errors_of(Agreement(theory, motion))
@@ -169,15 +168,6 @@ def nearness(plan: PlannedRun) -> dict[str, float | None]:
     """
     checks = {predict.__name__: predict(plan) for predict in LAWS}
     return {name: known(check.nearness) for name, check in checks.items() if check is not None}
-
-
-def reference(scene: Scene, times: Array) -> Motion:
-    """Integrate a steady scene over times (n,) [s] from 0 by the compiled step.
-
-    The error is that of `integrate`, which would be too slow: some cells turn a million times.
-    Raises InputError where the motion is given up.
-    """
-    return motion_of(scene, times, compiled_states(scene, times))
 
 
 def _speed_scale(scene: Scene) -> float:

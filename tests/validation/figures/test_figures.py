@@ -104,15 +104,15 @@ def test_both_chaplygin_balls_cross_on_the_same_curve() -> None:
     """
     names = ("rubber_chaplygin_ball", "chaplygin_ball_same_tori")
     rubber, classical = (tori.started(paper_scene(name), 0.5) for name in names)
-    by_equations = tori.points_of(tori.crossings_of(rubber))
-    by_engine = tori.points_of(tori.engine_crossings_of(rubber))
-    curve = invariant_curve(tori.points_of(tori.crossings_of(classical)))
+    by_equations = tori.points_of(tori.crossings_of(tori.followed(rubber)))
+    by_engine = tori.points_of(tori.crossings_of(tori.engine_followed(rubber)))
+    curve = invariant_curve(tori.points_of(tori.crossings_of(tori.followed(classical))))
     assert invariant_curve(by_equations).rotation == pytest.approx(0.08697, abs=1e-5)
     assert curve.rotation == pytest.approx(0.14492, abs=1e-5)
     assert tori.apart(by_equations, curve) < 1e-6
     assert tori.apart(by_engine, curve) < 1e-6
     # A control: another start is on another torus.
-    other = tori.points_of(tori.crossings_of(tori.started(rubber, 0.4)))
+    other = tori.points_of(tori.crossings_of(tori.followed(tori.started(rubber, 0.4))))
     assert tori.apart(other, curve) > 0.1  # measured 0.23
 
 

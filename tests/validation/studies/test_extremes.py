@@ -32,10 +32,10 @@ from validation.studies.extremes import (
     measure,
     measured_limits,
     missed,
-    reference,
     totals,
 )
 from validation.studies.random_runs import extreme, ordinary
+from validation.study import compiled_motion
 from validation.sweeps import Result
 
 ROLLINGS = ("rubber", "classical")
@@ -58,7 +58,7 @@ def test_the_reference_is_the_equations(rolling: str) -> None:
     """The compiled motion is integrate's: 1.2e-12 m, by the tolerance of its steps."""
     scene = base(rolling)
     times = rb.sample_times(3.0)
-    ours, theirs = reference(scene, times), rb.integrate(scene, times)
+    ours, theirs = compiled_motion(scene, times), rb.integrate(scene, times)
     assert np.abs(ours.contact_point - theirs.contact_point).max() < 3e-12
     for name in ("attitude", "angular_velocity", "momentum", "hinge_angles"):
         np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-10)
@@ -94,7 +94,9 @@ def test_a_mass_shared_out_anew_is_the_same_mass() -> None:
 def test_a_scaled_ball_moves_alike(rolling: str) -> None:
     """The path goes with the length, whatever the masses: 1e-14 of it, by rounding."""
     scene, times = base(rolling), rb.sample_times(1.0)
-    small, large = (reference(each, times) for each in (scene, scaled(scene, mass=1e7, length=1e5)))
+    small, large = (
+        compiled_motion(each, times) for each in (scene, scaled(scene, mass=1e7, length=1e5))
+    )
     assert np.abs(large.contact_point / 1e5 - small.contact_point).max() < 1e-12
     frictions = [each.loads.sliding_friction.max() for each in (small, large)]
     assert frictions[1] == pytest.approx(frictions[0], rel=1e-12)
@@ -202,7 +204,7 @@ def test_the_margin_carries_the_weight_at_any_depth(
 def test_friction_breaks_where_it_is_predicted() -> None:
     """The demand is a limit on both sides: 3 % less slips, 3 % more does not."""
     scene = replace(base("rubber"), gravity=9.81)
-    demand = reference(scene, rb.sample_times(3.0)).loads.sliding_friction.max()
+    demand = compiled_motion(scene, rb.sample_times(3.0)).loads.sliding_friction.max()
     outcomes = [
         measure(cell("friction", "RK4", factor * demand, 9.81))["outcome"]
         for factor in (0.97, 1.03)

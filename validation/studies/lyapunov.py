@@ -15,19 +15,18 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from robotball import InputError, preset
+from robotball import preset
 from robotball.cores import allowed
 from robotball.engines.ensembles.orbits import Starts
 from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.run import run
 from robotball.equations import Parameters
 from robotball.qualitative.long_run import Exponents, exponents, standard_error
 from robotball.rotations import Array, conjugate, multiply
 from validation.options import AGREES, File, Preset, SceneName, Threads
 from validation.output import print_whole, progress_bar, write_record
-from validation.studies.contact_sections import level_starts, moving_scene, own_start
+from validation.studies.contact_sections import level_starts, moving_scene, own_start, sound_run
 
 _SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it
 _PAIR_TOLERANCE = 1e-11  # of a step of the equations alongside
@@ -101,9 +100,8 @@ def contact_exponent(
 
 def _rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
     """Return the attitude (4,), principal axes, to which MuJoCo rolls the ball in `duration` s."""
-    motion = run(model, np.array([0.0, duration]), start=own_start(model.scene, attitude, momentum))
-    if motion.report.faults:
-        raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
+    start = own_start(model.scene, attitude, momentum)
+    motion = sound_run(model, start, np.array([0.0, duration]))
     return multiply(motion.attitude[-1], model.scene.principal_quaternion)
 
 

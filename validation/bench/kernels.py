@@ -27,7 +27,6 @@ from scipy.integrate import solve_ivp
 
 from robotball import equations as eq
 from robotball import load_scene
-from robotball.cores import at_most
 from robotball.engines.ensembles.orbits import Starts, orbit, orbits
 from robotball.engines.ensembles.steppers import (
     BALL,
@@ -40,6 +39,7 @@ from robotball.engines.ensembles.steppers import (
     ball_of,
 )
 from robotball.equations import Parameters, Vector
+from robotball.processes import at_most
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
 

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from robotball import load_scene
-from robotball.cores import allowed, at_most, cores
 from robotball.engines.ensembles.orbits import orbits
-from robotball.processes import Answer, pool
+from robotball.processes import Answer, allowed, at_most, cores, pool
 from robotball.qualitative.basins import basins
 from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section, section_starts

@@ -16,12 +16,12 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from robotball import preset
-from robotball.cores import allowed
 from robotball.engines.ensembles.orbits import Starts
 from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
 from robotball.equations import Parameters
+from robotball.processes import allowed
 from robotball.qualitative.long_run import Exponents, exponents, standard_error
 from robotball.rotations import Array, conjugate, multiply
 from validation.options import AGREES, File, Preset, SceneName, Threads

@@ -26,6 +26,7 @@ from validation.figures import (
 from validation.figures.sphere import Globe, draw_gamma
 from validation.output import halo
 from validation.paper.formulas import paper_scene
+from validation.plots import note
 from validation.study import compiled_motion
 
 LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
@@ -97,8 +98,7 @@ def figure9() -> Figure:
         axes.fill(*rim, color=FAINT, alpha=0.5, lw=0)
         axes.annotate("K² < f", (0, 0), ha="center", va="center", color=INK)
         axes.plot(*LINE_K[:2], "o", color=INK)
-        axes.annotate("Fig. 10", LINE_K[:2], xytext=(6, 6), textcoords="offset points",
-                      color=INK, path_effects=halo())  # fmt: skip
+        note(axes, "Fig. 10", LINE_K[:2], (6, 6), color=INK, path_effects=halo())
         axes.set(xlabel="K₁ [kg m²/s]", ylabel="K₂ [kg m²/s]")
         axes.set_title(f"f = {f:g} (kg m²/s)², a guess")
         axes.set_aspect("equal")
@@ -145,10 +145,8 @@ def figure10() -> Figure:
         _draw_speed(axes["speed"], each, style)
     for level, name in ((-1.0, "σ: -a|Ω|"), (1.0, "δ: +a|Ω|")):
         axes["speed"].axhline(level, color=FAINT, linewidth=1, zorder=0)
-        axes["speed"].annotate(
-            name, (0.3 * LONG, level), xytext=(0, -6), textcoords="offset points",
-            color=INK, ha="center", va="top", path_effects=halo(),
-        )  # fmt: skip
+        note(axes["speed"], name, (0.3 * LONG, level), (0, -6), color=INK, ha="center", va="top",
+             path_effects=halo())  # fmt: skip
     axes["speed"].set(xlabel="time [s]", ylabel="dY/dt [m/s]", ylim=(-1.6, 1.9))
     axes["speed"].set_title("speed along Y: f = 3 solid, f = 2 dashed")
     return figure

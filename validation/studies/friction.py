@@ -74,7 +74,7 @@ def friction_run(cell: Cell) -> dict[str, Any]:
     sizes = np.linalg.norm(motion.momentum, axis=1)
     until = _until(sizes)
     speed = np.linalg.norm(theory.angular_velocity, axis=1).max()
-    most = cell["length"] * scene.ball.mass * scene.gravity
+    most = cell["length"] * (scene.ball.mass * scene.gravity)
     return {
         "path_error": agreement.path_error,
         "momentum_error": agreement.momentum_error,

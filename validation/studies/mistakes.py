@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache, partial, reduce
 from itertools import permutations, product
+from typing import Any
 
 import msgspec
 import numpy as np

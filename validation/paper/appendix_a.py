@@ -6,7 +6,7 @@ import numpy as np
 
 from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
-from validation.paper.claim import Claim, Residual, Section
+from validation.paper.claim import Claim, Errors, Residual, Section, largest_error
 from validation.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
 from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import MASSES, Ball, Body, moments
@@ -85,28 +85,27 @@ def _without(ball: Ball, *kept: str) -> Ball:
 
 
 @claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", MASSES, "the sign of J_s")
-def _shell_energy(twist: float) -> Residual:
+@largest_error(4e-15, "J")
+def _shell_energy(twist: float) -> Errors:
     """Compare Σ mu²/2 of the shell with m_sv²/2 + (ω, RI_sRᵀω)/2 - J_s(ω, Ω).
 
     Less their values at v = ω = 0.
     """
-    worst = 0.0
     for moment in moments(81):
         w, v, shell = moment.omega, moment.v, _without(moment.ball, "shell")
         T = shell.momenta(v, w)[2] - shell.momenta(_CENTRE, _CENTRE)[2]
         J_s, I_s = shell.shell.moment(shell.shell.axis), shell.inertia(_CENTRE)
         formula = shell.mass * v @ v / 2 + w @ I_s @ w / 2 - twist * J_s * w @ shell.Omega
-        worst = max(worst, abs(float(T - formula)))
-    return Residual(worst, bound=4e-15, unit="J")
+        yield T - formula
 
 
 @claim("App. A", "T_f and T_i", MASSES, "the sign of φ̇")
-def _frame_and_rotor_energy(twist: float) -> Residual:
+@largest_error(3e-14, "J")
+def _frame_and_rotor_energy(twist: float) -> Errors:
     """Compare Σ mu²/2 of frame and rotors with mv²/2 + (ω, I_fω)/2 + Σ (ω + φ̇n, j(ω + φ̇n))/2.
 
     The rotors' centres are the ball's, as the paper has them.
     """
-    worst = 0.0
     for moment in moments(82, centred=True):
         w, v, ball = moment.omega, moment.v, _without(moment.ball, "frame", "rotors")
         formula = ball.mass * v @ v / 2 + w @ _without(ball, "frame").inertia(_CENTRE) @ w / 2
@@ -114,8 +113,7 @@ def _frame_and_rotor_energy(twist: float) -> Residual:
             alone = _without(replace(ball, rotors=(rotor,)), "rotors").inertia(_CENTRE)
             turning = w + twist * rotor.rate * rotor.axis
             formula += turning @ alone @ turning / 2
-        worst = max(worst, abs(float(ball.momenta(v, w)[2] - formula)))
-    return Residual(worst, bound=3e-14, unit="J")
+        yield ball.momenta(v, w)[2] - formula
 
 
 SECTION.add(Claim("E20, App. A", "μ_i is the rotor's mass, not m_i", "a name: nothing to compute"))

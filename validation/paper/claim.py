@@ -7,17 +7,20 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import wraps
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from robotball import InputError
+from robotball.rotations import Array
 from validation.output import progress_bar, versions, write_text
 
 _Verdict = Literal["holds", "holds as corrected", "does not reproduce", "not checked"]
@@ -100,6 +103,27 @@ class AtLeast:
 Evidence = Residual | Value | AtLeast
 Check = Callable[[float], Evidence]
 _Function = TypeVar("_Function", bound=Callable[..., Evidence])
+
+
+Errors = Iterator[Array | Sequence[float] | float]
+"""The errors of a statement at one state after another."""
+
+
+def largest_error(
+    bound: float, unit: str = ""
+) -> Callable[[Callable[..., Errors]], Callable[..., Residual]]:
+    """Return a decorator of a check that yields errors: the largest of them is its residual."""
+
+    def decorated(errors: Callable[..., Errors]) -> Callable[..., Residual]:
+        @wraps(errors)
+        def check(*given: Any, **named: Any) -> Residual:
+            # By NumPy, to which what is not a number is the largest of all.
+            worst = np.max([np.abs(each).max() for each in errors(*given, **named)])
+            return Residual(float(worst), bound, unit=unit)
+
+        return check
+
+    return decorated
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from robotball import InputError
-from robotball.rotations import Array
 from validation.output import progress_bar, versions, write_text
 
 _Verdict = Literal["holds", "holds as corrected", "does not reproduce", "not checked"]
@@ -105,7 +105,7 @@ Check = Callable[[float], Evidence]
 _Function = TypeVar("_Function", bound=Callable[..., Evidence])
 
 
-Errors = Iterator[Array | Sequence[float] | float]
+Errors = Iterator[ArrayLike]
 """The errors of a statement at one state after another."""
 
 

@@ -81,7 +81,7 @@ def test_the_closed_contour_of_fig6_has_four_arcs(number: int, arcs: int) -> Non
 
 
 def test_fig9_has_its_boundary_where_fig10_turns_unstable() -> None:
-    """At K = (4, 5, 0) σ₋ is stable below the limit in f and not above; σ₊ is stable nowhere.
+    """At K = (4, 5, 0) σ₋ is stable below the limit in f and not above.
 
     M of σ is along e₃ and M of δ against it, of the size √f.
     """
@@ -89,9 +89,6 @@ def test_fig9_has_its_boundary_where_fig10_turns_unstable() -> None:
     limit = stability_limit(ball)
     assert limit is not None
     assert growth_rate(ball, LINE_K, limit - 1e-4) < 0 < growth_rate(ball, LINE_K, limit + 1e-4)
-    side = np.linspace(-8, 8, 6)
-    rates = [growth_rate(ball, (K1, K2, 0.0), 2.0, "σ₊") for K1 in side for K2 in side]
-    assert np.nanmin(rates) > 0.1  # measured 0.125 1/s
     for name, gamma in line_verticals(3.0, LINE_K).items():
         M = np.cross(gamma, LINE_K)
         assert gamma @ gamma == pytest.approx(1)

@@ -188,9 +188,7 @@ class Crossings:
 
     def __getitem__(self, which: slice | Mask) -> "Crossings":
         """Return some of the crossings."""
-        return Crossings(
-            self.times[which], self.gamma[which], self.momenta[which], self.directions[which]
-        )
+        return Crossings(*(getattr(self, each.name)[which] for each in fields(self)))
 
     def only(self, direction: int) -> "Crossings":
         """Return the crossings of one direction; all of them for 0."""

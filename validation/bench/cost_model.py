@@ -126,6 +126,7 @@ def _best_seconds(record: Mapping[str, Any], target: float) -> float:
 
 _Record = Mapping[str, Any]
 _WIDTH = 130  # characters, which the table of cases needs
+_STYLE: dict[str, Any] = {"title_justify": "left", "padding": (0, 1), "show_edge": True}
 _ROUNDING = 1e-11  # errors below this multiple of it no longer show an order
 
 
@@ -250,9 +251,7 @@ def _factor(values: Array) -> float:
 def _coefficient_table(records: Sequence[_Record]) -> Table:
     """Return the table of the coefficients measured now beside those in use."""
     headings = ("coefficient", "in use", "measured", "scatter")
-    table = plain_table(
-        headings, title="the front", title_justify="left", padding=(0, 1), show_edge=True
-    )
+    table = plain_table(headings, title="the front", **_STYLE)
     for name, (value, scatter) in coefficients(records).items():
         table.add_row(name, f"{getattr(COST_MODEL, name):.3g}", f"{value:.3g}", f"{scatter:.2g}")
     return table
@@ -264,14 +263,7 @@ def _case_table(records: Sequence[_Record]) -> Table:
         "requested", "cases", "reached", "reported", "silent", "estimate\n< half", "DOP853",
         "CPU / best\nmedian", "90 %", "largest", "over 2", "last run\nmedian", "largest",
     )  # fmt: skip
-    table = plain_table(
-        headings,
-        left=(),
-        title="accuracies requested",
-        title_justify="left",
-        padding=(0, 1),
-        show_edge=True,
-    )
+    table = plain_table(headings, (), title="accuracies requested", **_STYLE)
     for target in (*_TARGETS, None):
         cases = _cases(records, target)
         whole = np.array([each["ratio"] for each in cases if np.isfinite(each["ratio"])])

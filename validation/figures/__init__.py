@@ -54,17 +54,11 @@ def sheet(
     text = axes.pop("text")
     text.axis("off")
     lines = ["Parameters", *caption, "", "Facts", *facts]
+    style: dict[str, Any] = {"transform": text.transAxes, "color": INK, "fontsize": 10, "va": "top"}
     for i, line in enumerate(lines):
-        text.text(
-            0.02,
-            1.0 - (0.1 + _LINE_HIGH * i) / sum(heights),
-            line,
-            transform=text.transAxes,
-            color=INK,
-            fontsize=10,
-            fontweight="bold" if line in ("Parameters", "Facts") else "normal",
-            va="top",
-        )
+        height = 1.0 - (0.1 + _LINE_HIGH * i) / sum(heights)
+        weight = "bold" if line in ("Parameters", "Facts") else "normal"
+        text.text(0.02, height, line, fontweight=weight, **style)
     for each in axes.values():
         each.grid(alpha=0.3)
     return figure, axes

@@ -28,6 +28,7 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.errors import check_count, check_seed
+from robotball.qualitative.basins import level_points
 from robotball.qualitative.sections import (
     Crossings,
     crossings_of_motion,
@@ -36,7 +37,7 @@ from robotball.qualitative.sections import (
     section_starts,
 )
 from robotball.qualitative.straight_motions import straight_motions
-from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Start
 from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
 from validation.output import progress_bar, title, writable_folder, write_picture, write_record
@@ -283,11 +284,10 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> _Cl
     if found.status.any():
         raise InputError(f"{np.count_nonzero(found.status)} starts do not keep crossing g = 0")
     late = slice(recipe.skipped, None)
-    axes = rotation_matrix(found.attitudes[:, late].reshape(-1, 4))
-    M = np.einsum("nji,nj->ni", axes, np.repeat(momenta, recipe.count, axis=0))
+    points = level_points(found.attitudes[:, late], momenta).reshape(-1, 6)
     L, l = found.L[:, late].ravel(), found.l[:, late].ravel()
     directions = found.directions[:, late].ravel()
-    return _Cloud(states(axes[:, 2], M), L, l, directions, np.empty((0, 2)))
+    return _Cloud(points, L, l, directions, np.empty((0, 2)))
 
 
 def cloud_by_contact(

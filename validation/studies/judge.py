@@ -493,15 +493,15 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
     }
 
 
+_ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error")
+
+
 def _measures(beside: _Beside) -> dict[str, Any]:
     unknown = (None, None)
     slip, slip_error = beside.slip or unknown
     spin, spin_error = beside.spin or unknown
     numbers: dict[str, float | None] = {
-        "path_error": beside.path_error,
-        "attitude_error": beside.attitude_error,
-        "gamma_error": beside.gamma_error,
-        "momentum_error": beside.momentum_error,
+        **{name: getattr(beside, name) for name in _ERRORS},
         **{f"{name}_rate_error": error for name, (error, _) in beside.hinge_rates.items()},
         "momentum_known_to": beside.momentum_known_to,
         "slip": slip,

@@ -132,16 +132,9 @@ _AS_IT_COMES = _BulletSettings(
 # and a limit far above the rotor's 148 rad/s, which the default of 100 rad/s cuts by a third. The
 # solver's iterations and the contact's parameters change nothing: the error left is of the steps.
 _BEST = _BulletSettings(
-    name="best",
-    error_tolerance=5e-2,
-    stop_at_fault=False,
-    timestep=1e-3,
-    lateral_friction=20.0,
-    spinning_friction=20.0,
-    motor_force=1e9,
-    damping=0.0,
-    most_rate=1e6,
-)
+    name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, motor_force=1e9,
+    lateral_friction=20.0, spinning_friction=20.0, damping=0.0, most_rate=1e6,
+)  # fmt: skip
 
 
 class _Bullet(Adapter):

@@ -111,15 +111,9 @@ class _DartWorld(ServoWorld):
         shell = self.ball.getBodyNode(0)
         place = shell.getTransform()
         q, v = self.ball.getPositions(), self.ball.getVelocities()
-        R = np.array(place.rotation())
-        return State(
-            np.array(place.translation()),
-            np.array(shell.getLinearVelocity()),
-            from_matrix(R),
-            np.array(shell.getAngularVelocity()),
-            q[6:],
-            v[6:],
-        )
+        turn, centre = from_matrix(np.array(place.rotation())), np.array(place.translation())
+        moving, turning = shell.getLinearVelocity(), shell.getAngularVelocity()
+        return State(centre, np.array(moving), turn, np.array(turning), q[6:], v[6:])
 
 
 class _DartDynamics(IdealWorld):

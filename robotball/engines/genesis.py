@@ -135,22 +135,10 @@ _AS_IT_COMES = _GenesisSettings(
 # MuJoCo's recipe: an elliptic cone, a hard contact, armatures that the load does not turn, and a
 # solver that iterates to its end instead of stopping at a tolerance relative to those armatures.
 _BEST = _GenesisSettings(
-    name="best",
-    error_tolerance=5e-2,
-    stop_at_fault=False,
-    timestep=1e-3,
-    precision="64",
-    integrator="Euler",
-    cone="elliptic",
-    friction=5.0,
-    torsional=5.0,
-    damping=1e8,
-    armature=1e6,
-    impedance=0.9999,
-    impratio=1e4,
-    iterations=50,
-    tolerance=1e-14,
-)
+    name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, precision="64",
+    integrator="Euler", cone="elliptic", friction=5.0, torsional=5.0, damping=1e8, armature=1e6,
+    impedance=0.9999, impratio=1e4, iterations=50, tolerance=1e-14,
+)  # fmt: skip
 
 
 class Genesis(Adapter):

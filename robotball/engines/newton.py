@@ -172,19 +172,10 @@ _AS_IT_COMES = _NewtonSettings(
 # MuJoCo's recipe, as far as Newton passes it on. The state is rounded to single precision after
 # every step, so longer steps are better: on fig12 20 ms have a tenth of the error of 1 ms.
 _BEST = _NewtonSettings(
-    name="best",
-    error_tolerance=1e-3,
-    stop_at_fault=False,
-    timestep=20e-3,
-    integrator="rk4",
-    cone="elliptic",
-    iterations=10,
-    tolerance=0.0,
-    friction=20.0,
-    armature=1e12,
-    impedance=0.9999,
+    name="best", error_tolerance=1e-3, stop_at_fault=False, timestep=20e-3, integrator="rk4",
+    cone="elliptic", iterations=10, tolerance=0.0, friction=20.0, armature=1e12, impedance=0.9999,
     noslip=1,
-)
+)  # fmt: skip
 
 
 class Newton(Adapter):

@@ -133,16 +133,9 @@ _AS_IT_COMES = _PhysxSettings(name="as-it-comes", error_tolerance=1e-2, timestep
 # and the limit lies far above the rotor's 148 rad/s, which the default of 100 rad/s would cut.
 # What slips even so, 1e-3 m/s on a mere slope, no setting that we found prevents.
 _BEST = _PhysxSettings(
-    name="best",
-    error_tolerance=5e-2,
-    timestep=1e-3,
-    friction=20.0,
-    damping=1e8,
-    armature=1e4,
-    most_rate=1e6,
-    patch=20.0,
-    iterations=20,
-)
+    name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0, damping=1e8, armature=1e4,
+    most_rate=1e6, patch=20.0, iterations=20,
+)  # fmt: skip
 
 
 class _Physx(Adapter):

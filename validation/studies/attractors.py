@@ -114,12 +114,8 @@ def _measure_torus(show: Show) -> Iterator[_Measurement]:
 def _measure_clouds(show: Show) -> Iterator[_Measurement]:
     """Measure Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
-    contact = cloud_by_contact(
-        build(scene, COARSE),
-        _CLOUD,
-        seed=0,
-        progress=lambda part: show(2 + part, "Fig. 11b: cloud"),
-    )
+    model = build(scene, COARSE)
+    contact = cloud_by_contact(model, _CLOUD, 0, lambda part: show(2 + part, "Fig. 11b: cloud"))
     show(3, "Fig. 11b: clouds of the equations")
     reference, *peers = (
         cloud_by_equations(scene.parameters, _CLOUD, seed).states for seed in range(1, _PEERS + 2)

@@ -84,9 +84,8 @@ def contact_exponent(
         turn = np.array([0.6, 0.48, 0.64])
         for k in range(skipped + kept):
             origins[i, k], turns[i, k] = q, turn
-            beside = multiply(
-                q, Rotation.from_rotvec(_SEPARATION * turn).as_quat(scalar_first=True)
-            )
+            aside = Rotation.from_rotvec(_SEPARATION * turn).as_quat(scalar_first=True)
+            beside = multiply(q, aside)
             q, other = (_rolled(model, each, M, interval) for each in (q, beside))
             apart = multiply(conjugate(q), other)
             turn = Rotation.from_quat(apart, scalar_first=True).as_rotvec()
@@ -151,16 +150,8 @@ class Lyapunov:
             parts, together = [], _BATCH * allowed()
             for i in range(0, self.starts, together):
                 show(i, f"{scene.name}: equations")
-                batch = slice(i, i + together)
-                parts.append(
-                    exponents(
-                        scene.parameters,
-                        attitudes[batch],
-                        momenta[batch],
-                        self.duration,
-                        self.transient,
-                    )
-                )
+                some = attitudes[i : i + together], momenta[i : i + together]
+                parts.append(exponents(scene.parameters, *some, self.duration, self.transient))
             found = Exponents(
                 np.concatenate([part.largest for part in parts]),
                 np.concatenate([part.divergence for part in parts]),
@@ -179,17 +170,11 @@ class Lyapunov:
                 "dimension": found.dimension,
             }
             if settings is not None:
+                model, what = build(scene, settings), f"{scene.name}: {LABEL.name}"
                 contact = contact_exponent(
-                    build(scene, settings),
-                    attitudes,
-                    momenta,
-                    self.duration / 10,
-                    min(100.0, self.transient),
-                    interval=10.0,
-                    progress=lambda part: show(
-                        self.starts * (1 + part), f"{scene.name}: {LABEL.name}"
-                    ),
-                )
+                    model, attitudes, momenta, self.duration / 10, min(100.0, self.transient), 10.0,
+                    lambda part: show(self.starts * (1 + part), what),
+                )  # fmt: skip
                 rows[f"λ₁ by {LABEL.name}, {settings.name} [1/s]"] = (contact.mean, contact.error)
                 record |= {
                     "engine": LABEL.name,

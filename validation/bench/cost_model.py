@@ -8,7 +8,7 @@ took, over the cheapest of the configurations searched.
 
 import argparse
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -269,24 +269,18 @@ def _case_table(records: Sequence[_Record]) -> Table:
         whole = np.array([each["ratio"] for each in cases if np.isfinite(each["ratio"])])
         last = np.array([each["last_ratio"] for each in cases if np.isfinite(each["ratio"])])
         missed = [each for each in cases if not each["within"]]
-
-        def count(which: Callable[[_Record], bool], of: Sequence[_Record] = cases) -> str:
-            return str(sum(map(which, of)))
-
+        reported = sum(each["reported"] for each in missed)
+        counts = (
+            len(cases), len(cases) - len(missed), reported, len(missed) - reported,
+            *(sum(each[name] for each in cases) for name in ("dishonest", "adaptive")),
+        )  # fmt: skip
+        shares = (np.median(whole), np.percentile(whole, 90), whole.max())
         table.add_row(
             "all" if target is None else f"{target:g}",
-            str(len(cases)),
-            str(len(cases) - len(missed)),
-            count(lambda each: each["reported"], missed),
-            count(lambda each: not each["reported"], missed),
-            count(lambda each: each["dishonest"]),
-            count(lambda each: each["adaptive"]),
-            f"{np.median(whole):.2f}",
-            f"{np.percentile(whole, 90):.2f}",
-            f"{whole.max():.2f}",
+            *map(str, counts),
+            *(f"{share:.2f}" for share in shares),
             str(int((whole > 2).sum())),
-            f"{np.median(last):.2f}",
-            f"{last.max():.2f}",
+            *(f"{share:.2f}" for share in (np.median(last), last.max())),
         )
     return table
 

@@ -30,7 +30,7 @@ from validation.paper.engine_ball import (
     seen_of,
 )
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import MASSES, Moment, Rolled, moments, rolled
+from validation.paper.point_masses import MASSES, Moment, moments, rolled
 
 SECTION = Section(
     "2. Equations of motion",
@@ -178,13 +178,13 @@ def _reaction(twist: float) -> Errors:
         yield largest(np.array(found) - _plane_force(ball)[INNER])
 
 
-def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array, Rolled]]:
-    """Yield random point-mass balls, their numbers, ω with (2.2) if `rubber`, and how they roll."""
+def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array, Array, float]]:
+    """Yield random point-mass balls, their numbers, ω with (2.2) if `rubber`, dω/dt and λ₀."""
     for moment in moments(seed):
         n, omega = moment.ball.numbers, moment.omega
         if rubber:
             omega = f.level(omega, moment.gamma) + (n.Omega @ moment.gamma) * moment.gamma
-        yield moment, n, omega, rolled(moment.ball, omega, moment.gamma, rubber)
+        yield moment, n, omega, *rolled(moment.ball, omega, moment.gamma, rubber)
 
 
 @claim("(2.4)", "rubber: dω/dt", MASSES, "the sign of W", rubber=True)
@@ -192,11 +192,11 @@ def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array
 @largest_error(2e-13, "rad/s²")
 def _full_equations(rubber: bool, twist: float) -> Errors:
     """Compare dω/dt of (2.4), with the λ₀ that Newton and Euler give, with theirs."""
-    for moment, n, omega, expected in _by_masses(24, rubber):
+    for moment, n, omega, omega_rate, spin_torque in _by_masses(24, rubber):
         torque = f.gyroscopic_torque(n, omega, moment.gamma)
-        torque = torque + expected.spin_torque * moment.gamma
+        torque = torque + spin_torque * moment.gamma
         torque = torque + twist * f.drive_torque(n, omega, moment.gamma)
-        yield np.linalg.solve(f.contact_inertia(n, moment.gamma), torque) - expected.omega_rate
+        yield np.linalg.solve(f.contact_inertia(n, moment.gamma), torque) - omega_rate
 
 
 @claim("(2.4)", "dω/dt while Ω and k change", MOTION, "the sign of λ₀")
@@ -237,10 +237,10 @@ def _contact_inertia(twist: float) -> Residual:
 @largest_error(4e-14, "N m")
 def _multiplier(twist: float) -> Errors:
     """Compare λ₀ of (2.5) with the spin torque of Newton and Euler's equations."""
-    for moment, n, omega, expected in _by_masses(25, rubber=True):
+    for moment, n, omega, _, spin_torque in _by_masses(25, rubber=True):
         change = twist * n.Omega_rate
         found = f.spin_torque(replace(n, Omega_rate=change), omega, moment.gamma)
-        yield found - expected.spin_torque
+        yield found - spin_torque
 
 
 @claim("(2.5)", "λ₀ is the torque of the contact", MOTION, "the sign of λ₀")
@@ -263,9 +263,9 @@ def _constraint_rate(twist: float) -> Residual:
 
     def off(sign: float) -> float:
         worst = 0.0
-        for moment, n, omega, expected in _by_masses(27, rubber=True):
+        for moment, n, omega, omega_rate, _ in _by_masses(27, rubber=True):
             tilde, gamma = f.contact_inertia(n, moment.gamma), moment.gamma
-            first = tilde @ expected.omega_rate @ np.linalg.solve(tilde, gamma)
+            first = tilde @ omega_rate @ np.linalg.solve(tilde, gamma)
             rest = first - n.Omega @ cross(gamma, omega)
             worst = max(worst, abs(float(rest + sign * n.Omega_rate @ gamma)))
         return worst

@@ -149,9 +149,7 @@ class _Bullet(Adapter):
         "best": ("timestep", (1 / 250, 1e-3, 1e-4)),
     }
     presets = by_name(_AS_IT_COMES, _BEST)
-
-    def world(self, scene: Scene, settings: _BulletSettings, step: float) -> _BulletWorld:
-        return _BulletWorld(scene, settings, step)
+    world = _BulletWorld
 
 
 BULLET = _Bullet()

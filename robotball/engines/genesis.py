@@ -153,6 +153,7 @@ class Genesis(Adapter):
         "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
     }
     presets = by_name(_AS_IT_COMES, _BEST)
+    world = _GenesisWorld
 
     def lacks(self, scene: Scene, settings: _GenesisSettings) -> str | None:
         """Return that it lacks double precision, or torsional friction, as it comes."""
@@ -160,9 +161,6 @@ class Genesis(Adapter):
         if scene.rolling == "rubber" and settings.torsional is None:
             lack.append("its contact has no torsional friction: the shell spins freely")
         return "; ".join(lack) or None
-
-    def world(self, scene: Scene, settings: _GenesisSettings, step: float) -> _GenesisWorld:
-        return _GenesisWorld(scene, settings, step)
 
 
 GENESIS = Genesis()

@@ -191,6 +191,7 @@ class Newton(Adapter):
         "kept": ("timestep", (20e-3, 5e-3)),
     }
     presets = by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True))
+    world = _NewtonWorld
 
     def lacks(self, scene: Scene, settings: _NewtonSettings) -> str | None:
         """Return that it lacks double precision and, as it comes, torsional friction."""
@@ -198,9 +199,6 @@ class Newton(Adapter):
         if scene.rolling == "rubber" and settings.impedance is None:
             lack += "; its contact has no torsional friction: the shell spins freely"
         return lack
-
-    def world(self, scene: Scene, settings: _NewtonSettings, step: float) -> _NewtonWorld:
-        return _NewtonWorld(scene, settings, step)
 
 
 NEWTON = Newton()

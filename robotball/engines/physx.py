@@ -150,13 +150,11 @@ class _Physx(Adapter):
         "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
     }
     presets = by_name(_AS_IT_COMES, _BEST)
+    world = _PhysxWorld
 
     def lacks(self, scene: Scene, settings: _PhysxSettings) -> str | None:
         """Return that it lacks double precision."""
         return "its state is in single precision"
-
-    def world(self, scene: Scene, settings: _PhysxSettings, step: float) -> _PhysxWorld:
-        return _PhysxWorld(scene, settings, step)
 
 
 PHYSX = _Physx()

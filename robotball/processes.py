@@ -1,4 +1,6 @@
-"""Work in processes, on as many cores as are allowed.
+"""Work on as many cores as are allowed: compiled loops in threads, Python's code in processes.
+
+Compiled loops release the interpreter's lock, which Python's own code holds.
 
 Each process shares a pipe with one thread here and nothing with any other process. Where processes
 share a queue, as those of concurrent.futures and pebble do, one that is killed may keep the queue's
@@ -14,18 +16,34 @@ import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    CancelledError,
+    Future,
+    ThreadPoolExecutor,
+    as_completed,
+    wait,
+)
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import partial
 from itertools import islice
 from multiprocessing import connection, forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
-from typing import Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
-from robotball.cores import allowed, at_most
-from robotball.errors import SceneWarning
+from robotball.errors import SceneWarning, check_count
 from robotball.files.replacing import remove_unfinished
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+Queue: TypeAlias = "NDArray[np.int64]"
+
+_NO_MORE = 2**62  # past the end of any queue
+
+_most: ContextVar[int | None] = ContextVar("most", default=None)
 # The libraries' own threads would take the cores of the other processes.
 _ONE_THREAD = dict.fromkeys(
     ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"), "1"
@@ -35,14 +53,62 @@ _FORKSERVER = multiprocessing.get_context("forkserver")
 _CHILDREN = threading.Lock()  # multiprocessing polls all processes when one starts, in any thread
 _TRIES = 10  # starts of a process that is killed before it is ready
 _IDLE = 60.0  # s that a process waits for a job before it ends, as after a sweep on a dask worker
-_GRACE = (
-    1.0  # s for a process to end in; one in compiled code, which writes no file, is killed then
-)
+_GRACE = 1.0  # s for a process to end in; compiled code, which writes no file, is killed then
 _PARTS = 20  # a limit is waited for in so many parts: a time in which we are stopped takes one
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 Answer: TypeAlias = tuple[Any, list[str]]  # the result of a job, and the texts of its warnings
+
+
+@contextmanager
+def at_most(count: int | None) -> Iterator[None]:
+    """Let so many threads work at once in the block; None allows as many as there are cores.
+
+    The digits of a result are the same at any number. Raises InputError for less than one.
+    """
+    token = _most.set(None if count is None else check_count("threads", count, 1))
+    try:
+        yield
+    finally:
+        _most.reset(token)
+
+
+def allowed() -> int:
+    """Return how many threads or processes may work at once here."""
+    return _most.get() or cores()
+
+
+def in_threads(work: Callable[[Queue], None], most: int) -> None:
+    """Call `work` in at most so many threads at once, and in no more than are allowed.
+
+    work: takes numbers from the queue (1,), which holds the next, until all is done, and writes its
+    results into their places; to be of use it must release the interpreter's lock.
+    """
+    # Here, as to count cores must not load it.
+    import numpy as np
+
+    queue = np.zeros(1, np.int64)
+    threads = min(most, allowed())
+    if threads < 2:
+        work(queue)
+        return
+    # A loop that is called in one of the threads must not start threads of its own.
+    with ThreadPoolExecutor(threads, initializer=_most.set, initargs=(1,)) as executor:
+        try:
+            for each in as_completed([executor.submit(work, queue) for _ in range(threads)]):
+                each.result()
+        except BaseException:
+            # The other threads end with the job that they have, also where Ctrl-C is pressed.
+            queue[0] = _NO_MORE
+            raise
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    # A container or a scheduler may allow fewer cores than the machine has.
+    affinity = getattr(os, "sched_getaffinity", None)  # which macOS has not
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def in_processes(

@@ -20,7 +20,6 @@ from typing import Annotated, Any, Protocol, Union, get_type_hints
 import tyro
 from tyro.conf import subcommand
 
-from robotball.cores import at_most
 from robotball.errors import InputError, SceneWarning, unknown
 from robotball.files.replacing import STANDARD_OUTPUT
 from validation.options import BAD_INPUT, Controls, Names
@@ -110,6 +109,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(_version_line())
             sys.exit(0)
         command = parse(arguments)
+        from robotball.processes import at_most  # which --help does without
+
         with _standard_output_of(command), at_most(getattr(command, "threads", None)):
             status = command.run()
         sys.stdout.flush()

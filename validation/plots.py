@@ -244,14 +244,14 @@ def _log_line(axes: "Axes", run: _Run, errors: _Errors, style: Any) -> None:
         beside(axes, in_picture(run.settings), errors.largest)
 
 
+def note(
+    axes: "Axes", text: str, at: tuple[float, float], by: tuple[float, float], **style: Any
+) -> None:
+    """Write a text beside a point of the axes, so many points right of it and above."""
+    axes.annotate(text, at, xytext=by, textcoords="offset points", **style)
+
+
 def beside(axes: "Axes", text: str, height: float, place: float = 4, **style: Any) -> None:
     """Write a label `place` points right of the axes, at the height of what it names."""
-    axes.annotate(
-        text,
-        (1.0, height),
-        xycoords=("axes fraction", "data"),
-        xytext=(place, 0),
-        textcoords="offset points",
-        va="center",
-        **style,
-    )
+    right: Any = ("axes fraction", "data")
+    note(axes, text, (1.0, height), (place, 0), xycoords=right, va="center", **style)

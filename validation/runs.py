@@ -10,10 +10,9 @@ from rich.console import Console
 from rich.markup import escape
 
 from robotball import InputError, Request, Scene, integrate
-from robotball.cores import allowed
 from robotball.engines.mujoco.fault_window import FaultWindow, Replayed
 from robotball.files.replacing import refused
-from robotball.processes import in_processes
+from robotball.processes import allowed, in_processes
 from robotball.rotations import Array
 from validation.agreement import Agreement, compare_with
 from validation.output import Show, plain_table, print_whole, progress_bar

@@ -19,7 +19,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from robotball import Motion, Scene, integrate, load_scene, sample_times, scene_toml
+from robotball.engines.reduced import compiled_states, motion_of
 from robotball.motion import Label
+from robotball.rotations import Array
 from validation.output import print_whole, write_picture, write_record, write_rows
 from validation.results import file_name
 
@@ -45,6 +47,15 @@ def reference(name: str, duration: float, interval: float) -> tuple[Scene, Motio
     """Return a scene and its motion by the equations, sampled every `interval` s; cached."""
     scene = load_scene(name)
     return scene, integrate(scene, sample_times(duration, interval))
+
+
+def compiled_motion(scene: Scene, times: Array) -> Motion:
+    """Integrate a steady scene over times (n,) [s] from 0 by the compiled step.
+
+    The error is that of `integrate`, which would be too slow: some scenes turn a million times.
+    Raises InputError where the motion is given up.
+    """
+    return motion_of(scene, times, compiled_states(scene, times))
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 A cell is plain data. Each result is a line of JSON in the sweep's journal, on disk as soon as it is
 known, so a sweep that was killed goes on where it ended. Cells run in the processes of
-`robotball.cores`, which may be killed at any time, and are where a cell outlasts its limit, even in
-compiled code.
+`robotball.processes`, which may be killed at any time, and are where a cell outlasts its limit,
+even in compiled code.
 """
 
 import fcntl
@@ -25,10 +25,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from robotball import InputError
-from robotball.cores import cores
 from robotball.errors import check_count, check_positive
 from robotball.files.replacing import no_regular_file
-from robotball.processes import Answer, EndedError, Worker, pool
+from robotball.processes import Answer, EndedError, Worker, cores, pool
 from validation.output import Show, versions, writable_file
 
 Cell = Mapping[str, Any]

@@ -182,7 +182,8 @@ class Adapter(Engine, ABC):
     """An engine of another package.
 
     package: the name that is imported; extra: the extra of robotball that brings it; requirements:
-    those of that extra. The methods get its own kind of settings, that of its presets.
+    those of that extra; world: what makes the ball at its start of a scene, settings and the length
+    of its steps [s]. The methods get its own kind of settings, that of its presets.
     """
 
     package: str
@@ -191,10 +192,7 @@ class Adapter(Engine, ABC):
     default = "best"
     least_accuracy: float | None = None
     presets: Mapping[str, StepSettings]
-
-    @abstractmethod
-    def world(self, scene: Scene, settings: Any, step: float) -> World:
-        """Return the ball at its start, for steps of this length [s]."""
+    world: Callable[[Scene, Any, float], World]
 
     def lacks(self, scene: Scene, settings: Any) -> str | None:
         """Return what the engine lacks for the scene under these settings, in a line, or None."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
-from robotball.engines.links import State, links_of
+from robotball.engines.links import State, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Scene
@@ -46,8 +46,8 @@ class _BulletWorld(ServoWorld):
         p.setTimeStep(step)
         plane = p.createMultiBody(0, p.createCollisionShape(p.GEOM_PLANE))
         self.force, links = settings.motor_force, links_of(scene)
-        shell, hung = links[0], links[1:]
-        moments, axes = zip(*(link.principal for link in links), strict=True)
+        (shell, *hung), names = links, [link.name for link in links]
+        moments, axes = zip(*map(principal_inertia, links), strict=True)
         self.own = axes[0]  # Bullet's base is turned into principal axes
         start = self.now
         self.ball = p.createMultiBody(
@@ -59,11 +59,11 @@ class _BulletWorld(ServoWorld):
             linkMasses=[link.mass for link in hung],
             linkCollisionShapeIndices=[-1] * len(hung),
             linkVisualShapeIndices=[-1] * len(hung),
-            linkPositions=[link.origin for link in hung],
+            linkPositions=[link.pivot for link in hung],
             linkOrientations=[[0, 0, 0, 1]] * len(hung),
             linkInertialFramePositions=[link.centre for link in hung],
             linkInertialFrameOrientations=[_xyzw(each) for each in axes[1:]],
-            linkParentIndices=[link.parent for link in hung],
+            linkParentIndices=[names.index(link.parent) for link in hung],
             linkJointTypes=[p.JOINT_REVOLUTE] * len(hung),
             linkJointAxis=[link.axis for link in hung],
         )
@@ -132,16 +132,9 @@ _AS_IT_COMES = _BulletSettings(
 # and a limit far above the rotor's 148 rad/s, which the default of 100 rad/s cuts by a third. The
 # solver's iterations and the contact's parameters change nothing: the error left is of the steps.
 _BEST = _BulletSettings(
-    name="best",
-    error_tolerance=5e-2,
-    stop_at_fault=False,
-    timestep=1e-3,
-    lateral_friction=20.0,
-    spinning_friction=20.0,
-    motor_force=1e9,
-    damping=0.0,
-    most_rate=1e6,
-)
+    name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, motor_force=1e9,
+    lateral_friction=20.0, spinning_friction=20.0, damping=0.0, most_rate=1e6,
+)  # fmt: skip
 
 
 class _Bullet(Adapter):
@@ -156,9 +149,7 @@ class _Bullet(Adapter):
         "best": ("timestep", (1 / 250, 1e-3, 1e-4)),
     }
     presets = by_name(_AS_IT_COMES, _BEST)
-
-    def world(self, scene: Scene, settings: _BulletSettings, step: float) -> _BulletWorld:
-        return _BulletWorld(scene, settings, step)
+    world = _BulletWorld
 
 
 BULLET = _Bullet()

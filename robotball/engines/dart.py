@@ -43,22 +43,22 @@ class _DartSettings(StepSettings):
 def _skeleton(scene: Scene, dart: Any) -> Any:
     """Return the ball as a skeleton without collision shapes."""
     ball = dart.dynamics.Skeleton("ball")
-    bodies: list[Any] = []
+    bodies: dict[str, Any] = {}
     for link in links_of(scene):
-        if link.drive is None:
+        if not link.parent:
             _, body = ball.createFreeJointAndBodyNodePair()
         else:
             properties = dart.dynamics.RevoluteJointProperties()
             properties.mName = link.name
             properties.mAxis = link.axis
             place = dart.math.Isometry3()
-            place.set_translation(link.origin)
+            place.set_translation(link.pivot)
             properties.mT_ParentBodyToJoint = place
             joint, body = ball.createRevoluteJointAndBodyNodePair(bodies[link.parent], properties)
             # The rate is then a constraint of DART's own, without a gain or an armature to choose.
             joint.setActuatorType(dart.dynamics.ActuatorType.VELOCITY)
         body.setInertia(dart.dynamics.Inertia(link.mass, link.centre, link.inertia))
-        bodies.append(body)
+        bodies[link.name] = body
     return ball
 
 
@@ -111,15 +111,9 @@ class _DartWorld(ServoWorld):
         shell = self.ball.getBodyNode(0)
         place = shell.getTransform()
         q, v = self.ball.getPositions(), self.ball.getVelocities()
-        R = np.array(place.rotation())
-        return State(
-            np.array(place.translation()),
-            np.array(shell.getLinearVelocity()),
-            from_matrix(R),
-            np.array(shell.getAngularVelocity()),
-            q[6:],
-            v[6:],
-        )
+        turn, centre = from_matrix(np.array(place.rotation())), np.array(place.translation())
+        moving, turning = shell.getLinearVelocity(), shell.getAngularVelocity()
+        return State(centre, np.array(moving), turn, np.array(turning), q[6:], v[6:])
 
 
 class _DartDynamics(IdealWorld):

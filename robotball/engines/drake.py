@@ -71,17 +71,17 @@ def _add_plant(
     if settings.approximation is not None:
         of = f"k{settings.approximation.capitalize()}"
         plant.set_discrete_contact_approximation(getattr(plants.DiscreteContactApproximation, of))
-    bodies = []
+    bodies: dict[str, Any] = {}
     for link in links_of(scene):
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
         central = tree.RotationalInertia(xx, yy, zz, xy, xz, yz)
         inertia = tree.SpatialInertia.MakeFromCentralInertia(link.mass, link.centre, central)
-        bodies.append(plant.AddRigidBody(link.name, inertia))
-        if link.drive is None:
+        bodies[link.name] = plant.AddRigidBody(link.name, inertia)
+        if not link.parent:
             continue
         parent = bodies[link.parent].body_frame()
-        place = tree.FixedOffsetFrame(f"{link.name}_hinge", parent, RigidTransform(link.origin))
-        ends = plant.AddFrame(place), bodies[-1].body_frame()
+        place = tree.FixedOffsetFrame(f"{link.name}_hinge", parent, RigidTransform(link.pivot))
+        ends = plant.AddFrame(place), bodies[link.name].body_frame()
         motor = plant.AddJointActuator(
             link.name, plant.AddJoint(tree.RevoluteJoint(link.name, *ends, link.axis))
         )
@@ -96,7 +96,7 @@ def _add_plant(
     ground = HalfSpace.MakePose(np.array([0, 0, 1.0]), np.array([0, 0, depth / 2]))
     plant.RegisterCollisionGeometry(plant.world_body(), ground, HalfSpace(), "plane", friction)
     sphere = Sphere(scene.ball.radius + depth / 2)
-    plant.RegisterCollisionGeometry(bodies[0], RigidTransform(), sphere, "sphere", friction)
+    plant.RegisterCollisionGeometry(bodies["shell"], RigidTransform(), sphere, "sphere", friction)
     plant.mutable_gravity_field().set_gravity_vector([0, 0, -scene.gravity])
     plant.Finalize()
     if settings.stiction is not None:

@@ -292,15 +292,9 @@ _OWN_SOLVER = _ExudynSettings(
 # Without our torque's derivatives, and with Newton's matrix kept, a run was 2.6 times cheaper at
 # the same error. The two solvers are of order 2 and differ little.
 _BEST = _ExudynSettings(
-    name="best",
-    error_tolerance=1e-3,
-    stop_at_fault=False,
-    timestep=1e-3,
-    solver="TrapezoidalIndex2",
-    tolerance=1e-10,
-    modified=True,
-    load_jacobian=False,
-)
+    name="best", error_tolerance=1e-3, stop_at_fault=False, timestep=1e-3, tolerance=1e-10,
+    solver="TrapezoidalIndex2", modified=True, load_jacobian=False,
+)  # fmt: skip
 _CONTACT = replace(_BEST, name="contact", tolerance=1e-9, modified=False, friction=20.0)
 
 

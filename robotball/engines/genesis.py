@@ -103,16 +103,16 @@ def _double(values: Any) -> Array:
 def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
     """Return the MJCF of the ball alone, from which Genesis reads bodies."""
     root = Element("mujoco")
-    above = [SubElement(root, "worldbody")]
+    above = {"": SubElement(root, "worldbody")}
     for link in links_of(scene):
-        parent = above[link.parent + 1] if link.drive else above[0]
-        body = SubElement(parent, "body", name=link.name, pos=_text(link.origin))
+        place = _text(link.pivot)
+        body = SubElement(above[link.parent], "body", name=link.name, pos=place)
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia
         SubElement(
             body, "inertial", pos=_text(link.centre), mass=_text([link.mass]),
             fullinertia=_text([xx, yy, zz, xy, xz, yz]),
         )  # fmt: skip
-        if link.drive is None:
+        if not link.parent:
             SubElement(body, "freejoint")
             sphere = SubElement(body, "geom", type="sphere", size=_text([scene.ball.radius]))
             if (d := settings.impedance) is not None:
@@ -120,7 +120,7 @@ def _mjcf(scene: Scene, settings: _GenesisSettings) -> str:
                 sphere.set("solimp", _text([d, d, 1e-3, 0.5, 1.0]))
         else:
             SubElement(body, "joint", type="hinge", name=link.name, axis=_text(link.axis))
-        above.append(body)
+        above[link.name] = body
     return tostring(root, encoding="unicode")
 
 
@@ -135,22 +135,10 @@ _AS_IT_COMES = _GenesisSettings(
 # MuJoCo's recipe: an elliptic cone, a hard contact, armatures that the load does not turn, and a
 # solver that iterates to its end instead of stopping at a tolerance relative to those armatures.
 _BEST = _GenesisSettings(
-    name="best",
-    error_tolerance=5e-2,
-    stop_at_fault=False,
-    timestep=1e-3,
-    precision="64",
-    integrator="Euler",
-    cone="elliptic",
-    friction=5.0,
-    torsional=5.0,
-    damping=1e8,
-    armature=1e6,
-    impedance=0.9999,
-    impratio=1e4,
-    iterations=50,
-    tolerance=1e-14,
-)
+    name="best", error_tolerance=5e-2, stop_at_fault=False, timestep=1e-3, precision="64",
+    integrator="Euler", cone="elliptic", friction=5.0, torsional=5.0, damping=1e8, armature=1e6,
+    impedance=0.9999, impratio=1e4, iterations=50, tolerance=1e-14,
+)  # fmt: skip
 
 
 class Genesis(Adapter):
@@ -165,6 +153,7 @@ class Genesis(Adapter):
         "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
     }
     presets = by_name(_AS_IT_COMES, _BEST)
+    world = _GenesisWorld
 
     def lacks(self, scene: Scene, settings: _GenesisSettings) -> str | None:
         """Return that it lacks double precision, or torsional friction, as it comes."""
@@ -172,9 +161,6 @@ class Genesis(Adapter):
         if scene.rolling == "rubber" and settings.torsional is None:
             lack.append("its contact has no torsional friction: the shell spins freely")
         return "; ".join(lack) or None
-
-    def world(self, scene: Scene, settings: _GenesisSettings, step: float) -> _GenesisWorld:
-        return _GenesisWorld(scene, settings, step)
 
 
 GENESIS = Genesis()

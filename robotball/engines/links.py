@@ -5,72 +5,36 @@ body that touches the plane it then has no drift of the contact's Jacobian, whic
 (docs/findings/mujoco_frame_root.py).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotball.drives import Drive
+from robotball.robot import Link
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
 from robotball.scene import Scene, Start
 
-SHELL = -1  # the parent of the root's children, among the hinges
 
+def links_of(scene: Scene) -> tuple[Link, ...]:
+    """Return the bodies of the ball's tree, the shell first, each in its own place.
 
-@dataclass(frozen=True)
-class _Link:
-    """A body and its hinge; the shell has none.
-
-    parent   the index of its parent, -1 of the shell
-    origin   (3,) m, of its hinge from the parent's; of the shell the centre of the sphere
-    axis     (3,) of its hinge, in the ball's axes
-    centre   (3,) m, of mass, from its own origin
-    inertia  (3, 3) kg m² about its centre of mass, in the ball's axes
-    drive    of its hinge; None of the shell
-    slides   whether the hinge is a slide
+    Of such a link `pivot` is from its parent's, that of the shell the centre of the sphere, and
+    `centre` is from its own pivot.
     """
-
-    name: str
-    parent: int
-    origin: Array
-    axis: Array
-    mass: float
-    centre: Array
-    inertia: Array
-    drive: Drive | None
-    slides: bool
-
-    @property
-    def principal(self) -> tuple[Array, Array]:
-        """The moments (3,) and their axes' quaternion (4,), for engines that take no tensor."""
-        moments, axes = np.linalg.eigh(self.inertia)
-        axes = axes if np.linalg.det(axes) > 0 else -axes  # or they would be a reflection
-        return moments, from_matrix(axes)
-
-
-def links_of(scene: Scene) -> tuple[_Link, ...]:
-    """Return the links of the shell, the frame, the rotors and the pendulums."""
     tree = scene.ball.tree
-    places = {link.name: i for i, link in enumerate(tree)}
-    commands = (None, *(hinge.command for hinge in scene.hinges))
-    links = []
-    for link, command in zip(tree, commands, strict=True):
-        parent = places.get(link.parent, SHELL)
-        origin = link.pivot - tree[parent].pivot if link.parent else link.pivot
-        centre = link.centre - link.pivot
-        links.append(
-            _Link(
-                link.name,
-                parent,
-                origin,
-                link.axis,
-                link.mass,
-                centre,
-                link.inertia,
-                command,
-                link.slides,
-            )
+    pivots = {link.name: link.pivot for link in tree}
+    return tuple(
+        replace(
+            link, centre=link.centre - link.pivot, pivot=link.pivot - pivots.get(link.parent, 0.0)
         )
-    return tuple(links)
+        for link in tree
+    )
+
+
+def principal_inertia(link: Link) -> tuple[Array, Array]:
+    """Return moments (3,) and their axes' quaternion (4,), for engines that take no tensor."""
+    moments, axes = np.linalg.eigh(link.inertia)
+    axes = axes if np.linalg.det(axes) > 0 else -axes  # or they would be a reflection
+    return moments, from_matrix(axes)
 
 
 @dataclass(frozen=True)
@@ -134,29 +98,31 @@ def readings_of(scene: Scene, state: State) -> Readings:
     # About the contact point, which is below the centre. L is summed from the root outwards: a
     # child's attitude and velocity are its parent's with the hinge's on top.
     arm = state.centre * [0.0, 0.0, 1.0]
-    turn, turning = [state.attitude], [state.turning]
-    place, moving = [arm], [state.velocity]
-    links, L = links_of(scene), np.zeros_like(state.centre)
-    for i, link in enumerate(links):
-        if link.drive is not None:
+    # Of each body by its name: attitude, angular velocity, place of its pivot and velocity there.
+    known: dict[str, tuple[Array, Array, Array, Array]] = {}
+    L = np.zeros_like(state.centre)
+    for i, link in enumerate(links_of(scene)):
+        turn, turning, place, moving = state.attitude, state.turning, arm, state.velocity
+        if link.parent:
+            turn, turning, place, moving = known[link.parent]
             angle, rate = state.angles[:, i - 1, None], state.rates[:, i - 1, None]
-            R = rotation_matrix(turn[link.parent])
-            offset = R @ link.origin
+            R = rotation_matrix(turn)
+            offset = R @ link.pivot
+            place, moving = place + offset, moving + np.cross(turning, offset)
             half = np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * link.axis], axis=1)
-            turn.append(multiply(turn[link.parent], half))
-            turning.append(turning[link.parent] + rate * (R @ link.axis))
-            place.append(place[link.parent] + offset)
-            moving.append(moving[link.parent] + np.cross(turning[link.parent], offset))
-        R, w = rotation_matrix(turn[i]), turning[i]
+            turn, turning = multiply(turn, half), turning + rate * (R @ link.axis)
+        known[link.name] = turn, turning, place, moving
+        R = rotation_matrix(turn)
         lever = R @ link.centre
-        velocity = moving[i] + np.cross(w, lever)
-        own = np.einsum("nij,jk,nlk,nl->ni", R, link.inertia, R, w)
-        L = L + own + link.mass * np.cross(place[i] + lever, velocity)
+        velocity = moving + np.cross(turning, lever)
+        own = np.einsum("nij,jk,nlk,nl->ni", R, link.inertia, R, turning)
+        L = L + own + link.mass * np.cross(place + lever, velocity)
+    attitude, omega, *_ = known["frame"]
     up = np.array([0.0, 0.0, 1.0])
     sliding = state.velocity - scene.ball.radius * np.cross(state.turning, up)
     return Readings(
-        attitude=turn[1],
-        angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(turn[1]), turning[1]),
+        attitude=attitude,
+        angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), omega),
         # By (3.1) rubber's M = γ×L has no part along γ, in which the plane's torque is unknown.
         momentum=np.cross(up, L) if scene.rolling == "rubber" else L,
         slip=np.linalg.norm(sliding[:, :2], axis=1),

@@ -98,22 +98,22 @@ class _NewtonWorld(SteppedWorld):
         motor: dict[str, Any] = {"armature": settings.armature}
         if settings.armature is None:
             motor = {"target_kd": _SERVO, "actuator_mode": newton.JointTargetMode.VELOCITY}
-        bodies: list[int] = []
+        bodies: dict[str, int] = {}
         joints: list[int] = []
         for link in links_of(scene):
             body = builder.add_link(
                 mass=link.mass, com=wp.vec3(*link.centre), lock_inertia=True,
                 inertia=wp.mat33(*link.inertia.ravel()), label=link.name,
             )  # fmt: skip
-            if link.drive is None:
+            if not link.parent:
                 joint = builder.add_joint_free(child=body)
                 sphere = builder.add_shape_sphere(body, radius=scene.ball.radius, cfg=material)
             else:
-                place = wp.transform(wp.vec3(*link.origin), wp.quat_identity())
+                place = wp.transform(wp.vec3(*link.pivot), wp.quat_identity())
                 joint = builder.add_joint_revolute(
                     bodies[link.parent], body, axis=wp.vec3(*link.axis), parent_xform=place, **motor
                 )
-            bodies.append(body)
+            bodies[link.name] = body
             joints.append(joint)
         builder.add_articulation(joints)
         plane = builder.add_ground_plane(cfg=material)
@@ -172,19 +172,10 @@ _AS_IT_COMES = _NewtonSettings(
 # MuJoCo's recipe, as far as Newton passes it on. The state is rounded to single precision after
 # every step, so longer steps are better: on fig12 20 ms have a tenth of the error of 1 ms.
 _BEST = _NewtonSettings(
-    name="best",
-    error_tolerance=1e-3,
-    stop_at_fault=False,
-    timestep=20e-3,
-    integrator="rk4",
-    cone="elliptic",
-    iterations=10,
-    tolerance=0.0,
-    friction=20.0,
-    armature=1e12,
-    impedance=0.9999,
+    name="best", error_tolerance=1e-3, stop_at_fault=False, timestep=20e-3, integrator="rk4",
+    cone="elliptic", iterations=10, tolerance=0.0, friction=20.0, armature=1e12, impedance=0.9999,
     noslip=1,
-)
+)  # fmt: skip
 
 
 class Newton(Adapter):
@@ -200,6 +191,7 @@ class Newton(Adapter):
         "kept": ("timestep", (20e-3, 5e-3)),
     }
     presets = by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True))
+    world = _NewtonWorld
 
     def lacks(self, scene: Scene, settings: _NewtonSettings) -> str | None:
         """Return that it lacks double precision and, as it comes, torsional friction."""
@@ -207,9 +199,6 @@ class Newton(Adapter):
         if scene.rolling == "rubber" and settings.impedance is None:
             lack += "; its contact has no torsional friction: the shell spins freely"
         return lack
-
-    def world(self, scene: Scene, settings: _NewtonSettings, step: float) -> _NewtonWorld:
-        return _NewtonWorld(scene, settings, step)
 
 
 NEWTON = Newton()

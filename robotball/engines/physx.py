@@ -8,7 +8,7 @@ import numpy as np
 
 from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
-from robotball.engines.links import State, links_of
+from robotball.engines.links import State, links_of, principal_inertia
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, perpendicular
 from robotball.scene import Scene
@@ -62,14 +62,14 @@ class _PhysxWorld(ServoWorld):
         ground.add_plane_collision(upward, material=material)
         ground.build("ground")
         builder = self.world.create_articulation_builder()
-        made: list[Any] = []
+        made: dict[str, Any] = {}
         patch = settings.patch if scene.rolling == "rubber" else None
         for link in links_of(scene):
-            each = builder.create_link_builder(made[link.parent] if made else None)
+            each = builder.create_link_builder(made.get(link.parent))
             each.set_name(link.name)
-            moments, axes = link.principal
+            moments, axes = principal_inertia(link)
             each.set_mass_and_inertia(link.mass, sapien.Pose(link.centre, axes), moments)
-            if link.drive is None:
+            if not link.parent:
                 each.add_sphere_collision(
                     radius=scene.ball.radius, material=material,
                     patch_radius=patch or 0.0, min_patch_radius=patch or 0.0,
@@ -80,9 +80,9 @@ class _PhysxWorld(ServoWorld):
                 # Unwrapped, as a rotor turns through more than a thousand radians.
                 each.set_joint_properties(
                     "revolute_unwrapped", [[-np.inf, np.inf]],
-                    sapien.Pose(link.origin, turn), sapien.Pose(q=turn),
+                    sapien.Pose(link.pivot, turn), sapien.Pose(q=turn),
                 )  # fmt: skip
-            made.append(each)
+            made[link.name] = each
         builder.set_initial_pose(sapien.Pose(start.centre, start.attitude))
         self.ball = ball = builder.build()
         for link in ball.links:
@@ -133,16 +133,9 @@ _AS_IT_COMES = _PhysxSettings(name="as-it-comes", error_tolerance=1e-2, timestep
 # and the limit lies far above the rotor's 148 rad/s, which the default of 100 rad/s would cut.
 # What slips even so, 1e-3 m/s on a mere slope, no setting that we found prevents.
 _BEST = _PhysxSettings(
-    name="best",
-    error_tolerance=5e-2,
-    timestep=1e-3,
-    friction=20.0,
-    damping=1e8,
-    armature=1e4,
-    most_rate=1e6,
-    patch=20.0,
-    iterations=20,
-)
+    name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0, damping=1e8, armature=1e4,
+    most_rate=1e6, patch=20.0, iterations=20,
+)  # fmt: skip
 
 
 class _Physx(Adapter):
@@ -157,13 +150,11 @@ class _Physx(Adapter):
         "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
     }
     presets = by_name(_AS_IT_COMES, _BEST)
+    world = _PhysxWorld
 
     def lacks(self, scene: Scene, settings: _PhysxSettings) -> str | None:
         """Return that it lacks double precision."""
         return "its state is in single precision"
-
-    def world(self, scene: Scene, settings: _PhysxSettings, step: float) -> _PhysxWorld:
-        return _PhysxWorld(scene, settings, step)
 
 
 PHYSX = _Physx()

@@ -41,19 +41,19 @@ class _PinocchioWorld(IdealWorld):
         import pinocchio
 
         self.pin, self.model = pinocchio, pinocchio.Model()
-        joints = [0]
-        for i, link in enumerate(links_of(scene)):
+        joints = {"": 0}
+        for link in links_of(scene):
             joint = (
                 pinocchio.JointModelRevoluteUnaligned(*link.axis)
-                if i
+                if link.parent
                 else pinocchio.JointModelFreeFlyer()
             )
             # All links have the ball's axes at the start, so that places are shifts alone.
-            place = pinocchio.SE3(np.eye(3), link.origin)
-            parent = joints[link.parent + 1] if i else 0
-            joints.append(self.model.addJoint(parent, joint, place, link.name))
+            place = pinocchio.SE3(np.eye(3), link.pivot)
+            made = self.model.addJoint(joints[link.parent], joint, place, link.name)
+            joints[link.name] = made
             body = pinocchio.Inertia(link.mass, link.centre, link.inertia)
-            self.model.appendBodyToJoint(joints[-1], body, pinocchio.SE3.Identity())
+            self.model.appendBodyToJoint(made, body, pinocchio.SE3.Identity())
         self.model.gravity.linear = scene.gravity_world
         self.data = self.model.createData()
         self.T = np.eye(self.model.nv)

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from robotball.drives import Constant, Drive, Ramp, Samples, Sine, Total
 from robotball.engine import integrate
-from robotball.engines.links import SHELL, links_of
+from robotball.engines.links import links_of
 from robotball.errors import InputError
 from robotball.files.columns import Table, write_table
 from robotball.files.replacing import replacing
@@ -272,16 +272,15 @@ def _mjcf(motion: Motion) -> str:
     condim = "4" if scene.rolling == "rubber" else "3"
     contact = {"friction": numbers(friction), "condim": condim}
     SubElement(world, "geom", {"name": "floor", "type": "plane", "size": "0 0 1", **contact})
-    bodies: list[Element] = []
+    bodies = {"": world}
     for link in links_of(scene):
-        parent = world if link.parent == SHELL else bodies[link.parent]
-        origin = [0.0, 0.0, scene.ball.radius] if link.parent == SHELL else link.origin
+        origin = link.pivot if link.parent else [0.0, 0.0, scene.ball.radius]
         # All hinges are at angle 0 here; the keyframe turns them.
-        body = SubElement(parent, "body", name=link.name, pos=numbers(origin))
+        body = SubElement(bodies[link.parent], "body", name=link.name, pos=numbers(origin))
         mass = {"pos": numbers(link.centre), "mass": repr(float(link.mass))}
         moments = " ".join(_moments(link.inertia).values())
         SubElement(body, "inertial", {**mass, "fullinertia": moments})
-        if link.parent == SHELL:
+        if not link.parent:
             SubElement(body, "freejoint", name=link.name)
             # Without a mass of its own: the inertial above has all of the shell's.
             sphere = {"name": "sphere", "type": "sphere", "size": repr(float(scene.ball.radius))}
@@ -289,7 +288,7 @@ def _mjcf(motion: Motion) -> str:
         else:
             kind = "slide" if link.slides else "hinge"
             SubElement(body, "joint", name=link.name, type=kind, axis=numbers(link.axis))
-        bodies.append(body)
+        bodies[link.name] = body
     shell = poses(motion)["shell"]
     hinges = scene.hinges
     centre = [0.0, 0.0, scene.ball.radius]
@@ -313,16 +312,16 @@ def urdf(scene: Scene) -> str:
         SubElement(inertial, "origin", xyz=numbers(link.centre), rpy="0 0 0")
         SubElement(inertial, "mass", value=repr(float(link.mass)))
         SubElement(inertial, "inertia", _moments(link.inertia))
-        if link.parent == SHELL:
+        if not link.parent:
             collision = SubElement(element, "collision")
             geometry = SubElement(collision, "geometry")
             SubElement(geometry, "sphere", radius=repr(float(scene.ball.radius)))
     for link in links:
-        if link.parent != SHELL:
+        if link.parent:
             joint = SubElement(root, "joint", name=f"{link.name}_hinge", type=_joint(link.slides))
-            SubElement(joint, "parent", link=links[link.parent].name)
+            SubElement(joint, "parent", link=link.parent)
             SubElement(joint, "child", link=link.name)
-            SubElement(joint, "origin", xyz=numbers(link.origin), rpy="0 0 0")
+            SubElement(joint, "origin", xyz=numbers(link.pivot), rpy="0 0 0")
             SubElement(joint, "axis", xyz=numbers(link.axis))
             limits = {"velocity": _FASTEST, "effort": _STRONGEST}
             if link.slides:
@@ -352,26 +351,25 @@ def sdf(motion: Motion) -> str:
     _fill(ball, {"pose": numbers([0.0, 0.0, scene.ball.radius, *angles])})
     links = links_of(scene)
     # SDF gives a link's place in its model, not in its parent.
-    places: list[Array] = []
+    places = {"": np.zeros(3)}
     for link in links:
-        above = np.zeros(3) if link.parent == SHELL else places[link.parent]
-        places.append(above + link.origin)
+        places[link.name] = place = places[link.parent] + link.pivot
         inertial = {
             "pose": numbers([*link.centre, 0.0, 0.0, 0.0]),
             "mass": repr(float(link.mass)),
             "inertia": _moments(link.inertia),
         }
         element = SubElement(ball, "link", name=link.name)
-        _fill(element, {"pose": numbers([*places[-1], 0.0, 0.0, 0.0]), "inertial": inertial})
-        if link.parent == SHELL:
+        _fill(element, {"pose": numbers([*place, 0.0, 0.0, 0.0]), "inertial": inertial})
+        if not link.parent:
             sphere = {"sphere": {"radius": repr(float(scene.ball.radius))}}
             collision = SubElement(element, "collision", name="sphere")
             _fill(collision, {"geometry": sphere, "surface": surface})
     for link in links:
-        if link.parent != SHELL:
+        if link.parent:
             joint = SubElement(ball, "joint", name=f"{link.name}_hinge", type=_joint(link.slides))
             axis = {"xyz": numbers(link.axis)}
-            _fill(joint, {"parent": links[link.parent].name, "child": link.name, "axis": axis})
+            _fill(joint, {"parent": link.parent, "child": link.name, "axis": axis})
     return _xml_text(root)
 
 

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
 from robotball import equations as eq
-from robotball.cores import Queue, in_threads
 from robotball.engines.ensembles import orbits as marching
 from robotball.engines.ensembles.crossings import cross
 from robotball.engines.ensembles.flatten import LANES
@@ -27,6 +26,7 @@ from robotball.engines.ensembles.steppers import BALL, LEVEL, RETURN, SECTION, S
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.motion import Motion
+from robotball.processes import Queue, in_threads
 from robotball.qualitative.cycles import Cycle, close
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene, along_momentum, section_state
@@ -188,9 +188,7 @@ class Crossings:
 
     def __getitem__(self, which: slice | Mask) -> "Crossings":
         """Return some of the crossings."""
-        return Crossings(
-            self.times[which], self.gamma[which], self.momenta[which], self.directions[which]
-        )
+        return Crossings(*(getattr(self, each.name)[which] for each in fields(self)))
 
     def only(self, direction: int) -> "Crossings":
         """Return the crossings of one direction; all of them for 0."""

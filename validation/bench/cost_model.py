@@ -8,7 +8,7 @@ took, over the cheapest of the configurations searched.
 
 import argparse
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +126,7 @@ def _best_seconds(record: Mapping[str, Any], target: float) -> float:
 
 _Record = Mapping[str, Any]
 _WIDTH = 130  # characters, which the table of cases needs
+_STYLE: dict[str, Any] = {"title_justify": "left", "padding": (0, 1), "show_edge": True}
 _ROUNDING = 1e-11  # errors below this multiple of it no longer show an order
 
 
@@ -250,9 +251,7 @@ def _factor(values: Array) -> float:
 def _coefficient_table(records: Sequence[_Record]) -> Table:
     """Return the table of the coefficients measured now beside those in use."""
     headings = ("coefficient", "in use", "measured", "scatter")
-    table = plain_table(
-        headings, title="the front", title_justify="left", padding=(0, 1), show_edge=True
-    )
+    table = plain_table(headings, title="the front", **_STYLE)
     for name, (value, scatter) in coefficients(records).items():
         table.add_row(name, f"{getattr(COST_MODEL, name):.3g}", f"{value:.3g}", f"{scatter:.2g}")
     return table
@@ -264,37 +263,24 @@ def _case_table(records: Sequence[_Record]) -> Table:
         "requested", "cases", "reached", "reported", "silent", "estimate\n< half", "DOP853",
         "CPU / best\nmedian", "90 %", "largest", "over 2", "last run\nmedian", "largest",
     )  # fmt: skip
-    table = plain_table(
-        headings,
-        left=(),
-        title="accuracies requested",
-        title_justify="left",
-        padding=(0, 1),
-        show_edge=True,
-    )
+    table = plain_table(headings, (), title="accuracies requested", **_STYLE)
     for target in (*_TARGETS, None):
         cases = _cases(records, target)
         whole = np.array([each["ratio"] for each in cases if np.isfinite(each["ratio"])])
         last = np.array([each["last_ratio"] for each in cases if np.isfinite(each["ratio"])])
         missed = [each for each in cases if not each["within"]]
-
-        def count(which: Callable[[_Record], bool], of: Sequence[_Record] = cases) -> str:
-            return str(sum(map(which, of)))
-
+        reported = sum(each["reported"] for each in missed)
+        counts = (
+            len(cases), len(cases) - len(missed), reported, len(missed) - reported,
+            *(sum(each[name] for each in cases) for name in ("dishonest", "adaptive")),
+        )  # fmt: skip
+        shares = (np.median(whole), np.percentile(whole, 90), whole.max())
         table.add_row(
             "all" if target is None else f"{target:g}",
-            str(len(cases)),
-            str(len(cases) - len(missed)),
-            count(lambda each: each["reported"], missed),
-            count(lambda each: not each["reported"], missed),
-            count(lambda each: each["dishonest"]),
-            count(lambda each: each["adaptive"]),
-            f"{np.median(whole):.2f}",
-            f"{np.percentile(whole, 90):.2f}",
-            f"{whole.max():.2f}",
+            *map(str, counts),
+            *(f"{share:.2f}" for share in shares),
             str(int((whole > 2).sum())),
-            f"{np.median(last):.2f}",
-            f"{last.max():.2f}",
+            *(f"{share:.2f}" for share in (np.median(last), last.max())),
         )
     return table
 

@@ -22,6 +22,7 @@ from robotball.files.replacing import replacing
 from robotball.film.render import Film, frames
 from validation.agreement import compare
 from validation.output import write_text
+from validation.studies.extremes import Outcome
 
 _DOCS = Path(__file__).parents[2] / "docs"
 _OUT = Path("out/gallery")
@@ -55,18 +56,6 @@ or a sampling error may leave something.
 |---|---|---|
 """
 _TABLE = r"\| scene \| preset \| step \|.*?(?=\n\n)"
-_OUTCOME_WORDS = {
-    "ACCURATE": "accurate, to 1e-4",
-    "DEGRADED": "degraded, to 0.1",
-    "WRONG": "silently wrong",
-    "SLIPPED": "slipped",
-    "LOST_CONTACT": "lost contact",
-    "OFF_RATE": "a drive lost its rate",
-    "DIVERGED": "diverged",
-    "REFUSED": "refused before the run",
-    "UNFINISHED": "stopped at a limit of steps",
-    "FAILED": "ended in an unforeseen error",
-}
 OUTCOMES = r"\| of [0-9]+ runs each \|.*?(?=\n\n)"
 
 
@@ -143,9 +132,10 @@ def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
         f"| of {runs} runs each | {' | '.join(outcomes)} |",
         "|---|" + "---:|" * len(outcomes),
     ]
-    for name, words in _OUTCOME_WORDS.items():
-        counts = [each.get(name, 0) for each in outcomes.values()]
+    for kind in Outcome:
+        counts = [each.get(kind.name, 0) for each in outcomes.values()]
         if any(counts):
+            words = kind.sentence.partition(":")[0]
             lines.append(f"| {words} | {' | '.join(map(str, counts))} |")
     return "\n".join(lines)
 

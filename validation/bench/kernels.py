@@ -26,7 +26,7 @@ from numba.core.codegen import get_host_cpu_features
 from scipy.integrate import solve_ivp
 
 from robotball import equations as eq
-from robotball.cores import at_most
+from robotball import load_scene
 from robotball.engines.ensembles.orbits import Starts, orbit, orbits
 from robotball.engines.ensembles.steppers import (
     BALL,
@@ -39,6 +39,7 @@ from robotball.engines.ensembles.steppers import (
     ball_of,
 )
 from robotball.equations import Parameters, Vector
+from robotball.processes import at_most
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
 
@@ -147,12 +148,8 @@ def compare(title: str, error: float, *contenders: _Contender) -> None:
         print(f"  at error {error:.0e} {other.at(error) / ours:.2f} times as fast as {other.name}")
 
 
-A, _OMEGA, K = np.array([0.8, 0.6, 0.7]), np.array([0.0, 0.0, 2.0]), np.array([2.0, 3.0, 0.0])
-_D = 0.9
-_I1, _I2, _I3 = (1 / A - _D).tolist()
-_FIG11B = Parameters(
-    "rubber", (_I1, _I2, _I3), _D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0)
-)  # Fig. 11b
+_FIG11B = load_scene("fig14").parameters
+_A, _OMEGA, _K = map(np.array, (_FIG11B.A, _FIG11B.Omega, _FIG11B.K))
 _FEATURES = "NUMBA_CPU_FEATURES"
 DURATION, _OUTPUTS, POINTS, _MANY, _LANES = 100.0, 1000, 25, 256, 8
 _OURS, _HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
@@ -195,9 +192,9 @@ def _numpy_rate(_: float, state: Array, momentum: Array) -> Array:
     q = state[:4] / np.linalg.norm(state[:4])
     alpha, beta, gamma = rotation_matrix(q)
     M = momentum[0] * alpha + momentum[1] * beta
-    weight = np.dot(A * gamma, gamma)
-    Z = np.dot(_OMEGA + A * K, gamma) / weight
-    omega = A * (np.cross(M, A * gamma) / weight - K + Z * gamma)
+    weight = np.dot(_A * gamma, gamma)
+    Z = np.dot(_OMEGA + _A * _K, gamma) / weight
+    omega = _A * (np.cross(M, _A * gamma) / weight - _K + Z * gamma)
     rate = 0.5 * (q[0] * omega + np.cross(q[1:], omega))
     shell = omega - _OMEGA
     path = np.dot(beta, shell), -np.dot(alpha, shell)
@@ -216,16 +213,8 @@ def _one_orbit(attitude: Array, momentum: Array) -> None:
 
     def scipys(tolerance: float) -> _Run:
         def run() -> Array:
-            solved = solve_ivp(
-                _numpy_rate,
-                (0.0, DURATION),
-                begin,
-                "DOP853",
-                times,
-                args=(momentum,),
-                rtol=tolerance,
-                atol=tolerance,
-            )
+            keep: dict[str, Any] = {"rtol": tolerance, "atol": tolerance, "args": (momentum,)}
+            solved = solve_ivp(_numpy_rate, (0.0, DURATION), begin, "DOP853", times, **keep)
             return solved.y[4:].T
 
         return run

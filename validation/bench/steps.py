@@ -1,13 +1,9 @@
 """Measure what a run costs over a bare loop of mj_step; a part of `make bench`."""
 
-import statistics
 import time
-from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
-from typing import TypeVar
 
-import mujoco
 from rich.console import Console
 from rich.table import Table
 
@@ -15,10 +11,10 @@ from robotball import PRESETS, Motion, Scene, integrate, load_scene
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.run import run
 from validation.output import plain_table
+from validation.studies.timing import Cost, measure_costs, one_step, simulated_second
 
 _SCENES = ("fig12", "classical_regular")
 _ROUNDS = 9
-Made = TypeVar("Made", bound=Motion)
 
 
 def _main() -> None:
@@ -41,56 +37,43 @@ def _table(scene: Scene) -> Table:
         for preset, settings in PRESETS.items()
         if not settings.adaptive  # mj_step is not what it does
     }
-    seconds = _measure(scene, models)
+    works: dict[str, Callable[[], float]] = {
+        "equations": partial(_simulated_second, partial(integrate, scene))
+    }
+    for preset, model in models.items():
+        works[f"{preset}: bare"] = partial(_bare_second, model)
+        works[f"{preset}: steps"] = simulated_second(model, scene.times)
+        works[f"{preset}: run"] = partial(_simulated_second, partial(run, model, scene.times))
+    costs = dict(zip(works, measure_costs(list(works.values()), _ROUNDS), strict=True))
     headings = ("preset", "µs a step", "steps", "run", "equations", "naive's loop")
     table = plain_table(
         headings, title=scene.name, title_justify="left", padding=(0, 1), show_edge=True
     )
     for preset, model in models.items():
-        bare = seconds[f"{preset}: bare"]
-        step = statistics.median(bare) / _step_count(model)
+        bare = costs[f"{preset}: bare"]
         others = [f"{preset}: steps", f"{preset}: run", "equations", "naive: bare"]
-        ratios = [_ratio(seconds[other], bare) for other in others]
+        ratios = [_words(costs[other].over(bare)) for other in others]
+        step = bare.seconds * model.compiled.opt.timestep
         table.add_row(preset, f"{step * 1e6:.1f}", *ratios)
     return table
 
 
-def _measure(scene: Scene, models: dict[str, Model]) -> dict[str, list[float]]:
-    """Return the seconds of every piece of work, a list over rounds; one more round warms up."""
-    seconds: dict[str, list[float]] = defaultdict(list)
-    for _ in range(1 + _ROUNDS):
-        seconds["equations"].append(_timed(lambda: integrate(scene))[0])
-        for preset, model in models.items():
-            seconds[f"{preset}: bare"].append(_bare_loop(model))
-            whole, motion = _timed(partial(run, model, scene.times))
-            seconds[f"{preset}: run"].append(whole)
-            seconds[f"{preset}: steps"].append(motion.report.seconds)
-    return {name: rounds[1:] for name, rounds in seconds.items()}
+def _bare_second(model: Model) -> float:
+    """Return the processor time [s] of a simulated second of mj_step alone, over the scene."""
+    timestep = model.compiled.opt.timestep
+    return one_step(model.compiled, round(model.scene.duration / timestep)) / timestep
 
 
-def _bare_loop(model: Model) -> float:
-    """Return the processor time [s] of the same steps with nothing read, monitored or kept."""
-    began = time.thread_time()
-    data = model.start_data()
-    for _ in range(_step_count(model)):
-        mujoco.mj_step(model.compiled, data)
-    return time.thread_time() - began
-
-
-def _step_count(model: Model) -> int:
-    return round(model.scene.duration / model.compiled.opt.timestep)
-
-
-def _timed(work: Callable[[], Made]) -> tuple[float, Made]:
+def _simulated_second(work: Callable[[], Motion]) -> float:
+    """Return the processor time [s] of a motion, all that is made of it, per simulated second."""
     began = time.thread_time()
     motion = work()
-    return time.thread_time() - began, motion
+    return (time.thread_time() - began) / float(motion.times[-1])
 
 
-def _ratio(ours: list[float], theirs: list[float]) -> str:
-    """Return the median, least and largest of the ratios round by round."""
-    ratios = [a / b for a, b in zip(ours, theirs, strict=True)]
-    return f"{statistics.median(ratios):.2f} ({min(ratios):.2f}-{max(ratios):.2f})"
+def _words(cost: Cost) -> str:
+    least, most = cost.spread
+    return f"{cost.ratio:.2f} ({least:.2f}-{most:.2f})"
 
 
 if __name__ == "__main__":

@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from robotball.cores import allowed, at_most, cores
+from robotball import load_scene
 from robotball.engines.ensembles.orbits import orbits
-from robotball.equations import Parameters
-from robotball.processes import Answer, pool
+from robotball.processes import Answer, allowed, at_most, cores, pool
 from robotball.qualitative.basins import basins
 from robotball.qualitative.long_run import exponents
 from robotball.qualitative.sections import section, section_starts
@@ -30,9 +29,7 @@ from validation.sweeps import sweep
 
 _ROUNDS = {"portraits": 3}
 _OTHER_ROUNDS = 9
-_D = 0.9
-I = (1 / 0.8 - _D, 1 / 0.6 - _D, 1 / 0.7 - _D)
-_FIG_11B = Parameters("rubber", I, _D, 1.0, (0.0, 0.0, 2.0), (2.0, 3.0, 0.0))
+_FIG_11B = load_scene("fig14").parameters
 _MANY, _SOME = 4096, 512
 _TIMES = np.array([0.0, 100.0])
 _CELLS = cells_of(PLANES["axial"], 10)

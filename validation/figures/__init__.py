@@ -13,13 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotball import ContactMotion, Motion, Scene, preset
-from robotball.engines.ensembles.orbits import orbit
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.film.looks import INK
-from robotball.rotations import Array, multiply
+from robotball.rotations import Array
 
 # The one place that knows which engine is drawn over the theory, and in which colour.
 ENGINE_NAME, ENGINE_COLOUR, THEORY = LABEL.name, LABEL.colour, EQUATIONS.colour
@@ -55,26 +54,14 @@ def sheet(
     text = axes.pop("text")
     text.axis("off")
     lines = ["Parameters", *caption, "", "Facts", *facts]
+    style: dict[str, Any] = {"transform": text.transAxes, "color": INK, "fontsize": 10, "va": "top"}
     for i, line in enumerate(lines):
-        text.text(
-            0.02,
-            1.0 - (0.1 + _LINE_HIGH * i) / sum(heights),
-            line,
-            transform=text.transAxes,
-            color=INK,
-            fontsize=10,
-            fontweight="bold" if line in ("Parameters", "Facts") else "normal",
-            va="top",
-        )
+        height = 1.0 - (0.1 + _LINE_HIGH * i) / sum(heights)
+        weight = "bold" if line in ("Parameters", "Facts") else "normal"
+        text.text(0.02, height, line, fontweight=weight, **style)
     for each in axes.values():
         each.grid(alpha=0.3)
     return figure, axes
-
-
-def theory_motion(scene: Scene, times: Array) -> tuple[Array, Array]:
-    """Return attitudes (n, 4) in principal axes and contact points (n, 2) by the equations."""
-    attitude = multiply(scene.start.attitude, scene.principal_quaternion)
-    return orbit(scene.parameters, attitude, scene.start.momentum, times)
 
 
 def engine_motion(scene: Scene, times: Array, settings: str = "balanced") -> ContactMotion:
@@ -82,11 +69,11 @@ def engine_motion(scene: Scene, times: Array, settings: str = "balanced") -> Con
     return run(build(scene, preset(settings)), times)
 
 
-def draw_paths(axes: Axes, theory: Array, engine: Motion, title: str = "contact point") -> None:
-    """Draw both contact points' paths over the plane, to one scale; theory (n, 2)."""
-    axes.plot(*theory.T, **THEORY_LINE, label="equations")
+def draw_paths(axes: Axes, theory: Motion, engine: Motion, title: str) -> None:
+    """Draw both contact points' paths over the plane, to one scale."""
+    axes.plot(*theory.contact_point.T, **THEORY_LINE, label="equations")
     axes.plot(*engine.contact_point.T, **ENGINE_LINE, label=ENGINE_NAME)
-    axes.plot(*theory[0], "o", color=INK, markersize=5, label="start")
+    axes.plot(*theory.contact_point[0], "o", color=INK, markersize=5, label="start")
     axes.set(xlabel="X [m]", ylabel="Y [m]", title=title)
     axes.set_aspect("equal", adjustable="datalim")
 

@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from robotball import Scene, load_scene, preset, sample_times
+from robotball import Motion, Scene, load_scene, preset, sample_times
 from robotball.engines.mujoco.model import build
 from robotball.film.looks import INK
-from robotball.qualitative.sections import Crossings, fixed_point, sampled_crossings, section
+from robotball.qualitative.sections import Crossings, crossings_of_motion, fixed_point, section
 from robotball.qualitative.tori import InvariantCurve, invariant_curve, shared_integral
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
@@ -28,7 +28,6 @@ from validation.figures import (
     View,
     engine_motion,
     sheet,
-    theory_motion,
 )
 from validation.figures.sphere import Globe
 from validation.paper.formulas import paper_scene
@@ -41,6 +40,7 @@ from validation.studies.contact_sections import (
     contact_cycle,
     distance_to_curve,
 )
+from validation.study import compiled_motion
 
 _F = 25.0
 _ROOT_F = float(np.sqrt(_F))
@@ -198,7 +198,7 @@ def figure_tori() -> Figure:
         for scene in map(paper_scene, ("rubber_chaplygin_ball", "chaplygin_ball_same_tori"))
     }
     runs = {
-        (rolling, l): crossings_of(started(scene, l))
+        (rolling, l): crossings_of(followed(started(scene, l)))
         for rolling, scene in balls.items()
         for l in LEVELS
     }
@@ -246,33 +246,26 @@ def started(scene: Scene, l: float) -> Scene:
     return replace(scene, start=along_momentum(gamma, M))
 
 
-def _level_states(scene: Scene, duration: float) -> tuple[Array, Array, Array, Array]:
-    """Return times (n,), γ, ℓ and ω (n, 3) of the ball by the equations."""
-    times = sample_times(duration, _INTERVAL)
-    axes, p = rotation_matrix(theory_motion(scene, times)[0]), scene.parameters
-    M = np.einsum("nji,j->ni", axes, scene.start.momentum)
-    omega = np.stack(p.angular_velocity(tuple(M.T), tuple(axes[:, 2].T)), axis=1)
-    return times, axes[:, 2], _of_model(scene, axes[:, 2], M), omega
+def followed(scene: Scene, duration: float | None = None) -> Motion:
+    """Return the ball's motion by the equations, over FOLLOWED where no duration [s] is given."""
+    return compiled_motion(scene, sample_times(duration or FOLLOWED, _INTERVAL))
 
 
-def _of_model(scene: Scene, gamma: Array, M: Array) -> Array:
-    """Return ℓ (n, 3) of γ and M (n, 3)."""
-    return np.cross(M, gamma) if scene.rolling == "rubber" else M
+def engine_followed(scene: Scene) -> Motion:
+    """Return the ball's motion by the engine, over FOLLOWED."""
+    return engine_motion(scene, sample_times(FOLLOWED), "fast")
 
 
-def crossings_of(scene: Scene) -> Crossings:
-    """Find where (ℓ×γ)₃ = 0, in one direction, by the equations."""
-    return sampled_crossings(*_level_states(scene, FOLLOWED)).only(1)
+def _levelled(motion: Motion) -> Motion:
+    """Return the motion with ℓ in the place of M, which is as constant in space."""
+    if motion.scene.rolling == "classical":
+        return motion
+    return replace(motion, momentum=np.cross(motion.momentum, [0.0, 0.0, 1.0]))
 
 
-def engine_crossings_of(scene: Scene) -> Crossings:
-    """Find where (ℓ×γ)₃ = 0, in one direction, by the engine."""
-    motion = engine_motion(scene, sample_times(FOLLOWED), "fast")
-    turned = rotation_matrix(motion.attitude) @ scene.principal_axes
-    M = np.einsum("nji,nj->ni", turned, motion.momentum)
-    level = _of_model(scene, turned[:, 2], M)
-    omega = motion.angular_velocity @ scene.principal_axes
-    return sampled_crossings(motion.times, turned[:, 2], level, omega).only(1)
+def crossings_of(motion: Motion) -> Crossings:
+    """Find where (ℓ×γ)₃ = 0 along a motion, in one direction."""
+    return crossings_of_motion(_levelled(motion), motion.scene).only(1)
 
 
 def points_of(found: Crossings) -> Array:
@@ -289,8 +282,10 @@ def kept(balls: dict[str, Scene]) -> float:
     """Measure by how much, relative, J changes along the motions of both balls."""
     changes = []
     for scene in balls.values():
-        _, gamma, level, _ = _level_states(started(scene, LEVELS[2]), SHOWN)
-        J = shared_integral(balls["rubber"].parameters, gamma, level)
+        motion = _levelled(followed(started(scene, LEVELS[2]), SHOWN))
+        axes = rotation_matrix(motion.attitude) @ scene.principal_axes
+        level = np.einsum("nji,nj->ni", axes, motion.momentum)
+        J = shared_integral(balls["rubber"].parameters, axes[:, 2], level)
         changes.append(float(np.ptp(J) / J.mean()))
     return max(changes)
 
@@ -300,8 +295,9 @@ def _draw_spheres(axes: Axes, balls: dict[str, Scene]) -> None:
     globe = Globe(axes, _VIEW, f"vertical γ, {SHOWN:g} s from the same (γ, ℓ)")
     for rolling, ball in balls.items():
         scene = started(ball, LEVELS[2])
-        times, gamma, _, _ = _level_states(scene, SHOWN)
-        ours = engine_motion(scene, times).gamma @ scene.principal_axes
+        theory = followed(scene, SHOWN)
+        engine = engine_motion(scene, theory.times)
+        gamma, ours = (each.gamma @ scene.principal_axes for each in (theory, engine))
         globe.line(gamma, **{**THEORY_LINE, "color": _COLOURS[rolling]}, zorder=4,
                    label=f"{rolling}, equations")  # fmt: skip
         label = ENGINE_NAME if rolling == "classical" else None
@@ -321,7 +317,7 @@ def _draw_sections(
         states = curves["classical", l].at(np.linspace(0.0, 1.0, 2000))
         axes.plot(np.arctan2(states[:, 3], states[:, 4]), states[:, 5], color=FAINT, linewidth=0.8)
         for rolling, ball in balls.items():
-            found, ours = runs[rolling, l], engine_crossings_of(started(ball, l))
+            found, ours = runs[rolling, l], crossings_of(engine_followed(started(ball, l)))
             first, size = l == LEVELS[0], 8.0 if rolling == "rubber" else 3.5
             axes.plot(found.l, found.L / _ROOT_F, ".", color=_COLOURS[rolling], markersize=size,
                       label=rolling if first else None, zorder=2)  # fmt: skip

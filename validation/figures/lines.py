@@ -22,11 +22,12 @@ from validation.figures import (
     draw_paths,
     engine_motion,
     sheet,
-    theory_motion,
 )
 from validation.figures.sphere import Globe, draw_gamma
 from validation.output import halo
 from validation.paper.formulas import paper_scene
+from validation.plots import note
+from validation.study import compiled_motion
 
 LEVELS = (2.0, 3.0)  # f: on either side of the limit for K = (4, 5, 0)
 LINE_K = (4.0, 5.0, 0.0)  # of Fig. 10
@@ -97,8 +98,7 @@ def figure9() -> Figure:
         axes.fill(*rim, color=FAINT, alpha=0.5, lw=0)
         axes.annotate("K² < f", (0, 0), ha="center", va="center", color=INK)
         axes.plot(*LINE_K[:2], "o", color=INK)
-        axes.annotate("Fig. 10", LINE_K[:2], xytext=(6, 6), textcoords="offset points",
-                      color=INK, path_effects=halo())  # fmt: skip
+        note(axes, "Fig. 10", LINE_K[:2], (6, 6), color=INK, path_effects=halo())
         axes.set(xlabel="K₁ [kg m²/s]", ylabel="K₂ [kg m²/s]")
         axes.set_title(f"f = {f:g} (kg m²/s)², a guess")
         axes.set_aspect("equal")
@@ -131,40 +131,37 @@ def figure10() -> Figure:
         caption, facts, [["sphere", "plane"], ["M", "speed"]], (5.0, 5.0), (4.8, 3.6),
     )  # fmt: skip
     times = sample_times(SHOWN, 0.02)
-    attitudes, path = theory_motion(scene, times)
-    frame, engine = rotation_matrix(attitudes), engine_motion(scene, times)
+    theory, engine = compiled_motion(scene, times), engine_motion(scene, times)
     globe = Globe(axes["sphere"], _VIEW, f"vertical γ on the Poisson sphere, {SHOWN:g} s")
-    draw_gamma(globe, frame[:, 2], engine.gamma @ scene.principal_axes)
+    draw_gamma(globe, theory, engine)
     for name, gamma in verticals.items():
         globe.marks(gamma[None], "X", color="white", markeredgecolor=INK, markersize=8, zorder=6)
         globe.name(gamma, name, fontsize=14,
                    xytext=(-28, -4) if name[0] == "σ" else (9, -4))  # fmt: skip
-    draw_paths(axes["plane"], path, engine, f"contact point, {SHOWN:g} s")
+    draw_paths(axes["plane"], theory, engine, f"contact point, {SHOWN:g} s")
     axes["plane"].legend(loc="upper left")
-    _draw_momentum(axes["M"], times, frame, scene.start.momentum, engine, scene)
+    _draw_momentum(axes["M"], theory, engine)
     for each, style in ((scene, "-"), (stable, (0, (3, 1.5)))):
         _draw_speed(axes["speed"], each, style)
     for level, name in ((-1.0, "σ: -a|Ω|"), (1.0, "δ: +a|Ω|")):
         axes["speed"].axhline(level, color=FAINT, linewidth=1, zorder=0)
-        axes["speed"].annotate(
-            name, (0.3 * LONG, level), xytext=(0, -6), textcoords="offset points",
-            color=INK, ha="center", va="top", path_effects=halo(),
-        )  # fmt: skip
+        note(axes["speed"], name, (0.3 * LONG, level), (0, -6), color=INK, ha="center", va="top",
+             path_effects=halo())  # fmt: skip
     axes["speed"].set(xlabel="time [s]", ylabel="dY/dt [m/s]", ylim=(-1.6, 1.9))
     axes["speed"].set_title("speed along Y: f = 3 solid, f = 2 dashed")
     return figure
 
 
-def _draw_momentum(
-    axes: Axes, times: Array, frame: Array, momentum: Array, engine: Motion, scene: Scene
-) -> None:
-    """Draw M₁, M₂, M₃ in principal axes over time, by both engines; frame (n, 3, 3)."""
-    turned = rotation_matrix(engine.attitude) @ scene.principal_axes
-    theory = np.einsum("nji,j->ni", frame, momentum)
-    ours = np.einsum("nji,nj->ni", turned, engine.momentum)
+def _draw_momentum(axes: Axes, theory: Motion, engine: Motion) -> None:
+    """Draw M₁, M₂, M₃ in principal axes over time, by both engines."""
+    exact, ours = (
+        np.einsum("nji,nj->ni", rotation_matrix(each.attitude), each.momentum)
+        @ each.scene.principal_axes
+        for each in (theory, engine)
+    )
     for i, dashes in enumerate(("-", "--", ":")):
-        axes.plot(times, theory[:, i], **{**THEORY_LINE, "linewidth": 3.5})
-        axes.plot(times, ours[:, i], linestyle=dashes, **{**ENGINE_LINE, "linewidth": 1.4},
+        axes.plot(theory.times, exact[:, i], **{**THEORY_LINE, "linewidth": 3.5})
+        axes.plot(engine.times, ours[:, i], linestyle=dashes, **{**ENGINE_LINE, "linewidth": 1.4},
                   label=f"M{'₁₂₃'[i]}")  # fmt: skip
     axes.set(xlabel="time [s]", ylabel="[kg m²/s]", title="momentum M(t) in the frame's axes")
     axes.legend(loc="upper right")
@@ -174,6 +171,7 @@ def _draw_speed(axes: Axes, scene: Scene, dashes: str | tuple[int, tuple[float, 
     """Draw dY/dt of the contact point over a long time, by both engines."""
     times = sample_times(LONG, 0.25)
     middle = (times[1:] + times[:-1]) / 2
-    theory, engine = theory_motion(scene, times)[1], engine_motion(scene, times).contact_point
-    for points, style in ((theory, THEORY_LINE), (engine, ENGINE_LINE)):
-        axes.plot(middle, np.diff(points[:, 1]) / np.diff(times), linestyle=dashes, **style)
+    theory, engine = compiled_motion(scene, times), engine_motion(scene, times)
+    for motion, style in ((theory, THEORY_LINE), (engine, ENGINE_LINE)):
+        speed = np.diff(motion.contact_point[:, 1]) / np.diff(times)
+        axes.plot(middle, speed, linestyle=dashes, **style)

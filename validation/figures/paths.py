@@ -1,12 +1,13 @@
 """Figs 12 to 14: motion on the attractors of Fig. 11, and how the engines part."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robotball import load_scene, sample_times
+from robotball import Motion, load_scene, sample_times
 from robotball.film.looks import INK
-from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from validation.figures import (
     ENGINE_COLOUR,
@@ -15,10 +16,10 @@ from validation.figures import (
     draw_paths,
     engine_motion,
     sheet,
-    theory_motion,
 )
 from validation.figures.attractor_sections import caption_of
 from validation.figures.sphere import Globe, draw_gamma
+from validation.study import compiled_motion
 
 _VIEW = View(azimuth=40.0, elevation=25.0)
 _DRIFT_FACTS = (
@@ -52,15 +53,9 @@ def _sphere_and_path(number: int, start: str, where: str, facts: tuple[str, ...]
         f"Fig. {number}: motion {where}",
         caption, facts, [["sphere", "apart"], ["plane", "plane"]], (5.2, 5.2), (4.8, 3.6),
     )  # fmt: skip
-    times = sample_times(duration)
-    attitudes, path = theory_motion(scene, times)
-    engine = engine_motion(scene, times)
+    theory = _draw_long_paths(axes, scene, duration)
     globe = Globe(axes["sphere"], _VIEW, f"vertical γ on the Poisson sphere, {duration:g} s")
-    gamma = engine.gamma @ scene.principal_axes
-    draw_gamma(globe, rotation_matrix(attitudes)[:, 2], gamma)
-    draw_paths(axes["plane"], path, engine, f"contact point, {duration:g} s")
-    _unlike_scales(axes["plane"])
-    _draw_distances(axes["apart"], scene, times, path)
+    draw_gamma(globe, theory, engine_motion(scene, theory.times))
     return figure
 
 
@@ -81,29 +76,26 @@ def figure14() -> Figure:
         "Fig. 14: the contact point on the strange attractor",
         caption, facts, [["plane"], ["apart"]], (10.4,), (4.6, 3.4),
     )  # fmt: skip
-    times = sample_times(duration)
-    _, path = theory_motion(scene, times)
-    draw_paths(axes["plane"], path, engine_motion(scene, times), f"contact point, {duration:g} s")
-    _unlike_scales(axes["plane"])
-    _draw_distances(axes["apart"], scene, times, path)
+    times = _draw_long_paths(axes, scene, duration).times
     axes["apart"].semilogy(times, 3e-8 * np.exp(exponent * times), ":", color=INK, linewidth=1.5)
     return figure
 
 
-def _unlike_scales(axes: Axes) -> None:
-    """Stretch the width of a long path, to be seen."""
+def _draw_long_paths(panels: Mapping[str, Axes], scene: Scene, duration: float) -> Motion:
+    """Draw both contact points, and by three presets the engine's distance from the equations'."""
+    axes, theory = panels["plane"], compiled_motion(scene, sample_times(duration))
+    engine = engine_motion(scene, theory.times)
+    draw_paths(axes, theory, engine, f"contact point, {duration:g} s (X and Y to unlike scales)")
+    # Stretched in width, as a long path is not seen otherwise.
     axes.set_aspect("auto")
     axes.margins(y=0.25)
-    axes.set_title(f"{axes.get_title()} (X and Y to unlike scales)")
     axes.legend(loc="upper center", ncols=3)
-
-
-def _draw_distances(axes: Axes, scene: Scene, times: Array, theory: Array) -> None:
-    """Draw the distance of the engine's contact points, by three presets, from theory (n, 2)."""
+    axes, times = panels["apart"], theory.times
     for style, name in (("-.", "fast"), ("--", "balanced"), ("-", "accurate")):
         points = engine_motion(scene, times, name).contact_point
-        distance = np.linalg.norm(points - theory, axis=1)
+        distance = np.linalg.norm(points - theory.contact_point, axis=1)
         axes.semilogy(times[1:], distance[1:], style, color=ENGINE_COLOUR, linewidth=1, label=name)
     title = f"contact points: {ENGINE_NAME} from the equations"
     axes.set(xlabel="time [s]", ylabel="distance [m]", title=title)
     axes.legend(loc="lower right", ncols=3, fontsize=9)
+    return theory

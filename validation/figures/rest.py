@@ -5,11 +5,10 @@ from dataclasses import replace
 
 from matplotlib.figure import Figure
 
-from robotball import ContactMotion, sample_times
+from robotball import ContactMotion, Motion, sample_times
 from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.equilibria import fixed_circle, fixed_points, name_of
 from robotball.qualitative.portraits import Separatrix, limit_cycles, separatrices
-from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene
 from validation.figures import (
     ENGINE_LINE,
@@ -19,7 +18,6 @@ from validation.figures import (
     draw_paths,
     engine_motion,
     sheet,
-    theory_motion,
 )
 from validation.figures.sphere import (
     FOLLOWED,
@@ -37,6 +35,7 @@ from validation.figures.sphere import (
 )
 from validation.paper.formulas import paper_scene
 from validation.studies.contact_sections import own_start
+from validation.study import compiled_motion
 
 _BALL_LINES = (
     "A = diag(.5, .4, .3) 1/(kg m²)",
@@ -90,10 +89,10 @@ def figure5() -> Figure:
     draw_circle(globe, circle)
     draw_points(globe, ball, points)
     for name, scene in scenes.items():
-        path, gamma, engine = both(scene)
-        draw_gamma(globe, gamma, engine.gamma)
-        globe.name(gamma[0], name, fontweight="bold", fontsize=13, xytext=(-14, -4))
-        draw_paths(axes[name], path, engine, f"({name}) contact point, {scene.duration:g} s")
+        theory, engine = _both(scene)
+        draw_gamma(globe, theory, engine)
+        globe.name(theory.gamma[0], name, fontweight="bold", fontsize=13, xytext=(-14, -4))
+        draw_paths(axes[name], theory, engine, f"({name}) contact point, {scene.duration:g} s")
     axes["b"].legend(loc="best")
     axes["sphere"].legend(loc="upper left", bbox_to_anchor=(-0.2, 1.02), frameon=False, fontsize=9)
     return figure
@@ -151,7 +150,7 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
         caption, [*found, *facts], [["sphere", "plane"], ["involute", "involute"]],
         (5.0, 5.0), (4.8, 4.0),
     )  # fmt: skip
-    path, gamma, engine = both(scene)
+    theory, engine = _both(scene)
     followed = [_on_cycle(scene, cycle).gamma for cycle in cycles]
     charts: tuple[Chart, ...] = (
         Globe(axes["sphere"], VIEW, "vertical γ on the Poisson sphere"),
@@ -163,9 +162,9 @@ def _portrait_figure(number: int, K3: str, start: Sequence[str], facts: Sequence
         draw_cycles(chart, ball, cycles)
         for each in followed:
             chart.line(each, **ENGINE_LINE, zorder=5)
-        draw_gamma(chart, gamma, engine.gamma)
+        draw_gamma(chart, theory, engine)
         draw_points(chart, ball, points)
-    draw_paths(axes["plane"], path, engine, f"contact point, {DURATION:g} s")
+    draw_paths(axes["plane"], theory, engine, f"contact point, {DURATION:g} s")
     axes["plane"].legend(loc="best")
     axes["involute"].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4, fontsize=9,
                             frameon=False)  # fmt: skip
@@ -192,8 +191,7 @@ def _on_cycle(scene: Scene, cycle: Cycle) -> ContactMotion:
     return engine_motion(replace(scene, start=start), times)
 
 
-def both(scene: Scene) -> tuple[Array, Array, ContactMotion]:
-    """Return the equations' contact points (n, 2) and γ (n, 3), and the engine's motion."""
+def _both(scene: Scene) -> tuple[Motion, ContactMotion]:
+    """Return the motion by the equations and the engine's."""
     times = sample_times(scene.duration, scene.duration / 3000)  # enough for a smooth line
-    attitudes, path = theory_motion(scene, times)
-    return path, rotation_matrix(attitudes)[:, 2], engine_motion(scene, times)
+    return compiled_motion(scene, times), engine_motion(scene, times)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from robotball import Motion
 from robotball.engines.ensembles.orbits import orbits
 from robotball.equations import Parameters
 from robotball.film.looks import INK
@@ -145,11 +146,12 @@ class Involute:
 Chart = Globe | Involute
 
 
-def draw_gamma(chart: Chart, theory: Array, engine: Array) -> None:
-    """Draw γ (n, 3) of both motions."""
-    chart.line(theory, **THEORY_LINE, zorder=4)
-    chart.line(engine, **ENGINE_LINE, zorder=5)
-    chart.marks(theory[:1], "o", color=INK, markersize=5, zorder=5)
+def draw_gamma(chart: Chart, theory: Motion, engine: Motion) -> None:
+    """Draw γ of both motions, in principal axes."""
+    gamma, ours = (each.gamma @ each.scene.principal_axes for each in (theory, engine))
+    chart.line(gamma, **THEORY_LINE, zorder=4)
+    chart.line(ours, **ENGINE_LINE, zorder=5)
+    chart.marks(gamma[:1], "o", color=INK, markersize=5, zorder=5)
 
 
 def _bare(axes: Axes, title: str) -> None:

@@ -63,16 +63,8 @@ def _draw_solid(axes: Axes, view: View, solids: Sequence[_Solid]) -> None:
     lit = np.abs(normals @ (_LIGHT / np.linalg.norm(_LIGHT)))
     colours = plain * (_SHADE + (1 - _SHADE) * lit)[:, None]
     order = np.argsort(view.depth(corners).mean(axis=1))
-    faces = view.places(corners)[order]
-    axes.add_collection(
-        PolyCollection(
-            list(faces),
-            facecolors=colours[order],
-            edgecolors=colours[order],
-            linewidths=0.4,
-            zorder=2,
-        )
-    )
+    faces, shade = list(view.places(corners)[order]), colours[order]
+    axes.add_collection(PolyCollection(faces, fc=shade, ec=shade, lw=0.4, zorder=2))
 
 
 _SCENE = "fig12"  # one rotor, and mass inside the shell only
@@ -269,13 +261,6 @@ def _draw_names(axes: Axes, centre: Array, anchors: Mapping[str, Array]) -> None
         x, y = middle + _NAMES_AT * out
         axes.text(x, y, name, ha=across, va=along, fontsize=12, color=INK)
     axes.plot(*middle, "o", color=INK, markersize=4, zorder=8)
-    axes.text(
-        middle[0] + 0.05,
-        middle[1] + 0.05,
-        "C",
-        fontsize=14,
-        color=INK,
-        zorder=8,
-        path_effects=halo(),
-    )
+    x, y = middle + 0.05
+    axes.text(x, y, "C", fontsize=14, color=INK, zorder=8, path_effects=halo())
     axes.set(xlim=(middle[0] - 2.1, middle[0] + 2.1), ylim=(middle[1] - 1.55, middle[1] + 1.55))

@@ -6,11 +6,14 @@ import numpy as np
 
 from robotball.rotations import Array, rotation_matrix
 from validation.paper import formulas as f
-from validation.paper.claim import Claim, Residual
+from validation.paper.claim import Claim, Errors, Residual, Section, largest_error
 from validation.paper.engine_ball import INNER, MOTION, RUBBER, largest, rate, seen
 from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import MASSES, Ball, Body, moments
 from validation.paper.section_3 import MOMENTUM
+
+SECTION = Section("Appendix A")
+claim = SECTION.claim
 
 _CENTRE = np.zeros(3)
 
@@ -24,6 +27,7 @@ def _shell_axes(angle: float) -> Array:
     return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
 
+@claim("(A.1)", "u + aΓ×w = 0, (w, Γ) = 0, where P = RΦ(t)", MOTION, "the sense of Φ")
 def _in_the_shells_axes(twist: float) -> Residual:
     """Compute u + aΓ×w and (w, Γ) of (A.1), with w by differences of the shell's attitude.
 
@@ -41,6 +45,13 @@ def _in_the_shells_axes(twist: float) -> Residual:
     return Residual(max(largest(slip), largest(spin)), bound=4e-6, unit="m/s, rad/s")
 
 
+@claim(
+    "E19, (A.2)",
+    "ω̂ = PŵPᵀ + ṖPᵀ, where ω̂α = α×ω",
+    "random rotations",
+    "the sign of Ṗ",
+    printed="ω̂ = PᵀŵP + PᵀṖ",
+)
 def _turned_angular_velocity(twist: float) -> Residual:
     """Compare ω̂α with dα/dt in the frame's axes, with ω̂ = PŵPᵀ + ṖPᵀ of random rates.
 
@@ -73,27 +84,28 @@ def _without(ball: Ball, *kept: str) -> Ball:
     return Ball(light(ball.shell, "shell"), light(ball.frame, "frame"), rotors, ball.a)
 
 
-def _shell_energy(twist: float) -> Residual:
+@claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", MASSES, "the sign of J_s")
+@largest_error(4e-15, "J")
+def _shell_energy(twist: float) -> Errors:
     """Compare Σ mu²/2 of the shell with m_sv²/2 + (ω, RI_sRᵀω)/2 - J_s(ω, Ω).
 
     Less their values at v = ω = 0.
     """
-    worst = 0.0
     for moment in moments(81):
         w, v, shell = moment.omega, moment.v, _without(moment.ball, "shell")
         T = shell.momenta(v, w)[2] - shell.momenta(_CENTRE, _CENTRE)[2]
         J_s, I_s = shell.shell.moment(shell.shell.axis), shell.inertia(_CENTRE)
         formula = shell.mass * v @ v / 2 + w @ I_s @ w / 2 - twist * J_s * w @ shell.Omega
-        worst = max(worst, abs(float(T - formula)))
-    return Residual(worst, bound=4e-15, unit="J")
+        yield T - formula
 
 
-def _frame_and_rotor_energy(twist: float) -> Residual:
+@claim("App. A", "T_f and T_i", MASSES, "the sign of φ̇")
+@largest_error(3e-14, "J")
+def _frame_and_rotor_energy(twist: float) -> Errors:
     """Compare Σ mu²/2 of frame and rotors with mv²/2 + (ω, I_fω)/2 + Σ (ω + φ̇n, j(ω + φ̇n))/2.
 
     The rotors' centres are the ball's, as the paper has them.
     """
-    worst = 0.0
     for moment in moments(82, centred=True):
         w, v, ball = moment.omega, moment.v, _without(moment.ball, "frame", "rotors")
         formula = ball.mass * v @ v / 2 + w @ _without(ball, "frame").inertia(_CENTRE) @ w / 2
@@ -101,10 +113,13 @@ def _frame_and_rotor_energy(twist: float) -> Residual:
             alone = _without(replace(ball, rotors=(rotor,)), "rotors").inertia(_CENTRE)
             turning = w + twist * rotor.rate * rotor.axis
             formula += turning @ alone @ turning / 2
-        worst = max(worst, abs(float(ball.momenta(v, w)[2] - formula)))
-    return Residual(worst, bound=3e-14, unit="J")
+        yield ball.momenta(v, w)[2] - formula
 
 
+SECTION.add(Claim("E20, App. A", "μ_i is the rotor's mass, not m_i", "a name: nothing to compute"))
+
+
+@claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors", MOTION, "one rotor")
 def _gyrostatic_momentum(twist: float) -> Residual:
     """Compare M of (3.1), where k is by (A.3) of three rotors, with that of MuJoCo's bodies.
 
@@ -127,6 +142,13 @@ def _gyrostatic_momentum(twist: float) -> Residual:
     return Residual(largest(ball.of(formula) - ball.momentum), bound=2e-7, unit=MOMENTUM)
 
 
+@claim(
+    "E21, (A.3)",
+    "I = RI_sRᵀ + I_f + Σ j + Steiner's terms",
+    MASSES,
+    "the sign of c²",
+    printed="I = RI_sRᵀ + I_f + Σ j",
+)
 def _steiner_terms(twist: float) -> Residual:
     """Compare Σ m(r²E - r⊗r) of all points with the sum over the bodies' own centres.
 
@@ -145,34 +167,3 @@ def _steiner_terms(twist: float) -> Residual:
         corrected = max(corrected, float(np.abs(whole - own - steiner).max()))
         printed = max(printed, float(np.abs(whole - own).max()))
     return Residual(corrected, bound=3e-15, printed=printed, unit="kg m²")
-
-
-CLAIMS = (
-    Claim(
-        "(A.1)",
-        "u + aΓ×w = 0, (w, Γ) = 0, where P = RΦ(t)",
-        _in_the_shells_axes,
-        MOTION,
-        "the sense of Φ",
-    ),
-    Claim(
-        "E19, (A.2)",
-        "ω̂ = PŵPᵀ + ṖPᵀ, where ω̂α = α×ω",
-        _turned_angular_velocity,
-        "random rotations",
-        "the sign of Ṗ",
-        printed="ω̂ = PᵀŵP + PᵀṖ",
-    ),
-    Claim("App. A", "T_s = m_sv²/2 + … - J_s(ω, Ω)", _shell_energy, MASSES, "the sign of J_s"),
-    Claim("App. A", "T_f and T_i", _frame_and_rotor_energy, MASSES, "the sign of φ̇"),
-    Claim("E20, App. A", "μ_i is the rotor's mass, not m_i", "a name: nothing to compute"),
-    Claim("(A.3)", "k = Σ jφ̇n - J_sΩ, of three rotors", _gyrostatic_momentum, MOTION, "one rotor"),
-    Claim(
-        "E21, (A.3)",
-        "I = RI_sRᵀ + I_f + Σ j + Steiner's terms",
-        _steiner_terms,
-        MASSES,
-        "the sign of c²",
-        printed="I = RI_sRᵀ + I_f + Σ j",
-    ),
-)

@@ -7,11 +7,14 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import wraps
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 
+import numpy as np
+from numpy.typing import ArrayLike
 from rich import box
 from rich.console import Console
 from rich.markup import escape
@@ -99,6 +102,28 @@ class AtLeast:
 
 Evidence = Residual | Value | AtLeast
 Check = Callable[[float], Evidence]
+_Function = TypeVar("_Function", bound=Callable[..., Evidence])
+
+
+Errors = Iterator[ArrayLike]
+"""The errors of a statement at one state after another."""
+
+
+def largest_error(
+    bound: float, unit: str = ""
+) -> Callable[[Callable[..., Errors]], Callable[..., Residual]]:
+    """Return a decorator of a check that yields errors: the largest of them is its residual."""
+
+    def decorated(errors: Callable[..., Errors]) -> Callable[..., Residual]:
+        @wraps(errors)
+        def check(*given: Any, **named: Any) -> Residual:
+            # By NumPy, to which what is not a number is the largest of all.
+            worst = np.max([np.abs(each).max() for each in errors(*given, **named)])
+            return Residual(float(worst), bound, unit=unit)
+
+        return check
+
+    return decorated
 
 
 @dataclass(frozen=True)
@@ -125,7 +150,35 @@ class Section:
     """A section of the paper, or the part that is not the paper's, with its claims in order."""
 
     title: str
-    claims: tuple[Claim, ...]
+    claims: list[Claim] = field(default_factory=list)
+
+    def claim(
+        self,
+        place: str,
+        statement: str,
+        means: str,
+        twist: str,
+        control: float = -1.0,
+        printed: str = "",
+        **given: Any,
+    ) -> Callable[[_Function], _Function]:
+        """Return a decorator that adds the claim which a function checks, with arguments given.
+
+        Of several decorators on one function Python applies the lowest first.
+        """
+
+        def add(check: _Function) -> _Function:
+            def computed(twist: float) -> Evidence:
+                return check(twist=twist, **given)
+
+            self.add(Claim(place, statement, computed, means, twist, control, printed))
+            return check
+
+        return add
+
+    def add(self, *claims: Claim) -> None:
+        """Add claims as they are, in this order."""
+        self.claims.extend(claims)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from scipy.integrate import solve_ivp
 
 from robotball import Scene, SceneWarning, load_scene
 from robotball.equations import Parameters
-from robotball.rotations import Array
+from robotball.qualitative.portraits import spread_points
+from robotball.rotations import Array, perpendicular
 
 Field = Callable[[Array], Array]
 E = np.eye(3)
@@ -197,14 +198,9 @@ def divergence(n: Numbers, M: Array, gamma: Array, classical: bool, power: float
 def followed(field: Field, start: Array, times: Array, rtol: float = 1e-12) -> Array:
     """Integrate an autonomous system by scipy; states (n, k) at the times (n,)."""
     # DOP853 has the highest order of scipy's explicit methods, which tight tolerances ask for.
+    span = (float(times[0]), float(times[-1]))
     found = solve_ivp(
-        lambda _, x: field(x),
-        (float(times[0]), float(times[-1])),
-        start,
-        "DOP853",
-        times,
-        rtol=rtol,
-        atol=rtol / 10,
+        lambda _, x: field(x), span, start, "DOP853", times, rtol=rtol, atol=rtol / 10
     )
     return np.asarray(found.y.T)
 
@@ -216,14 +212,9 @@ def returns(field: Field, start: Array, normal: Array, duration: float, rtol: fl
         return float((x - start) @ normal)
 
     ahead.direction = 1.0  # type: ignore[attr-defined]
+    span = (0.0, duration)
     found = solve_ivp(
-        lambda _, x: field(x),
-        (0.0, duration),
-        start,
-        "DOP853",
-        events=ahead,
-        rtol=rtol,
-        atol=rtol / 100,
+        lambda _, x: field(x), span, start, "DOP853", events=ahead, rtol=rtol, atol=rtol / 100
     )
     assert found.t_events is not None
     assert found.y_events is not None
@@ -244,7 +235,7 @@ def jacobian(field: Field, at: Array) -> Array:
 
 def across(gamma: Array) -> Array:
     """Return two unit vectors (2, 3) across γ and each other."""
-    first = unit(cross(gamma, E[np.argmin(np.abs(gamma))]))
+    first = perpendicular(gamma)
     return np.stack([first, cross(gamma, first)])
 
 
@@ -267,7 +258,7 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
     Where the zeros fill a curve, some of its points come along.
     """
     found: list[Array] = []
-    for gamma in sphere(starts):
+    for gamma in spread_points(starts):
         for _ in range(30):
             basis = across(gamma)
             linear = basis @ jacobian(field, gamma) @ basis.T
@@ -281,14 +272,6 @@ def zeros(field: Field, starts: int = 400) -> list[Array]:
         if at_rest and all(np.linalg.norm(gamma - other) > 1e-6 for other in found):
             found.append(gamma)
     return found
-
-
-def sphere(count: int) -> Array:
-    """Return points (count, 3) spread evenly over the unit sphere, along a spiral."""
-    i = np.arange(count) + 0.5
-    # π(3 - √5) is the golden angle: points of neighbouring turns never line up.
-    z, turn = 1 - 2 * i / count, np.pi * (3 - np.sqrt(5)) * i
-    return np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], 1)
 
 
 # Random states -----------------------------------------------------------------------------

@@ -116,18 +116,8 @@ class Ball:
         return Ball(body(self.shell), self.frame, tuple(map(body, self.rotors)), self.a)
 
 
-@dataclass(frozen=True)
-class Rolled:
-    """The accelerations, force and torque of a rolling point-mass ball: dω/dt, dv/dt, λ and λ₀."""
-
-    omega_rate: Array
-    v_rate: Array
-    force: Array
-    spin_torque: float
-
-
-def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> Rolled:
-    """Solve Newton and Euler's equations with d/dt of (2.1), and of (2.2) if `rubber`.
+def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> tuple[Array, float]:
+    """Return dω/dt and λ₀ of Newton and Euler's equations with (2.1), and (2.2) if `rubber`.
 
     The plane pushes with λ at -aγ and twists with λ₀ about γ; the weight is left out, which acts
     at the centre.
@@ -150,7 +140,7 @@ def rolled(ball: Ball, omega: Array, gamma: Array, rubber: bool) -> Rolled:
     at_zero = equations(np.zeros(10))
     columns = np.stack([equations(column) - at_zero for column in np.eye(10)], axis=1)
     x: Array = np.linalg.solve(columns, -at_zero).astype(float)
-    return Rolled(x[:3], x[3:6], x[6:9], float(x[9]))
+    return x[:3], float(x[9])
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ leaves 2e-8 in 10 s, and the differences by which rates of ω and of the contact
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from robotball.robot import Ball, Frame
 from robotball.rotations import Array, from_matrix, multiply
 from robotball.scene import Start
 from validation.paper import formulas as f
-from validation.paper.claim import Claim, Residual
+from validation.paper.claim import Claim, Errors, Residual, Section, largest_error
 from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
@@ -31,23 +30,30 @@ from validation.paper.engine_ball import (
     seen_of,
 )
 from validation.paper.formulas import Numbers, cross, paper_scene
-from validation.paper.point_masses import MASSES, Moment, Rolled, moments, rolled
+from validation.paper.point_masses import MASSES, Moment, moments, rolled
+
+SECTION = Section(
+    "2. Equations of motion",
+    [Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours")],
+)
+claim = SECTION.claim
 
 # The system ----------------------------------------------------------------------------------
 
 
-def _mass_distribution(twist: float) -> Residual:
+@claim("2", "the inertia does not change in the frame's axes", MASSES, "the axes: the shell's")
+@largest_error(3e-15, "kg m²")
+def _mass_distribution(twist: float) -> Errors:
     """Compute the inertia of the point masses as shell and rotors turn on, in the frame's axes."""
-    worst = 0.0
     for moment in moments(21):
         ball = moment.ball.turned(0.3)
         turn = ball.shell.rate * 0.3 if twist != 1 else 0.0
         carried = f.turned_about(ball.shell.axis, turn)
         change = carried.T @ ball.inertia(np.zeros(3)) @ carried
-        worst = max(worst, float(np.abs(change - moment.ball.inertia(np.zeros(3))).max()))
-    return Residual(worst, bound=3e-15, unit="kg m²")
+        yield change - moment.ball.inertia(np.zeros(3))
 
 
+@claim("Remark 1", "α, β and γ stay orthonormal", "scipy", "the sign of dβ/dt")
 def _orthonormal(twist: float) -> Residual:
     """Compare SSᵀ with E after 10 s of (2.6) and dγ/dt = γ×ω, integrated one by one, ω(t) any."""
     swing = np.array([3.0, -2.0, 1.0])
@@ -62,6 +68,7 @@ def _orthonormal(twist: float) -> Residual:
     return Residual(float(np.abs(S @ S.T - f.E).max()), bound=1e-11)
 
 
+@claim("2", "ω̂ = dS/dt Sᵀ", MOTION, "the sign of ω̂")
 def _quasi_velocities(twist: float) -> Residual:
     """Compare dS/dt Sᵀ, by differences of MuJoCo's attitude, with its ω."""
     ball = seen(RUBBER)
@@ -74,15 +81,16 @@ def _quasi_velocities(twist: float) -> Residual:
 # Constraints ---------------------------------------------------------------------------------
 
 
-def _no_slip(twist: float) -> Residual:
+@claim("(2.1)", "v + aγ×(ω - Ω) = 0", MOTION, "the sign of Ω")
+@largest_error(6e-6, "m/s")
+def _no_slip(twist: float) -> Errors:
     """Compute v + aγ×(ω - Ω) of (2.1)."""
-    worst = 0.0
     for ball in map(seen, EACH):
         rolled_on = ball.of(lambda n, w, gamma: n.a * cross(gamma, w - twist * n.Omega))[INNER]
-        worst = max(worst, largest(ball.centre_velocity + rolled_on))
-    return Residual(worst, bound=6e-6, unit="m/s")
+        yield largest(ball.centre_velocity + rolled_on)
 
 
+@claim("(2.2)", "rubber: (ω - Ω, γ) = 0", MOTION, "the sign of Ω")
 def _no_spin(twist: float) -> Residual:
     """Compute (ω - Ω, γ) of (2.2)."""
     off = [seen(name).of(lambda n, w, g: (w - twist * n.Omega) @ g) for name in (RUBBER, DRIVEN)]
@@ -92,27 +100,26 @@ def _no_spin(twist: float) -> Residual:
 # Energy ------------------------------------------------------------------------------------
 
 
-def _kinetic_energy(twist: float) -> Residual:
+@claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", MASSES, "the sign of k")
+@largest_error(3e-14, "J")
+def _kinetic_energy(twist: float) -> Errors:
     """Compare Σ mu²/2 with mv²/2 + (ω, Iω)/2 + (k, ω), less its value where v = ω = 0."""
-    worst = 0.0
     for moment in moments(22):
         ball, n, w, v = moment.ball, moment.ball.numbers, moment.omega, moment.v
         T = ball.momenta(v, w)[2] - ball.momenta(0 * v, 0 * w)[2]
         formula = ball.mass * v @ v / 2 + w @ n.I @ w / 2 + twist * n.k @ w
-        worst = max(worst, abs(float(T - formula)))
-    return Residual(worst, bound=3e-14, unit="J")
+        yield T - formula
 
 
-def _gyrostatic_momentum(twist: float) -> Residual:
+@claim("2", "k = Σ jφ̇n - J_sΩ", MASSES, "the sign of J_s")
+@largest_error(9e-15, "kg m²/s")
+def _gyrostatic_momentum(twist: float) -> Errors:
     """Compare Σ r×mu with Iω + k, where k = Σ jφ̇n - J_sΩ."""
-    worst = 0.0
     for moment in moments(23):
         ball, n = moment.ball, moment.ball.numbers
         turning = [r.moment(r.axis) * r.rate * r.axis for r in ball.rotors]
         k = sum(turning, np.zeros(3)) - twist * ball.shell.moment(ball.shell.axis) * n.Omega
-        off = ball.momenta(moment.v, moment.omega)[1] - (n.I @ moment.omega + k)
-        worst = max(worst, float(np.abs(off).max()))
-    return Residual(worst, bound=9e-15, unit="kg m²/s")
+        yield ball.momenta(moment.v, moment.omega)[1] - (n.I @ moment.omega + k)
 
 
 def _plane_force(ball: Seen) -> Array:
@@ -122,9 +129,10 @@ def _plane_force(ball: Seen) -> Array:
     return np.einsum("nij,ni->nj", ball.axes, in_space)
 
 
-def _poincare_suslov(twist: float) -> Residual:
+@claim("(2.3)", "both lines, with the contact's λ and λ₀", MOTION, "sign of ∂f/∂ω")
+@largest_error(2e-4, "N, N m")
+def _poincare_suslov(twist: float) -> Errors:
     """Compare both lines of (2.3), the rates of Iω + k and mv, with MuJoCo's λ at -aγ and λ₀."""
-    worst = 0.0
     for ball in map(seen, EACH):
         n, force = ball.numbers[0], _plane_force(ball)
         mass, a = n.d / n.a**2, n.a
@@ -133,10 +141,11 @@ def _poincare_suslov(twist: float) -> Residual:
         twisting = ball.motion.loads.spin_torque[:, None] * ball.gamma
         torque = -twist * a * np.cross(ball.gamma, force) + twisting
         spun = rate(turning) + (np.cross(ball.omega, turning) - torque)[INNER]
-        worst = max(worst, largest(push), largest(spun))
-    return Residual(worst, bound=2e-4, unit="N, N m")
+        yield largest(push)
+        yield largest(spun)
 
 
+@claim("Remark 3", "gravity has no part", MOTION, "the centre of mass")
 def _without_gravity(twist: float) -> Residual:
     """Compare MuJoCo's paths at 9.81 and 3.7 m/s²; twisted, with the centre of mass off."""
     scene = paper_scene(RUBBER)
@@ -149,9 +158,10 @@ def _without_gravity(twist: float) -> Residual:
     return Residual(largest(paths[0] - paths[1]), bound=1e-11, unit="m")
 
 
-def _reaction(twist: float) -> Residual:
+@claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", MOTION, "the sign of its last term")
+@largest_error(3e-5, "N")
+def _reaction(twist: float) -> Errors:
     """Compare λ after (2.3), with dω/dt by differences, with MuJoCo's contact force."""
-    worst = 0.0
     for ball in map(seen, EACH):
         omega_rate = rate(ball.omega)
         states = zip(
@@ -165,31 +175,31 @@ def _reaction(twist: float) -> Residual:
                 - ma * cross(gamma_rate, shell)
                 - twist * ma * cross(w, cross(gamma, shell))
             )
-        worst = max(worst, largest(np.array(found) - _plane_force(ball)[INNER]))
-    return Residual(worst, bound=3e-5, unit="N")
+        yield largest(np.array(found) - _plane_force(ball)[INNER])
 
 
-def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array, Rolled]]:
-    """Yield random point-mass balls, their numbers, ω with (2.2) if `rubber`, and how they roll."""
+def _by_masses(seed: int, rubber: bool) -> Iterator[tuple[Moment, Numbers, Array, Array, float]]:
+    """Yield random point-mass balls, their numbers, ω with (2.2) if `rubber`, dω/dt and λ₀."""
     for moment in moments(seed):
         n, omega = moment.ball.numbers, moment.omega
         if rubber:
             omega = f.level(omega, moment.gamma) + (n.Omega @ moment.gamma) * moment.gamma
-        yield moment, n, omega, rolled(moment.ball, omega, moment.gamma, rubber)
+        yield moment, n, omega, *rolled(moment.ball, omega, moment.gamma, rubber)
 
 
-def _full_equations(rubber: bool, twist: float) -> Residual:
+@claim("(2.4)", "rubber: dω/dt", MASSES, "the sign of W", rubber=True)
+@claim("(2.4)", "classical: dω/dt", MASSES, "the sign of W", rubber=False)
+@largest_error(2e-13, "rad/s²")
+def _full_equations(rubber: bool, twist: float) -> Errors:
     """Compare dω/dt of (2.4), with the λ₀ that Newton and Euler give, with theirs."""
-    worst = 0.0
-    for moment, n, omega, expected in _by_masses(24, rubber):
+    for moment, n, omega, omega_rate, spin_torque in _by_masses(24, rubber):
         torque = f.gyroscopic_torque(n, omega, moment.gamma)
-        torque = torque + expected.spin_torque * moment.gamma
+        torque = torque + spin_torque * moment.gamma
         torque = torque + twist * f.drive_torque(n, omega, moment.gamma)
-        off = np.linalg.solve(f.contact_inertia(n, moment.gamma), torque) - expected.omega_rate
-        worst = max(worst, float(np.abs(off).max()))
-    return Residual(worst, bound=2e-13, unit="rad/s²")
+        yield np.linalg.solve(f.contact_inertia(n, moment.gamma), torque) - omega_rate
 
 
+@claim("(2.4)", "dω/dt while Ω and k change", MOTION, "the sign of λ₀")
 def _driven_equations(twist: float) -> Residual:
     """Compare dω/dt of (2.4)-(2.5) with differences of MuJoCo's ω, while the rates swing."""
     ball = seen(DRIVEN)
@@ -200,23 +210,13 @@ def _driven_equations(twist: float) -> Residual:
     return Residual(largest(rate(ball.omega) - ball.of(formula)[INNER]), 3e-5, unit="rad/s²")
 
 
-def _multiplier(twist: float) -> Residual:
-    """Compare λ₀ of (2.5) with the spin torque of Newton and Euler's equations."""
-    worst = 0.0
-    for moment, n, omega, expected in _by_masses(25, rubber=True):
-        change = twist * n.Omega_rate
-        found = f.spin_torque(replace(n, Omega_rate=change), omega, moment.gamma)
-        worst = max(worst, abs(found - expected.spin_torque))
-    return Residual(worst, bound=4e-14, unit="N m")
-
-
-def _contact_torque(twist: float) -> Residual:
-    """Compare λ₀ of (2.5) with the torque that MuJoCo's contact feels, while the rates swing."""
-    ball = seen(DRIVEN)
-    off = twist * ball.of(f.spin_torque) - ball.motion.loads.spin_torque
-    return Residual(largest(off), bound=6e-8, unit="N m")
-
-
+@claim(
+    "E4, (2.4)",
+    "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point",
+    MASSES,
+    "the sign of γ²",
+    printed="ma²(γ² - γ⊗γ), where I is …",
+)
 def _contact_inertia(twist: float) -> Residual:
     """Compare Ĩ with Σ m(r²E - r⊗r) about the contact point.
 
@@ -233,14 +233,39 @@ def _contact_inertia(twist: float) -> Residual:
     return Residual(corrected, bound=1e-14, printed=printed, unit="kg m²")
 
 
+@claim("(2.5)", "λ₀, with Ω and k changing", MASSES, "the sign of Ω̇")
+@largest_error(4e-14, "N m")
+def _multiplier(twist: float) -> Errors:
+    """Compare λ₀ of (2.5) with the spin torque of Newton and Euler's equations."""
+    for moment, n, omega, _, spin_torque in _by_masses(25, rubber=True):
+        change = twist * n.Omega_rate
+        found = f.spin_torque(replace(n, Omega_rate=change), omega, moment.gamma)
+        yield found - spin_torque
+
+
+@claim("(2.5)", "λ₀ is the torque of the contact", MOTION, "the sign of λ₀")
+def _contact_torque(twist: float) -> Residual:
+    """Compare λ₀ of (2.5) with the torque that MuJoCo's contact feels, while the rates swing."""
+    ball = seen(DRIVEN)
+    off = twist * ball.of(f.spin_torque) - ball.motion.loads.spin_torque
+    return Residual(largest(off), bound=6e-8, unit="N m")
+
+
+@claim(
+    "E3, (2.5)",
+    "the rate of (2.2): … - (Ω̇, γ) = 0",
+    MASSES,
+    "the sign of (Ω̇, γ)",
+    printed="… + (Ω̇, γ) = 0",
+)
 def _constraint_rate(twist: float) -> Residual:
     """Compute (Ĩω̇, Ĩ⁻¹γ) - (Ω, γ×ω) - (Ω̇, γ) of rubber balls of point masses, and + (Ω̇, γ)."""
 
     def off(sign: float) -> float:
         worst = 0.0
-        for moment, n, omega, expected in _by_masses(27, rubber=True):
+        for moment, n, omega, omega_rate, _ in _by_masses(27, rubber=True):
             tilde, gamma = f.contact_inertia(n, moment.gamma), moment.gamma
-            first = tilde @ expected.omega_rate @ np.linalg.solve(tilde, gamma)
+            first = tilde @ omega_rate @ np.linalg.solve(tilde, gamma)
             rest = first - n.Omega @ cross(gamma, omega)
             worst = max(worst, abs(float(rest + sign * n.Omega_rate @ gamma)))
         return worst
@@ -248,33 +273,34 @@ def _constraint_rate(twist: float) -> Residual:
     return Residual(off(-twist), bound=4e-14, printed=off(+1.0), unit="rad/s²")
 
 
-def _reconstruction(twist: float) -> Residual:
+@claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω", MOTION, "the sign of both")
+@largest_error(3e-5, "rad/s")
+def _reconstruction(twist: float) -> Errors:
     """Compare the rates of α and β, by differences of MuJoCo's attitude, with (2.6)."""
-    worst = 0.0
     for ball in map(seen, EACH):
         for axis in (ball.axes[:, 0], ball.axes[:, 1]):
             turning = twist * np.cross(axis, ball.omega)[INNER]
-            worst = max(worst, largest(rate(axis) - turning))
-    return Residual(worst, bound=3e-5, unit="rad/s")
+            yield largest(rate(axis) - turning)
 
 
-def contact_point(twist: float) -> Residual:
+@claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)", MOTION, "the sign of Ẏ")
+@largest_error(6e-6, "m/s")
+def contact_point(twist: float) -> Errors:
     """Compare Ẋ and Ẏ, by differences of MuJoCo's path, with (2.7): a(β, ω-Ω) and -a(α, ω-Ω)."""
-    worst = 0.0
     for ball in map(seen, EACH):
         shell = ball.of(lambda n, w, _: n.a * (w - n.Omega))
         X = (ball.axes[:, 1] * shell).sum(axis=1)[INNER]
         Y = -twist * (ball.axes[:, 0] * shell).sum(axis=1)[INNER]
-        worst = max(worst, largest(ball.path_velocity[:, :2] - np.stack([X, Y], axis=1)))
-    return Residual(worst, bound=6e-6, unit="m/s")
+        yield largest(ball.path_velocity[:, :2] - np.stack([X, Y], axis=1))
 
 
-def _plane_symmetry(twist: float) -> Residual:
+@claim("Remark 4", "turned about OZ, ω and γ stay the same", MOTION, "OX for OZ")
+@largest_error(3e-10, "rad/s, m")
+def _plane_symmetry(twist: float) -> Errors:
     """Compare ω, γ and the path of MuJoCo's ball with those turned 0.7 rad about OZ.
 
     Twisted, about OX.
     """
-    worst = 0.0
     for name in (RUBBER, CLASSICAL):
         scene, ball = paper_scene(name), seen(name)
         turn = f.turned_about(f.E[2 if twist == 1 else 0], 0.7)
@@ -285,59 +311,6 @@ def _plane_symmetry(twist: float) -> Residual:
             continue  # its M has to stay horizontal
         other = seen_of(replace(scene, start=turned), 10.0)
         path = ball.motion.contact_point @ turn[:2, :2].T
-        worst = max(worst, largest(other.omega - ball.omega), largest(other.gamma - ball.gamma))
-        worst = max(worst, largest(other.motion.contact_point - path))
-    return Residual(worst, bound=3e-10, unit="rad/s, m")
-
-
-CLAIMS = (
-    Claim("Figs 3-4", "the structure and the axes", "drawings; `robotball figures 3 4` has ours"),
-    Claim(
-        "2",
-        "the inertia does not change in the frame's axes",
-        _mass_distribution,
-        MASSES,
-        "the axes: the shell's",
-    ),
-    Claim("Remark 1", "α, β and γ stay orthonormal", _orthonormal, "scipy", "the sign of dβ/dt"),
-    Claim("2", "ω̂ = dS/dt Sᵀ", _quasi_velocities, MOTION, "the sign of ω̂"),
-    Claim("(2.1)", "v + aγ×(ω - Ω) = 0", _no_slip, MOTION, "the sign of Ω"),
-    Claim("(2.2)", "rubber: (ω - Ω, γ) = 0", _no_spin, MOTION, "the sign of Ω"),
-    Claim("2", "T = mv²/2 + (ω, Iω)/2 + (k, ω)", _kinetic_energy, MASSES, "the sign of k"),
-    Claim("2", "k = Σ jφ̇n - J_sΩ", _gyrostatic_momentum, MASSES, "the sign of J_s"),
-    Claim(
-        "(2.3)",
-        "both lines, with the contact's λ and λ₀",
-        _poincare_suslov,
-        MOTION,
-        "sign of ∂f/∂ω",
-    ),
-    Claim("Remark 3", "gravity has no part", _without_gravity, MOTION, "the centre of mass"),
-    Claim("2", "λ = -maγ×(ω̇ - Ω̇) - …", _reaction, MOTION, "the sign of its last term"),
-    Claim("(2.4)", "classical: dω/dt", partial(_full_equations, False), MASSES, "the sign of W"),
-    Claim("(2.4)", "rubber: dω/dt", partial(_full_equations, True), MASSES, "the sign of W"),
-    Claim("(2.4)", "dω/dt while Ω and k change", _driven_equations, MOTION, "the sign of λ₀"),
-    Claim(
-        "E4, (2.4)",
-        "Ĩ = I + ma²(γ²E - γ⊗γ), about the contact point",
-        _contact_inertia,
-        MASSES,
-        "the sign of γ²",
-        printed="ma²(γ² - γ⊗γ), where I is …",
-    ),
-    Claim("(2.5)", "λ₀, with Ω and k changing", _multiplier, MASSES, "the sign of Ω̇"),
-    Claim("(2.5)", "λ₀ is the torque of the contact", _contact_torque, MOTION, "the sign of λ₀"),
-    Claim(
-        "E3, (2.5)",
-        "the rate of (2.2): … - (Ω̇, γ) = 0",
-        _constraint_rate,
-        MASSES,
-        "the sign of (Ω̇, γ)",
-        printed="… + (Ω̇, γ) = 0",
-    ),
-    Claim("(2.6)", "dα/dt = α×ω, dβ/dt = β×ω", _reconstruction, MOTION, "the sign of both"),
-    Claim("(2.7)", "Ẋ = a(β, ω - Ω), Ẏ = -a(α, ω - Ω)", contact_point, MOTION, "the sign of Ẏ"),
-    Claim(
-        "Remark 4", "turned about OZ, ω and γ stay the same", _plane_symmetry, MOTION, "OX for OZ"
-    ),
-)
+        yield largest(other.omega - ball.omega)
+        yield largest(other.gamma - ball.gamma)
+        yield largest(other.motion.contact_point - path)

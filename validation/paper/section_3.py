@@ -5,7 +5,7 @@ check here, which takes the model.
 """
 
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 from scipy.optimize import minimize
@@ -15,7 +15,7 @@ from robotball.engines.ensembles.orbits import kernel_start, orbit
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
 from validation.paper import formulas as f
-from validation.paper.claim import AtLeast, Claim, Residual
+from validation.paper.claim import AtLeast, Errors, Residual, Section, largest_error
 from validation.paper.engine_ball import (
     CLASSICAL,
     DRIVEN,
@@ -28,6 +28,10 @@ from validation.paper.engine_ball import (
     seen_of,
 )
 from validation.paper.formulas import Numbers, cross, paper_scene
+
+RUBBER_MODEL = Section("3.1. Rolling without slipping and spinning (rubber model)")
+CLASSICAL_MODEL = Section("3.2. Rolling without slipping (classical model)")
+RECONSTRUCTION = Section("3.3. Reconstruction")
 
 MOMENTUM = "kg m²/s"
 _ROUTH_SPHERE = "routh_sphere"
@@ -62,6 +66,22 @@ def _bound(classical: bool) -> float:
     return 4e-6 if classical else 2e-7
 
 
+@RUBBER_MODEL.claim(
+    "E1, (3.1)",
+    "M = γ×(Ĩω + K), K = k - ma²Ω, stays in space",
+    MOTION,
+    "the sign of K",
+    printed="M = γ×(Ĩω - K)",
+    classical=False,
+)
+@CLASSICAL_MODEL.claim(
+    "E2, 3.2",
+    "M = Ĩω + K + d(Ω,γ)γ stays in space",
+    MOTION,
+    "the sign of the last term",
+    printed="M = Ĩω + K - d(Ω,γ)γ",
+    classical=True,
+)
 def _kept_momentum(classical: bool, twist: float) -> Residual:
     """Measure how far M moves in space, by the corrected and by the printed sign."""
     ball = seen(CLASSICAL if classical else RUBBER)
@@ -72,6 +92,12 @@ def _kept_momentum(classical: bool, twist: float) -> Residual:
     return Residual(drift(twist), _bound(classical), drift(-1.0), MOMENTUM)
 
 
+@RUBBER_MODEL.claim(
+    "(3.1)", "M is the momentum of the bodies", MOTION, "the sign of d", classical=False
+)
+@CLASSICAL_MODEL.claim(
+    "3.2", "M is the momentum of the bodies", MOTION, "the sign of d", classical=True
+)
 def _momentum_of_the_bodies(classical: bool, twist: float) -> Residual:
     """Compare M, while Ω and K change, with the momentum and spin of MuJoCo's bodies."""
     ball = _driven(classical)
@@ -79,6 +105,12 @@ def _momentum_of_the_bodies(classical: bool, twist: float) -> Residual:
     return Residual(largest(formula - ball.momentum), _bound(classical), unit=MOMENTUM)
 
 
+@RUBBER_MODEL.claim(
+    "3.1", "M stays while Ω and K change in time", MOTION, "K as it began", classical=False
+)
+@CLASSICAL_MODEL.claim(
+    "3.2", "M stays while Ω and K change in time", MOTION, "K as it began", classical=True
+)
 def _under_changing_rates(classical: bool, twist: float) -> Residual:
     """Measure how far M moves in space while Ω and K change; twisted, with the K of the start."""
     ball = _driven(classical)
@@ -93,31 +125,40 @@ def _under_changing_rates(classical: bool, twist: float) -> Residual:
 # The reduced equations -----------------------------------------------------------------------
 
 
-def _rubber_inverse(twist: float) -> Residual:
+@RUBBER_MODEL.claim("(3.2)", "ω(M, γ) solves (3.1) and (2.2)", "linear equations", "the sign of Ω")
+@largest_error(1e-13, "rad/s")
+def _rubber_inverse(twist: float) -> Errors:
     """Compare ω of (3.2) with the solution of (3.1) and (2.2), linear in ω, for M and γ."""
-    worst = 0.0
     for state in f.states(31):
         n, gamma, M = state.n, state.gamma, state.momentum(classical=False)
         linear = np.vstack([f.hat(gamma).T @ f.contact_inertia(n, gamma), gamma])
         given = np.append(M - cross(gamma, n.K), n.Omega @ gamma)
         omega = np.linalg.lstsq(linear, given, rcond=None)[0]
         found = f.rubber_velocity(replace(n, Omega=twist * n.Omega), M, gamma)
-        worst = max(worst, float(np.abs(found - omega).max()))
-    return Residual(worst, bound=1e-13, unit="rad/s")
+        yield found - omega
 
 
-def _classical_inverse(twist: float) -> Residual:
+@CLASSICAL_MODEL.claim("(3.3)", "ω(M, γ) solves M = Ĩω + …", "linear equations", "the sign of Ω")
+@largest_error(3e-14, "rad/s")
+def _classical_inverse(twist: float) -> Errors:
     """Compare ω of (3.3) with the solution of M = Ĩω + K + d(Ω,γ)γ, linear in ω."""
-    worst = 0.0
     for state in f.states(34):
         n, gamma = state.n, state.gamma
         given = state.M - n.K - n.d * (n.Omega @ gamma) * gamma
         omega = np.linalg.solve(f.contact_inertia(n, gamma), given)
         found = f.classical_velocity(replace(n, Omega=twist * n.Omega), state.M, gamma)
-        worst = max(worst, float(np.abs(found - omega).max()))
-    return Residual(worst, bound=3e-14, unit="rad/s")
+        yield found - omega
 
 
+@RUBBER_MODEL.claim("(3.2)", "ω(M, γ) of the rubber ball", MOTION, "the sign of M", classical=False)
+@CLASSICAL_MODEL.claim(
+    "E5, 3.2",
+    "the reduced system is (3.3)",
+    MOTION,
+    "the sign of M",
+    printed='"the autonomous system of equations (3.2)"',
+    classical=True,
+)
 def _velocity(classical: bool, twist: float) -> Residual:
     """Compare ω(M, γ), with the M that the motion starts with, with MuJoCo's ω.
 
@@ -134,6 +175,12 @@ def _velocity(classical: bool, twist: float) -> Residual:
     return Residual(off(f.velocity_of(classical), twist), _bound(classical), printed, "rad/s")
 
 
+@RUBBER_MODEL.claim(
+    "3.1", "F₀, F₁ and F₂ stay", "(3.2) by scipy", "the sign of dM/dt", name="fig14"
+)
+@CLASSICAL_MODEL.claim(
+    "3.2", "F₀, F₁ ≠ 0 and F₂ stay", "(3.3) by scipy", "the sign of dM/dt", name=CLASSICAL
+)
 def _kept_integrals(name: str, twist: float) -> Residual:
     """Compute the changes of γ², (M, γ) and M² over 20 s of the reduced equations, relative."""
     scene = paper_scene(name)
@@ -148,6 +195,20 @@ def _kept_integrals(name: str, twist: float) -> Residual:
     return Residual(float(np.ptp(kept, axis=1).max()), bound=1e-10)
 
 
+@RUBBER_MODEL.claim(
+    "3.1",
+    "the level of F₀, F₁, F₂ has three dimensions",
+    "rank of the gradients",
+    "M = 0",
+    classical=False,
+)
+@CLASSICAL_MODEL.claim(
+    "3.2",
+    "the level of F₀, F₁, F₂ has three dimensions",
+    "rank of the gradients",
+    "M = 0",
+    classical=True,
+)
 def _three_dimensional(classical: bool, twist: float) -> Residual:
     """Count how often the gradients of F₀, F₁, F₂ at 100 states have not the rank 3.
 
@@ -175,6 +236,7 @@ def energies(ball: Seen, classical: bool, twist: float = 1.0) -> Array:
     return ball.of(energy)
 
 
+@RUBBER_MODEL.claim("Remark 5", "in general E is no integral", MOTION, "A, Ω, K on one axis")
 def _no_energy(twist: float) -> AtLeast:
     """Compute the change of E of Fig. 12's ball; twisted, of Routh's sphere."""
     ball = seen(RUBBER) if twist == 1 else _routh(classical=False)
@@ -196,22 +258,49 @@ def _as_rubber(scene: Scene) -> Scene:
     return replace(scene, rolling="rubber", start=along_momentum(axes @ gamma, axes @ M))
 
 
+@RUBBER_MODEL.claim(
+    "Remark 5",
+    "A, Ω, K on one axis: E stays; classical",
+    MOTION,
+    "the sign of (Ω, A⁻¹ω)",
+    classical=True,
+)
+@RUBBER_MODEL.claim(
+    "Remark 5",
+    "A, Ω, K on one axis: E stays; rubber",
+    MOTION,
+    "the sign of (Ω, A⁻¹ω)",
+    classical=False,
+)
 def _routh_energy(classical: bool, twist: float) -> Residual:
     """Compute the change of E of Routh's sphere."""
     E = energies(_routh(classical), classical, twist)
     return Residual(float(np.ptp(E)), bound=2e-6, unit="J")
 
 
-def _measure(classical: bool, twist: float) -> Residual:
+@RUBBER_MODEL.claim(
+    "Remark 5",
+    "and (1/d - (Aγ,γ))^(-1/2) dM dγ; classical",
+    "divergence of (3.3)",
+    "the exponent",
+    classical=True,
+)
+@RUBBER_MODEL.claim(
+    "Remark 5",
+    "and (Aγ,γ)^(-1/2) dM dγ is kept; rubber",
+    "divergence of (3.2)",
+    "the exponent",
+    classical=False,
+)
+@largest_error(5e-15, "1/s")
+def _measure(classical: bool, twist: float) -> Errors:
     """Compute the divergence of ρ times (3.2) or (3.3) for random Routh spheres.
 
     ρ is (Aγ,γ)^(-1/2), or (1/d - (Aγ,γ))^(-1/2) if classical.
     """
-    worst = 0.0
     for state in f.states(33):
         n, M = _symmetric(state.n), state.momentum(classical)
-        worst = max(worst, abs(f.divergence(n, M, state.gamma, classical, -0.5 * twist)))
-    return Residual(worst, bound=5e-15, unit="1/s")
+        yield f.divergence(n, M, state.gamma, classical, -0.5 * twist)
 
 
 def _symmetric(n: Numbers) -> Numbers:
@@ -220,6 +309,12 @@ def _symmetric(n: Numbers) -> Numbers:
     return replace(f.still(n), I=I, Omega=n.Omega * f.E[2], K=n.K * f.E[2])
 
 
+@RUBBER_MODEL.claim(
+    "3.1",
+    "in general no measure with continuous density",
+    "volume around a cycle",
+    "A, Ω, K on one axis",
+)
 def _no_measure(twist: float) -> AtLeast:
     """Measure how far the volume near a cycle of Fig. 11a is from coming back: |ln det| per period.
 
@@ -246,6 +341,7 @@ def _horizontal(ball: Seen, twist: float = 1.0) -> tuple[Array, Array, Array]:
     return M, M - twist * c[:, None] * gamma, np.sqrt((M * M).sum(axis=1) - c * c)
 
 
+@RECONSTRUCTION.claim("3.3", "α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²)", MOTION, "the sign of α")
 def _space_axes(twist: float) -> Residual:
     """Compare α = -(M - cγ)/√(f - c²) and β = M×γ/√(f - c²) with MuJoCo's, where OX is laid so."""
     ball = seen(CLASSICAL)
@@ -256,6 +352,12 @@ def _space_axes(twist: float) -> Residual:
     )
 
 
+@RECONSTRUCTION.claim(
+    "3.3", "Ẋ, Ẏ by M and γ; classical", MOTION, "the sign of Ẏ", name=CLASSICAL, bound=6e-6
+)
+@RECONSTRUCTION.claim(
+    "3.3", "Ẋ, Ẏ by M and γ; rubber", MOTION, "the sign of Ẏ", name=RUBBER, bound=1.5e-6
+)
 def _path(name: str, bound: float, twist: float) -> Residual:
     """Compare Ẋ = a(M×γ, ω - Ω)/√(f - c²) and Ẏ = a(M - cγ, ω - Ω)/√(f - c²) with MuJoCo's."""
     ball = seen(name)
@@ -267,6 +369,22 @@ def _path(name: str, bound: float, twist: float) -> Residual:
     return Residual(largest(np.stack([X, Y], axis=1)[INNER] - found), bound, unit="m/s")
 
 
+@RECONSTRUCTION.claim(
+    "3.3",
+    "the shell's speed is bounded by f; classical",
+    "maximum over the level",
+    "the size of M",
+    control=4.0,
+    name="classical_regular",
+)
+@RECONSTRUCTION.claim(
+    "3.3",
+    "the shell's speed is bounded by f; rubber",
+    "maximum over the level",
+    "the size of M",
+    control=4.0,
+    name="fig14",
+)
 def _bounded(name: str, twist: float) -> Residual:
     """Compute |ω - Ω| over 2000 s, relative to its maximum over all γ, M with the same f.
 
@@ -290,166 +408,3 @@ def _bounded(name: str, twist: float) -> Residual:
     axes = rotation_matrix(attitudes)
     reached = max(float(np.linalg.norm(velocity(n, momentum[0] @ S, S[2]) - n.Omega)) for S in axes)
     return Residual(reached / most, bound=1.0)
-
-
-CLAIMS_3_1 = (
-    Claim(
-        "E1, (3.1)",
-        "M = γ×(Ĩω + K), K = k - ma²Ω, stays in space",
-        partial(_kept_momentum, False),
-        MOTION,
-        "the sign of K",
-        printed="M = γ×(Ĩω - K)",
-    ),
-    Claim(
-        "(3.1)",
-        "M is the momentum of the bodies",
-        partial(_momentum_of_the_bodies, False),
-        MOTION,
-        "the sign of d",
-    ),
-    Claim(
-        "3.1",
-        "M stays while Ω and K change in time",
-        partial(_under_changing_rates, False),
-        MOTION,
-        "K as it began",
-    ),
-    Claim(
-        "(3.2)",
-        "ω(M, γ) solves (3.1) and (2.2)",
-        _rubber_inverse,
-        "linear equations",
-        "the sign of Ω",
-    ),
-    Claim(
-        "(3.2)", "ω(M, γ) of the rubber ball", partial(_velocity, False), MOTION, "the sign of M"
-    ),
-    Claim(
-        "3.1",
-        "F₀, F₁ and F₂ stay",
-        partial(_kept_integrals, "fig14"),
-        "(3.2) by scipy",
-        "the sign of dM/dt",
-    ),
-    Claim(
-        "3.1",
-        "the level of F₀, F₁, F₂ has three dimensions",
-        partial(_three_dimensional, False),
-        "rank of the gradients",
-        "M = 0",
-    ),
-    Claim("Remark 5", "in general E is no integral", _no_energy, MOTION, "A, Ω, K on one axis"),
-    *(
-        Claim(
-            "Remark 5",
-            f"A, Ω, K on one axis: E stays; {rolling}",
-            partial(_routh_energy, rolling == "classical"),
-            MOTION,
-            "the sign of (Ω, A⁻¹ω)",
-        )
-        for rolling in ("rubber", "classical")
-    ),
-    Claim(
-        "Remark 5",
-        "and (Aγ,γ)^(-1/2) dM dγ is kept; rubber",
-        partial(_measure, False),
-        "divergence of (3.2)",
-        "the exponent",
-    ),
-    Claim(
-        "Remark 5",
-        "and (1/d - (Aγ,γ))^(-1/2) dM dγ; classical",
-        partial(_measure, True),
-        "divergence of (3.3)",
-        "the exponent",
-    ),
-    Claim(
-        "3.1",
-        "in general no measure with continuous density",
-        _no_measure,
-        "volume around a cycle",
-        "A, Ω, K on one axis",
-    ),
-)
-
-CLAIMS_3_2 = (
-    Claim(
-        "E2, 3.2",
-        "M = Ĩω + K + d(Ω,γ)γ stays in space",
-        partial(_kept_momentum, True),
-        MOTION,
-        "the sign of the last term",
-        printed="M = Ĩω + K - d(Ω,γ)γ",
-    ),
-    Claim(
-        "3.2",
-        "M is the momentum of the bodies",
-        partial(_momentum_of_the_bodies, True),
-        MOTION,
-        "the sign of d",
-    ),
-    Claim(
-        "3.2",
-        "M stays while Ω and K change in time",
-        partial(_under_changing_rates, True),
-        MOTION,
-        "K as it began",
-    ),
-    Claim(
-        "(3.3)",
-        "ω(M, γ) solves M = Ĩω + …",
-        _classical_inverse,
-        "linear equations",
-        "the sign of Ω",
-    ),
-    Claim(
-        "E5, 3.2",
-        "the reduced system is (3.3)",
-        partial(_velocity, True),
-        MOTION,
-        "the sign of M",
-        printed='"the autonomous system of equations (3.2)"',
-    ),
-    Claim(
-        "3.2",
-        "F₀, F₁ ≠ 0 and F₂ stay",
-        partial(_kept_integrals, CLASSICAL),
-        "(3.3) by scipy",
-        "the sign of dM/dt",
-    ),
-    Claim(
-        "3.2",
-        "the level of F₀, F₁, F₂ has three dimensions",
-        partial(_three_dimensional, True),
-        "rank of the gradients",
-        "M = 0",
-    ),
-)
-
-CLAIMS_3_3 = (
-    Claim(
-        "3.3", "α = -(M - cγ)/√(f - c²), β = M×γ/√(f - c²)", _space_axes, MOTION, "the sign of α"
-    ),
-    Claim(
-        "3.3", "Ẋ, Ẏ by M and γ; rubber", partial(_path, RUBBER, 1.5e-6), MOTION, "the sign of Ẏ"
-    ),
-    Claim(
-        "3.3",
-        "Ẋ, Ẏ by M and γ; classical",
-        partial(_path, CLASSICAL, 6e-6),
-        MOTION,
-        "the sign of Ẏ",
-    ),
-    *(
-        Claim(
-            "3.3",
-            f"the shell's speed is bounded by f; {rolling}",
-            partial(_bounded, name),
-            "maximum over the level",
-            "the size of M",
-            control=4.0,
-        )
-        for rolling, name in (("rubber", "fig14"), ("classical", "classical_regular"))
-    ),
-)

@@ -17,15 +17,19 @@ from robotball.rotations import Array, from_matrix
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, captioned_motion, off_orthonormal, orthonormal
-from validation.paper.claim import Claim, Residual
+from validation.paper.claim import Claim, Errors, Residual, Section, largest_error
 from validation.paper.engine_ball import INNER, MOTION, Seen, largest, long, rate, seen, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene
 from validation.paper.point_masses import MASSES, moments
 from validation.paper.section_3 import MOMENTUM
 
+SECTION = Section("4. Motion from rest")
+SECTION_4_1 = Section("4.1. K = 0")
+
 _SPIN_UP = "spin_up_from_rest"
 
 
+@SECTION.claim("4", "from rest M stays 0 as Ω and K grow", MOTION, "γ× of (3.1)")
 def _stays_at_rest(twist: float) -> Residual:
     """Compute |M| of MuJoCo's bodies, while Ω and K ramp up from 0; twisted, the classical M."""
     ball = seen(_SPIN_UP)
@@ -35,6 +39,7 @@ def _stays_at_rest(twist: float) -> Residual:
     return Residual(largest(M), bound=2e-7, unit=MOMENTUM)
 
 
+@SECTION.claim("(4.1)", "dγ/dt = γ×A(Zγ - K)", MOTION, "the sign of K")
 def _field_on_the_sphere(twist: float) -> Residual:
     """Compare dγ/dt, by differences of MuJoCo's γ, with (4.1)."""
     ball = seen("fig06")
@@ -42,6 +47,7 @@ def _field_on_the_sphere(twist: float) -> Residual:
     return Residual(largest(rate(ball.gamma) - found[INNER]), bound=2e-7, unit="1/s")
 
 
+@SECTION.claim("(4.2)", "dα/dt, dβ/dt, Ẋ and Ẏ", MOTION, "the sign of K")
 def _path_from_rest(twist: float) -> Residual:
     """Compare dα/dt, dβ/dt, Ẋ, Ẏ of (4.2), ω = A(Zγ - K), with differences of MuJoCo's motion."""
     ball = seen("fig06")
@@ -60,6 +66,9 @@ def _path_from_rest(twist: float) -> Residual:
     return Residual(worst, bound=2e-7, unit="1/s, m/s")
 
 
+SECTION.add(Claim("4", "(4.1) has no chaos", "a theorem: two dimensions have none"))
+
+
 # Ω = 0 -------------------------------------------------------------------------------------
 
 
@@ -72,61 +81,44 @@ def _gyrostats(seed: int) -> list[tuple[Numbers, Array]]:
     ]
 
 
-def _integral_without_turning(twist: float) -> Residual:
+@SECTION.claim("4", "Ω = 0: (AK,γ)²/(Aγ,γ) stays", "(2.4)-(2.5) by scipy", "the power of (Aγ,γ)")
+@largest_error(5e-8)
+def _integral_without_turning(twist: float) -> Errors:
     """Compute the change of (AK,γ)²/(Aγ,γ) over 20 s by (2.4)-(2.5), which do not use (4.1)."""
-    worst = 0.0
     for n, gamma in _gyrostats(41):
         start = np.append(f.rubber_velocity(n, np.zeros(3), gamma), gamma)
         path = f.followed(
             f.unreduced(n, rubber=True), start, np.linspace(0.0, 20.0, 41), rtol=1e-10
         )[:, 3:]
         kept = (path @ n.A @ n.K) ** 2 / ((path @ n.A * path).sum(axis=1)) ** twist
-        worst = max(worst, float(np.ptp(kept)))
-    return Residual(worst, bound=5e-8)
+        yield np.ptp(kept)
 
 
-def closed(twist: float) -> Residual:
+@SECTION.claim("4", "Ω = 0: all trajectories are closed", "(4.1) by scipy", "Ω ≠ 0")
+@largest_error(2e-11)
+def closed(twist: float) -> Errors:
     """Measure how far from its start γ of (4.1) comes back in 60 s, Ω = 0; twisted, for Ω ≠ 0."""
-    worst = 0.0
     for (n, gamma), other in zip(_gyrostats(42), f.states(43), strict=False):
         n = n if twist == 1 else replace(n, Omega=other.n.Omega)
         field = f.from_rest(n)
         passed = f.returns(field, gamma, field(gamma), 60.0, rtol=1e-11)
-        back = np.linalg.norm(passed - gamma, axis=1).min() if len(passed) else 2.0
-        worst = max(worst, float(back))
-    return Residual(worst, bound=2e-11)
+        yield np.linalg.norm(passed - gamma, axis=1).min() if len(passed) else 2.0
 
 
-def _opposite_points(twist: float) -> Residual:
+@SECTION.claim("Remark 6", "γ → -γ is a symmetry", "(4.1) at random γ", "one index")
+@largest_error(1e-14, "1/s")
+def _opposite_points(twist: float) -> Errors:
     """Compare dγ/dt at -γ with minus that at γ; twisted, at γ with one part reversed."""
-    worst = 0.0
     for state in f.states(44):
         field, gamma = f.from_rest(state.n), state.gamma
         image = np.array([-1.0, -twist, -1.0])
-        worst = max(worst, float(np.abs(field(image * gamma) - image * field(gamma)).max()))
-    return Residual(worst, bound=1e-14, unit="1/s")
-
-
-CLAIMS_4 = (
-    Claim("4", "from rest M stays 0 as Ω and K grow", _stays_at_rest, MOTION, "γ× of (3.1)"),
-    Claim("(4.1)", "dγ/dt = γ×A(Zγ - K)", _field_on_the_sphere, MOTION, "the sign of K"),
-    Claim("(4.2)", "dα/dt, dβ/dt, Ẋ and Ẏ", _path_from_rest, MOTION, "the sign of K"),
-    Claim("4", "(4.1) has no chaos", "a theorem: two dimensions have none"),
-    Claim(
-        "4",
-        "Ω = 0: (AK,γ)²/(Aγ,γ) stays",
-        _integral_without_turning,
-        "(2.4)-(2.5) by scipy",
-        "the power of (Aγ,γ)",
-    ),
-    Claim("4", "Ω = 0: all trajectories are closed", closed, "(4.1) by scipy", "Ω ≠ 0"),
-    Claim("Remark 6", "γ → -γ is a symmetry", _opposite_points, "(4.1) at random γ", "one index"),
-)
+        yield field(image * gamma) - image * field(gamma)
 
 
 FIG5 = CAPTIONS["fig05b"].n
 
 
+@SECTION_4_1.claim("4.1", "(Aγ,γ) stays", MOTION, "the sign of a₃")
 def integral(twist: float) -> Residual:
     """Compute the change of (Aγ,γ) along MuJoCo's motions of Figs 5b and 5c."""
     balls = [seen(name) for name in ("fig05b", "fig05c")]
@@ -134,17 +126,18 @@ def integral(twist: float) -> Residual:
     return Residual(float(np.ptp(kept, axis=1).max()), bound=3e-8)
 
 
-def _needs_momentum(twist: float) -> Residual:
+@SECTION_4_1.claim("Remark 7", "without a rotor K = -(J_s + d)Ω, not 0", MASSES, "the sign of J_s")
+@largest_error(4e-15, "kg m²/s")
+def _needs_momentum(twist: float) -> Errors:
     """Compare K of point-mass balls without rotors, from Σ r×mu at ω = 0, with -(J_s + d)Ω."""
-    worst = 0.0
     for moment in moments(45, rotors=0):
         ball, n = moment.ball, moment.ball.numbers
         K = ball.momenta(np.zeros(3), np.zeros(3))[1] - n.d * n.Omega
         J_s = twist * ball.shell.moment(ball.shell.axis)
-        worst = max(worst, float(np.abs(K + (J_s + n.d) * n.Omega).max()))
-    return Residual(worst, bound=4e-15, unit="kg m²/s")
+        yield K + (J_s + n.d) * n.Omega
 
 
+@SECTION_4_1.claim("(4.3)", "in its time γ moves as Euler's top", MOTION, "dt, upside down")
 def _euler_case(twist: float) -> Residual:
     """Compare MuJoCo's γ of Fig. 5c with Euler's top in the time ∫(Ω,γ)/(Aγ,γ) dt.
 
@@ -179,6 +172,7 @@ def balls(seed: int, count: int = 200) -> list[Numbers]:
     return found
 
 
+@SECTION_4_1.claim("(4.4)", "six isolated fixed points, ±e₁, ±e₂, ±e₃", "search", "K ≠ 0")
 def _six_points(twist: float) -> Residual:
     """Count the zeros of (4.1) with (Ω,γ) ≠ 0 that are not (4.4), and those of (4.4) missing."""
     wrong = 0
@@ -191,6 +185,7 @@ def _six_points(twist: float) -> Residual:
     return Residual(wrong, bound=0, unit="of 30 off")
 
 
+@SECTION_4_1.claim("Prop. 1", "Γ₃,₄ unstable, Γ₁,₂ and Γ₅,₆ stable", "eigenvalues", "the indices")
 def _stability(twist: float) -> Residual:
     """Count how many of Γ₁…Γ₆ are not as Prop. 1 has it.
 
@@ -218,6 +213,7 @@ def _on_circle(index: int) -> Seen:
     return seen_of(replace(scene, start=Start(attitude, np.zeros(3))), 10.0)
 
 
+@SECTION_4_1.claim("Prop. 1", "α and β at Γ₅", MOTION, "the sign of Ω₃")
 def _axes_at_5(twist: float) -> Residual:
     """Compare α = (sin, cos, 0) and β = (-cos, sin, 0) of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
@@ -229,6 +225,7 @@ def _axes_at_5(twist: float) -> Residual:
     )
 
 
+@SECTION_4_1.claim("Prop. 1", "Ẋ and Ẏ at Γ₅", MOTION, "the sign of Ω₂")
 def _velocity_at_5(twist: float) -> Residual:
     """Compare Ẋ = aΩ₁cos - aΩ₂sin and Ẏ = aΩ₂cos + aΩ₁sin of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
@@ -239,6 +236,14 @@ def _velocity_at_5(twist: float) -> Residual:
     return Residual(largest(ball.path_velocity[:, :2] - np.stack([X, Y], axis=1)), 4e-5, unit="m/s")
 
 
+@SECTION_4_1.claim(
+    "Prop. 1",
+    "a circle of radius a√(Ω₁² + Ω₂²)/|Ω₃|",
+    MOTION,
+    "the sign of Ω₂²",
+    index=2,
+    bound=6e-6,
+)
 def circle(index: int, bound: float, twist: float) -> Residual:
     """Measure how far MuJoCo's contact point is from the circle of radius a√(Ωⱼ² + Ωₖ²)/|Ωᵢ| at Γ.
 
@@ -261,16 +266,17 @@ def _side(n: Numbers, gamma: Array) -> float:
     return float(n.A @ gamma @ cross(gamma, n.Omega))
 
 
-def _filled_circle(twist: float) -> Residual:
+@SECTION_4_1.claim("4.1", "Σ¹ is a circle of fixed points", "(4.1)", "K ≠ 0")
+@largest_error(1e-15, "1/s")
+def _filled_circle(twist: float) -> Errors:
     """Compute dγ/dt of (4.1) on (Ω,γ) = 0; twisted, with K."""
-    worst = 0.0
     for i, n in enumerate(balls(48)):
         at = f.sigma(n, float(i))
         n = n if twist == 1 else replace(n, K=f.E[2])
-        worst = max(worst, float(np.abs(f.from_rest(n)(at)).max()))
-    return Residual(worst, bound=1e-15, unit="1/s")
+        yield f.from_rest(n)(at)
 
 
+@SECTION_4_1.claim("4.1", "stable where (Aγ, γ×Ω) > 0, unstable < 0", "eigenvalues", "the sign")
 def _sides(twist: float) -> Residual:
     """Count the points of Σ¹ where the eigenvalue across has not the sign opposite to (Aγ, γ×Ω)."""
     wrong = 0
@@ -282,6 +288,7 @@ def _sides(twist: float) -> Residual:
     return Residual(wrong, bound=0, unit="of 200 wrong")
 
 
+@SECTION_4_1.claim("4.1", "on Σ¹ the frame rests, the path is straight", MOTION, "γ, by 0.01")
 def _straight(twist: float) -> Residual:
     """Measure how far MuJoCo's ball of Fig. 5 on Σ_s is from a straight path at a|Ω|.
 
@@ -301,6 +308,26 @@ def _straight(twist: float) -> Residual:
     return Residual(max(largest(off), largest(ball.omega)), bound=4e-10, unit="m, rad/s")
 
 
+@SECTION_4_1.claim("4.1", "ζ that misses Σ¹ is periodic", MOTION, "ζ that meets Σ¹")
+def _periodic(twist: float) -> Residual:
+    """Measure how far beside its start MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, comes back.
+
+    Twisted, of Fig. 5b.
+    """
+    ball = seen("fig05c" if twist == 1 else "fig05b", 60.0)
+    away = ball.gamma - ball.gamma[0]
+    distance = np.linalg.norm(away, axis=1)
+    later = int(np.argmax(distance > 0.1))
+    i = later + int(np.argmin(distance[later:]))
+    direction = (ball.gamma[1] - ball.gamma[0]) / distance[1]
+    # The samples on either side lie along the motion.
+    beside = away[i] - (away[i] @ direction) * direction
+    return Residual(float(np.linalg.norm(beside)), bound=4e-6)
+
+
+@SECTION_4_1.claim(
+    "E24, 4.1", "ζ that meets Σ¹ ends on Σ_s ∩ ζ", MOTION, "Σ_u for Σ_s", printed="tends to Σ_s ∪ ζ"
+)
 def ends(twist: float) -> Residual:
     """Compare the γ in which Fig. 5b's motion is after 60 s with Σ_s ∩ ζ.
 
@@ -323,80 +350,34 @@ def ends(twist: float) -> Residual:
     return Residual(float(near), bound=1e-6, printed=float(far))
 
 
-def _periodic(twist: float) -> Residual:
-    """Measure how far beside its start MuJoCo's γ of Fig. 5c, whose ζ misses Σ¹, comes back.
-
-    Twisted, of Fig. 5b.
-    """
-    ball = seen("fig05c" if twist == 1 else "fig05b", 60.0)
-    away = ball.gamma - ball.gamma[0]
-    distance = np.linalg.norm(away, axis=1)
-    later = int(np.argmax(distance > 0.1))
-    i = later + int(np.argmin(distance[later:]))
-    direction = (ball.gamma[1] - ball.gamma[0]) / distance[1]
-    # The samples on either side lie along the motion.
-    beside = away[i] - (away[i] @ direction) * direction
-    return Residual(float(np.linalg.norm(beside)), bound=4e-6)
-
-
-def _misprint(name: str, row: int, printed: tuple[float, ...], twist: float) -> Residual:
+@SECTION_4_1.claim(
+    "E18, Fig. 5c",
+    "γ₃(0) = √39/20: α, β, γ are orthonormal",
+    "arithmetic",
+    "the sign of γ₁",
+    printed="γ₃(0) = √33/20",
+    name="fig05c",
+    row=2,
+    vector=(19 / 20, 0, sqrt(33) / 20),
+)
+@SECTION_4_1.claim(
+    "E17, Fig. 5b",
+    "α₂(0) = -2√19/95: α, β, γ are orthonormal",
+    "arithmetic",
+    "the sign of γ₁",
+    printed="α₂(0) = 2√19/95",
+    name="fig05b",
+    row=0,
+    vector=(sqrt(8949) / 95, 2 * sqrt(19) / 95, 0),
+)
+def _misprint(name: str, row: int, vector: tuple[float, ...], twist: float) -> Residual:
     """Compute the largest entry of SSᵀ - E of a caption, corrected and printed."""
     axes = CAPTIONS[name].axes.copy()
-    axes[row] = printed
+    axes[row] = vector
     return Residual(orthonormal(name, twist).corrected, 1e-15, off_orthonormal(axes))
 
 
-CLAIMS_4_1 = (
-    Claim("4.1", "(Aγ,γ) stays", integral, MOTION, "the sign of a₃"),
-    Claim(
-        "Remark 7",
-        "without a rotor K = -(J_s + d)Ω, not 0",
-        _needs_momentum,
-        MASSES,
-        "the sign of J_s",
-    ),
-    Claim("(4.3)", "in its time γ moves as Euler's top", _euler_case, MOTION, "dt, upside down"),
-    Claim("(4.4)", "six isolated fixed points, ±e₁, ±e₂, ±e₃", _six_points, "search", "K ≠ 0"),
-    Claim(
-        "Prop. 1", "Γ₃,₄ unstable, Γ₁,₂ and Γ₅,₆ stable", _stability, "eigenvalues", "the indices"
-    ),
-    Claim("Prop. 1", "α and β at Γ₅", _axes_at_5, MOTION, "the sign of Ω₃"),
-    Claim("Prop. 1", "Ẋ and Ẏ at Γ₅", _velocity_at_5, MOTION, "the sign of Ω₂"),
-    Claim(
-        "Prop. 1",
-        "a circle of radius a√(Ω₁² + Ω₂²)/|Ω₃|",
-        partial(circle, 2, 6e-6),
-        MOTION,
-        "the sign of Ω₂²",
-    ),
-    Claim("4.1", "Σ¹ is a circle of fixed points", _filled_circle, "(4.1)", "K ≠ 0"),
-    Claim("4.1", "stable where (Aγ, γ×Ω) > 0, unstable < 0", _sides, "eigenvalues", "the sign"),
-    Claim("4.1", "on Σ¹ the frame rests, the path is straight", _straight, MOTION, "γ, by 0.01"),
-    Claim("4.1", "ζ that misses Σ¹ is periodic", _periodic, MOTION, "ζ that meets Σ¹"),
-    Claim(
-        "E24, 4.1",
-        "ζ that meets Σ¹ ends on Σ_s ∩ ζ",
-        ends,
-        MOTION,
-        "Σ_u for Σ_s",
-        printed="tends to Σ_s ∪ ζ",
-    ),
-    Claim(
-        "E17, Fig. 5b",
-        "α₂(0) = -2√19/95: α, β, γ are orthonormal",
-        partial(_misprint, "fig05b", 0, (sqrt(8949) / 95, 2 * sqrt(19) / 95, 0)),
-        "arithmetic",
-        "the sign of γ₁",
-        printed="α₂(0) = 2√19/95",
-    ),
-    Claim(
-        "E18, Fig. 5c",
-        "γ₃(0) = √39/20: α, β, γ are orthonormal",
-        partial(_misprint, "fig05c", 2, (19 / 20, 0, sqrt(33) / 20)),
-        "arithmetic",
-        "the sign of γ₁",
-        printed="γ₃(0) = √33/20",
-    ),
+SECTION_4_1.add(
     captioned_motion("fig05b", 1.5e-6),
     captioned_motion("fig05c", 4e-7),
     captioned_motion("fig05d", 1e-7),

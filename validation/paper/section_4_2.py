@@ -13,8 +13,20 @@ from robotball.qualitative.portraits import limit_cycles
 from robotball.rotations import Array
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS, captioned_motion, starting_axes
-from validation.paper.claim import AtLeast, Claim, Evidence, Residual, Value
+from validation.paper.claim import (
+    AtLeast,
+    Claim,
+    Errors,
+    Evidence,
+    Residual,
+    Section,
+    Value,
+    largest_error,
+)
 from validation.paper.formulas import Numbers, paper_scene
+
+SECTION = Section("4.2. K ≠ 0")
+claim = SECTION.claim
 
 _FIG6 = CAPTIONS["fig06"].n
 _DELTA, _THETA = 1, 0  # the index j of the γⱼ that is not zero, beside γ₃
@@ -38,6 +50,7 @@ def _A1_A2(n: Numbers) -> tuple[float, float]:
     return a1 * a3 * K3 + (a1 - a3) * Omega3, a2 * a3 * K3 + (a2 - a3) * Omega3
 
 
+@claim("(4.6)", "K = (0, 0, K₃): of (4.4) only Γ₅,₆ stay", "(4.1)", "K along e₁")
 def _preserved(twist: float) -> Residual:
     """Count the points of (4.4) that stay though γ₃ ≠ ±1, or do not stay though γ₃ = ±1.
 
@@ -55,85 +68,7 @@ def _preserved(twist: float) -> Residual:
 # Near Γ₅ and Γ₆ ------------------------------------------------------------------------------
 
 
-def _taylor(n: Numbers, top: float) -> Array:
-    """Return coefficients (2, 3, 3) of γ₁ⁱγ₂ʲ in dγ₁/dt and dγ₂/dt where γ₃ = top √(1 - γ₁² - γ₂²).
-
-    By Cauchy's integrals: the mean over circles of complex γ₁ and γ₂.
-    """
-    # Aliasing is of the order of radius^count, rounding of 1e-16/radius² at second order.
-    count, radius = 16, 0.05
-    circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
-    field = f.from_rest(n)
-    values = np.array(
-        [
-            [field(np.array([x, y, top * sqrt(1 - x * x - y * y)]))[:2] for y in circle]
-            for x in circle
-        ]
-    )
-    powers = radius ** np.add.outer(np.arange(3), np.arange(3))
-    return np.moveaxis(np.fft.fft2(values, axes=(0, 1))[:3, :3] / count**2, 2, 0).real / powers
-
-
-def _expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False) -> Array:
-    """Return Prop. 2's dγ₁/dt and dγ₂/dt to second order (2, 3, 3).
-
-    The quadratic signs turn with γ₃.
-    """
-    (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
-    A1, A2 = _A1_A2(n)
-    terms = np.zeros((2, 3, 3))
-    terms[0, 0, 1] = -A2 / a3
-    terms[0, 1, 1], terms[0, 0, 2] = -(a2 - a3) * Omega1 / a3, -(a2 - a3) * Omega2 / a3
-    if printed:
-        terms[1, 0, 1] = A1 / a3
-        terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * Omega1 / a3, (a1 - a3) * Omega2 / a3
-    else:
-        terms[1, 1, 0] = A1 / a3
-        terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * Omega2 / a3, (a1 - a3) * Omega1 / a3
-    terms[:, [1, 0, 2], [1, 2, 0]] *= top * twist
-    return terms
-
-
-_SECOND_ORDER = np.add.outer(np.arange(3), np.arange(3)) <= 2
-
-
-def _off_expansion(component: int, top: float, twist: float, printed: bool = False) -> float:
-    """Return the largest difference of a component's expansion from Taylor's, over 20 balls."""
-    return max(
-        float(
-            np.abs(
-                (_taylor(n, top) - _expansion(n, top, twist, printed))[component][_SECOND_ORDER]
-            ).max()
-        )
-        for n in balls()[:20]
-    )
-
-
-def _first_component(twist: float) -> Residual:
-    """Compare dγ₁/dt = -A₂γ₂/a₃ - (a₂-a₃)(Ω₁γ₁γ₂ + Ω₂γ₂²)/a₃ at Γ₅ with Taylor's."""
-    return Residual(_off_expansion(0, 1.0, twist), bound=2e-14, unit="1/s")
-
-
-def _second_component(twist: float) -> Residual:
-    """Compute dγ₂/dt = A₁γ₁/a₃ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²)/a₃ at Γ₅, and as printed."""
-    return Residual(
-        _off_expansion(1, 1.0, twist),
-        bound=2e-14,
-        printed=_off_expansion(1, 1.0, 1.0, printed=True),
-        unit="1/s",
-    )
-
-
-def _signs_at_6(twist: float) -> Residual:
-    """Compare both components at Γ₆, where the quadratic signs are the other ones, with Taylor's.
-
-    As printed, with Γ₅'s signs.
-    """
-    corrected = max(_off_expansion(i, -1.0, twist) for i in (0, 1))
-    printed = max(_off_expansion(i, -1.0, -1.0) for i in (0, 1))
-    return Residual(corrected, bound=2e-14, printed=printed, unit="1/s")
-
-
+@claim("Prop. 2", "A₁A₂ < 0: a saddle; > 0: a weak focus", "eigenvalues", "sign of A₁A₂")
 def kinds(twist: float) -> Residual:
     """Count the balls whose eigenvalues at Γ₅ are not as Prop. 2 says.
 
@@ -196,6 +131,13 @@ def wrong(criterion: Callable[[_Focus], float]) -> int:
     return sum((criterion(each) < 0) != (each.growth < 0) for each in _foci())
 
 
+@claim(
+    "E6, Prop. 2",
+    "the focus is stable iff B/A₁ < 0",
+    "a turn about Γ₅ by scipy",
+    "the sign of B/A₁",
+    printed="stable if B/A₁ > 0",
+)
 def _stable_foci(twist: float) -> Residual:
     """Count where B/A₁ < 0 mistakes a focus for stable or unstable, and B/A₁ > 0 as printed."""
     corrected = wrong(lambda each: twist * each.criterion())
@@ -203,6 +145,13 @@ def _stable_foci(twist: float) -> Residual:
     return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
 
 
+@claim(
+    "E7, Prop. 2",
+    "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)",
+    "a turn about Γ₅ by scipy",
+    "the sign in B",
+    printed="B = K₃Ω₁Ω₂(…)",
+)
 def _B_of_the_foci(twist: float) -> Residual:
     """Count the foci mistaken with B as corrected, and with the factor K₃ as printed."""
     corrected = wrong(lambda each: each.criterion(twist))
@@ -210,9 +159,104 @@ def _B_of_the_foci(twist: float) -> Residual:
     return Residual(corrected, 0, printed, unit=f"of {len(_foci())} wrong")
 
 
-def _scaled(twist: float) -> Residual:
+def _taylor(n: Numbers, top: float) -> Array:
+    """Return coefficients (2, 3, 3) of γ₁ⁱγ₂ʲ in dγ₁/dt and dγ₂/dt where γ₃ = top √(1 - γ₁² - γ₂²).
+
+    By Cauchy's integrals: the mean over circles of complex γ₁ and γ₂.
+    """
+    # Aliasing is of the order of radius^count, rounding of 1e-16/radius² at second order.
+    count, radius = 16, 0.05
+    circle = radius * np.exp(2j * np.pi * np.arange(count) / count)
+    field = f.from_rest(n)
+    values = np.array(
+        [
+            [field(np.array([x, y, top * sqrt(1 - x * x - y * y)]))[:2] for y in circle]
+            for x in circle
+        ]
+    )
+    powers = radius ** np.add.outer(np.arange(3), np.arange(3))
+    return np.moveaxis(np.fft.fft2(values, axes=(0, 1))[:3, :3] / count**2, 2, 0).real / powers
+
+
+def _expansion(n: Numbers, top: float, twist: float = 1.0, printed: bool = False) -> Array:
+    """Return Prop. 2's dγ₁/dt and dγ₂/dt to second order (2, 3, 3).
+
+    The quadratic signs turn with γ₃.
+    """
+    (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
+    A1, A2 = _A1_A2(n)
+    terms = np.zeros((2, 3, 3))
+    terms[0, 0, 1] = -A2 / a3
+    terms[0, 1, 1], terms[0, 0, 2] = -(a2 - a3) * Omega1 / a3, -(a2 - a3) * Omega2 / a3
+    if printed:
+        terms[1, 0, 1] = A1 / a3
+        terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * Omega1 / a3, (a1 - a3) * Omega2 / a3
+    else:
+        terms[1, 1, 0] = A1 / a3
+        terms[1, 1, 1], terms[1, 2, 0] = (a1 - a3) * Omega2 / a3, (a1 - a3) * Omega1 / a3
+    terms[:, [1, 0, 2], [1, 2, 0]] *= top * twist
+    return terms
+
+
+_SECOND_ORDER = np.add.outer(np.arange(3), np.arange(3)) <= 2
+
+
+def _off_expansion(component: int, top: float, twist: float, printed: bool = False) -> float:
+    """Return the largest difference of a component's expansion from Taylor's, over 20 balls."""
+    return max(
+        float(
+            np.abs(
+                (_taylor(n, top) - _expansion(n, top, twist, printed))[component][_SECOND_ORDER]
+            ).max()
+        )
+        for n in balls()[:20]
+    )
+
+
+@claim("Prop. 2", "dγ₁/dt = -A₂γ₂/a₃ - … at Γ₅", "Cauchy's integrals", "the quadratic signs")
+def _first_component(twist: float) -> Residual:
+    """Compare dγ₁/dt = -A₂γ₂/a₃ - (a₂-a₃)(Ω₁γ₁γ₂ + Ω₂γ₂²)/a₃ at Γ₅ with Taylor's."""
+    return Residual(_off_expansion(0, 1.0, twist), bound=2e-14, unit="1/s")
+
+
+@claim(
+    "E8, Prop. 2",
+    "dγ₂/dt = (A₁γ₁ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²))/a₃",
+    "Cauchy's integrals",
+    "the quadratic signs",
+    printed="A₁γ₂ + (a₁-a₃)(Ω₁γ₁γ₂ + Ω₂γ₁²)",
+)
+def _second_component(twist: float) -> Residual:
+    """Compute dγ₂/dt = A₁γ₁/a₃ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²)/a₃ at Γ₅, and as printed."""
+    return Residual(
+        _off_expansion(1, 1.0, twist),
+        bound=2e-14,
+        printed=_off_expansion(1, 1.0, 1.0, printed=True),
+        unit="1/s",
+    )
+
+
+@claim(
+    "E9, Prop. 2",
+    "at Γ₆ the quadratic signs are the other ones",
+    "Cauchy's integrals",
+    "the quadratic signs",
+    printed="Γ₅'s signs, for Γ₆",
+)
+def _signs_at_6(twist: float) -> Residual:
+    """Compare both components at Γ₆, where the quadratic signs are the other ones, with Taylor's.
+
+    As printed, with Γ₅'s signs.
+    """
+    corrected = max(_off_expansion(i, -1.0, twist) for i in (0, 1))
+    printed = max(_off_expansion(i, -1.0, -1.0) for i in (0, 1))
+    return Residual(corrected, bound=2e-14, printed=printed, unit="1/s")
+
+
+@claim("Prop. 2", "x' and y', scaled", "Cauchy's integrals", "the sign of x² in y'")
+@largest_error(2e-14)
+def _scaled(twist: float) -> Errors:
     """Compare x' and y' in γ₁ = √(A₁A₂)x/A₁, γ₂ = y, t = a₃τ/√(A₁A₂) with Taylor's at Γ₅."""
-    worst = 0.0
     for focus in _foci()[:20]:
         n = focus.n
         (a1, a2, a3), (Omega1, Omega2, _) = n.moments, n.Omega
@@ -226,10 +270,10 @@ def _scaled(twist: float) -> Residual:
         # x = γ₁A₁/root, so γ₁ⁱ brings (root/A₁)ⁱ.
         found = _taylor(n, 1.0) * (root / A1) ** np.arange(3)[:, None] * a3 / root
         found[0] *= A1 / root
-        worst = max(worst, float(np.abs(found - terms)[:, _SECOND_ORDER].max()))
-    return Residual(worst, bound=2e-14)
+        yield (found - terms)[:, _SECOND_ORDER]
 
 
+@claim("4.2", "K₃ ≠ 0: (Ω,γ) = 0 is no circle of fixed points", "(4.1)", "K₃ = 0")
 def _no_circle(twist: float) -> AtLeast:
     """Compute the fastest dγ/dt of (4.1) on (Ω,γ) = 0 for Fig. 6; twisted, without K₃."""
     n = _FIG6 if twist == 1 else CAPTIONS["fig05b"].n
@@ -280,6 +324,22 @@ def _speed(n: Numbers, j: int, phi: float) -> float:
     return float(np.linalg.norm(f.from_rest(n)(_point(j, phi))))
 
 
+@claim(
+    "E10, 4.2",
+    "Θ: φ by κ₂ and ν₂ = atan2(Ω₃, Ω₁)",
+    "(4.1)",
+    "the sign of K₃",
+    printed="ν₂ = arcsin(Ω₃²/√(Ω₁² + Ω₃²))",
+    j=_THETA,
+)
+@claim(
+    "E10, 4.2",
+    "Δ: φ by κ₁ and ν₁ = atan2(Ω₃, Ω₂)",
+    "(4.1)",
+    "the sign of K₃",
+    printed="ν₁ = arcsin(Ω₃²/√(Ω₂² + Ω₃²))",
+    j=_DELTA,
+)
 def _at_rest(j: int, twist: float) -> Residual:
     """Compute the largest dγ/dt at δ₁…δ₄, or θ₁…θ₄, of random balls, with ν as printed too."""
     corrected = printed = 0.0
@@ -293,6 +353,14 @@ def _at_rest(j: int, twist: float) -> Residual:
     return Residual(corrected, bound=3e-14, printed=printed, unit="1/s")
 
 
+@claim(
+    "E11, 4.2",
+    "θ₃: φ = -(arcsin κ₂ + ν₂)/2 + π/2",
+    "(4.1)",
+    "π/2, by a half",
+    control=0.5,
+    printed="φ = -(arcsin κ₂ + ν₂)/2 π",
+)
 def _theta_3(twist: float) -> Residual:
     """Compute the largest dγ/dt at θ₃, for -(arcsin κ₂ + ν₂)/2 + π/2, and times π as printed."""
     corrected = printed = 0.0
@@ -316,6 +384,13 @@ def _named(n: Numbers = _FIG6) -> dict[str, Array]:
     return found
 
 
+@claim(
+    "E12, 4.2",
+    "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1",
+    "search",
+    "the sign of K₃",
+    printed="0 < κ₂ < κ₁ < 1 and so on",
+)
 def _existence(twist: float) -> Residual:
     """Count the K₃ with another number of fixed points than 2 + 4[|κ₁| < 1] + 4[|κ₂| < 1].
 
@@ -350,6 +425,7 @@ _KINDS = {
 }
 
 
+@claim("Fig. 6", "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂", "search, eigenvalues", "δ, θ")
 def _types(twist: float) -> Residual:
     """Count the points of Fig. 6 that are of another type, or not found by a search."""
     points, found = _named(), f.zeros(f.from_rest(_FIG6))
@@ -362,6 +438,13 @@ def _types(twist: float) -> Residual:
     return Residual(off, bound=0, unit="of 10 off")
 
 
+@claim(
+    "Fig. 6",
+    "stable manifolds of δ₃,₄ and δ₁,₂: a closed contour",
+    "(4.1) by scipy",
+    "unstable for stable",
+    printed="unstable and stable manifolds",
+)
 def _contour(twist: float) -> Residual:
     """Count the branches of the saddles δ₃ and δ₄ that do not end at the nodes δ₁ and δ₂.
 
@@ -436,98 +519,7 @@ def four_fewer(K3: float, side: float, more: int, starts: int) -> Residual:
     return Residual(abs(counts[0] - more) + abs(counts[1] - more + 4), bound=0, unit="points off")
 
 
-CLAIMS = (
-    Claim("(4.6)", "K = (0, 0, K₃): of (4.4) only Γ₅,₆ stay", _preserved, "(4.1)", "K along e₁"),
-    Claim("Prop. 2", "A₁A₂ < 0: a saddle; > 0: a weak focus", kinds, "eigenvalues", "sign of A₁A₂"),
-    Claim(
-        "E6, Prop. 2",
-        "the focus is stable iff B/A₁ < 0",
-        _stable_foci,
-        "a turn about Γ₅ by scipy",
-        "the sign of B/A₁",
-        printed="stable if B/A₁ > 0",
-    ),
-    Claim(
-        "E7, Prop. 2",
-        "B = Ω₁Ω₂((a₂-a₃)²A₁² - (a₁-a₃)²A₂²)",
-        _B_of_the_foci,
-        "a turn about Γ₅ by scipy",
-        "the sign in B",
-        printed="B = K₃Ω₁Ω₂(…)",
-    ),
-    Claim(
-        "Prop. 2",
-        "dγ₁/dt = -A₂γ₂/a₃ - … at Γ₅",
-        _first_component,
-        "Cauchy's integrals",
-        "the quadratic signs",
-    ),
-    Claim(
-        "E8, Prop. 2",
-        "dγ₂/dt = (A₁γ₁ + (a₁-a₃)(Ω₂γ₁γ₂ + Ω₁γ₁²))/a₃",
-        _second_component,
-        "Cauchy's integrals",
-        "the quadratic signs",
-        printed="A₁γ₂ + (a₁-a₃)(Ω₁γ₁γ₂ + Ω₂γ₁²)",
-    ),
-    Claim(
-        "E9, Prop. 2",
-        "at Γ₆ the quadratic signs are the other ones",
-        _signs_at_6,
-        "Cauchy's integrals",
-        "the quadratic signs",
-        printed="Γ₅'s signs, for Γ₆",
-    ),
-    Claim("Prop. 2", "x' and y', scaled", _scaled, "Cauchy's integrals", "the sign of x² in y'"),
-    Claim("4.2", "K₃ ≠ 0: (Ω,γ) = 0 is no circle of fixed points", _no_circle, "(4.1)", "K₃ = 0"),
-    Claim(
-        "E10, 4.2",
-        "Δ: φ by κ₁ and ν₁ = atan2(Ω₃, Ω₂)",
-        partial(_at_rest, _DELTA),
-        "(4.1)",
-        "the sign of K₃",
-        printed="ν₁ = arcsin(Ω₃²/√(Ω₂² + Ω₃²))",
-    ),
-    Claim(
-        "E10, 4.2",
-        "Θ: φ by κ₂ and ν₂ = atan2(Ω₃, Ω₁)",
-        partial(_at_rest, _THETA),
-        "(4.1)",
-        "the sign of K₃",
-        printed="ν₂ = arcsin(Ω₃²/√(Ω₁² + Ω₃²))",
-    ),
-    Claim(
-        "E11, 4.2",
-        "θ₃: φ = -(arcsin κ₂ + ν₂)/2 + π/2",
-        _theta_3,
-        "(4.1)",
-        "π/2, by a half",
-        control=0.5,
-        printed="φ = -(arcsin κ₂ + ν₂)/2 π",
-    ),
-    Claim(
-        "E12, 4.2",
-        "Δ exist iff |κ₁| < 1, Θ iff |κ₂| < 1",
-        _existence,
-        "search",
-        "the sign of K₃",
-        printed="0 < κ₂ < κ₁ < 1 and so on",
-    ),
-    Claim(
-        "Fig. 6",
-        "saddles θ₁,₂ δ₃,₄; foci θ₃,₄ Γ₅,₆; nodes δ₁,₂",
-        _types,
-        "search, eigenvalues",
-        "δ, θ",
-    ),
-    Claim(
-        "Fig. 6",
-        "stable manifolds of δ₃,₄ and δ₁,₂: a closed contour",
-        _contour,
-        "(4.1) by scipy",
-        "unstable for stable",
-        printed="unstable and stable manifolds",
-    ),
+SECTION.add(
     starting_axes("fig06"),
     captioned_motion("fig06", 6e-6),
     Claim(

@@ -12,9 +12,12 @@ from robotball.rotations import Array, from_matrix
 from robotball.scene import Start
 from validation.paper import formulas as f
 from validation.paper.captions import captioned_motion, line_ball
-from validation.paper.claim import Claim, Residual, Value
+from validation.paper.claim import Claim, Errors, Residual, Section, Value, largest_error
 from validation.paper.engine_ball import MOTION, Seen, largest, long, seen_of
 from validation.paper.formulas import Numbers, cross, paper_scene, unit
+
+SECTION = Section("5.1. Straight-line motions")
+claim = SECTION.claim
 
 _BALL = "fig10"
 _Polynomial = Callable[[Numbers, Array], Array]
@@ -33,17 +36,21 @@ def _started(gamma: Array, M: Array, duration: float = 5.0) -> Seen:
     return seen_of(replace(scene, start=start), duration)
 
 
-def equilibria(twist: float) -> Residual:
+@claim("(5.1)", "M = γ₀×K, (Ω,γ₀) = 0: ω = 0, a straight line", MOTION, "the sign of M")
+@largest_error(5e-11, "rad/s, m")
+def equilibria(twist: float) -> Errors:
     """Compute |ω| of MuJoCo's ball from M = γ₀×K, (Ω,γ₀) = 0, and its distance from a line."""
-    worst = 0.0
     n = f.numbers(paper_scene(_BALL).parameters)
     for angle in (0.3, 2.0, 4.0):
         gamma = np.array([np.cos(angle), np.sin(angle), 0.0])
         ball = _started(gamma, twist * cross(gamma, n.K))
         alpha, beta, _ = ball.axes[0]
         line = ball.motion.times[:, None] * n.a * np.array([-beta @ n.Omega, alpha @ n.Omega])
-        worst = max(worst, largest(ball.omega), largest(ball.motion.contact_point - line))
-    return Residual(worst, bound=5e-11, unit="rad/s, m")
+        yield largest(ball.omega)
+        yield largest(ball.motion.contact_point - line)
+
+
+SECTION.add(Claim("Remark 8", "segways are stabilised like this", "of other machines"))
 
 
 def _random_lines(seed: int, count: int, kind: str = "any") -> list[tuple[Numbers, Array]]:
@@ -95,16 +102,19 @@ def _worst_polynomial(kind: str, seed: int, power: int, coefficients: _Polynomia
     return worst
 
 
+@claim("(5.2)", "λ³P₃(λ), any K", "determinants of (3.2)", "the free term")
 def _characteristic(twist: float) -> Residual:
     """Compare the characteristic polynomial, with any K, with λ³P₃(λ) of (5.2)."""
     return Residual(_worst_polynomial("any", 61, 3, lambda n, g: _P3(n, g, twist)), bound=1e-12)
 
 
+@claim("5.1", "K along Ω: λ⁴P₂(λ)", "determinants of (3.2)", "the free term")
 def _characteristic_along(twist: float) -> Residual:
     """Compare the characteristic polynomial, with K along Ω, with λ⁴P₂(λ)."""
     return Residual(_worst_polynomial("along", 62, 4, lambda n, g: _P2(n, g, twist)), bound=1e-12)
 
 
+@claim("5.1", "K along Ω: all of Σ¹ has f = K²", "(5.1)", "any K")
 def _one_level(twist: float) -> Residual:
     """Compare M² = (γ₀×K)² with K², for K along Ω; twisted, for any K."""
     lines = _random_lines(63, 100, "along" if twist == 1 else "any")
@@ -112,12 +122,13 @@ def _one_level(twist: float) -> Residual:
     return Residual(float(np.abs(off).max()), bound=4e-15)
 
 
-def _transverse(twist: float) -> Residual:
+@claim("5.1", "Σ¹ crosses the levels of f where P₃(0) ≠ 0", "finite differences", "the sign")
+@largest_error(1e-9)
+def _transverse(twist: float) -> Errors:
     """Compare df/ds along Σ¹, by differences, with -2(K,γ₀)(K, γ₀×Ω)/|Ω|; relative to K².
 
     That is the last term of P₃ but for a factor that is never 0.
     """
-    worst = 0.0
     for n, gamma in _random_lines(64, 100):
         along = unit(cross(gamma, n.Omega))
 
@@ -128,8 +139,7 @@ def _transverse(twist: float) -> Residual:
         # Central differences: their error is of the order of the step squared, 1e-10.
         slope = (level_of(1e-5) - level_of(-1e-5)) / 2e-5
         formula = -2 * (n.K @ gamma) * (n.K @ cross(gamma, n.Omega)) / np.linalg.norm(n.Omega)
-        worst = max(worst, abs(float(slope - twist * formula)) / float(n.K @ n.K))
-    return Residual(worst, bound=1e-9)
+        yield (slope - twist * formula) / float(n.K @ n.K)
 
 
 # K across Ω --------------------------------------------------------------------------------
@@ -183,34 +193,34 @@ def balls(count: int = 500) -> tuple[tuple[Numbers, float], ...]:
 # Propositions 3 and 4 ------------------------------------------------------------------------
 
 
-def _combination(twist: float) -> Residual:
+@claim("(5.3)", "γ₀ = c₁K + c₂K×Ω: γ², M² by c₁, c₂", "at random c₁, c₂", "the sign of c₂²Ω²")
+@largest_error(3e-13)
+def _combination(twist: float) -> Errors:
     """Compare γ² and M² with K²(c₁² + c₂²Ω²) and c₂²K⁴Ω² of (5.3) for any c₁ and c₂; (Ω,γ) = 0."""
-    random, worst = np.random.default_rng(67), 0.0
+    random = np.random.default_rng(67)
     for n, _ in balls():
         c1, c2 = random.normal(size=2).tolist()
         each = _Line(n, c1, c2)
         K2, Omega2 = n.K @ n.K, n.Omega @ n.Omega
         square = each.gamma @ each.gamma - K2 * (each.c1**2 + twist * each.c2**2 * Omega2)
         level = each.M @ each.M - each.c2**2 * K2**2 * Omega2
-        off = np.array([square, level, n.Omega @ each.gamma]) / max(float(K2 * Omega2), 1.0) ** 2
-        worst = max(worst, float(np.abs(off).max()))
-    return Residual(worst, bound=3e-13)
+        yield np.array([square, level, n.Omega @ each.gamma]) / max(float(K2 * Omega2), 1.0) ** 2
 
 
-def _coefficients(twist: float) -> Residual:
+@claim("Prop. 3", "c₁, c₂ of σ₊, σ₋, δ₊, δ₋", "(3.2)", "c₂, by a tenth", control=1.1)
+@largest_error(5e-14)
+def _coefficients(twist: float) -> Errors:
     """Compare γ² with 1, M² with f and ω with 0 at Prop. 3's four; relative to K²."""
-    worst = 0.0
     for n, level in balls():
         for name in _SIGNS:
             each = line(n, level, name)
             each = replace(each, c2=twist * each.c2) if twist != 1 else each
             M, gamma = each.M, each.gamma
             at_rest = f.rubber_velocity(n, M, gamma)
-            off = [gamma @ gamma - 1, (M @ M - level) / (n.K @ n.K), *at_rest]
-            worst = max(worst, float(np.abs(off).max()))
-    return Residual(worst, bound=5e-14)
+            yield [gamma @ gamma - 1, (M @ M - level) / (n.K @ n.K), *at_rest]
 
 
+@claim("Prop. 3", "four of them for f < K², two for f = K²", "all round Σ¹", "K not ⊥ Ω")
 def _number_of_lines(twist: float) -> Residual:
     """Count the balls whose Σ¹ does not meet f < K² four times, f > K² never and f = K² twice.
 
@@ -230,6 +240,7 @@ def _number_of_lines(twist: float) -> Residual:
     return Residual(wrong, bound=0, unit="of 50 wrong")
 
 
+@claim("5.1", "P₃(0) > 0 iff c₁c₂ < 0", "P₃ at random balls", "the sign of c₁c₂")
 def _free_coefficient(twist: float) -> Residual:
     """Count how often P₃(0) > 0 and c₁c₂ < 0 do not agree."""
     wrong = 0
@@ -240,6 +251,7 @@ def _free_coefficient(twist: float) -> Residual:
     return Residual(wrong, bound=0, unit="of 2000 wrong")
 
 
+@claim("Prop. 4", "σ₊ and δ₋ are unstable", "eigenvalues", "σ₋ and δ₊")
 def _always_unstable(twist: float) -> Residual:
     """Count how many of σ₊ and δ₋ are stable; twisted, of σ₋ and δ₊."""
     names = ("σ₊", "δ₋") if twist == 1 else ("σ₋", "δ₊")
@@ -270,6 +282,13 @@ def _wrongly(bracket: float = 1.0, square: bool = True) -> int:
     return sum(_conditions(each, bracket, square) != stable for each, stable in _candidates())
 
 
+@claim(
+    "E13, (5.4)",
+    "the second bracket is c₁K×Ω - c₂Ω²K",
+    "eigenvalues",
+    "the sign of the bracket",
+    printed="c₁Ω×K + c₂Ω², a number to a vector",
+)
 def _second_bracket(twist: float) -> Residual:
     """Count where (5.4) fails with c₁K×Ω - c₂Ω²K.
 
@@ -278,14 +297,32 @@ def _second_bracket(twist: float) -> Residual:
     return Residual(_wrongly(bracket=twist), 0, _wrongly(bracket=-1.0), "of 2000 wrong")
 
 
+@claim(
+    "E14, (5.4)",
+    "the third bracket is c₁²K⁴ - (K, A⁻¹Ω)",
+    "eigenvalues",
+    "the power of c₁",
+    printed="c₁K⁴ - (K, A⁻¹Ω)",
+)
 def _third_bracket(twist: float) -> Residual:
     """Count where (5.4) fails with c₁²K⁴; and with c₁K⁴ as printed."""
     return Residual(_wrongly(square=twist == 1), 0, _wrongly(square=False), "of 2000 wrong")
 
 
+SECTION.add(Claim("Fig. 9", "where σ₋ and δ₊ are stable", "its f and its bounds are not stated"))
+
+
 # Figs 9 and 10 -------------------------------------------------------------------------------
 
 
+@claim(
+    "E16, Fig. 10",
+    "σ₋ and δ₊ are stable for f < 16/7.69 only",
+    "eigenvalues",
+    "K₁, by a tenth",
+    control=1.1,
+    printed="stable at f = 3",
+)
 def limit(twist: float) -> Value:
     """Compute the f at which σ₋ and δ₊ of Fig. 10 lose their stability, and the caption's f."""
     n = line_ball()
@@ -299,6 +336,10 @@ def limit(twist: float) -> Value:
     return Value(found, corrected=16 / 7.69, bound=1e-9, printed=3.0, unit="(kg m²/s)²")
 
 
+SECTION.add(captioned_motion("fig10", 2e-10))
+
+
+@claim("Fig. 10", "at f = 2 it goes from σ₊ to δ₊", MOTION, "σ₋ for δ₊")
 def _arrives(twist: float) -> Residual:
     """Measure how far MuJoCo's γ, from near σ₊ at f = 2, is from δ₊ after 200 s.
 
@@ -309,6 +350,13 @@ def _arrives(twist: float) -> Residual:
     return Residual(float(np.linalg.norm(end - target)), bound=1e-4)
 
 
+@claim(
+    "E15, 5.1",
+    "X = x₀, Y = -a|Ω|t + y₀ for σ, + for δ",
+    MOTION,
+    "the sign of Y",
+    printed="+ for σ, - for δ",
+)
 def _directions(twist: float) -> Residual:
     """Compare X and Y of MuJoCo's ball after 1 s on each line at f = 2 with 0 and ∓a|Ω|.
 
@@ -322,80 +370,3 @@ def _directions(twist: float) -> Residual:
         corrected = max(corrected, float(np.linalg.norm(end - [0.0, twist * speed])))
         printed = max(printed, float(np.linalg.norm(end - [0.0, -speed])))
     return Residual(corrected, bound=3e-13, printed=printed, unit="m")
-
-
-CLAIMS = (
-    Claim(
-        "(5.1)", "M = γ₀×K, (Ω,γ₀) = 0: ω = 0, a straight line", equilibria, MOTION, "the sign of M"
-    ),
-    Claim("Remark 8", "segways are stabilised like this", "of other machines"),
-    Claim("(5.2)", "λ³P₃(λ), any K", _characteristic, "determinants of (3.2)", "the free term"),
-    Claim(
-        "5.1", "K along Ω: λ⁴P₂(λ)", _characteristic_along, "determinants of (3.2)", "the free term"
-    ),
-    Claim("5.1", "K along Ω: all of Σ¹ has f = K²", _one_level, "(5.1)", "any K"),
-    Claim(
-        "5.1",
-        "Σ¹ crosses the levels of f where P₃(0) ≠ 0",
-        _transverse,
-        "finite differences",
-        "the sign",
-    ),
-    Claim(
-        "(5.3)",
-        "γ₀ = c₁K + c₂K×Ω: γ², M² by c₁, c₂",
-        _combination,
-        "at random c₁, c₂",
-        "the sign of c₂²Ω²",
-    ),
-    Claim(
-        "Prop. 3", "c₁, c₂ of σ₊, σ₋, δ₊, δ₋", _coefficients, "(3.2)", "c₂, by a tenth", control=1.1
-    ),
-    Claim(
-        "Prop. 3",
-        "four of them for f < K², two for f = K²",
-        _number_of_lines,
-        "all round Σ¹",
-        "K not ⊥ Ω",
-    ),
-    Claim(
-        "5.1", "P₃(0) > 0 iff c₁c₂ < 0", _free_coefficient, "P₃ at random balls", "the sign of c₁c₂"
-    ),
-    Claim("Prop. 4", "σ₊ and δ₋ are unstable", _always_unstable, "eigenvalues", "σ₋ and δ₊"),
-    Claim(
-        "E13, (5.4)",
-        "the second bracket is c₁K×Ω - c₂Ω²K",
-        _second_bracket,
-        "eigenvalues",
-        "the sign of the bracket",
-        printed="c₁Ω×K + c₂Ω², a number to a vector",
-    ),
-    Claim(
-        "E14, (5.4)",
-        "the third bracket is c₁²K⁴ - (K, A⁻¹Ω)",
-        _third_bracket,
-        "eigenvalues",
-        "the power of c₁",
-        printed="c₁K⁴ - (K, A⁻¹Ω)",
-    ),
-    Claim("Fig. 9", "where σ₋ and δ₊ are stable", "its f and its bounds are not stated"),
-    Claim(
-        "E16, Fig. 10",
-        "σ₋ and δ₊ are stable for f < 16/7.69 only",
-        limit,
-        "eigenvalues",
-        "K₁, by a tenth",
-        control=1.1,
-        printed="stable at f = 3",
-    ),
-    captioned_motion("fig10", 2e-10),
-    Claim("Fig. 10", "at f = 2 it goes from σ₊ to δ₊", _arrives, MOTION, "σ₋ for δ₊"),
-    Claim(
-        "E15, 5.1",
-        "X = x₀, Y = -a|Ω|t + y₀ for σ, + for δ",
-        _directions,
-        MOTION,
-        "the sign of Y",
-        printed="+ for σ, - for δ",
-    ),
-)

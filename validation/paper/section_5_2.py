@@ -11,9 +11,12 @@ from robotball.rotations import Array
 from robotball.scene import section_state
 from validation.paper import formulas as f
 from validation.paper.captions import CAPTIONS
-from validation.paper.claim import AtLeast, Claim, Residual, Value
+from validation.paper.claim import AtLeast, Errors, Residual, Section, Value, largest_error
 from validation.paper.engine_ball import MOTION, RUBBER, seen
 from validation.paper.formulas import paper_scene
+
+SECTION = Section("5.2. Poincaré map")
+claim = SECTION.claim
 
 F = 25.0  # M² of Figs 11 to 14, (kg m²/s)²
 
@@ -32,6 +35,7 @@ def andoyer(L: float, l: float, g: float, level: float = F) -> tuple[Array, Arra
     return M, gamma
 
 
+@claim("5.2", "f > K², Figs 11a, b: no straight line on the level", "all round Σ¹", "f < K²")
 def _no_lines(twist: float) -> AtLeast:
     """Measure by how much f exceeds (γ×K)² on all of (Ω,γ) = 0, in Figs 11a and 11b.
 
@@ -45,17 +49,17 @@ def _no_lines(twist: float) -> AtLeast:
     return AtLeast(float(least), bound=1.0, unit="(kg m²/s)²")
 
 
-def _on_the_level(twist: float) -> Residual:
+@claim("(5.5)", "γ² = 1, (M, γ) = 0, M² = f", "at random L, l, g", "sign of γ₂")
+@largest_error(1e-14)
+def _on_the_level(twist: float) -> Errors:
     """Check γ² = 1, (M, γ) = 0 and M² = f by (5.5), and M and γ with those of robotball.scene."""
-    random, worst = np.random.default_rng(71), 0.0
+    random = np.random.default_rng(71)
     for _ in range(100):
         L, l, g = random.uniform(-5, 5), *random.uniform(0, 2 * np.pi, 2)
         M, gamma = andoyer(L, l, g)
         gamma = gamma * [1.0, twist, 1.0]
         ours, M_ours = section_state(L, l, g, F)
-        off = [gamma @ gamma - 1, M @ gamma, M @ M / F - 1, *(ours - gamma), *(M_ours - M)]
-        worst = max(worst, float(np.abs(off).max()))
-    return Residual(worst, bound=1e-14)
+        yield [gamma @ gamma - 1, M @ gamma, M @ M / F - 1, *(ours - gamma), *(M_ours - M)]
 
 
 def _angle_g(M: Array, gamma: Array) -> float:
@@ -65,6 +69,7 @@ def _angle_g(M: Array, gamma: Array) -> float:
     return float(np.arctan2(sine, -gamma[2] * np.linalg.norm(M) / across))
 
 
+@claim("(5.6)", "the crossings (l, L) of g = 0", f"{MOTION} and (5.5)", "g₀ = π")
 def _crossings(twist: float) -> Residual:
     """Compare (l, L) where MuJoCo's ball of Fig. 12 has g = 0 by (5.5) with robotball's section.
 
@@ -87,29 +92,15 @@ def _crossings(twist: float) -> Residual:
     return Residual(float(off.max()), bound=4e-7)
 
 
+@claim(
+    "E25, 5.2",
+    "(l, L/√f) is on an annulus: at L = √f γ depends on l",
+    "(5.5)",
+    "l = 0 for l = π",
+    printed="a point on the sphere S²",
+)
 def edge(twist: float) -> Value:
     """Compute the distance of γ at l = 0 from γ at l = π, both at L = √f: 0, were it a pole."""
     ends = [andoyer(sqrt(F), l, g=0.0)[1] for l in (0.0, np.pi * (1 + twist) / 2)]
     apart = float(np.linalg.norm(ends[1] - ends[0]))
     return Value(apart, corrected=2.0, bound=1e-12, printed=0.0)
-
-
-CLAIMS = (
-    Claim(
-        "5.2",
-        "f > K², Figs 11a, b: no straight line on the level",
-        _no_lines,
-        "all round Σ¹",
-        "f < K²",
-    ),
-    Claim("(5.5)", "γ² = 1, (M, γ) = 0, M² = f", _on_the_level, "at random L, l, g", "sign of γ₂"),
-    Claim("(5.6)", "the crossings (l, L) of g = 0", _crossings, f"{MOTION} and (5.5)", "g₀ = π"),
-    Claim(
-        "E25, 5.2",
-        "(l, L/√f) is on an annulus: at L = √f γ depends on l",
-        edge,
-        "(5.5)",
-        "l = 0 for l = π",
-        printed="a point on the sphere S²",
-    ),
-)

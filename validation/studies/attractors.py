@@ -6,7 +6,6 @@ scene that reach each of its attractors.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 from rich import box
@@ -115,12 +114,8 @@ def _measure_torus(show: Show) -> Iterator[_Measurement]:
 def _measure_clouds(show: Show) -> Iterator[_Measurement]:
     """Measure Fig. 11b's strange attractor: its cloud among the equations' own."""
     scene = load_scene("fig14")
-    contact = cloud_by_contact(
-        build(scene, COARSE),
-        _CLOUD,
-        seed=0,
-        progress=lambda part: show(2 + part, "Fig. 11b: cloud"),
-    )
+    model = build(scene, COARSE)
+    contact = cloud_by_contact(model, _CLOUD, 0, lambda part: show(2 + part, "Fig. 11b: cloud"))
     show(3, "Fig. 11b: clouds of the equations")
     reference, *peers = (
         cloud_by_equations(scene.parameters, _CLOUD, seed).states for seed in range(1, _PEERS + 2)
@@ -144,19 +139,11 @@ def _measure_exponents(show: Show) -> Iterator[_Measurement]:
         progress=lambda part: show(4 + 4 * part, "Fig. 11b: exponent"),
     )
     apart = abs(contact.mean - _EXPONENT)
-    yield _Measurement(
-        "11b: λ₁ [1/s]",
-        contact.mean,
-        _EXPONENT,
-        apart,
-        0.03 * _EXPONENT,
-        contact.error,
-    )
+    bound = 0.03 * _EXPONENT
+    yield _Measurement("11b: λ₁ [1/s]", contact.mean, _EXPONENT, apart, bound, contact.error)
     alongside = float(growth_by_equations(scene.parameters, contact).mean() / contact.interval)
-    yield _Measurement(
-        "11b: along one motion", contact.mean, alongside,
-        abs(contact.mean - alongside), 1e-4,
-    )  # fmt: skip
+    apart = abs(contact.mean - alongside)
+    yield _Measurement("11b: along one motion", contact.mean, alongside, apart, 1e-4)
 
 
 def _measure_drift(scene: str, velocity: float, error: float, bound: float) -> _Measurement:
@@ -165,15 +152,7 @@ def _measure_drift(scene: str, velocity: float, error: float, bound: float) -> _
     return _Measurement(claim, velocity, theirs, abs(velocity - theirs), bound, error)
 
 
-def _measure_attractors(show: Show, quick: bool = False) -> list[_Measurement]:
-    """Make all measurements, or if `quick` the periodic orbit's; show: called with 0 to 8 parts."""
-    studies = (_measure_cycle, _measure_torus, _measure_clouds, _measure_exponents)[
-        : 1 if quick else 4
-    ]
-    return [measurement for study in studies for measurement in study(show)]
-
-
-def _show_attractors(measurements: Sequence[_Measurement], console: Console) -> None:
+def _show_attractors(measurements: Sequence[_Measurement]) -> None:
     """Print a row a measurement; σ is the sampling's standard error."""
     table = plain_table(("", LABEL.name, EQUATIONS.name, "apart", "bound", "σ", ""))
     for each in measurements:
@@ -185,12 +164,11 @@ def _show_attractors(measurements: Sequence[_Measurement], console: Console) -> 
         )
         verdict = "holds" if each.holds else "DOES NOT HOLD"
         table.add_row(each.claim, *numbers, *sizes, verdict)
-    print_whole(table, console)
+    print_whole(table, Console())
 
 
-def _record(measurements: Sequence[_Measurement]) -> dict[str, Any]:
-    """Return the measurements as plain data."""
-    return {"measurements": [{**asdict(each), "holds": each.holds} for each in measurements]}
+# Each shows how many of 8 parts of the work are done.
+_STUDIES = (_measure_cycle, _measure_torus, _measure_clouds, _measure_exponents)
 
 
 @dataclass(frozen=True)
@@ -210,9 +188,11 @@ class Attractors:
     def run(self) -> int:
         check_files(self.json)
         with progress_bar(8) as show:
-            measurements = _measure_attractors(show, self.quick)
-        _show_attractors(measurements, Console())
-        write_record(self.json, _record(measurements))
+            some = _STUDIES[:1] if self.quick else _STUDIES
+            measurements = [each for study in some for each in study(show)]
+        _show_attractors(measurements)
+        record = [{**asdict(each), "holds": each.holds} for each in measurements]
+        write_record(self.json, {"measurements": record})
         return AGREES if all(each.holds for each in measurements) else DISAGREES
 
 
@@ -242,12 +222,8 @@ class Basins:
         with progress_bar(1) as show:
             show(0, f"{scene.name}: {self.starts} starts")
             found = basins(scene.parameters, attitudes, momenta, self.transient)
-        names = {
-            ON_TORUS: "torus",
-            CHAOS: "chaos",
-            LINE: "straight line",
-            LOST: "stops crossing g = 0",
-        }
+        names = {ON_TORUS: "torus", CHAOS: "chaos", LINE: "straight line"}
+        names[LOST] = "stops crossing g = 0"
         for i, cycle in enumerate(found.cycles):
             names[i] = f"cycle of period {cycle.period:.6f} s"
         table = Table("attractor", "share of the starts", box=box.SIMPLE_HEAD)

@@ -10,9 +10,10 @@ a seed, after how many returns, and how many crossings are taken. Two clouds are
 energy distance, and by its rank among those of clouds that the equations drew.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -27,6 +28,7 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.errors import check_count, check_seed
+from robotball.qualitative.basins import level_points
 from robotball.qualitative.sections import (
     Crossings,
     crossings_of_motion,
@@ -35,7 +37,7 @@ from robotball.qualitative.sections import (
     section_starts,
 )
 from robotball.qualitative.straight_motions import straight_motions
-from robotball.rotations import Array, conjugate, multiply, rotation_matrix
+from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Start
 from validation.options import AGREES, OUT, File, Preset, SceneName, Threads
 from validation.output import progress_bar, title, writable_folder, write_picture, write_record
@@ -69,12 +71,17 @@ def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
     return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
 
 
-def _sound_run(model: Model, start: Start, duration: float) -> Motion:
-    """Return the motion sampled at every step. Raises InputError where it has a fault."""
-    motion = run(model, sample_times(duration, model.compiled.opt.timestep), start=start)
+def sound_run(model: Model, start: Start, times: Array) -> Motion:
+    """Return the motion over times (n,) [s]. Raises InputError where it has a fault."""
+    motion = run(model, times, start=start)
     if motion.report.faults:
         raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
     return motion
+
+
+def _each_step(model: Model, duration: float) -> Array:
+    """Return the times (n,) of a model's steps [s]."""
+    return sample_times(duration, model.compiled.opt.timestep)
 
 
 def _returns(
@@ -88,7 +95,7 @@ def _returns(
     found: list[Crossings] = []
     moved, at = np.zeros(2), start
     for stretch in range(_NO_RETURN * count):
-        motion = _sound_run(model, at, _STRETCH)
+        motion = sound_run(model, at, _each_step(model, _STRETCH))
         some = crossings_of_motion(motion, model.scene).only(direction)
         found.append(some.later(stretch * _STRETCH))
         moved = moved + motion.contact_point[-1]
@@ -108,7 +115,9 @@ def contact_cycle(
     """
 
     def mapped(point: Array) -> tuple[Array, float]:
-        motion = _sound_run(model, _start_at(model, point[0], point[1], f), 1.2 * period)
+        motion = sound_run(
+            model, _start_at(model, point[0], point[1], f), _each_step(model, 1.2 * period)
+        )
         next_one = crossings_of_motion(motion, model.scene).only(direction)
         if len(next_one.times) == 0:
             raise InputError(f"{LABEL.name}'s ball does not come back within {1.2 * period:g} s")
@@ -147,10 +156,17 @@ def level_starts(scene: Scene, count: int, seed: int, g: float = 0.0) -> tuple[A
     attitude = multiply(scene.start.attitude, scene.principal_quaternion)
     if count == 1:
         return attitude[None], M[None]
-    random, f = np.random.default_rng(seed), float(M @ M)
-    L = random.uniform(-1.0, 1.0, count) * np.sqrt(f)
     # The rubber model's M is horizontal by (3.1).
     c = float(M[2]) if scene.rolling == "classical" else 0.0
+    return _random_starts(float(M @ M), count, seed, g, c)
+
+
+def _random_starts(
+    f: float, count: int, seed: int, g: float = 0.0, c: float = 0.0
+) -> tuple[Array, Array]:
+    """Return starts evenly over the annulus of the section g = `g`."""
+    random = np.random.default_rng(seed)
+    L = random.uniform(-1.0, 1.0, count) * np.sqrt(f)
     return section_starts(L, random.uniform(-np.pi, np.pi, count), f, g, c)
 
 
@@ -220,9 +236,7 @@ class Recipe:
 
     def points(self, seed: int) -> tuple[Array, Array]:
         """Return attitudes (starts, 4) and world momenta (starts, 3), evenly over the annulus."""
-        random = np.random.default_rng(seed)
-        L = random.uniform(-1.0, 1.0, self.starts) * np.sqrt(self.f)
-        return section_starts(L, random.uniform(-np.pi, np.pi, self.starts), self.f)
+        return _random_starts(self.f, self.starts, seed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,11 +284,10 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> _Cl
     if found.status.any():
         raise InputError(f"{np.count_nonzero(found.status)} starts do not keep crossing g = 0")
     late = slice(recipe.skipped, None)
-    axes = rotation_matrix(found.attitudes[:, late].reshape(-1, 4))
-    M = np.einsum("nji,nj->ni", axes, np.repeat(momenta, recipe.count, axis=0))
+    points = level_points(found.attitudes[:, late], momenta).reshape(-1, 6)
     L, l = found.L[:, late].ravel(), found.l[:, late].ravel()
     directions = found.directions[:, late].ravel()
-    return _Cloud(states(axes[:, 2], M), L, l, directions, np.empty((0, 2)))
+    return _Cloud(points, L, l, directions, np.empty((0, 2)))
 
 
 def cloud_by_contact(
@@ -344,57 +357,30 @@ def distance_to_curve(points: Array, curve: Array) -> Array:
     return np.linalg.norm(across, axis=1)
 
 
-@dataclass(frozen=True)
-class Points:
-    """Crossings of n motions, m each or joined: times s, l rad, L kg m²/s, directions ±1."""
-
-    times: Array
-    l: Array
-    L: Array
-    directions: Integers
-
-    def late(self, skip: int) -> "Points":
-        """Return the crossings without the first `skip` of each motion, joined."""
-        late = (..., slice(skip, None))
-        return Points(
-            self.times[late].ravel(),
-            self.l[late].ravel(),
-            self.L[late].ravel(),
-            self.directions[late].ravel(),
-        )
+_Points = Mapping[str, Array]
+"""Crossings of some motions, joined: times s, l rad, L kg m²/s, directions ±1, each (n,)."""
 
 
-def _section_by_equations(
-    scene: Scene, attitudes: Array, momenta: Array, count: int, g: float
-) -> Points:
-    """Return the first `count` crossings of g = `g` of each of n starts, (n, count)."""
-    found = section(scene.parameters, attitudes, momenta, count, g)
-    if found.status.any():
-        raise InputError(f"{np.count_nonzero(found.status)} motions do not keep crossing g = {g:g}")
-    return Points(found.times, found.l, found.L, found.directions)
+def _points_of(found: Any, skip: int) -> _Points:
+    """Return the crossings of one motion or of many without the first `skip` of each, joined."""
+    names = ("times", "l", "L", "directions")
+    return {name: getattr(found, name)[..., skip:].ravel() for name in names}
 
 
-def _section_by_contact(scene: Scene, settings: Settings, duration: float, g: float) -> Points:
-    """Return MuJoCo's crossings (m,) from the scene's own start over a duration [s]."""
-    model = build(scene, settings)
-    found = crossings_of_motion(_sound_run(model, scene.start, duration), scene, g)
-    return Points(found.times, found.l, found.L, found.directions)
-
-
-def _draw_section(scene: Scene, theory: Points, engine: Points | None, g: float) -> Figure:
+def _draw_section(scene: Scene, theory: _Points, engine: _Points | None, g: float) -> Figure:
     """Draw the section's points on the annulus; filled where g grows, paler where it falls."""
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     axes = figure.subplots()
     title(figure, f"{scene.name}: {scene.title}")
-    few = 3.0 if engine is None else 7.0
-    drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", few if len(theory.l) < 5000 else 1.2)]
+    size = 1.2 if len(theory["l"]) >= 5000 else 3.0 if engine is None else 7.0
+    drawn = [(EQUATIONS.name, theory, EQUATIONS.colour, "o", size)]
     if engine is not None:
         drawn.append((LABEL.name, engine, LABEL.colour, "+", 5.0))
     for name, points, colour, mark, size in drawn:
         for direction, alpha, words in ((1, 1.0, "g grows"), (-1, 0.4, "g falls")):
-            some = points.directions == direction
-            axes.plot(points.l[some] % (2 * np.pi), points.L[some], mark, color=colour, alpha=alpha,
-                      markersize=size, markeredgewidth=0 if mark == "o" else 0.8,
+            some = points["directions"] == direction
+            axes.plot(points["l"][some] % (2 * np.pi), points["L"][some], mark, color=colour,
+                      alpha=alpha, markersize=size, markeredgewidth=0 if mark == "o" else 0.8,
                       label=f"{name}, {words}")  # fmt: skip
     size = float(np.linalg.norm(scene.start.momentum))
     axes.set(xlabel="l [rad], from 0 to 2π", ylabel="L [kg m²/s]", title=f"section g = {g:g}",
@@ -441,18 +427,19 @@ class Section:
         total = check_count("skip", self.skip, 0) + check_count("count", self.count, 1)
         with progress_bar(1 if settings is None else 2) as show:
             show(0, f"{scene.name}: equations")
-            points = _section_by_equations(scene, attitudes, momenta, total, self.g)
-            engine = None
+            found = section(scene.parameters, attitudes, momenta, total, self.g)
+            if lost := np.count_nonzero(found.status):
+                raise InputError(f"{lost} motions do not keep crossing g = {self.g:g}")
+            points, engine = _points_of(found, self.skip), None
             if settings is not None:
                 show(1, f"{scene.name}: {LABEL.name}, {settings.name}")
-                duration = float(points.times[0, -1])
-                engine = _section_by_contact(scene, settings, duration, self.g).late(self.skip)
-            points = points.late(self.skip)
+                model = build(scene, settings)
+                motion = sound_run(model, scene.start, _each_step(model, found.times[0, -1]))
+                engine = _points_of(crossings_of_motion(motion, scene, self.g), self.skip)
             write_picture(path, _draw_section(scene, points, engine, self.g))
         drawn = {EQUATIONS.name: points} | ({} if engine is None else {LABEL.name: engine})
         for name, each in drawn.items():
-            growing = int(np.count_nonzero(each.directions == 1))
-            total = len(each.directions)
+            growing, total = np.count_nonzero(each["directions"] == 1), len(each["l"])
             print(f"{name}: {total} crossings, {growing} with g growing, {total - growing} falling")
         if _may_come_to_rest(scene):
             print("a straight-line motion with this M² attracts: what ends there crosses only by")
@@ -462,7 +449,7 @@ class Section:
             self.json,
             {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
             | {
-                name: {field: values.tolist() for field, values in vars(each).items()}
+                name: {field: values.tolist() for field, values in each.items()}
                 for name, each in drawn.items()
             },
         )

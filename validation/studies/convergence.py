@@ -11,7 +11,6 @@ longer be the one under study. Steps end on the sample times: MuJoCo's are fract
 interval.
 """
 
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal
@@ -44,6 +43,7 @@ from robotball.motion import path_error
 from robotball.rotations import Array
 from validation.options import PRESET, Names, Once, OnceOptions, SceneName, listed
 from validation.output import Show, in_picture, progress_bar, scientific
+from validation.plots import note
 from validation.studies.ablation import without
 from validation.studies.orders import Order, fit_order, stalled_at
 from validation.study import Column, Row, Study, table_of
@@ -53,17 +53,17 @@ FIXED = f"{ADAPTIVE} fixed"
 ORDERS = {name: INTEGRATORS[name].order for name in OWN} | {FIXED: INTEGRATORS[ADAPTIVE].order}
 
 _Reference = Literal["own", "equations"]
-_REFERENCES: tuple[_Reference, ...] = ("own", "equations")
+# The heading of a column, the title of a panel, and the words for the line in it.
+_REFERENCES: dict[_Reference, tuple[str, str, str]] = {
+    "own": ("own limit", "against the contact model's own limit", "the limit is known to this"),
+    "equations": ("equations", "against the reduced equations", "the limit is this far off"),
+}
 
 _HALVINGS = 8  # of the sample interval, for MuJoCo's shortest step
 LONGEST, _SHORTEST = 0.24, 0.005  # s, steps of DOP853, in ratios of √2
 _TOLERANCES = tuple(10.0**-n for n in range(4, 15))  # of DOP853 with steps of its own
-_LIMITS = (
-    LEAST_RTOL,
-    1e-13,
-    1e-11,
-    1e-9,
-)  # its tolerances for the limit: the first that comes to its end
+# Its tolerances for the limit, of which the first counts that comes to its end.
+_LIMITS = (LEAST_RTOL, 1e-13, 1e-11, 1e-9)
 _ANY = 1.0  # a tolerance that lets every step pass
 _PATIENCE, _LEAST_PATIENCE = 600, 64  # steps a second, and besides, before DOP853 is given up
 
@@ -110,9 +110,6 @@ class _Trial:
     equations: float | None = None
     richardson: float | None = None
 
-    def error(self, against: _Reference) -> float | None:
-        return self.own if against == "own" else self.equations
-
 
 @dataclass(frozen=True)
 class _OwnLimit:
@@ -153,7 +150,7 @@ class Runs:
 
     def _series(self, name: str, against: _Reference) -> tuple[list[float], list[float | None]]:
         trials = self.by_name[name]
-        return [trial.method.size for trial in trials], [trial.error(against) for trial in trials]
+        return [p.method.size for p in trials], [getattr(p, against) for p in trials]
 
 
 def measure_convergence(
@@ -287,10 +284,6 @@ _NOTE = (
     "DOP853 alone chooses its steps: the order is its power of rtol."
 )
 _INCHES = (11.0, 6.6)
-_TITLES: dict[_Reference, str] = {
-    "own": "against the contact model's own limit",
-    "equations": "against the reduced equations",
-}
 _NEAR = 1.5  # in ln(step) and ln(error): slopes as near as that get one label
 
 
@@ -332,16 +325,15 @@ def _orders(study: Runs, name: str) -> Row:
     return row
 
 
-def _order_columns() -> Iterator[Column]:
-    yield Column("integrator", "integrator", words=True)
-    yield Column("claim", "claim")
-    for against, header in zip(_REFERENCES, ("own limit", "equations"), strict=True):
-        yield Column(header, against)
-        for name in ("points", "stalls"):
-            yield Column(name, f"{against} {name}")
-
-
-_ORDER_COLUMNS = tuple(_order_columns())
+_ORDER_COLUMNS = (
+    Column("integrator", "integrator", words=True),
+    Column("claim", "claim"),
+    *(
+        Column(name or header, f"{against} {name}".rstrip())
+        for against, (header, *_) in _REFERENCES.items()
+        for name in ("", "points", "stalls")
+    ),
+)
 
 
 def _order_text(order: Order | None) -> str:
@@ -355,15 +347,13 @@ def _convergence_picture(study: Runs) -> Figure:
     title = f"{study.scene.name}, {study.settings.name}: {study.duration:g} s"
     figure.suptitle(in_picture(title))
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    limit = study.limit
-    lines: tuple[tuple[_Reference, float, str], ...] = (
-        ("own", limit.known_to, "the limit is known to this"),
-        ("equations", limit.model_error, "the limit is this far off"),
-    )
-    for axes, (against, level, words) in zip(panels, lines, strict=True):
+    levels = (study.limit.known_to, study.limit.model_error)
+    for axes, level, (against, (_, heading, words)) in zip(
+        panels, levels, _REFERENCES.items(), strict=True
+    ):
         _draw(axes, study, against)
         axes.axhline(level, color=EQUATIONS.colour, linestyle=":", linewidth=2, label=words)
-        axes.set_title(_TITLES[against], loc="left", fontsize=11)
+        axes.set_title(heading, loc="left", fontsize=11)
         axes.set(xscale="log", yscale="log", xlabel="step, or its mean [ms]")
         axes.grid(alpha=0.3)
         handles, labels = axes.get_legend_handles_labels()
@@ -379,7 +369,7 @@ def _draw(axes: Axes, study: Runs, against: _Reference) -> None:
     labelled: list[Order] = []
     for name, trials in study.by_name.items():
         order = study.order(name, against)
-        drawn = [(p.step * 1e3, e) for p in trials if p.step and (e := p.error(against))]
+        drawn = [(p.step * 1e3, e) for p in trials if p.step and (e := getattr(p, against))]
         words = f"{name}, of rtol" if name == ADAPTIVE else name
         label = f"{words}: {_order_text(order)}" if order else f"{name}: no order"
         axes.plot(
@@ -392,13 +382,8 @@ def _draw(axes: Axes, study: Runs, against: _Reference) -> None:
         axes.plot(ends * 1e3, order.error_at(ends), "--", color=_mark(name)["color"], linewidth=1)
         if not any(_near(order, other) for other in labelled):
             labelled.append(order)
-            axes.annotate(
-                f"slope {order.order:.2f}",
-                (np.exp(order.ln_step) * 1e3, np.exp(order.ln_error)),
-                xytext=(10, -12),
-                textcoords="offset points",
-                fontsize=9,
-            )
+            middle = (np.exp(order.ln_step) * 1e3, np.exp(order.ln_error))
+            note(axes, f"slope {order.order:.2f}", middle, (10, -12), fontsize=9)
 
 
 def _mark(name: str) -> dict[str, Any]:

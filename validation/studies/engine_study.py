@@ -276,18 +276,12 @@ def _engines_picture(study: _EngineStudy) -> Figure:
     for (contestant, preset), runs in study.by_preset.items():
         order, first = study.order_of(runs[0]), runs[0]
         label = f"{_name(first)}, {preset}" + (f" (order {order.order:.1f})" if order else "")
-        axes.plot(
-            [min(max(run["error"], _LEAST), 10.0) for run in runs],
-            [run["cost"] for run in runs],
-            marker=_MARKERS[engines.index(contestant) % len(_MARKERS)],
-            linestyle=_STYLES[drawn[contestant] % len(_STYLES)],
-            color=first["colour"],
-            markerfacecolor="none" if first["newcomer"] else first["colour"],
-            markersize=6,
-            linewidth=1,
-            zorder=2,
-            label=in_picture(label),
-        )
+        errors = [min(max(run["error"], _LEAST), 10.0) for run in runs]
+        mark = _MARKERS[engines.index(contestant) % len(_MARKERS)]
+        style, colour = _STYLES[drawn[contestant] % len(_STYLES)], first["colour"]
+        fill = "none" if first["newcomer"] else colour
+        axes.plot(errors, [run["cost"] for run in runs], f"{mark}{style}", color=colour, mfc=fill,
+                  markersize=6, linewidth=1, zorder=2, label=in_picture(label))  # fmt: skip
         drawn[contestant] += 1
     front = study.pareto_front
     axes.plot(

@@ -16,6 +16,7 @@ from robotball.engines.mujoco.settings import ADAPTIVE, CONSTANT, INTEGRATORS, M
 from robotball.robot import Ball, Frame, Rotor, Shell
 from robotball.rotations import Array
 from robotball.scene import Start
+from validation.studies.mistakes import with_bodies
 from validation.sweeps import Cell
 
 _SCENES = {"rubber": "fig12", "classical": "classical_regular"}
@@ -90,14 +91,9 @@ def scaled(scene: Scene, *, mass: float, length: float) -> Scene:
 
     Rates and times stay, so that momenta go with mass·length² and gravity with length.
     """
-    ball = scene.ball
     return replace(
         scene,
-        ball=Ball(
-            scaled_body(ball.shell, mass, length),
-            scaled_body(ball.frame, mass, length),
-            tuple(scaled_body(rotor, mass, length) for rotor in ball.rotors),
-        ),
+        ball=with_bodies(scene.ball, lambda body: scaled_body(body, mass, length)),
         start=Start(scene.start.attitude, scene.start.momentum * mass * length**2),
         gravity=scene.gravity * length,
     )

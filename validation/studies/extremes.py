@@ -28,7 +28,6 @@ from robotball.engines.mujoco.limits import LAWS, PlannedRun, exceeded, planned
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import for_load
-from robotball.engines.reduced import compiled_states, motion_of
 from robotball.errors import check_count, check_seed
 from robotball.film.looks import ACCENT, INK
 from robotball.rotations import Array
@@ -50,26 +49,31 @@ from validation.studies.extreme_maps import (
     cells_of,
 )
 from validation.studies.random_runs import measure_detection
-from validation.study import Column, Row, Study, show, table_of
+from validation.study import Column, Row, Study, compiled_motion, show, table_of
 from validation.sweeps import Result, rows_of
 
 
 class Outcome(Enum):
-    """The outcome of a cell: its sign on the map, and the sentence that explains it."""
+    """The outcome of a cell: its sign on the map, its grey there, and the sentence for it."""
 
-    ACCURATE = ("", f"accurate: error at most {ACCURATE:g}")
-    DEGRADED = ("·", f"degraded: error at most {WRONG:g}")
-    WRONG = ("X", f"silently wrong: error above {WRONG:g}, contact and drives as they should be")
-    SLIPPED = ("s", "slipped: friction cone saturated, or slip along the path")
-    LOST_CONTACT = ("c", "lost contact")
-    OFF_RATE = ("r", "a drive lost its rate")
-    DIVERGED = ("D", "diverged and reported")
-    REFUSED = ("–", "refused before the run, with one line")
-    UNFINISHED = ("?", "stopped at its limit of steps or time")
-    FAILED = ("!", "ended in an error that nobody had foreseen")
+    ACCURATE = ("", 1.0, f"accurate: error at most {ACCURATE:g}")
+    DEGRADED = ("·", 0.92, f"degraded: error at most {WRONG:g}")
+    WRONG = (
+        "X",
+        0.1,
+        f"silently wrong: error above {WRONG:g}, contact and drives as they should be",
+    )
+    SLIPPED = ("s", 0.78, "slipped: friction cone saturated, or slip along the path")
+    LOST_CONTACT = ("c", 0.68, "lost contact")
+    OFF_RATE = ("r", 0.84, "a drive lost its rate")
+    DIVERGED = ("D", 0.5, "diverged and reported")
+    REFUSED = ("–", 1.0, "refused before the run, with one line")
+    UNFINISHED = ("?", 1.0, "stopped at its limit of steps or time")
+    FAILED = ("!", 0.1, "ended in an error that nobody had foreseen")
 
-    def __init__(self, sign: str, sentence: str) -> None:
+    def __init__(self, sign: str, grey: float, sentence: str) -> None:
         self.sign = sign
+        self.grey = grey
         self.sentence = sentence
 
 
@@ -141,7 +145,7 @@ def measure(cell: Mapping[str, Any]) -> dict[str, Any]:
 
 def _measured(this: CellRun) -> dict[str, Any]:
     scene, times = this.scene, sample_times(this)
-    theory = reference(scene, times)
+    theory = compiled_motion(scene, times)
     settings = _ample(this.settings, theory) if this.ample else this.settings
     motion = run(build(scene, settings), times)
     errors = _errors_of(Agreement(theory, motion))
@@ -169,15 +173,6 @@ def nearness(plan: PlannedRun) -> dict[str, float | None]:
     """
     checks = {predict.__name__: predict(plan) for predict in LAWS}
     return {name: known(check.nearness) for name, check in checks.items() if check is not None}
-
-
-def reference(scene: Scene, times: Array) -> Motion:
-    """Integrate a steady scene over times (n,) [s] from 0 by the compiled step.
-
-    The error is that of `integrate`, which would be too slow: some cells turn a million times.
-    Raises InputError where the motion is given up.
-    """
-    return motion_of(scene, times, compiled_states(scene, times))
 
 
 def _speed_scale(scene: Scene) -> float:
@@ -366,10 +361,7 @@ def _part(header: str, key: str) -> Column:
     return Column(header, lambda row: f"{row[key]:.2g}" if row[key] else "-")
 
 
-_PLACE = (
-    Column("map", "map", words=True),
-    Column("integrator", "integrator", words=True),
-)
+_PLACE = tuple(Column(name, name, words=True) for name in ("map", "integrator"))
 _OUTCOME_COLUMNS = (
     *_PLACE,
     *map(_count, Outcome),
@@ -384,18 +376,6 @@ _LIMIT_COLUMNS = (
 )
 
 
-_GREYS = {
-    Outcome.ACCURATE: 1.0,
-    Outcome.DEGRADED: 0.92,
-    Outcome.WRONG: 0.1,
-    Outcome.SLIPPED: 0.78,
-    Outcome.LOST_CONTACT: 0.68,
-    Outcome.OFF_RATE: 0.84,
-    Outcome.DIVERGED: 0.5,
-    Outcome.REFUSED: 1.0,
-    Outcome.UNFINISHED: 1.0,
-    Outcome.FAILED: 0.1,
-}
 _WIDE, _PANEL, _LINE = 9.0, 3.5, 0.19  # inches: the picture; a panel's height; a legend's line
 _TICKS = 4  # at most, on an axis
 _ACROSS = 3  # panels side by side: their letters are read at a page's width
@@ -473,11 +453,8 @@ def _panel(axes: Axes, results: Sequence[Result], styles: Mapping[str, Any]) -> 
 
 def _draw_cell(axes: Axes, i: int, j: int, result: Result) -> None:
     outcome = _outcome_of(result)
-    grey = _GREYS[outcome]
-    ink = "white" if grey < 0.4 else INK
-    axes.add_patch(
-        Rectangle((i - 0.5, j - 0.5), 1, 1, facecolor=str(grey), edgecolor="0.75", linewidth=0.4)
-    )
+    ink, grey = "white" if outcome.grey < 0.4 else INK, str(outcome.grey)
+    axes.add_patch(Rectangle((i - 0.5, j - 0.5), 1, 1, fc=grey, ec="0.75", lw=0.4))
     axes.text(i, j - 0.08, outcome.sign, color=ink, size=8, ha="center", va="center")
     for marked, side in ((foretold(result), -0.32), (noticed(result), 0.32)):
         if marked:
@@ -493,14 +470,8 @@ def _draw_limit(axes: Axes, nearness: Array, colour: str, dashes: Any) -> None:
     if min(nearness.shape) < 2 or not len(inside) or not inside.min() < 0 < inside.max():
         return
     rows, columns = (np.array([-0.5, *range(n), n - 0.5]) for n in nearness.shape)
-    lines = axes.contour(
-        columns,
-        rows,
-        np.ma.masked_invalid(_to_the_borders(nearness)),
-        levels=[0.0],
-        colors=[colour],
-        linewidths=1.8,
-    )
+    grid = np.ma.masked_invalid(_to_the_borders(nearness))
+    lines = axes.contour(columns, rows, grid, levels=[0.0], colors=[colour], linewidths=1.8)
     lines.set_linestyle(dashes)
     lines.set_path_effects(halo(3.2))
 
@@ -556,14 +527,8 @@ def _legends(
         Line2D([], [], color=colour, linestyle=dashes, label=_sentence(measured[name]))
         for name, (colour, dashes) in styles.items()
     ]
-    outcomes = [
-        Patch(
-            facecolor=str(_GREYS[each]),
-            edgecolor="0.5",
-            label=f"{each.sign or ' '}   {each.sentence}",
-        )
-        for each in Outcome
-    ]
+    words = {each: f"{each.sign or ' '}   {each.sentence}" for each in Outcome}
+    outcomes = [Patch(fc=str(each.grey), ec="0.5", label=words[each]) for each in Outcome]
     dot: dict[str, Any] = {"color": INK, "marker": ".", "linestyle": ""}
     circle: dict[str, Any] = {"color": INK, "marker": "o", "mfc": "none", "linestyle": ""}
     marks = [
@@ -571,13 +536,13 @@ def _legends(
         Line2D([], [], **dot, label="right dot: noticed during the run"),
         Line2D([], [], **circle, label="circle: wrong, and neither"),
     ]
-    words = f"{of.title}\nheld: {of.held}"
+    heading = f"{of.title}\nheld: {of.held}"
     if limits:
-        words += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"
+        heading += f"\nlines: limits predicted for an error of {ERROR_TOLERANCE:g}, and as measured"
     shared: dict[str, Any] = {"frameon": False, "fontsize": 8}
     # Its title is the picture's: a legend outside the panels would lie on a title of the figure.
     figure.legend(
-        handles=limits, loc="outside upper left", title=words, alignment="left", **shared,
+        handles=limits, loc="outside upper left", title=heading, alignment="left", **shared,
     )  # fmt: skip
     figure.legend(handles=[*outcomes, *marks], loc="outside lower left", ncols=2, **shared)
 

@@ -20,6 +20,7 @@ from robotball.rotations import Array, rotation_matrix
 from robotball.scene import SAMPLE_INTERVAL
 from validation.agreement import Agreement
 from validation.output import in_picture
+from validation.plots import note
 from validation.study import Study, reference, scene_cell
 from validation.sweeps import Cell, Result, rows_of
 
@@ -73,16 +74,14 @@ def friction_run(cell: Cell) -> dict[str, Any]:
     sizes = np.linalg.norm(motion.momentum, axis=1)
     until = _until(sizes)
     speed = np.linalg.norm(theory.angular_velocity, axis=1).max()
-    weight = scene.ball.mass * scene.gravity
+    most = cell["length"] * (scene.ball.mass * scene.gravity)
     return {
         "path_error": agreement.path_error,
         "momentum_error": agreement.momentum_error,
         "left": float(sizes[-1] / sizes[0]),
         "loss": float((sizes[0] - sizes[until]) / motion.times[until]),
-        "most_loss": cell["length"] * weight,
-        "expected_loss": cell["length"]
-        * weight
-        * float(np.mean(_lever(scene, motion)[: until + 1])),
+        "most_loss": most,
+        "expected_loss": most * float(np.mean(_lever(scene, motion)[: until + 1])),
         "until": float(motion.times[until]),
         "relative_spin": float(np.abs(agreement.report.spin).max() / speed),
         "faults": [str(fault) for fault in agreement.faults],
@@ -163,21 +162,16 @@ def _rows(results: Sequence[Result], kind: str) -> list[dict[str, Any]]:
 def _rolling(axes: Axes, scene: Scene, results: Sequence[Result]) -> None:
     weight = scene.ball.mass * scene.gravity
     rows = _rows(results, ROLLING)
-    lengths = np.array(sorted({row["length"] for row in rows}))
-    axes.plot(lengths, weight * lengths, color=ACCENT, linewidth=1.6, label="$\\mu_r m g$")
+    given = np.array(sorted({row["length"] for row in rows}))
+    axes.plot(given, weight * given, color=ACCENT, linewidth=1.6, label="$\\mu_r m g$")
     for stiffness, marker, fill, label in (
         (HARD, "o", LABEL.colour, "friction as stiff as the normal force"),
         (SOFT, "o", "none", "the recipe's friction"),
     ):
         mine = [row for row in rows if row["rows"] == stiffness]
-        axes.plot(
-            [row["length"] for row in mine],
-            [max(row["loss"], 0.0) or np.nan for row in mine],
-            marker,
-            color=LABEL.colour,
-            markerfacecolor=fill,
-            label=label,
-        )
+        losses = [max(row["loss"], 0.0) or np.nan for row in mine]
+        lengths = [row["length"] for row in mine]
+        axes.plot(lengths, losses, marker, color=LABEL.colour, mfc=fill, label=label)
     axes.set(
         xlabel=r"rolling friction $\mu_r$ [m], condim 6",
         ylabel="loss of |M| in a second [kg m²/s²]",
@@ -189,15 +183,12 @@ def _rolling(axes: Axes, scene: Scene, results: Sequence[Result]) -> None:
 def _torsional(axes: Axes, results: Sequence[Result], needed: float | None) -> None:
     rows = _rows(results, TORSIONAL)
     lengths = [row["length"] for row in rows]
-    for key, marker, fill, style, label in (
+    for key, marker, fill, line, label in (
         ("path_error", "o", LABEL.colour, "-", "path error"),
         ("relative_spin", "s", "none", "--", "spin at the contact / |ω|"),
     ):
         values = [row[key] and max(row[key], _LEAST) for row in rows]
-        axes.plot(
-            lengths, values, marker=marker, color=LABEL.colour, markerfacecolor=fill,
-            linestyle=style, label=label,
-        )  # fmt: skip
+        axes.plot(lengths, values, f"{marker}{line}", color=LABEL.colour, mfc=fill, label=label)
     if needed is not None:
         axes.axvline(needed, color=ACCENT, linewidth=1.4, linestyle=":")
         places = (
@@ -205,24 +196,12 @@ def _torsional(axes: Axes, results: Sequence[Result], needed: float | None) -> N
             (needed / 2.2, "transition"),
             (np.sqrt(lengths[-1] * needed), "rubber"),
         )
+        style: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "color": INK}
         for x, word in places:
-            axes.annotate(
-                word, (x, 1.03), xycoords=("data", "axes fraction"), ha="center", color=INK
-            )
-        axes.annotate(
-            f"the motion needs {needed:.3g} m",
-            (needed, 0.35),
-            xycoords=("data", "axes fraction"),
-            xytext=(-5, 0),
-            textcoords="offset points",
-            rotation=90,
-            ha="right",
-            va="center",
-            color=INK,
-        )
-    axes.set(
-        xlabel=r"torsional friction $\mu_t$ [m], condim 4",
-        ylabel="path error and spin, relative",
-    )
+            axes.annotate(word, (x, 1.03), ha="center", **style)
+        words = f"the motion needs {needed:.3g} m"
+        note(axes, words, (needed, 0.35), (-5, 0), rotation=90, ha="right", va="center", **style)
+    label = r"torsional friction $\mu_t$ [m], condim 4"
+    axes.set(xlabel=label, ylabel="path error and spin, relative")
     axes.set_title("torsional friction: too little is a drag,\nenough is the rubber model", pad=24)
     axes.legend(loc="center right", frameon=False, fontsize=9)

@@ -240,11 +240,8 @@ def _thinned(trajectory: Trajectory) -> Trajectory:
     while rows < count:
         at = np.linspace(0, count - 1, rows).round().astype(int)
         if derivative.turned_between(trajectory.attitude[at]).max() <= _TURN:
-            own = {
-                name: each[at]
-                for name, each in vars(trajectory).items()
-                if isinstance(each, np.ndarray)
-            }
+            parts = vars(trajectory).items()
+            own = {name: each[at] for name, each in parts if isinstance(each, np.ndarray)}
             others = {name: each[at] for name, each in (trajectory.others or {}).items()}
             note = f"judged by {rows} of its {count} rows"
             return replace(trajectory, **own, others=others, notes=(*trajectory.notes, note))
@@ -280,15 +277,8 @@ def _judged(
         corrected = _Beside(recorded(found.scene, found.trajectory), found.theory)
     at = some_of(len(trajectory.times))
     best = (corrected or plain).theory
-    return FileJudgement(
-        trajectory=trajectory,
-        plain=plain,
-        explanation=found,
-        corrected=corrected,
-        lag=lag_of(found.trajectory.times[at], numbers_of(found.trajectory, at), best),
-        timestep=timestep,
-        tolerance=tolerance,
-    )
+    lag = lag_of(found.trajectory.times[at], numbers_of(found.trajectory, at), best)
+    return FileJudgement(trajectory, plain, found, corrected, lag, timestep, tolerance)
 
 
 def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
@@ -394,10 +384,12 @@ def _contact(beside: _Beside) -> list[str]:
     (slip, slip_error), (spin, spin_error) = beside.slip, beside.spin
     radius = beside.motion.rolling_radius
     scene = beside.theory.scene
-    parts = [f"slip up to {slip:.1e} m/s (known to {slip_error:.0e})"]
     sure = f" (known to {spin_error:.0e})" if spin_error else ""
     allowed = ", which it may" if scene.rolling == "classical" else ""
-    parts.append(f"spin up to {spin:.1e} rad/s{sure}{allowed}")
+    parts = [
+        f"slip up to {slip:.1e} m/s (known to {slip_error:.0e})",
+        f"spin up to {spin:.1e} rad/s{sure}{allowed}",
+    ]
     if np.isfinite(radius):
         parts.append(f"rolls as at a radius of {radius:.6g} m (the scene's: {scene.ball.radius:g})")
     return ["; ".join(parts)]
@@ -493,15 +485,15 @@ def _file(judged: FileJudgement) -> dict[str, Any]:
     }
 
 
+_ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error")
+
+
 def _measures(beside: _Beside) -> dict[str, Any]:
     unknown = (None, None)
     slip, slip_error = beside.slip or unknown
     spin, spin_error = beside.spin or unknown
     numbers: dict[str, float | None] = {
-        "path_error": beside.path_error,
-        "attitude_error": beside.attitude_error,
-        "gamma_error": beside.gamma_error,
-        "momentum_error": beside.momentum_error,
+        **{name: getattr(beside, name) for name in _ERRORS},
         **{f"{name}_rate_error": error for name, (error, _) in beside.hinge_rates.items()},
         "momentum_known_to": beside.momentum_known_to,
         "slip": slip,

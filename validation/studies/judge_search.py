@@ -65,9 +65,8 @@ def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
         ours, theirs = numbers.position[inside, :2], path(at[inside])
         turn = attitude(at[inside])
         # 2|sin(half the angle)| between them, whatever the signs.
-        cosine = np.abs((turn * numbers.attitude[inside]).sum(axis=1)) / np.linalg.norm(
-            turn, axis=1
-        )
+        cosine = np.abs((turn * numbers.attitude[inside]).sum(axis=1))
+        cosine /= np.linalg.norm(turn, axis=1)
         apart = ((ours - theirs) ** 2).sum(axis=1) / reference.path_scale**2
         return float(np.sqrt(np.mean(apart + 2 * (1 - np.minimum(cosine, 1.0)))))
 
@@ -254,11 +253,8 @@ class _Search:
                 if own and (best is None or _is_closer(own[0], best[0])):
                     best = own
             if not self.found:
-                self.trials = [
-                    _Trial(each.family, each.name, largest(each.errors))
-                    for each in options
-                    if each.parts == 1
-                ]
+                single = (each for each in options if each.parts == 1)
+                self.trials = [_Trial(o.family, o.name, largest(o.errors)) for o in single]
             if best is None:
                 return
             chosen, as_well = best
@@ -387,9 +383,6 @@ def _best(
         (option for gain, option in gains if gain > most - _AS_GOOD), key=lambda each: each.parts
     )
     chosen = good[0]
-    as_well = {
-        each.name: each
-        for each in good[1:]
-        if each.parts == chosen.parts and each.name != chosen.name
-    }
+    others = [each for each in good[1:] if each.parts == chosen.parts]
+    as_well = {each.name: each for each in others if each.name != chosen.name}
     return chosen, list(as_well.values())

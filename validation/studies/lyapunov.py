@@ -15,19 +15,18 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial.transform import Rotation
 
-from robotball import InputError, preset
-from robotball.cores import allowed
+from robotball import preset
 from robotball.engines.ensembles.orbits import Starts
 from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.model import Model, build
-from robotball.engines.mujoco.run import run
 from robotball.equations import Parameters
+from robotball.processes import allowed
 from robotball.qualitative.long_run import Exponents, exponents, standard_error
 from robotball.rotations import Array, conjugate, multiply
 from validation.options import AGREES, File, Preset, SceneName, Threads
 from validation.output import print_whole, progress_bar, write_record
-from validation.studies.contact_sections import level_starts, moving_scene, own_start
+from validation.studies.contact_sections import level_starts, moving_scene, own_start, sound_run
 
 _SEPARATION = 1e-6  # rad: its square is lost in the ratio, and so is rounding over it
 _PAIR_TOLERANCE = 1e-11  # of a step of the equations alongside
@@ -85,9 +84,8 @@ def contact_exponent(
         turn = np.array([0.6, 0.48, 0.64])
         for k in range(skipped + kept):
             origins[i, k], turns[i, k] = q, turn
-            beside = multiply(
-                q, Rotation.from_rotvec(_SEPARATION * turn).as_quat(scalar_first=True)
-            )
+            aside = Rotation.from_rotvec(_SEPARATION * turn).as_quat(scalar_first=True)
+            beside = multiply(q, aside)
             q, other = (_rolled(model, each, M, interval) for each in (q, beside))
             apart = multiply(conjugate(q), other)
             turn = Rotation.from_quat(apart, scalar_first=True).as_rotvec()
@@ -101,9 +99,8 @@ def contact_exponent(
 
 def _rolled(model: Model, attitude: Array, momentum: Array, duration: float) -> Array:
     """Return the attitude (4,), principal axes, to which MuJoCo rolls the ball in `duration` s."""
-    motion = run(model, np.array([0.0, duration]), start=own_start(model.scene, attitude, momentum))
-    if motion.report.faults:
-        raise InputError(f"{LABEL.name}'s run is no result: {motion.report.faults[0]}")
+    start = own_start(model.scene, attitude, momentum)
+    motion = sound_run(model, start, np.array([0.0, duration]))
     return multiply(motion.attitude[-1], model.scene.principal_quaternion)
 
 
@@ -153,16 +150,8 @@ class Lyapunov:
             parts, together = [], _BATCH * allowed()
             for i in range(0, self.starts, together):
                 show(i, f"{scene.name}: equations")
-                batch = slice(i, i + together)
-                parts.append(
-                    exponents(
-                        scene.parameters,
-                        attitudes[batch],
-                        momenta[batch],
-                        self.duration,
-                        self.transient,
-                    )
-                )
+                some = attitudes[i : i + together], momenta[i : i + together]
+                parts.append(exponents(scene.parameters, *some, self.duration, self.transient))
             found = Exponents(
                 np.concatenate([part.largest for part in parts]),
                 np.concatenate([part.divergence for part in parts]),
@@ -181,17 +170,11 @@ class Lyapunov:
                 "dimension": found.dimension,
             }
             if settings is not None:
+                model, what = build(scene, settings), f"{scene.name}: {LABEL.name}"
                 contact = contact_exponent(
-                    build(scene, settings),
-                    attitudes,
-                    momenta,
-                    self.duration / 10,
-                    min(100.0, self.transient),
-                    interval=10.0,
-                    progress=lambda part: show(
-                        self.starts * (1 + part), f"{scene.name}: {LABEL.name}"
-                    ),
-                )
+                    model, attitudes, momenta, self.duration / 10, min(100.0, self.transient), 10.0,
+                    lambda part: show(self.starts * (1 + part), what),
+                )  # fmt: skip
                 rows[f"λ₁ by {LABEL.name}, {settings.name} [1/s]"] = (contact.mean, contact.error)
                 record |= {
                     "engine": LABEL.name,

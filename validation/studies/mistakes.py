@@ -4,7 +4,7 @@ Numbers of a file are compared with the reference's sample by sample, under each
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache, partial, reduce
 from itertools import permutations, product
 from typing import Any
@@ -19,7 +19,7 @@ from robotball.files.export import poses
 from robotball.files.trajectories import LENGTHS
 from robotball.mechanics import momentum_at
 from robotball.motors import Servo
-from robotball.robot import Body, Rotor, Shell
+from robotball.robot import Ball, Body, Rotor, Shell
 from robotball.rotations import Array, conjugate, from_matrix, multiply, rotation_matrix
 
 _FLOOR = 1e-6  # an error below it explains as little as none
@@ -413,16 +413,14 @@ def mistaken_scenes(scene: Scene, rolling_radius: float) -> Iterator[_MistakenSc
     """Yield all that are tried; rolling_radius: by the file [m], nan where it is not known."""
     names = [hinge.name for hinge in scene.hinges]
     moving = [i for i, hinge in enumerate(scene.hinges) if _has_rate(scene, i)]
-    groups = [([i], f"the {names[i]}'s rate") for i in moving]
+    groups = [([i], f"the {names[i]}'s rate", "has", "is") for i in moving]
     if len(moving) > 1:
-        groups.append((moving, "all rates"))
-    for which, what in groups:
-        signs = "have" if what == "all rates" else "has"
-        yield (f"{what} {signs} the other sign", _with_rates(scene, which, -1.0))
-    for which, what in groups:
-        missing = "are" if what == "all rates" else "is"
-        yield (f"{what} {missing} zero", _with_rates(scene, which, 0.0))
-        yield (f"{what} {missing} taken in degrees", _with_rates(scene, which, _DEGREES))
+        groups.append((moving, "all rates", "have", "are"))
+    for which, what, has, _ in groups:
+        yield (f"{what} {has} the other sign", _with_rates(scene, which, -1.0))
+    for which, what, _, are in groups:
+        yield (f"{what} {are} zero", _with_rates(scene, which, 0.0))
+        yield (f"{what} {are} taken in degrees", _with_rates(scene, which, _DEGREES))
     yield from _radii(scene, rolling_radius)
     other: Rolling = "classical" if scene.rolling == "rubber" else "rubber"
     flat = replace(scene.start, momentum=scene.start.momentum * [1.0, 1.0, 0.0])
@@ -465,14 +463,10 @@ def _with_rates(scene: Scene, which: list[int], factor: float) -> tuple[Scene, .
 
 def scaled(rate: Rate, factor: float) -> Rate:
     """Return a rate times a factor, whatever kind of rate it is."""
-    if isinstance(rate, Ramp):
-        return msgspec.structs.replace(
-            rate, initial=factor * rate.initial, final=factor * rate.final
-        )
-    if isinstance(rate, Sine):
-        return msgspec.structs.replace(
-            rate, amplitude=factor * rate.amplitude, mean=factor * rate.mean
-        )
+    if isinstance(rate, Ramp | Sine):
+        names = ("initial", "final") if isinstance(rate, Ramp) else ("amplitude", "mean")
+        changes = {name: factor * getattr(rate, name) for name in names}
+        return msgspec.structs.replace(rate, **changes)
     if isinstance(rate, Samples):
         return msgspec.structs.replace(rate, values=tuple(factor * v for v in rate.values))
     if isinstance(rate, Sum):
@@ -532,40 +526,33 @@ def _inertias(scene: Scene) -> Iterator[_MistakenScene]:
 
 def _with_body(scene: Scene, body: Body, other: Body) -> tuple[Scene, ...]:
     """Return the scene with another body in one's place, with the frame's ω kept, or M."""
-    ball = scene.ball
-
-    def chosen(each: Any) -> Any:
-        return other if each is body else each
-
-    rotors, pendulums = tuple(map(chosen, ball.rotors)), tuple(map(chosen, ball.pendulums))
     try:
-        changed = replace(
-            ball,
-            shell=chosen(ball.shell),
-            frame=chosen(ball.frame),
-            rotors=rotors,
-            pendulums=pendulums,
-            links=tuple(map(chosen, ball.links)),
-        )
+        changed = with_bodies(scene.ball, lambda each: other if each is body else each)
     except InputError:  # no body has such moments
         return ()
     heavier = replace(scene, ball=changed)
     return (_kept(heavier, scene), heavier)
 
 
+def with_bodies(ball: Ball, change: Callable[[Any], Any]) -> Ball:
+    """Return the ball with another body in the place of each."""
+    bodies = {each.name: getattr(ball, each.name) for each in fields(ball)}
+    changed: dict[str, Any] = {
+        name: tuple(map(change, own)) if isinstance(own, tuple) else change(own)
+        for name, own in bodies.items()
+    }
+    return replace(ball, **changed)
+
+
 def _starts(scene: Scene) -> Iterator[_MistakenScene]:
     start, R = scene.start, rotation_matrix(scene.start.attitude)
     omega, q = _omega(scene), start.attitude
     yield ("the start's angular velocity is set in world axes", (_kept(scene, scene, R.T @ omega),))
-    yield (
-        "the start's angular velocity is set in frame axes where world axes are meant",
-        (_kept(scene, scene, R @ omega),),
-    )
+    frames = "the start's angular velocity is set in frame axes where world axes are meant"
+    yield (frames, (_kept(scene, scene, R @ omega),))
     yield ("the start's angular velocity has the other sign", (_kept(scene, scene, -omega),))
-    yield (
-        "the start's momentum is taken in frame axes",
-        (replace(scene, start=replace(start, momentum=_level(scene, R @ start.momentum))),),
-    )
+    other = replace(start, momentum=_level(scene, R @ start.momentum))
+    yield ("the start's momentum is taken in frame axes", (replace(scene, start=other),))
     attitudes = {
         "conjugate (world to frame)": conjugate(q),
         "read in the order x, y, z, w": q[[3, 0, 1, 2]],
@@ -585,15 +572,9 @@ def _omega(scene: Scene) -> Array:
 
 def _kept(changed: Scene, scene: Scene, omega: Array | None = None) -> Scene:
     """Return a changed scene that starts with the frame's ω of the other, or with this ω."""
-    hinges, start = changed.hinges, changed.start
-    M = momentum_at(
-        changed.ball,
-        changed.rolling,
-        start.attitude,
-        _omega(scene) if omega is None else omega,
-        np.array([hinge.angle for hinge in hinges]),
-        np.array([hinge.rate for hinge in hinges]),
-    )
+    start, omega = changed.start, _omega(scene) if omega is None else omega
+    angles, rates = np.array([(hinge.angle, hinge.rate) for hinge in changed.hinges]).T
+    M = momentum_at(changed.ball, changed.rolling, start.attitude, omega, angles, rates)
     return replace(changed, start=replace(start, momentum=_level(changed, M)))
 
 

@@ -23,6 +23,7 @@ from robotball.qualitative.equilibria import kappa, name_of, proposition_2
 from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, File, Sweep, SweepOptions, chosen
 from validation.output import halo, writable_folder, write_record
+from validation.plots import note
 from validation.study import Column, Study, show, table_of
 from validation.sweeps import Cell, Result, rows_of
 
@@ -132,7 +133,7 @@ _COLOURS = {
     "largest basin: θ₃,₄": "#8F92B8",
 }
 _HATCHES = {"largest basin: δ₃,₄": "..", "largest basin: θ₁,₂": "//", "largest basin: θ₃,₄": "\\\\"}
-_OTHER = "#F5C9C9"  # what has no result, or one of a kind not foreseen
+_OTHER, _NONE = "#F5C9C9", "no result"  # also of a result of a kind not foreseen
 
 
 def _number_of_points(record: Mapping[str, Any]) -> str:
@@ -186,9 +187,8 @@ def _picture(plane: _Plane, results: Sequence[Result]) -> Figure:
         for K3, name, side in ((0.3, "6", "right"), (0.52, "7", "left"), (3.0, "8", "right")):
             y = 1.0 if plane.name == "axial" else float(np.degrees(np.arctan2(2.0, 4.0)))
             axes.plot(K3, y, "o", color=INK, mec="white", markersize=6, clip_on=False, zorder=5)
-            axes.annotate(f"Fig. {name}", (K3, y), xytext=(-3 if name == "6" else 3, 5),
-                          textcoords="offset points", fontsize=8, color=INK, zorder=5,
-                          path_effects=halo(), ha=side)  # fmt: skip
+            note(axes, f"Fig. {name}", (K3, y), (-3 if name == "6" else 3, 5), fontsize=8,
+                 color=INK, zorder=5, path_effects=halo(), ha=side)  # fmt: skip
     handles = [Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
               for name, (_, colour, dashes) in _CURVES.items()]  # fmt: skip
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False,
@@ -201,31 +201,19 @@ def _draw_cells(
 ) -> None:
     """Draw each cell in the colour of its property, with a legend of what is there."""
     across, up = (np.array(sorted({each.cell[key] for each in results})) for key in ("K3", "y"))
-    words = [property_of(each.record) if each.record else "no result" for each in results]
-    order = [*_COLOURS]
-    known = sorted(set(words) & set(_COLOURS), key=order.index)
-    kinds = [*known, *sorted(set(words) - set(_COLOURS) - {"no result"})]
+    words = [property_of(each.record) if each.record else _NONE for each in results]
+    styles: dict[str, dict[str, Any]] = {
+        word: {"facecolor": _COLOURS.get(word, _OTHER), "hatch": _HATCHES.get(word), "ec": "0.5"}
+        for word in words
+    }
     for each, word in zip(results, words, strict=True):
         x, y = each.cell["K3"], each.cell["y"]
         half = (across[1] - across[0]) / 2, (up[1] - up[0]) / 2
-        axes.fill(
-            x + half[0] * np.array([-1, 1, 1, -1]),
-            y + half[1] * np.array([-1, -1, 1, 1]),
-            facecolor=_COLOURS.get(word, _OTHER),
-            hatch=_HATCHES.get(word),
-            edgecolor="0.5",
-            linewidth=0,
-        )
-    shown = [*kinds, *(["no result"] if "no result" in words else [])]
-    handles = [
-        Patch(
-            facecolor=_COLOURS.get(kind, _OTHER),
-            hatch=_HATCHES.get(kind),
-            edgecolor="0.5",
-            label=kind,
-        )
-        for kind in shown
-    ]
+        corners = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]])
+        axes.fill(x + half[0] * corners[0], y + half[1] * corners[1], lw=0, **styles[word])
+    order = [*_COLOURS, *sorted(set(words) - set(_COLOURS) - {_NONE}), _NONE]
+    shown = sorted(styles, key=order.index)
+    handles = [Patch(**styles[word], label=word) for word in shown]
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2,
                 frameon=False, fontsize=8)  # fmt: skip
     axes.set(xlim=(across[0], across[-1]), ylim=(up[0], up[-1]))

@@ -68,14 +68,14 @@ def _baseline_model() -> Model:
     return build(load_scene(scene), preset(settings))
 
 
-def one_step(compiled: mujoco.MjModel) -> float:
-    """Return the processor time of one mj_step [s], the mean of STEPS from the model's start."""
+def one_step(compiled: mujoco.MjModel, steps: int = _STEPS) -> float:
+    """Return the processor time of one mj_step [s], the mean of `steps` from the model's start."""
     data = mujoco.MjData(compiled)
     mujoco.mj_resetDataKeyframe(compiled, data, 0)
     began = time.thread_time()
-    for _ in range(_STEPS):
+    for _ in range(steps):
         mujoco.mj_step(compiled, data)
-    return (time.thread_time() - began) / _STEPS
+    return (time.thread_time() - began) / steps
 
 
 def simulated_second(model: Model, times: Array) -> _Work:

@@ -41,6 +41,7 @@ from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of
 from validation.output import in_picture, known, progress_bar, scientific, writable_folder
+from validation.plots import note
 from validation.results import changed
 from validation.studies.friction import friction_cells, friction_run, friction_study
 from validation.studies.orders import fit_order
@@ -488,8 +489,7 @@ def _tradeoff_picture(study: _Comparison) -> Figure:
         "path error, relative to the path's length",
     )
     _scatter(axes, study.configurations)
-    errors, costs = zip(*((p.error, p.cost) for p in study.pareto_front), strict=True)
-    axes.plot(errors, costs, color=INK, linewidth=1.6, zorder=3, label="Pareto front")
+    _plot(axes, study.pareto_front, "-", color=INK, linewidth=1.6, zorder=3, label="Pareto front")
     if study.first_order is not None:
         _prolong(axes, study.first_order)
     _compare(axes, study)
@@ -505,46 +505,27 @@ def _tradeoff_picture(study: _Comparison) -> Figure:
 
 def _scatter(axes: Axes, configurations: Sequence[Configuration]) -> None:
     faulty = [p for p in configurations if not p.sound and p.error < _WILD]
-    axes.plot(
-        [p.error for p in faulty],
-        [p.cost for p in faulty],
-        "x",
-        color=FAINT,
-        markersize=4,
-        zorder=1,
-        label="slips, lifts off or misses a rate",
-    )
+    _plot(axes, faulty, "x", color=FAINT, ms=4, zorder=1, label="slips, lifts off or misses a rate")
     for integrator in INTEGRATORS.values():
         mine = [p for p in configurations if p.sound and p.integrator == integrator.name]
         high = integrator.order > 1  # filled; first order is hollow
-        axes.plot(
-            [p.error for p in mine],
-            [p.cost for p in mine],
-            integrator.marker,
-            color=LABEL.colour,
-            markerfacecolor=LABEL.colour if high else "none",
-            markersize=5 if high else 4.5,
-            linestyle="",
-            zorder=2,
-            label=integrator.name,
-        )
+        fill, size = (LABEL.colour, 5) if high else ("none", 4.5)
+        _plot(axes, mine, integrator.marker, color=LABEL.colour, mfc=fill, ms=size, zorder=2,
+              linestyle="", label=integrator.name)  # fmt: skip
+
+
+def _plot(axes: Axes, some: Sequence[Configuration], mark: str, **style: Any) -> None:
+    """Draw configurations by error and cost."""
+    axes.plot([p.error for p in some], [p.cost for p in some], mark, **style)
 
 
 def _prolong(axes: Axes, line: _Line) -> None:
     """Draw the best line of first order, on to the target."""
-    configurations = [(p.error, p.cost) for p in line.configurations]
-    axes.plot(
-        *zip(*configurations, strict=True), color=ACCENT, linewidth=1.4, label="first order, best"
-    )
+    style: dict[str, Any] = {"color": ACCENT, "linewidth": 1.4}
+    _plot(axes, line.configurations, "-", **style, label="first order, best")
     if line.extrapolated:
-        axes.plot(
-            [line.nearest.error, TARGET],
-            [line.nearest.cost, line.at_target],
-            color=ACCENT,
-            linewidth=1.4,
-            linestyle="--",
-            label=f"extrapolated, order {line.order:.2f}",
-        )
+        way = [line.nearest.error, TARGET], [line.nearest.cost, line.at_target]
+        axes.plot(*way, "--", **style, label=f"extrapolated, order {line.order:.2f}")
 
 
 def _compare(axes: Axes, study: _Comparison) -> None:
@@ -556,32 +537,17 @@ def _compare(axes: Axes, study: _Comparison) -> None:
     arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (TARGET, high), xytext=(TARGET, low), arrowprops=arrow)
     times = float(f"{study.ratio:.2g}")
-    axes.annotate(
-        f"{times:,.0f}".replace(",", "\u2009") + f" times\nat {TARGET:g}",
-        (TARGET, high / 4),
-        xytext=(-8, 0),
-        textcoords="offset points",
-        ha="right",
-        va="center",
-        color=INK,
-    )
+    words = f"{times:,.0f}".replace(",", "\u2009") + f" times\nat {TARGET:g}"
+    note(axes, words, (TARGET, high / 4), (-8, 0), ha="right", va="center", color=INK)
 
 
 def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
     """Draw a preset's ring and its name, on the side where nothing else is."""
     above = name in _ABOVE
     axes.plot(*place, "o", color=INK, markerfacecolor="none", markersize=11, zorder=4)
-    axes.annotate(
-        name,
-        place,
-        xytext=(0, 10 if above else -12),
-        textcoords="offset points",
-        ha="center",
-        va="bottom" if above else "top",
-        color=INK,
-        zorder=5,
-        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85},
-    )
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
+    by, va = (0, 10 if above else -12), "bottom" if above else "top"
+    note(axes, name, place, by, ha="center", va=va, color=INK, zorder=5, bbox=box)
 
 
 def record(study: _Comparison) -> dict[str, Any]:

@@ -21,7 +21,6 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from robotball import equations as eq
-from robotball.cores import Queue, in_threads
 from robotball.engines.compiled import Function, compiled_from, inlined
 from robotball.engines.ensembles.flatten import FEW, LANES
 from robotball.engines.ensembles.steppers import (
@@ -46,6 +45,7 @@ from robotball.engines.ensembles.steppers import (
 from robotball.equations import Parameters, as_vector, check_speed
 from robotball.errors import InputError, too_many_steps
 from robotball.motion import pieces
+from robotball.processes import Queue, in_threads
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
 

@@ -16,7 +16,7 @@ import robotball as rb
 from robotball import FaultKind
 from robotball.engine import OURS
 from robotball.engines.adapter import Adapter, IdealWorld, ServoWorld, StepSettings, by_name
-from robotball.engines.links import State, links_of
+from robotball.engines.links import State, links_of, principal_inertia
 from robotball.engines.pinocchio import Pinocchio
 from robotball.motion import Label, momentum_error, path_error
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
@@ -54,7 +54,7 @@ def test_the_links_weigh_what_the_ball_weighs() -> None:
     scene, inertia = rb.load_scene("three_rotors"), np.zeros((3, 3))
     links = links_of(scene)
     for link in links:
-        r, (moments, axes) = link.centre + link.origin, link.principal
+        r, (moments, axes) = link.centre + link.pivot, principal_inertia(link)
         R = rotation_matrix(axes)
         inertia += R @ np.diag(moments) @ R.T + link.mass * (r @ r * np.eye(3) - np.outer(r, r))
     assert sum(link.mass for link in links) == pytest.approx(scene.ball.mass, rel=1e-15)

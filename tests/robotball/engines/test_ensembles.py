@@ -32,7 +32,7 @@ from robotball.engines.ensembles.steppers import (
 from robotball.equations import Parameters, speed_bound
 from robotball.errors import InputError
 from robotball.rotations import Array, rotation_matrix
-from tests.figures import BALLS, CHAOTIC, REGULAR, F, spread_starts
+from tests.figures import BALLS, REGULAR, F, spread_starts
 from tests.scenes import FOUR
 
 pytestmark = pytest.mark.core
@@ -136,17 +136,6 @@ def test_a_scene_moves_as_by_integrate(name: str) -> None:
     many = orbits(parameters, attitudes, momenta, times)
     assert np.abs(many.attitudes[0] - q).max() < 2e-13
     assert np.abs(many.contact_points[0] - points).max() < 2e-12
-
-
-def test_an_orbit_does_not_depend_on_its_neighbours() -> None:
-    """Alone or among 20 others, in whichever lane: the same to the last bit."""
-    attitudes, momenta = some_starts(21)
-    times = np.array([0.0, 3.0, 3.001, 20.0])
-    together = orbits(CHAOTIC, attitudes, momenta, times)
-    for i in (0, 7, 8, 20):
-        alone = orbits(CHAOTIC, attitudes[i : i + 1], momenta[i : i + 1], times)
-        assert np.array_equal(alone.attitudes[0], together.attitudes[i])
-        assert np.array_equal(alone.contact_points[0], together.contact_points[i])
 
 
 # Invariants --------------------------------------------------------------------------------

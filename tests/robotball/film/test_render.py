@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball.cores import at_most
 from robotball.engines.mujoco import LABEL
 from robotball.film import gl, render
 from robotball.film.looks import rgb
 from robotball.film.render import Film, frames
 from robotball.film.stage import Pixels
 from robotball.film.write import write_video
+from robotball.processes import at_most
 from robotball.rotations import multiply
 
 TIMES = np.linspace(0.0, 0.3, 16)  # s

@@ -9,7 +9,7 @@ from robotball.engines.ensembles.orbits import TOO_MANY_STEPS, orbit
 from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.qualitative.cycles import close
-from robotball.qualitative.sections import fixed_point, section, section_starts
+from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import section_state
 from tests.figures import BALLS, CHAOTIC, CLASSICAL, REGULAR, F, ball, spread_starts
@@ -129,31 +129,6 @@ def test_the_section_needs_a_momentum_and_an_orbit_that_comes_back() -> None:
 
 
 # Periodic orbits ---------------------------------------------------------------------------
-
-
-def test_a_settled_motion_crosses_at_two_fixed_points_of_one_orbit() -> None:
-    """Fig. 11a's: the same period and multipliers from both, a pair; closed to 1e-11.
-
-    A small circle about one of them shrinks, return by return, by the multipliers' product: over
-    20 returns to 1 %, as dL dl is not the invariant area.
-    """
-    settled = section(REGULAR, *section_starts(3.6, 0.6, F), count=400)
-    here, other = (fixed_point(REGULAR, settled.L[0, i], settled.l[0, i], F) for i in (-1, -2))
-    assert here.period == pytest.approx(other.period, abs=1e-8)
-    assert np.abs(here.multipliers) == pytest.approx(np.abs(other.multipliers), abs=1e-8)
-    assert here.multipliers[0] == pytest.approx(here.multipliers[1].conjugate(), abs=1e-8)
-    L, l = settled.L[0, -1], settled.l[0, -1]
-    angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    circle = L + 1e-4 * np.cos(angles), l + 1e-4 * np.sin(angles)
-    way = int(settled.directions[0, -1])
-    found = section(REGULAR, *section_starts(*circle, F), count=20, direction=way)
-    shrunk = polygon_area(found.L[:, -1], found.l[:, -1]) / polygon_area(*circle)
-    assert shrunk == pytest.approx(abs(np.prod(here.multipliers)) ** 20, rel=0.01)
-
-
-def polygon_area(x: Array, y: Array) -> float:
-    """The area within a closed polygon."""
-    return float(abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2)
 
 
 def test_unstable_periodic_orbits_of_the_chaos_close() -> None:

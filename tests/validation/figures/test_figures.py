@@ -81,7 +81,7 @@ def test_the_closed_contour_of_fig6_has_four_arcs(number: int, arcs: int) -> Non
 
 
 def test_fig9_has_its_boundary_where_fig10_turns_unstable() -> None:
-    """At K = (4, 5, 0) σ₋ is stable below the limit in f and not above; σ₊ is stable nowhere.
+    """At K = (4, 5, 0) σ₋ is stable below the limit in f and not above.
 
     M of σ is along e₃ and M of δ against it, of the size √f.
     """
@@ -89,9 +89,6 @@ def test_fig9_has_its_boundary_where_fig10_turns_unstable() -> None:
     limit = stability_limit(ball)
     assert limit is not None
     assert growth_rate(ball, LINE_K, limit - 1e-4) < 0 < growth_rate(ball, LINE_K, limit + 1e-4)
-    side = np.linspace(-8, 8, 6)
-    rates = [growth_rate(ball, (K1, K2, 0.0), 2.0, "σ₊") for K1 in side for K2 in side]
-    assert np.nanmin(rates) > 0.1  # measured 0.125 1/s
     for name, gamma in line_verticals(3.0, LINE_K).items():
         M = np.cross(gamma, LINE_K)
         assert gamma @ gamma == pytest.approx(1)
@@ -104,15 +101,15 @@ def test_both_chaplygin_balls_cross_on_the_same_curve() -> None:
     """
     names = ("rubber_chaplygin_ball", "chaplygin_ball_same_tori")
     rubber, classical = (tori.started(paper_scene(name), 0.5) for name in names)
-    by_equations = tori.points_of(tori.crossings_of(rubber))
-    by_engine = tori.points_of(tori.engine_crossings_of(rubber))
-    curve = invariant_curve(tori.points_of(tori.crossings_of(classical)))
+    by_equations = tori.points_of(tori.crossings_of(tori.followed(rubber)))
+    by_engine = tori.points_of(tori.crossings_of(tori.engine_followed(rubber)))
+    curve = invariant_curve(tori.points_of(tori.crossings_of(tori.followed(classical))))
     assert invariant_curve(by_equations).rotation == pytest.approx(0.08697, abs=1e-5)
     assert curve.rotation == pytest.approx(0.14492, abs=1e-5)
     assert tori.apart(by_equations, curve) < 1e-6
     assert tori.apart(by_engine, curve) < 1e-6
     # A control: another start is on another torus.
-    other = tori.points_of(tori.crossings_of(tori.started(rubber, 0.4)))
+    other = tori.points_of(tori.crossings_of(tori.followed(tori.started(rubber, 0.4))))
     assert tori.apart(other, curve) > 0.1  # measured 0.23
 
 

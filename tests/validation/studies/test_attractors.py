@@ -12,7 +12,7 @@ import pytest
 
 import robotball as rb
 from robotball.engines.mujoco.model import build
-from robotball.qualitative.sections import crossings_of_motion, fixed_point, section
+from robotball.qualitative.sections import crossings_of_motion, section
 from robotball.rotations import Array, multiply
 from validation.studies.contact_sections import (
     COARSE,
@@ -20,7 +20,6 @@ from validation.studies.contact_sections import (
     Torus,
     cloud_by_contact,
     cloud_by_equations,
-    contact_cycle,
     distance,
     distance_to_curve,
     rank_probability,
@@ -51,21 +50,6 @@ def test_a_sampled_motion_crosses_where_the_equations_do(name: str, g: float) ->
     assert np.abs(found.times - exact.times[0]).max() < 1e-8
     assert np.abs(found.L - exact.L[0]).max() < 1e-7
     assert np.abs(np.sin((found.l - exact.l[0]) / 2)).max() < 1e-7
-
-
-def test_mujocos_periodic_orbit_is_the_equations() -> None:
-    """Newton on the contact model's own map finds period, place and multipliers to 1e-6."""
-    scene = rb.load_scene("fig12")
-    cycle = fixed_point(scene.parameters, 3.6, 0.6, F)
-    where = section(scene.parameters, cycle.attitude[None], cycle.momentum[None], 1, direction=-1)
-    L, l = float(where.L[0, 0]), float(where.l[0, 0])
-    found = contact_cycle(build(scene, BALANCED), L + 0.01, l + 0.01, F, cycle.period, -1)
-    # Measured 1.0e-8 s, 3e-9 kg m²/s, 4e-9 rad, 1.2e-8: the error of steps of 5 ms.
-    assert found.period == pytest.approx(8.7432614, abs=1e-6)
-    assert found.period == pytest.approx(cycle.period, abs=1e-7)
-    assert pytest.approx(L, abs=1e-7) == found.L
-    assert found.l == pytest.approx(l, abs=1e-7)
-    assert np.abs(found.multipliers) == pytest.approx([0.9281608] * 2, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -156,10 +140,3 @@ def test_distance_to_a_curve_is_from_between_its_points() -> None:
     points = (1 + 1e-4) * np.stack([np.cos(turn + 2e-4), np.sin(turn + 2e-4)], axis=1)
     # Measured 1.0e-6 off: the sagitta of the eight neighbours that a line is laid through.
     assert distance_to_curve(points, circle) == pytest.approx(1e-4, abs=2e-6)
-
-
-def test_a_run_with_a_fault_is_no_section() -> None:
-    """The naive model slips from the start: its crossings are refused with the cause."""
-    scene = rb.load_scene("fig12")
-    with pytest.raises(rb.InputError, match="MuJoCo's run is no result: hinge rate off"):
-        cloud_by_contact(build(scene, rb.preset("naive")), replace(CLOUD, starts=1), seed=0)

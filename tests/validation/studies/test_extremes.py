@@ -32,10 +32,10 @@ from validation.studies.extremes import (
     measure,
     measured_limits,
     missed,
-    reference,
     totals,
 )
 from validation.studies.random_runs import extreme, ordinary
+from validation.study import compiled_motion
 from validation.sweeps import Result
 
 ROLLINGS = ("rubber", "classical")
@@ -51,19 +51,6 @@ def test_the_quick_atlas_has_every_map() -> None:
         xs = {each["x"] for each in cells_of(chosen, QUICK) if each["integrator"] == "RK4"}
         assert 2 <= len(xs) <= 3
         assert {chosen.x.values[0], chosen.x.values[-1]} <= xs
-
-
-@pytest.mark.parametrize("rolling", ROLLINGS)
-def test_the_reference_is_the_equations(rolling: str) -> None:
-    """The compiled motion is integrate's: 1.2e-12 m, by the tolerance of its steps."""
-    scene = base(rolling)
-    times = rb.sample_times(3.0)
-    ours, theirs = reference(scene, times), rb.integrate(scene, times)
-    assert np.abs(ours.contact_point - theirs.contact_point).max() < 3e-12
-    for name in ("attitude", "angular_velocity", "momentum", "hinge_angles"):
-        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-10)
-    np.testing.assert_allclose(ours.loads.contact_force, theirs.loads.contact_force, atol=1e-9)
-    assert ours.path_length == pytest.approx(theirs.path_length, rel=1e-12)
 
 
 @pytest.mark.parametrize("rolling", ROLLINGS)
@@ -94,7 +81,9 @@ def test_a_mass_shared_out_anew_is_the_same_mass() -> None:
 def test_a_scaled_ball_moves_alike(rolling: str) -> None:
     """The path goes with the length, whatever the masses: 1e-14 of it, by rounding."""
     scene, times = base(rolling), rb.sample_times(1.0)
-    small, large = (reference(each, times) for each in (scene, scaled(scene, mass=1e7, length=1e5)))
+    small, large = (
+        compiled_motion(each, times) for each in (scene, scaled(scene, mass=1e7, length=1e5))
+    )
     assert np.abs(large.contact_point / 1e5 - small.contact_point).max() < 1e-12
     frictions = [each.loads.sliding_friction.max() for each in (small, large)]
     assert frictions[1] == pytest.approx(frictions[0], rel=1e-12)
@@ -197,17 +186,6 @@ def test_the_margin_carries_the_weight_at_any_depth(
     scene = replace(base(rolling), gravity=gravity)
     error = compare(scene, settings, rb.sample_times(2.0)).path_error
     assert error == pytest.approx(7.4804e-10 if rolling == "rubber" else 4.7482e-9, rel=1e-4)
-
-
-def test_friction_breaks_where_it_is_predicted() -> None:
-    """The demand is a limit on both sides: 3 % less slips, 3 % more does not."""
-    scene = replace(base("rubber"), gravity=9.81)
-    demand = reference(scene, rb.sample_times(3.0)).loads.sliding_friction.max()
-    outcomes = [
-        measure(cell("friction", "RK4", factor * demand, 9.81))["outcome"]
-        for factor in (0.97, 1.03)
-    ]
-    assert outcomes == [Outcome.SLIPPED.name, Outcome.ACCURATE.name]
 
 
 def test_the_adaptive_integrator_has_its_rtol_where_others_have_a_timestep() -> None:

@@ -29,7 +29,7 @@ def _body(link: Any, joint: str, inner: str = "") -> str:
     J = link.inertia
     full = _numbers([J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
     return (
-        f'<body pos="{_numbers(link.origin)}"><inertial mass="{float(link.mass)!r}" '
+        f'<body pos="{_numbers(link.pivot)}"><inertial mass="{float(link.mass)!r}" '
         f'pos="{_numbers(link.centre)}" fullinertia="{full}"/>{joint}{inner}</body>'
     )
 
@@ -56,7 +56,7 @@ class SecondForm:
         ]
 
         def nested(i: int) -> str:
-            inner = (nested(j) for j, link in enumerate(links) if link.parent == i)
+            inner = (nested(j) for j, link in enumerate(links) if link.parent == links[i].name)
             return _body(links[i], joints[i], "".join(inner))
 
         self.model = mujoco.MjModel.from_xml_string(

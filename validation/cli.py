@@ -61,7 +61,7 @@ COMMANDS = {
     "scenes": "validation.commands.scene_commands",
     "engines": "validation.studies.engine_study",
     "compare": "validation.commands.compare",
-    "check": "validation.studies.check",
+    "check": "validation.commands.checking",
     "report": "validation.commands.report",
     "judge": "validation.studies.judge",
     "video": "validation.commands.film",

@@ -137,7 +137,7 @@ def editable(
                 return Editable(source, text, moved, sphere, plane, pair, own_pair is not None)
         except (InputError, ExpatError, IndexError, UnicodeDecodeError):
             continue
-    raise InputError(f"{robot.path}: MuJoCo writes it as a file that it reads differently")
+    raise InputError(f"{robot.path} cannot be mended: written again, it is another robot")
 
 
 def _root(robot: RobotFile) -> int:

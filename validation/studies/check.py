@@ -11,48 +11,36 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from html import escape as html_escape
-from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Any, get_args
 
 import mujoco
 import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
-from tyro.conf import DisallowNone, Positional, arg
 
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
 from robotball.equations import Rolling
-from robotball.errors import SceneWarning, check_positive, unknown
+from robotball.errors import SceneWarning, unknown
 from robotball.files.mended_file import Change, Editable, compiled, editable
 from robotball.files.robot_file import (
     RobotFile,
     above_plane,
     contact_of,
     gears_of,
-    open_robot,
     plane_axes,
     rolling_of,
     scene_of,
-    starts_off,
 )
 from robotball.motion import Motion
 from robotball.rotations import Array
 from robotball.scene import GRAVITY
-from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, check_files
 from validation.output import (
     Show,
-    progress_bar,
     scientific,
     title,
-    versions,
-    writable_folder,
-    write_text,
 )
-from validation.report import embedded, folded, page, paragraph, plain, table, text
-from validation.results import controls_of
-from validation.study import Column, Study, present, table_of
+from validation.study import Column, Study, table_of
 
 _INTERVAL = 0.01  # s between the points that are compared, or the model's own step
 _LEAST_STEP = 1e-4  # s, the shortest that is tried
@@ -522,7 +510,7 @@ def _by_effect(changes: Sequence[Change], error_of: _Measure) -> list[Change]:
     return made
 
 
-def _stands(own: Own) -> bool:
+def stands(own: Own) -> bool:
     """Return whether a model without controls, started at rest, stays where it is."""
     data, robot = own.begin(), own.robot
     if own.controls or np.any(data.ctrl) or np.any(data.qvel):
@@ -532,7 +520,7 @@ def _stands(own: Own) -> bool:
     return bool(np.nanmax(np.abs(path)) < _STANDS * robot.model.geom_size[robot.sphere, 0])
 
 
-def _moved(own: Own) -> tuple[Own, str]:
+def moved(own: Own) -> tuple[Own, str]:
     """Return a model with controls that move it, or a push where it has none; and words on it."""
     model = own.robot.model
     radius = float(model.geom_size[own.robot.sphere, 0])
@@ -560,7 +548,7 @@ def _moved(own: Own) -> tuple[Own, str]:
 _ANGLE, _RATE, _TORQUE = 0.3, 2.0, 0.03
 
 
-_COLUMNS = (
+COLUMNS = (
     Column("change", "change", words=True),
     Column("path error\nafter it", "error"),
     Column("it alone\nundone", "undone"),
@@ -568,7 +556,7 @@ _COLUMNS = (
 )
 
 
-def _study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) -> Study:
+def study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) -> Study:
     """Return the table, record, picture and words of a checked model; words: known before."""
     theory, file = checked.theory, own.robot.path
     rows = [_row("as it is", checked.error)]
@@ -599,7 +587,7 @@ def _study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str])
         shown=(
             f"[bold]{escape(file.name)}[/]",
             *map(escape, lines),
-            *([table_of(_COLUMNS, rows)] if len(rows) > 1 else []),
+            *([table_of(COLUMNS, rows)] if len(rows) > 1 else []),
         ),
         picture=_picture(file.name, checked, accuracy),
     )  # fmt: skip
@@ -665,30 +653,12 @@ def _symptoms(own: Own, checked: Checked) -> Iterator[str]:
             yield f"servo: {name} misses its command by {lag:.0%} (root mean square)"
 
 
-def _difference(checked: Checked) -> list[str]:
+def difference(checked: Checked) -> list[str]:
     """Return the lines in which the mended file differs from the user's, as a diff has them."""
     before, after = (text.splitlines() for text in (checked.edit.source, checked.text))
     return list(difflib.unified_diff(before, after, "as it is", "mended", n=0, lineterm=""))[
         :_MOST_LINES
     ]
-
-
-def _page_of(study: Study, checked: Checked, picture: Path) -> str:
-    """Return the HTML page of a check, with its picture."""
-    first, *lines = study.record["lines"] if study.record else [""]
-    image = embedded(picture.read_bytes(), "image/png")
-    cells = [[column.text(row) for column in _COLUMNS] for row in study.rows]
-    body = [
-        f"<h1>{text(study.scene)}</h1>",
-        *map(paragraph, [first, *lines]),
-        f'<figure><img alt="paths and errors" src="{image}"></figure>',
-        "<h2>What each change is worth</h2>",
-        table([column.header for column in _COLUMNS], cells),
-        "<h2>The changes</h2>",
-        f'<pre class="wide">{html_escape(chr(10).join(_difference(checked)))}</pre>',
-        folded("Versions", plain(versions()), short=True),
-    ]
-    return page(f"robotball: check of {study.scene}", body)
 
 
 def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
@@ -722,56 +692,3 @@ def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
 _MOST_PAIRS, _LAGS = 5, 0.1
 _MOST_LINES = 60  # of a diff
 _COLOURS = ("#0072B2", "#009E73")
-
-
-@dataclass(frozen=True)
-class Check:
-    """Say whether an MJCF or URDF robot rolls right as it is; if not, which setting is wrong.
-
-    Example: robotball check mybot.xml
-    """
-
-    file: Positional[Annotated[Path, arg(metavar="FILE")]]
-    """The MJCF or URDF file of the robot, of which nothing is overwritten."""
-    shell: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
-    """The body or geom that rolls; the largest sphere if not given."""
-    rolling: DisallowNone[Annotated[Rolling | None, arg(help_behavior_hint="")]] = None
-    """The rolling model; the nearer one if not given."""
-    keyframe: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
-    """The keyframe to start at; the first one if not given."""
-    control: Controls = ()
-    accuracy: float = 1e-3
-    """The path error to reach, over the path's length."""
-    duration: Duration = None
-    """Simulated time; 10 s if not given."""
-    out: Path = OUT
-    """Folder for the mended file, the page and the picture."""
-    json: File = None
-    """Also write all of it as JSON."""
-
-    def run(self) -> int:
-        check_positive("accuracy", self.accuracy, "")
-        check_files(self.json)
-        writable_folder(self.out)
-        robot = open_robot(self.file, self.shell)
-        duration = 10.0 if self.duration is None else self.duration
-        controls = {
-            name: as_drive(value, duration) for name, value in controls_of(self.control).items()
-        }
-        own = Own(robot, controls, self.keyframe)
-        notes = [*robot.notes, *starts_off(robot, own.begin())]
-        if _stands(own):
-            own, given = _moved(own)
-            notes.append(f"nothing moves it; it is checked with {given}; see --control")
-        with progress_bar(1) as show:
-            checked = check_model(own, self.rolling, duration, self.accuracy, show)
-        study = _study_of(own, checked, self.accuracy, notes)
-        picture, html = (self.out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
-        present(study, picture, self.json, None)
-        write_text(html, _page_of(study, checked, picture))
-        print(picture, html, sep="\n")
-        if checked.needed:
-            mended = self.out / f"{self.file.stem}-mended.xml"
-            write_text(mended, checked.text)
-            print(mended, *_difference(checked), sep="\n")
-        return AGREES if checked.error <= self.accuracy else DISAGREES

@@ -1,0 +1,99 @@
+"""The command `robotball check`: a user's own model as it is, with a page and the file mended."""
+
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import DisallowNone, Positional, arg
+
+from robotball.drives import as_drive
+from robotball.equations import Rolling
+from robotball.errors import check_positive
+from robotball.files.robot_file import open_robot, starts_off
+from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File, check_files
+from validation.output import progress_bar, versions, writable_folder, write_text
+from validation.report import embedded, folded, page, paragraph, plain, table, text
+from validation.results import controls_of
+from validation.studies.check import (
+    COLUMNS,
+    Checked,
+    Own,
+    check_model,
+    difference,
+    moved,
+    stands,
+    study_of,
+)
+from validation.study import Study, present
+
+
+@dataclass(frozen=True)
+class Check:
+    """Say whether an MJCF or URDF robot rolls right as it is; if not, which setting is wrong.
+
+    Example: robotball check mybot.xml
+    """
+
+    file: Positional[Annotated[Path, arg(metavar="FILE")]]
+    """The MJCF or URDF file of the robot, of which nothing is overwritten."""
+    shell: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
+    """The body or geom that rolls; the largest sphere if not given."""
+    rolling: DisallowNone[Annotated[Rolling | None, arg(help_behavior_hint="")]] = None
+    """The rolling model; the nearer one if not given."""
+    keyframe: DisallowNone[Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")]] = None
+    """The keyframe to start at; the first one if not given."""
+    control: Controls = ()
+    accuracy: float = 1e-3
+    """The path error to reach, over the path's length."""
+    duration: Duration = None
+    """Simulated time; 10 s if not given."""
+    out: Path = OUT
+    """Folder for the mended file, the page and the picture."""
+    json: File = None
+    """Also write all of it as JSON."""
+
+    def run(self) -> int:
+        check_positive("accuracy", self.accuracy, "")
+        check_files(self.json)
+        writable_folder(self.out)
+        robot = open_robot(self.file, self.shell)
+        duration = 10.0 if self.duration is None else self.duration
+        controls = {
+            name: as_drive(value, duration) for name, value in controls_of(self.control).items()
+        }
+        own = Own(robot, controls, self.keyframe)
+        notes = [*robot.notes, *starts_off(robot, own.begin())]
+        if stands(own):
+            own, given = moved(own)
+            notes.append(f"nothing moves it; it is checked with {given}; see --control")
+        with progress_bar(1) as show:
+            checked = check_model(own, self.rolling, duration, self.accuracy, show)
+        study = study_of(own, checked, self.accuracy, notes)
+        picture, html = (self.out / f"{study.stem()}.{kind}" for kind in ("png", "html"))
+        present(study, picture, self.json, None)
+        write_text(html, _page_of(study, checked, picture))
+        print(picture, html, sep="\n")
+        if checked.needed:
+            mended = self.out / f"{self.file.stem}-mended.xml"
+            write_text(mended, checked.text)
+            print(mended, *difference(checked), sep="\n")
+        return AGREES if checked.error <= self.accuracy else DISAGREES
+
+
+def _page_of(study: Study, checked: Checked, picture: Path) -> str:
+    """Return the HTML page of a check, with its picture."""
+    first, *lines = study.record["lines"] if study.record else [""]
+    image = embedded(picture.read_bytes(), "image/png")
+    cells = [[column.text(row) for column in COLUMNS] for row in study.rows]
+    body = [
+        f"<h1>{text(study.scene)}</h1>",
+        *map(paragraph, [first, *lines]),
+        f'<figure><img alt="paths and errors" src="{image}"></figure>',
+        "<h2>What each change is worth</h2>",
+        table([column.header for column in COLUMNS], cells),
+        "<h2>The changes</h2>",
+        f'<pre class="wide">{escape(chr(10).join(difference(checked)))}</pre>',
+        folded("Versions", plain(versions()), short=True),
+    ]
+    return page(f"robotball: check of {study.scene}", body)

@@ -160,15 +160,18 @@ def _observe(own: Own, duration: float) -> _Seen:
         mujoco.mj_step(model, data)
         steps += 1
         touching = False
+        others = set()
         for i, contact in enumerate(data.contact):
-            if {int(contact.geom1), int(contact.geom2)} != ours:
-                seen.inside[int(contact.geom1), int(contact.geom2)] += 1
+            pair = int(contact.geom1), int(contact.geom2)
+            if {*pair} != ours:
+                others.add(pair)
                 continue
             touching = True
             depth -= contact.dist
             mujoco.mj_contactForce(model, data, i, force)
             if contact.dim == 6:
                 resistance += np.linalg.norm(force[4:]), force[0] * contact.friction[3]
+        seen.inside.update(others)
         normal = data.geom_xmat[robot.plane][2::3]
         kind = mujoco.mjtObj.mjOBJ_GEOM
         mujoco.mj_objectVelocity(model, data, kind, robot.sphere, moving, 0)
@@ -248,6 +251,8 @@ def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Chan
         found.append(Change("condim", words, pair={"condim": str(condim)}))
     if option.cone != int(mujoco.mjtCone.mjCONE_ELLIPTIC):
         words = "the cone of friction is a pyramid, which couples its directions"
+        if seen.delivered is not None and seen.delivered < _DELIVERED:
+            words += f" and delivers {seen.delivered:.0%} of the resistance to rolling"
         found.append(Change("cone", words, option={"cone": "elliptic"}))
     found += _friction(contact, theory, condim)
     if option.integrator != int(mujoco.mjtIntegrator.mjINT_RK4):
@@ -372,6 +377,7 @@ def check_model(
     theory, ended = theories[nearest]
     times, path = theory.times, path[: len(theory.times)]
     seen = _observe(own, float(times[-1]))
+    _check_no_drive_from_outside(robot, seen)
     since = np.flatnonzero(
         ~(np.linalg.norm(path - theory.contact_point, axis=1) <= accuracy * theory.path_scale)
     )
@@ -447,6 +453,19 @@ def _theories(
     return found
 
 
+def _check_no_drive_from_outside(robot: RobotFile, seen: _Seen) -> None:
+    """Raise InputError where a body that is no part of the robot touches its sphere."""
+    model = robot.model
+    root = model.body_rootid[model.geom_bodyid]
+    for pair in seen.inside:
+        for i in pair:
+            if robot.sphere in pair and root[i] not in (0, root[robot.sphere]):
+                raise InputError(
+                    f"{robot.path}: {_geom_name(model, i)} touches the sphere, and is no part of "
+                    "its robot: a drive by contact is not supported; hold it by joints"
+                )
+
+
 def _touching(model: Any, seen: _Seen) -> set[int]:
     """Return the bodies that touch others than the plane."""
     return {int(model.geom_bodyid[each]) for pair in seen.inside for each in pair}
@@ -476,6 +495,7 @@ def _fewest(changes: Sequence[Change], limit: float, error_of: _Measure) -> list
     return needed
 
 
+_DELIVERED = 0.95  # of the declared resistance: less is worth a word
 _USUAL = 0.02  # relative: a gravity that is nearer to the Earth's is usual
 
 
@@ -534,7 +554,8 @@ def moved(own: Own) -> tuple[Own, str]:
         if model.actuator_ctrllimited[i]:
             value = min(value, float(model.actuator_ctrlrange[i, 1]) / 4)
         joint = int(model.actuator_trnid[i, 0])
-        if model.jnt_limited[joint] and not angle:  # which it would soon reach
+        slides = model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_SLIDE)
+        if slides or (model.jnt_limited[joint] and not angle):  # a range that it would soon reach
             value = 0.0
         controls[name] = Constant(value)
     if not controls:
@@ -603,8 +624,8 @@ def _finite(value: float | None) -> float | None:
 
 def causes_of(checked: Checked, accuracy: float) -> list[str]:
     """Return the causes of an error, the first one first."""
-    causes = [f"limit: {checked.ended}"] if checked.ended else []
-    causes += [f"{change.name}: {change.words}" for change, *_ in checked.needed]
+    causes = [f"{change.name}: {change.words}" for change, *_ in checked.needed]
+    causes += [f"limit: {checked.ended}"] if checked.ended else []
     for line in _unlikely(checked.theory.scene):
         # A gear is in both motions, and the cause only where nothing else is.
         first = line.startswith("gravity") or checked.mended_error > accuracy

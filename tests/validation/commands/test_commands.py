@@ -59,7 +59,7 @@ RUNS = {
     "extremes --random 2 --workers 1 --json a.json": "2 ordinary runs: 0 false alarms",
 }
 # Run below, and by the tests of their studies, of the film and of the demo's table.
-ELSEWHERE = {"check", 
+ELSEWHERE = {"check",
     "ablation", "convergence", "demo", "design", "export", "judge", "paper",
     "portraits", "replay", "report", "steer", "tradeoff", "video",
 }  # fmt: skip

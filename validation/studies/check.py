@@ -37,6 +37,7 @@ from robotball.rotations import Array
 from robotball.scene import GRAVITY
 from validation.output import (
     Show,
+    known,
     scientific,
     title,
 )
@@ -45,6 +46,8 @@ from validation.study import Column, Study, table_of
 _INTERVAL = 0.01  # s between the points that are compared, or the model's own step
 _LEAST_STEP = 1e-4  # s, the shortest that is tried
 _STANDS = 1e-3  # of the radius: a robot that rolls less in all is moved
+# Controls of a robot that would not move: rad, rad/s, and of the weight at the radius.
+_ANGLE, _RATE, _TORQUE = 0.3, 2.0, 0.03
 _NEARER = 0.5  # times the other's error: a rolling model so near is the one that the file has
 
 
@@ -69,8 +72,7 @@ class Own:
     @cached_property
     def actuators(self) -> dict[str, int]:
         """The numbers of the actuators by name."""
-        names = gears_of(self.robot.model)
-        return {name: i for i, name in enumerate(names)}
+        return {name: i for i, name in enumerate(gears_of(self.robot.model))}
 
     def begin(self) -> mujoco.MjData:
         """Return MjData at the start."""
@@ -105,6 +107,7 @@ class Own:
     def path(self, times: Array) -> Array:
         """Return the contact points (n, 2) [m] at equal times (n,) [s]; NaN where it diverged."""
         model, data = self.robot.model, self.begin()
+        # A state that diverged would go on from the start.
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         count = round((times[1] - times[0]) / model.opt.timestep)
         at_once = count if self.steady else 1
@@ -385,7 +388,7 @@ def check_model(
     edit = editable(
         robot, -gap * normal, _pair_of(contact_of(robot, data)), _touching(robot.model, seen)
     )
-    known: dict[frozenset[str], float] = {}
+    measured: dict[frozenset[str], float] = {}
 
     def mended(changes: Iterable[Change]) -> Array:
         model = compiled(edit.changed(changes))
@@ -393,10 +396,10 @@ def check_model(
 
     def error_of(changes: Sequence[Change]) -> float:
         names = frozenset(str(each) for each in changes)
-        if names not in known:
-            show(min(0.9, 0.3 + len(known) / 60), "what each choice is worth")
-            known[names] = _error(mended(changes), theory)
-        return known[names]
+        if names not in measured:
+            show(min(0.9, 0.3 + len(measured) / 60), "what each choice is worth")
+            measured[names] = _error(mended(changes), theory)
+        return measured[names]
 
     as_it_is = errors[nearest]
     needed: list[Change] = []
@@ -547,26 +550,22 @@ def moved(own: Own) -> tuple[Own, str]:
     gravity = float(np.linalg.norm(model.opt.gravity))
     torque = _TORQUE * float(model.body_subtreemass[0]) * gravity * radius
     controls: dict[str, Drive] = {}
-    for name, i in own.actuators.items():
+    for name, gears in gears_of(model).items():
+        i, joints = own.actuators[name], [*gears]
         scale = float(model.actuator_gear[i, 0] * model.actuator_gainprm[i, 0])
         _, angle, rate = model.actuator_biasprm[i, :3]
         value = _ANGLE if angle else _RATE if rate else torque / (abs(scale) or 1.0)
         if model.actuator_ctrllimited[i]:
             value = min(value, float(model.actuator_ctrlrange[i, 1]) / 4)
-        joint = int(model.actuator_trnid[i, 0])
-        slides = model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_SLIDE)
-        if slides or (model.jnt_limited[joint] and not angle):  # a range that it would soon reach
-            value = 0.0
+        slides = np.any(model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE))
+        if slides or (np.any(model.jnt_limited[joints]) and not angle):
+            value = 0.0  # it would soon reach its range
         controls[name] = Constant(value)
     if not controls:
         push = float(np.sqrt(gravity * radius)) / 2
         return replace(own, push=push), f"a push, rolling at {push:.2g} m/s"
     given = ", ".join(f"{name}={value.rate(0.0):.3g}" for name, value in controls.items())
     return replace(own, controls=controls), given
-
-
-# Controls of a robot that would not move: rad, rad/s, and of the weight at the radius.
-_ANGLE, _RATE, _TORQUE = 0.3, 2.0, 0.03
 
 
 COLUMNS = (
@@ -597,13 +596,13 @@ def study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) 
             "rolling": theory.scene.rolling,
             "duration": float(theory.times[-1]),
             "accuracy": accuracy,
-            "path_error": _finite(checked.error),
+            "path_error": known(checked.error),
             "since": checked.since,
-            "other_rolling": {name: _finite(each) for name, each in checked.others.items()},
+            "other_rolling": {name: known(each) for name, each in checked.others.items()},
             "causes": causes_of(checked, accuracy),
             "lines": lines,
             "changes": rows,
-            "mended_error": _finite(checked.mended_error),
+            "mended_error": known(checked.mended_error),
         },
         shown=(
             f"[bold]{escape(file.name)}[/]",
@@ -615,11 +614,7 @@ def study_of(own: Own, checked: Checked, accuracy: float, words: Sequence[str]) 
 
 
 def _row(change: str, error: float, undone: float | None = None, words: str = "") -> dict[str, Any]:
-    return {"change": change, "error": _finite(error), "undone": _finite(undone), "words": words}
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(value)
+    return {"change": change, "error": known(error), "undone": known(undone), "words": words}
 
 
 def causes_of(checked: Checked, accuracy: float) -> list[str]:

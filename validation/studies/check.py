@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from matplotlib.figure import Figure
 from rich.markup import escape
+from scipy.optimize import root_scalar
 
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
@@ -205,7 +206,8 @@ def _observe(own: Own, duration: float) -> _Seen:
 
 
 _SLIDE = 20.0  # the recipe's friction, beyond any demand
-_SOFTEST = 0.004  # s, of solref's time constant, and two steps at least
+_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 1.0)
+_SOFTEST = 0.004  # s, of solref's time constant, at least two steps
 _NUMBERS = "{:.9g}".format
 
 
@@ -261,10 +263,13 @@ def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Chan
     if option.integrator != int(mujoco.mjtIntegrator.mjINT_RK4):
         words = "the integrator is of first order"
         found.append(Change("integrator", words, option={"integrator": "RK4"}))
-    solref, solimp = (max(_SOFTEST, 2 * step), 1.0), (0.9999, 0.9999, 0.001, 0.5, 1.0)
-    words = f"the contact is soft: the sphere sinks {1e3 * seen.depth:.2g} mm"
+    if step < option.timestep:
+        words = f"steps of {1e3 * option.timestep:g} ms are too long"
+        found.append(Change("timestep", words, option={"timestep": _text(step)}))
+    solref, depth = (_SOFTEST, 1.0), f"{1e3 * seen.depth:.2g} mm"
+    words = f"the contact is soft: the sphere sinks {depth}, and bears no load at first"
     found.append(
-        Change("softness", words, pair={"solref": _text(*solref), "solimp": _text(*solimp)})
+        Change("softness", words, pair={"solref": _text(*solref), "solimp": _text(*_SOLIMP)})
     )
     if option.noslip_iterations < 1:
         words = "friction is regularized, and creeps; slip is not solved for"
@@ -281,9 +286,6 @@ def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Chan
             f"the solver ends early: {option.iterations} iterations, tolerance {option.tolerance:g}"
         )
         found.append(Change("solver", words, option=solver))
-    if step < option.timestep:
-        words = f"steps of {1e3 * option.timestep:g} ms are too long"
-        found.append(Change("timestep", words, option={"timestep": _text(step)}))
     return found
 
 
@@ -390,9 +392,15 @@ def check_model(
     )
     measured: dict[frozenset[str], float] = {}
 
+    def with_changes(changes: Iterable[Change]) -> Own:
+        return replace(own, robot=replace(robot, model=compiled(edit.changed(changes))))
+
     def mended(changes: Iterable[Change]) -> Array:
-        model = compiled(edit.changed(changes))
-        return replace(own, robot=replace(robot, model=model)).path(times)
+        return with_changes(changes).path(times)
+
+    def changes_at(step: float) -> list[Change]:
+        changes = _changes_of(own, seen, theory, step)
+        return _carrying(changes, with_changes(changes), theory)
 
     def error_of(changes: Sequence[Change]) -> float:
         names = frozenset(str(each) for each in changes)
@@ -403,7 +411,7 @@ def check_model(
 
     as_it_is = errors[nearest]
     needed: list[Change] = []
-    every_change = _enough(own, seen, theory, accuracy, error_of)
+    every_change = _enough(changes_at, robot.model.opt.timestep, accuracy, error_of)
     if as_it_is > accuracy:
         needed = _fewest(every_change, max(accuracy, _LOOSE * error_of(every_change)), error_of)
     ranked = _by_effect(needed, error_of)
@@ -475,15 +483,50 @@ def _touching(model: Any, seen: _Seen) -> set[int]:
 
 
 def _enough(
-    own: Own, seen: _Seen, theory: Motion, accuracy: float, error_of: _Measure
+    changes_at: Callable[[float], list[Change]], step: float, accuracy: float, error_of: _Measure
 ) -> list[Change]:
     """Return all changes, with the longest step that reaches the accuracy, or the best one."""
-    step = float(own.robot.model.opt.timestep)
-    found = [_changes_of(own, seen, theory, step)]
+    while 2 * step > _SOFTEST:  # steps that would soften the contact
+        step /= 2
+    found = [changes_at(step)]
     while error_of(found[-1]) > accuracy and step / 2 >= _LEAST_STEP:
         step /= 2
-        found.append(_changes_of(own, seen, theory, step))
+        found.append(changes_at(step))
     return min(found, key=lambda each: max(error_of(each), accuracy))
+
+
+def _carrying(changes: list[Change], own: Own, theory: Motion) -> list[Change]:
+    """Return the changes with the margin at which the contact carries the load from the start.
+
+    A sphere that just touches has no normal force at first, and slips: 1e-3 of the path and more.
+    own: the model with the changes.
+    """
+    robot, data, force = own.robot, own.begin(), np.zeros(6)
+    model, load = robot.model, float(theory.loads.contact_force[0, 2])
+    sphere = np.flatnonzero((model.pair_geom1 == robot.sphere) | (model.pair_geom2 == robot.sphere))
+
+    def excess(margin: float) -> float:
+        model.pair_margin[sphere] = margin
+        mujoco.mj_forward(model, data)
+        carried = 0.0
+        for i, contact in enumerate(data.contact):
+            if robot.sphere in (contact.geom1, contact.geom2):
+                mujoco.mj_contactForce(model, data, i, force)
+                carried += force[0]
+        return carried - load
+
+    guess = theory.scene.gravity * (1 - _SOLIMP[1]) * float(model.pair_solref[sphere[0], 0]) ** 2
+    with warnings.catch_warnings(action="ignore"):
+        found = root_scalar(excess, x0=guess, x1=1.1 * guess)
+    margin = float(found.root)
+    if not (found.converged and 0 < margin < _STANDS * theory.scene.ball.radius):
+        return changes
+    return [
+        replace(each, pair={**each.pair, "margin": _text(margin)})
+        if each.name == "softness"
+        else each
+        for each in changes
+    ]
 
 
 def _fewest(changes: Sequence[Change], limit: float, error_of: _Measure) -> list[Change]:

@@ -92,30 +92,37 @@ def test_a_model_on_a_tilted_plane_is_compared_along_it(tmp_path: Path) -> None:
 
 
 def test_a_right_model_is_left_alone(robotball: Robotball) -> None:
-    """Measured 1.2e-4, the contact's softness: no cause, no mended file, status 0."""
+    """Measured 2.9e-4, the contact's first load: no cause, no mended file, status 0."""
     found = checked(robotball, "good.xml", GOOD, "--duration", "2")
     assert found["status"] == 0
-    assert found["path_error"] < 3.6e-4
+    assert found["path_error"] < 6e-4
     assert found["causes"] == []
     assert not Path("out/good-mended.xml").exists()
 
 
-MENDED = {"first.xml": FIRST.read_text(), "gimbal.xml": GIMBAL, "hull.urdf": HULL}
+# A file, with the path error of its mended form. The first rolls as RK4 does; the free joint of the
+# others is an inner body's, where MuJoCo's contact rows leave out a term.
+MENDED = {
+    "first.xml": (FIRST.read_text(), 6.6e-7),
+    "gimbal.xml": (GIMBAL, 5.2e-4),
+    "hull.urdf": (HULL, 5.3e-4),
+}
 
 
 @pytest.mark.parametrize("name", MENDED)
 def test_a_mended_file_rolls_right_under_plain_steps_as_printed(
     robotball: Robotball, name: str
 ) -> None:
-    """As it is each is off by 3e-2 to 1; mended by 1e-4 to 6e-4, where 1e-3 was asked for."""
-    found = checked(robotball, name, MENDED[name], "--duration", "3")
+    """As it is each is off by 9e-3 to 0.9, where 1e-3 was asked for."""
+    text, measured = MENDED[name]
+    found = checked(robotball, name, text, "--duration", "3")
     theory = rb.integrate(rb.load_scene(name), np.linspace(0.0, 3.0, 61))
     away = own_loop(Path(f"out/{Path(name).stem}-mended.xml"), theory.times) - theory.contact_point
     error = float(np.linalg.norm(away, axis=1).max() / theory.path_scale)
     assert found["status"] == 1
     assert found["path_error"] > 3e-3
     assert error == pytest.approx(found["mended_error"], rel=0.05)  # other samples of it
-    assert error < 1e-3
+    assert error < min(3 * measured, 1e-3)
 
 
 def test_a_newcomers_model_is_explained(robotball: Robotball) -> None:
@@ -176,7 +183,7 @@ def test_a_file_with_meshes_and_its_own_pair_is_mended_in_its_own_words(
 
 
 def test_a_control_that_changes_is_played_step_by_step(tmp_path: Path) -> None:
-    """Measured 1.9e-4, the hold of a control over a step; 0.5 with the control's sign turned."""
+    """Measured 4.5e-4, the contact's first load; 0.5 with the control's sign turned."""
     path = tmp_path / "good.xml"
     path.write_text(GOOD)
     wave = Sine(amplitude=0.05, frequency=0.5)
@@ -184,7 +191,7 @@ def test_a_control_that_changes_is_played_step_by_step(tmp_path: Path) -> None:
     right = check_model(own, "classical", 2.0, 1e-3, lambda *_: None)
     other = Own(open_robot(path), {"drive": Sine(amplitude=-0.05, frequency=0.5)}, None)
     wrong = other.path(right.theory.times) - right.theory.contact_point
-    assert right.error < 6e-4
+    assert right.error < 9e-4
     assert np.abs(wrong).max() > 0.1 * right.theory.path_scale
 
 

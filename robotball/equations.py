@@ -83,7 +83,7 @@ def rubber_angular_velocity(
     return diagonal(A, subtract(scale(per_A_gamma_gamma, turning), K))
 
 
-def classical_angular_velocity(
+def _classical_angular_velocity(
     M: Vector, gamma: Vector, Omega: Vector, K: Vector, A: Vector, I: Vector, d: Scalar
 ) -> Vector:
     """Return ω(M, γ) of rolling without slipping, (3.3) [rad/s].
@@ -270,7 +270,7 @@ class Parameters:
         """Return ω(M, γ) of (3.2) or (3.3) [rad/s]; M and γ as tuples of floats or of columns."""
         if self.rolling == "rubber":
             return rubber_angular_velocity(M, gamma, self.Omega, self.K, self.A)
-        return classical_angular_velocity(M, gamma, self.Omega, self.K, self.A, self.I, self.d)
+        return _classical_angular_velocity(M, gamma, self.Omega, self.K, self.A, self.I, self.d)
 
     def divergence(self, gamma: Vector) -> Scalar:
         """Return the growth of phase volume [1/s]; its time mean is the sum of the exponents."""

@@ -48,7 +48,7 @@ class Followed:
         return _each(self._angle, t)
 
     @cached_property
-    def polynomials(self) -> "Polynomials":
+    def polynomials(self) -> "_Polynomials":
         """Polynomials that follow the function over the whole run.
 
         Raises InputError where the function jumps, or where a derivative or integral given for it
@@ -138,7 +138,7 @@ _ROUNDING = 8 * _EPS  # of the last coefficients of a polynomial that follows
 
 
 @dataclass(frozen=True)
-class Polynomials:
+class _Polynomials:
     """A function from edges[0] to edges[-1] by one polynomial between each two edges.
 
     edges   (n + 1,)  s
@@ -173,7 +173,7 @@ class Polynomials:
         return i, float((2 * t - begin - end) / (end - begin))
 
 
-def polynomials_of(function: _Function, edges: list[float]) -> Polynomials:
+def polynomials_of(function: _Function, edges: list[float]) -> _Polynomials:
     """Return polynomials that follow a function to rounding, or as near as halving brings them.
 
     edges: increasing times, of which the function is smooth between each two. It is asked there
@@ -201,7 +201,7 @@ def polynomials_of(function: _Function, edges: list[float]) -> Polynomials:
         areas.append(np.asarray(integral * half, dtype=float))
     # What rounding leaves at a panel's begin depends on the processor; the integral begins at 0.
     begins, ends = (np.array([chebyshev.chebval(x, area) for area in areas]) for x in (-1.0, 1.0))
-    return Polynomials(
+    return _Polynomials(
         edges=np.array([panels[0][0], *(end for _, end, _ in panels)]),
         slopes=slopes,
         areas=areas,

@@ -314,10 +314,10 @@ class ContactMotion(Motion):
     report: ContactReport
 
 
-Extended = TypeVar("Extended", bound=Motion)
+_Extended = TypeVar("_Extended", bound=Motion)
 
 
-def extended(motion: Motion, kind: type[Extended], **more: Any) -> Extended:
+def extended(motion: Motion, kind: type[_Extended], **more: Any) -> _Extended:
     """Return a motion as one of a kind with more fields; fields that are given replace its own."""
     return kind(**{each.name: getattr(motion, each.name) for each in fields(Motion)} | more)
 
@@ -412,10 +412,10 @@ def _shared(motion: Motion, reference: Motion) -> NDArray[np.intp] | slice:
     return places
 
 
-AnyMotion = TypeVar("AnyMotion", bound=Motion)
+_AnyMotion = TypeVar("_AnyMotion", bound=Motion)
 
 
-def joined(parts: Iterable[AnyMotion], count: int) -> AnyMotion:
+def joined(parts: Iterable[_AnyMotion], count: int) -> _AnyMotion:
     """Return one motion of its consecutive parts, of `count` times at most in all.
 
     One part is in memory at a time, beside the whole.

@@ -124,7 +124,7 @@ class _Steered:
 
 
 @dataclass(frozen=True)
-class Moves:
+class _Moves:
     """The motion of a robot at n times.
 
     axes (n, 3, 3), gamma (n, 3), placed and columns (as `mechanics` has them), u (3 + h, n); reach
@@ -186,7 +186,7 @@ def _is_driven(hinge: Hinge) -> bool:
     return not isinstance(hinge.motor, Free) and (hinge.motor is not None or turns(hinge.command))
 
 
-def _check_reach(scene: Scene, times: Array, moves: Moves) -> None:
+def _check_reach(scene: Scene, times: Array, moves: _Moves) -> None:
     least, fastest = int(moves.reach.argmin()), int(np.abs(moves.u[3:]).max(axis=0).argmax())
     if moves.reach[least] < _SINGULAR:
         raise InputError(
@@ -260,7 +260,7 @@ class Way:
         in_frame = np.einsum("nji,nj->ni", axes, velocity)
         return np.asarray(np.cross(gamma, in_frame) / self.scene.ball.radius)
 
-    def moves(self, times: Array, y: Array) -> "Moves":
+    def moves(self, times: Array, y: Array) -> "_Moves":
         """Return how the robot moves in states y (7 + h, n)."""
         robot, scene, n = self.robot, self.scene, len(times)
         axes = rotation_matrix((y[:4] / np.linalg.norm(y[:4], axis=0)).T)
@@ -293,7 +293,7 @@ class Way:
         if not rubber:
             shell = shell + gamma * (found[:, -1] * spinning)[:, None]
         reach = singular[:, -1] / singular[:, 0]
-        return Moves(axes, gamma, placed, columns, np.concatenate([shell.T, rates.T]), reach)
+        return _Moves(axes, gamma, placed, columns, np.concatenate([shell.T, rates.T]), reach)
 
     def rate(self, times: Array, y: Array) -> Array:
         """Return dy/dt (7 + h, n); NaN where a state is astray, so that solvers reject it."""

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from robotball.film.render import Film
 
 
-def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["Compared"]:
+def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["_Compared"]:
     """Return what is kept of every scene, in their order; many scenes on all cores."""
-    found: list[Compared] = []
+    found: list[_Compared] = []
     each = len(comparing.requests)
     with progress_bar(len(scenes) * each) as show:
         if len(scenes) < MANY or allowed() == 1:
@@ -45,7 +45,7 @@ def shifted(show: Show, begin: int) -> Show:
 
 @dataclass(frozen=True)
 class Comparing:
-    """Scene → Compared, with pictures and fault windows in the folder `out`.
+    """Scene → _Compared, with pictures and fault windows in the folder `out`.
 
     requests: each makes one, in whatever process it is; the others: as for `agreements_of`.
     """
@@ -56,21 +56,21 @@ class Comparing:
     out: Path
     plots: bool
 
-    def __call__(self, scene: Scene, show: Show = lambda *_: None) -> "Compared":
+    def __call__(self, scene: Scene, show: Show = lambda *_: None) -> "_Compared":
         requests = [make() for make in self.requests]
         try:
             agreements = agreements_of(
                 scene, requests, self.times, strict=self.strict, fault_windows=self.out, show=show
             )
         except InputError as error:
-            return Compared([], [], refused=str(error))
+            return _Compared([], [], refused=str(error))
         pictures = draw(agreements, self.out) if self.plots else ()
         records = [record(each) for each in agreements]
-        return Compared(records, windows(agreements, self.out), pictures)
+        return _Compared(records, windows(agreements, self.out), pictures)
 
 
 @dataclass(frozen=True)
-class Compared:
+class _Compared:
     """The records and pictures of a scene's agreements.
 
     records: as results.record has them; windows: the files of the faulty runs' fault windows;

@@ -140,20 +140,9 @@ def editable(
     raise InputError(f"{robot.path} cannot be mended: written again, it is another robot")
 
 
-def _root(robot: RobotFile) -> int:
-    """Return the number of the body with the free joint."""
-    return int(robot.model.body_rootid[robot.model.geom_bodyid[robot.sphere]])
-
-
-def _free(robot: RobotFile) -> slice:
-    """Return the places of its position among qpos."""
-    at = int(robot.model.jnt_qposadr[robot.model.body_jntadr[_root(robot)]])
-    return slice(at, at + 3)
-
-
 def _is_same(robot: RobotFile, names: _Names, text: str, shift: Array) -> bool:
     """Return whether a text is the robot's model, moved by a shift (3,), with such names."""
-    model, other, at = robot.model, compiled(text), _free(robot)
+    model, other, at = robot.model, compiled(text), robot.free
     starts = [(model.qpos0, other.qpos0), *zip(model.key_qpos, other.key_qpos, strict=False)]
     return (
         (model.nbody, model.ngeom, model.nq, model.nkey)
@@ -181,10 +170,10 @@ def _written_text(robot: RobotFile, shift: Array, names: _Names, pair: int | Non
         (spec.geoms if kind == "geom" else spec.bodies)[i].name = name
     for name, folder in _folders(robot).items():
         setattr(spec, name, folder)
-    root = spec.bodies[_root(robot)]
+    root = spec.bodies[robot.root]
     root.pos = root.pos + shift
     for key in filter(lambda each: len(each.qpos), spec.keys):
-        key.qpos[_free(robot)] = np.asarray(key.qpos)[_free(robot)] + shift
+        key.qpos[robot.free] = np.asarray(key.qpos)[robot.free] + shift
     spec.compile()
     return str(spec.to_xml())
 
@@ -231,7 +220,7 @@ def _own_text(robot: RobotFile, shift: Array, names: _Names, pair: int | None) -
     for (kind, i), name in names.items():
         edits.append((element(kind, i).at, "name", _constant(name)))
     if np.any(shift):
-        root, first = element("body", _root(robot)).at, _free(robot).start
+        root, first = element("body", robot.root).at, robot.free.start
         edits.append((root, "pos", lambda old: _added(old, shift, 0)))
         # A key without qpos has that of the bodies.
         for i in _all_of(elements, "key"):

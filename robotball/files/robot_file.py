@@ -80,6 +80,56 @@ class RobotFile:
         mujoco.mj_forward(self.model, data)
         return data
 
+    @property
+    def root(self) -> int:
+        """The number of the body with the free joint."""
+        return int(self.model.body_rootid[self.model.geom_bodyid[self.sphere]])
+
+    @property
+    def free(self) -> slice:
+        """The places of its position among qpos."""
+        at = int(self.model.jnt_qposadr[self.model.body_jntadr[self.root]])
+        return slice(at, at + 3)
+
+    def above_plane(self, data: Any) -> tuple[Array, float]:
+        """Return the plane's normal (3,), world, and how far the sphere is above the plane [m]."""
+        normal = data.geom_xmat[self.plane][2::3]
+        away = data.geom_xpos[self.sphere] - data.geom_xpos[self.plane]
+        return normal, float(away @ normal) - float(self.model.geom_size[self.sphere, 0])
+
+    def plane_axes(self, data: Any) -> Array:
+        """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
+        plane = data.geom_xmat[self.plane].reshape(3, 3)
+        return np.eye(3) if plane[2, 2] > _LEVEL else plane.T
+
+    def contact(self, start: Any) -> Any:
+        """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
+        # There may be none at the start, so the robot is moved until the sphere is in the plane.
+        model, plane, data = self.model, self.plane, copy(start)
+        depth = _TOUCH * model.geom_size[self.sphere, 0]
+        normal, gap = self.above_plane(data)
+        data.qpos[self.free] -= (gap + depth) * normal
+        mujoco.mj_forward(model, data)
+        found = None
+        for contact in data.contact:
+            geoms = {int(contact.geom1), int(contact.geom2)}
+            if geoms == {plane, self.sphere}:
+                found = contact
+            roots = {i: model.body_rootid[model.geom_bodyid[i]] for i in geoms}
+            apart = [i for i, root in roots.items() if root not in (0, self.root)]
+            if apart and self.sphere in geoms:
+                raise InputError(
+                    f"{_name(model, model.geom_bodyid[apart[0]])} touches the shell: a drive by "
+                    "contacts is not supported; hold the body by joints, or give its geoms "
+                    "contype and conaffinity 0"
+                )
+        if found is None:
+            raise InputError(
+                "the sphere passes through the plane: their contype and conaffinity exclude each "
+                "other"
+            )
+        return found
+
 
 def robot_scene(
     path: Path,
@@ -122,11 +172,11 @@ def scene_of(
     duration: float,
 ) -> Scene:
     """Return the scene of a file's robot, which rolls on the plane from its start."""
-    model, contact = robot.model, contact_of(robot, data)
+    model, contact = robot.model, robot.contact(data)
     ball, joints = _tree_of(robot)
     gears = gears_of(model)
     links = dict(zip(joints, (link.name for link in ball.links), strict=True))
-    to_plane = plane_axes(robot, data)
+    to_plane = robot.plane_axes(data)
     down = to_plane @ model.opt.gravity
     gravity = float(np.linalg.norm(down))
     check_positive("gravity", gravity, "m/s²")
@@ -453,7 +503,7 @@ def _solid_of(model: Any, data: Any, bodies: list[int]) -> Solid:
 
 def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     """Yield how a start misses the plane or the rolling, from which the equations begin."""
-    radius, (normal, gap) = float(robot.model.geom_size[robot.sphere, 0]), above_plane(robot, data)
+    radius, (normal, gap) = float(robot.model.geom_size[robot.sphere, 0]), robot.above_plane(data)
     if abs(gap) > _HEIGHT * radius:
         way = "above" if gap > 0 else "in"
         yield f"it starts {abs(gap):.3g} m {way} the plane; the equations start on it"
@@ -461,7 +511,7 @@ def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
     slip = float(np.linalg.norm(moving[3:] - radius * np.cross(moving[:3], normal)))
     if slip > _HEIGHT * max(1.0, float(np.linalg.norm(moving[3:]))):
         yield f"its contact point starts at {slip:.3g} m/s; the equations start without slipping"
-    if contact_of(robot, data).dim == 1:
+    if robot.contact(data).dim == 1:
         yield "its contact has no friction (condim 1); the equations roll"
     for body in sorted(_touching(robot, data)):
         yield f"{body} touches the shell; the equations let it pass through"
@@ -475,54 +525,12 @@ def _touching(robot: RobotFile, data: Any) -> set[str]:
     return {robot.model.body(bodies[i]).name for i in geoms if robot.model.body_weldid[bodies[i]]}
 
 
-def above_plane(robot: RobotFile, data: Any) -> tuple[Array, float]:
-    """Return the plane's normal (3,), world, and how far the sphere is above the plane [m]."""
-    normal = data.geom_xmat[robot.plane][2::3]
-    away = data.geom_xpos[robot.sphere] - data.geom_xpos[robot.plane]
-    return normal, float(away @ normal) - float(robot.model.geom_size[robot.sphere, 0])
-
-
-def plane_axes(robot: RobotFile, data: Any) -> Array:
-    """Return the rotation (3, 3) from world axes to the plane's; the same where it is level."""
-    plane = data.geom_xmat[robot.plane].reshape(3, 3)
-    return np.eye(3) if plane[2, 2] > _LEVEL else plane.T
-
-
 def _moving(robot: RobotFile, data: Any) -> Array:
     """Return the shell's angular velocity and its centre's velocity (6,), world axes."""
     moving = np.zeros(6)
     kind = mujoco.mjtObj.mjOBJ_GEOM
     mujoco.mj_objectVelocity(robot.model, data, kind, robot.sphere, moving, 0)
     return moving
-
-
-def contact_of(robot: RobotFile, start: Any) -> Any:
-    """Return MuJoCo's contact of the sphere with the plane, as it mixes their parameters."""
-    # There may be none at the start, so the robot is moved until the sphere is in the plane.
-    model, plane, data = robot.model, robot.plane, copy(start)
-    depth = _TOUCH * model.geom_size[robot.sphere, 0]
-    root = model.body_rootid[model.geom_bodyid[robot.sphere]]
-    free = int(model.jnt_qposadr[model.body_jntadr[root]])
-    normal, gap = above_plane(robot, data)
-    data.qpos[free : free + 3] -= (gap + depth) * normal
-    mujoco.mj_forward(model, data)
-    found = None
-    for contact in data.contact:
-        geoms = {int(contact.geom1), int(contact.geom2)}
-        if geoms == {plane, robot.sphere}:
-            found = contact
-        apart = [i for i in geoms if model.body_rootid[model.geom_bodyid[i]] not in (0, root)]
-        if apart and robot.sphere in geoms:
-            raise InputError(
-                f"{_name(model, model.geom_bodyid[apart[0]])} touches the shell: a drive by "
-                "contacts is not supported; hold the body by joints, or give its geoms contype and "
-                "conaffinity 0"
-            )
-    if found is None:
-        raise InputError(
-            "the sphere passes through the plane: their contype and conaffinity exclude each other"
-        )
-    return found
 
 
 def rolling_of(contact: Any) -> Rolling:

@@ -92,21 +92,21 @@ def _listed(path: str) -> str:
 
 def _known_keys(path: str) -> list[str]:
     """Return the keys of the table at a path such as `frame.part[0]`, of any of its kinds."""
-    return [field.name for table in tables_at(path) for field in table.fields]
+    return [field.name for table in _tables_at(path) for field in table.fields]
 
 
-def tables_at(path: str) -> Iterator[inspect.StructType]:
+def _tables_at(path: str) -> Iterator[inspect.StructType]:
     """Yield the tables that may stand at a path."""
     words = [word for word in re.sub(r"\[.*?\]", "", path).split(".") if word]
     # All tables that may stand there: parts and commands are of several kinds.
     found = [_struct(SceneTable)]
     for word in words:
         fields = [field for table in found for field in table.fields if field.name == word]
-        found = [table for field in fields for table in tables_in(field.type)]
+        found = [table for field in fields for table in _tables_in(field.type)]
     yield from found
 
 
-def tables_in(kind: inspect.Type) -> Iterator[inspect.StructType]:
+def _tables_in(kind: inspect.Type) -> Iterator[inspect.StructType]:
     """Yield the tables that a value of a type may be, or hold in a list."""
     for each in _parts_of(kind):
         if isinstance(each, inspect.StructType):
@@ -116,7 +116,7 @@ def tables_in(kind: inspect.Type) -> Iterator[inspect.StructType]:
 def _values_at(path: str) -> Iterator[str]:
     """Yield the words that may stand at a path."""
     above, _, name = path.rpartition(".")
-    for table in tables_at(above):
+    for table in _tables_at(above):
         if name == table.tag_field:
             yield str(table.tag)
         for field in table.fields:
@@ -147,7 +147,7 @@ def unit_of(table: type[Table], name: str) -> str:
 
 @cache
 def _struct(table: type[msgspec.Struct]) -> inspect.StructType:
-    (struct,) = tables_in(inspect.type_info(table))
+    (struct,) = _tables_in(inspect.type_info(table))
     return struct
 
 
@@ -227,8 +227,8 @@ def _documented(name: str) -> inspect.StructType:
 
         return _struct(RobotTable)
     # Parts and commands are alike in every body; those of the frame stand for all.
-    kinds = [table for path in ("frame.part", "frame.rate") for table in tables_at(path)]
-    at_path = tables_at("" if name == "scene" else name)
+    kinds = [table for path in ("frame.part", "frame.rate") for table in _tables_at(path)]
+    at_path = _tables_at("" if name == "scene" else name)
     return next((table for table in kinds if table.tag == name), None) or next(at_path)
 
 

@@ -32,7 +32,7 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 # Not `drives.Samples` itself: that one has numbers, and no file.
-class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
+class _SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
     """Samples, given here or in a file."""
 
     times: Annotated[list[float] | None, key("increasing times, over the whole run", "s")] = None
@@ -43,7 +43,7 @@ class SamplesTable(Table, frozen=True, tag_field="kind", tag="samples"):
     ] = None
 
 
-_Told = float | Ramp | Sine | SamplesTable
+_Told = float | Ramp | Sine | _SamplesTable
 Command = _Told | list[_Told]
 
 
@@ -51,7 +51,7 @@ def rate_of(given: Command, folder: Path) -> Rate:
     """Return a command as a drive takes it; samples may be in a file beside the scene's."""
     if isinstance(given, list):
         return Sum(tuple(rate_of(each, folder) for each in given))
-    if not isinstance(given, SamplesTable):
+    if not isinstance(given, _SamplesTable):
         return given
     if given.file is not None:
         if given.times is not None or given.values is not None:

@@ -245,13 +245,13 @@ def _kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
     if abs(first) >= zero:
         return "stable focus" if first < 0 else "unstable focus"
     # The linear part turns without growth, so that the cubic terms decide.
-    value = first_lyapunov_value(parameters, gamma)
+    value = _first_lyapunov_value(parameters, gamma)
     if abs(value) < zero:
         return "centre"
     return "slow stable focus" if value < 0 else "slow unstable focus"
 
 
-def first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
+def _first_lyapunov_value(parameters: Parameters, gamma: Array) -> float:
     """Return the value where the eigenvalues at γ (3,) are ±iν: dr/dt = value r³ [1/s].
 
     r is a distance from γ, in the plane that touches the sphere there, in axes in which the

@@ -59,14 +59,14 @@ class Exponents:
 
         In phase space, with the direction of the motion, it is one more.
         """
-        return kaplan_yorke(self.mean[0], self.mean[1])
+        return _kaplan_yorke(self.mean[0], self.mean[1])
 
     @property
     def dimension_error(self) -> float:
         """The standard error of `dimension`, from the scatter of the runs."""
         return standard_error(
             np.array(
-                [kaplan_yorke(*each) for each in zip(self.largest, self.smallest, strict=True)]
+                [_kaplan_yorke(*each) for each in zip(self.largest, self.smallest, strict=True)]
             )
         )
 
@@ -145,7 +145,7 @@ def drift(
     return Drift(np.stack([cos * VX + sin * VY, cos * VY - sin * VX], axis=1), duration)
 
 
-def kaplan_yorke(largest: float, smallest: float) -> float:
+def _kaplan_yorke(largest: float, smallest: float) -> float:
     """Return the dimension 1 + λ₁/|λ₆| of an attractor's section; 0 of a cycle's, 1 of a torus's.
 
     From λ₁, 0, λ₆ with the direction of the motion left out.

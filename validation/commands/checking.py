@@ -22,7 +22,6 @@ from validation.studies.check import (
     check_model,
     difference,
     moved,
-    stands,
     study_of,
 )
 from validation.study import Study, present
@@ -63,10 +62,8 @@ class Check:
             name: as_drive(value, duration) for name, value in controls_of(self.control).items()
         }
         own = Own(robot, controls, self.keyframe)
-        notes = [*robot.notes, *starts_off(robot, own.begin())]
-        if stands(own):
-            own, given = moved(own)
-            notes.append(f"nothing moves it; it is checked with {given}; see --control")
+        own, given = moved(own)
+        notes = [*robot.notes, *starts_off(robot, own.begin()), *given]
         with progress_bar(1) as show:
             checked = check_model(own, self.rolling, duration, self.accuracy, show)
         study = study_of(own, checked, self.accuracy, notes)

@@ -115,7 +115,7 @@ def _opposite_points(twist: float) -> Errors:
         yield field(image * gamma) - image * field(gamma)
 
 
-FIG5 = CAPTIONS["fig05b"].n
+_FIG5 = CAPTIONS["fig05b"].n
 
 
 @SECTION_4_1.claim("4.1", "(Aγ,γ) stays", MOTION, "the sign of a₃")
@@ -148,7 +148,7 @@ def _euler_case(twist: float) -> Residual:
     ball = seen("fig05c")
     pace = ball.of(lambda n, _, g: (n.Omega @ g / (n.A @ g @ g)) ** twist)
     time = cumulative_simpson(pace, x=ball.motion.times, initial=0)
-    a1, a2, a3 = FIG5.moments
+    a1, a2, a3 = _FIG5.moments
     first, _, third = ball.gamma[0]  # γ₂ = 0 at the start: sn = 0
     m = (a2 - a3) * third**2 / ((a1 - a2) * first**2)
     speed = first * sqrt((a1 - a2) * (a1 - a3))
@@ -217,7 +217,7 @@ def _on_circle(index: int) -> Seen:
 def _axes_at_5(twist: float) -> Residual:
     """Compare α = (sin, cos, 0) and β = (-cos, sin, 0) of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
-    phase, zero = twist * FIG5.Omega[2] * ball.motion.times, 0 * ball.motion.times  # φ₀ = 0
+    phase, zero = twist * _FIG5.Omega[2] * ball.motion.times, 0 * ball.motion.times  # φ₀ = 0
     alpha = np.stack([np.sin(phase), np.cos(phase), zero], axis=1)
     beta = np.stack([-np.cos(phase), np.sin(phase), zero], axis=1)
     return Residual(
@@ -229,7 +229,7 @@ def _axes_at_5(twist: float) -> Residual:
 def _velocity_at_5(twist: float) -> Residual:
     """Compare Ẋ = aΩ₁cos - aΩ₂sin and Ẏ = aΩ₂cos + aΩ₁sin of Ω₃t + φ₀ at Γ₅ with MuJoCo's."""
     ball = _on_circle(2)
-    Omega1, Omega2, Omega3 = FIG5.Omega
+    Omega1, Omega2, Omega3 = _FIG5.Omega
     phase = Omega3 * ball.motion.times[INNER]
     X = Omega1 * np.cos(phase) - twist * Omega2 * np.sin(phase)
     Y = Omega2 * np.cos(phase) + Omega1 * np.sin(phase)
@@ -250,8 +250,8 @@ def circle(index: int, bound: float, twist: float) -> Residual:
     The centre is that of the circle that fits best.
     """
     ball = _on_circle(index)
-    path, (one, other) = ball.motion.contact_point, np.delete(FIG5.Omega, index)
-    radius = sqrt(one**2 + twist * other**2) / abs(FIG5.Omega[index])
+    path, (one, other) = ball.motion.contact_point, np.delete(_FIG5.Omega, index)
+    radius = sqrt(one**2 + twist * other**2) / abs(_FIG5.Omega[index])
     table = np.column_stack([2 * path, np.ones(len(path))])
     centre = np.linalg.lstsq(table, (path**2).sum(axis=1), rcond=None)[0][:2]
     off = np.linalg.norm(path - centre, axis=1) - radius
@@ -295,14 +295,14 @@ def _straight(twist: float) -> Residual:
     And how far its frame turns; twisted, with γ 0.01 rad off.
     """
     scene = paper_scene("fig05b")
-    angle = next(x for x in np.linspace(0, 6, 13) if _side(FIG5, f.sigma(FIG5, x)) > 0.1)
-    gamma = f.sigma(FIG5, angle)
+    angle = next(x for x in np.linspace(0, 6, 13) if _side(_FIG5, f.sigma(_FIG5, x)) > 0.1)
+    gamma = f.sigma(_FIG5, angle)
     if twist != 1:
         gamma = f.turned_about(f.across(gamma)[0], 0.01) @ gamma
     alpha = f.across(gamma)[0]
     start = Start(from_matrix(np.array([alpha, cross(gamma, alpha), gamma])), np.zeros(3))
     ball = seen_of(replace(scene, start=start), 5.0)
-    shell = -FIG5.Omega
+    shell = -_FIG5.Omega
     velocity = np.array([cross(gamma, alpha) @ shell, -alpha @ shell])
     off = ball.motion.contact_point - ball.motion.times[:, None] * velocity
     return Residual(max(largest(off), largest(ball.omega)), bound=4e-10, unit="m, rad/s")
@@ -337,14 +337,14 @@ def ends(twist: float) -> Residual:
     ball, start = long("fig05b", 60.0), CAPTIONS["fig05b"].axes[2]
 
     def off_curve(angle: float) -> float:
-        gamma = f.sigma(FIG5, angle)
-        return float(FIG5.A @ gamma @ gamma - FIG5.A @ start @ start)
+        gamma = f.sigma(_FIG5, angle)
+        return float(_FIG5.A @ gamma @ gamma - _FIG5.A @ start @ start)
 
     angles = np.linspace(0.0, 2 * np.pi, 201)
     crossings = [(x, y) for x, y in pairwise(angles) if off_curve(x) * off_curve(y) < 0]
-    meeting = [f.sigma(FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
-    stable = [gamma for gamma in meeting if twist * _side(FIG5, gamma) > 0]
-    all_over = [gamma for x in angles if _side(FIG5, gamma := f.sigma(FIG5, x)) > 0]
+    meeting = [f.sigma(_FIG5, brentq(off_curve, x, y, xtol=1e-14)) for x, y in crossings]
+    stable = [gamma for gamma in meeting if twist * _side(_FIG5, gamma) > 0]
+    all_over = [gamma for x in angles if _side(_FIG5, gamma := f.sigma(_FIG5, x)) > 0]
     near = min(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in stable)
     far = max(np.linalg.norm(gamma - ball.gamma[-1]) for gamma in all_over)
     return Residual(float(near), bound=1e-6, printed=float(far))

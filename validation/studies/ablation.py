@@ -134,7 +134,7 @@ _DIAMOND: dict[str, Any] = {
 }
 
 
-def measure_ablation(
+def _measure_ablation(
     scene: Scene,
     times: Array | None = None,
     rounds: int = _ROUNDS,
@@ -299,5 +299,5 @@ class Ablation:
         scene = load_scene(self.scene)
         times = self.study.times(scene)
         with progress_bar(1) as show:
-            study = measure_ablation(scene, times, 2 if self.study.quick else _ROUNDS, show)
+            study = _measure_ablation(scene, times, 2 if self.study.quick else _ROUNDS, show)
         return self.study.present(study)

@@ -26,10 +26,7 @@ from robotball.errors import SceneWarning, unknown
 from robotball.files.mended_file import Change, Editable, compiled, editable
 from robotball.files.robot_file import (
     RobotFile,
-    above_plane,
-    contact_of,
     gears_of,
-    plane_axes,
     rolling_of,
     scene_of,
 )
@@ -80,8 +77,7 @@ class Own:
         robot, data = self.robot, self.robot.start(self.key)
         self.control(data)
         if self.push:
-            root = int(robot.model.body_rootid[robot.model.geom_bodyid[robot.sphere]])
-            first = int(robot.model.body_dofadr[root])
+            root, first = robot.root, int(robot.model.body_dofadr[robot.root])
             radius = float(robot.model.geom_size[robot.sphere, 0])
             turning = np.array([0.0, self.push / radius, 0.0])
             arm = data.xpos[root] - data.geom_xpos[robot.sphere]
@@ -97,8 +93,11 @@ class Own:
             data.ctrl[self.actuators[name]] = value.rate(data.time)
 
     def scene(self, rolling: Rolling, duration: float) -> Scene:
-        """Return the scene that the reference rolls."""
-        return scene_of(self.robot, self.begin(), self.controls, rolling, duration)
+        """Return the scene that the reference rolls. Raises InputError for what it has not."""
+        try:
+            return scene_of(self.robot, self.begin(), self.controls, rolling, duration)
+        except InputError as error:
+            raise InputError(f"{self.robot.path}: {error}") from None
 
     @property
     def steady(self) -> bool:
@@ -123,7 +122,7 @@ class Own:
                 break
             mujoco.mj_kinematics(model, data)
             centres[i] = data.geom_xpos[self.robot.sphere]
-        return np.asarray((centres - centres[0]) @ plane_axes(self.robot, data).T)[:, :2]
+        return np.asarray((centres - centres[0]) @ self.robot.plane_axes(data).T)[:, :2]
 
 
 @dataclass
@@ -236,11 +235,11 @@ def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Chan
     """
     robot, scene = own.robot, theory.scene
     model, data = robot.model, own.begin()
-    option, contact = model.opt, contact_of(robot, data)
+    option, contact = model.opt, robot.contact(data)
     found = []
     if seen.inside:
         found.append(_apart(model, seen))
-    gap = above_plane(robot, data)[1]
+    gap = robot.above_plane(data)[1]
     if abs(gap) > _STANDS * scene.ball.radius / 100:
         way = "above" if gap > 0 else "in"
         found.append(
@@ -386,9 +385,9 @@ def check_model(
     since = np.flatnonzero(
         ~(np.linalg.norm(path - theory.contact_point, axis=1) <= accuracy * theory.path_scale)
     )
-    normal, gap = above_plane(robot, data)
+    normal, gap = robot.above_plane(data)
     edit = editable(
-        robot, -gap * normal, _pair_of(contact_of(robot, data)), _touching(robot.model, seen)
+        robot, -gap * normal, _pair_of(robot.contact(data)), _touching(robot.model, seen)
     )
     measured: dict[frozenset[str], float] = {}
 
@@ -447,7 +446,7 @@ def _theories(
     """
     found: dict[Rolling, tuple[Motion, str | None]] = {}
     refused = InputError("")
-    default = rolling_of(contact_of(own.robot, own.begin()))
+    default = rolling_of(own.robot.contact(own.begin()))
     for each in [rolling] if rolling else sorted(get_args(Rolling), key=lambda it: it != default):
         scene = own.scene(each, float(times[-1]))
         try:
@@ -576,19 +575,11 @@ def _by_effect(changes: Sequence[Change], error_of: _Measure) -> list[Change]:
     return made
 
 
-def stands(own: Own) -> bool:
-    """Return whether a model without controls, started at rest, stays where it is."""
-    data, robot = own.begin(), own.robot
-    if own.controls or np.any(data.ctrl) or np.any(data.qvel):
-        return False
-    step = robot.model.opt.timestep
-    path = own.path(step * round(1 + 0.1 / step) * np.arange(20))
-    return bool(np.nanmax(np.abs(path)) < _STANDS * robot.model.geom_size[robot.sphere, 0])
-
-
-def moved(own: Own) -> tuple[Own, str]:
-    """Return a model with controls that move it, or a push where it has none; and words on it."""
-    model = own.robot.model
+def moved(own: Own) -> tuple[Own, list[str]]:
+    """Return a model that moves: itself, or with controls or a push; and words on these."""
+    if not _stands(own):
+        return own, []
+    model, words = own.robot.model, "nothing moves it; it is checked with {}; see --control"
     radius = float(model.geom_size[own.robot.sphere, 0])
     gravity = float(np.linalg.norm(model.opt.gravity))
     torque = _TORQUE * float(model.body_subtreemass[0]) * gravity * radius
@@ -606,9 +597,19 @@ def moved(own: Own) -> tuple[Own, str]:
         controls[name] = Constant(value)
     if not controls:
         push = float(np.sqrt(gravity * radius)) / 2
-        return replace(own, push=push), f"a push, rolling at {push:.2g} m/s"
+        return replace(own, push=push), [words.format(f"a push, rolling at {push:.2g} m/s")]
     given = ", ".join(f"{name}={value.rate(0.0):.3g}" for name, value in controls.items())
-    return replace(own, controls=controls), given
+    return replace(own, controls=controls), [words.format(given)]
+
+
+def _stands(own: Own) -> bool:
+    """Return whether a model without controls, started at rest, stays where it is."""
+    data, robot = own.begin(), own.robot
+    if own.controls or np.any(data.ctrl) or np.any(data.qvel):
+        return False
+    step = robot.model.opt.timestep
+    path = own.path(step * round(1 + 0.1 / step) * np.arange(20))
+    return bool(np.nanmax(np.abs(path)) < _STANDS * robot.model.geom_size[robot.sphere, 0])
 
 
 COLUMNS = (

@@ -32,7 +32,7 @@ _QUICK_INTEGRATORS = ("Euler", "RK4", ADAPTIVE)
 _QUICK_COUNT = 3  # values of an axis
 _QUICK_DURATION = 10.0  # s, at most
 
-OneBody = TypeVar("OneBody", Shell, Frame, Rotor)
+_OneBody = TypeVar("_OneBody", Shell, Frame, Rotor)
 
 
 def momentum_of(scene: Scene) -> Array:
@@ -99,7 +99,7 @@ def scaled(scene: Scene, *, mass: float, length: float) -> Scene:
     )
 
 
-def scaled_body(body: OneBody, mass: float, length: float = 1.0) -> OneBody:
+def scaled_body(body: _OneBody, mass: float, length: float = 1.0) -> _OneBody:
     """Return a body with its mass and its lengths multiplied by two factors."""
     factors = {
         "mass": mass,
@@ -126,11 +126,11 @@ def _decades(low: float, high: float, count: int = _COUNT) -> tuple[float, ...]:
     return tuple(float(f"{v:.3g}") for v in np.geomspace(low, high, count))
 
 
-TIMESTEPS = _Axis("timestep [s]", _decades(2e-4, 0.2))
+_TIMESTEPS = _Axis("timestep [s]", _decades(2e-4, 0.2))
 _LONG_TIMESTEPS = _Axis("timestep [s]", (0.02, 0.05, 0.1, 0.2))
 # The adaptive integrator has no timestep: its rtol varies instead.
 _ADAPTIVE_AXES = {
-    TIMESTEPS: _Axis("rtol of a step", _decades(1e-13, 0.1)),
+    _TIMESTEPS: _Axis("rtol of a step", _decades(1e-13, 0.1)),
     # A day's motion takes it minutes, whatever its rtol.
     _LONG_TIMESTEPS: _Axis("rtol of a step", (1e-6,)),
 }
@@ -219,7 +219,7 @@ MAPS: dict[str, Map] = {
             "momentum",
             "timestep × momentum |K|",
             "A, Ω, M and the direction of K; the rotor's rate and axis give K",
-            TIMESTEPS,
+            _TIMESTEPS,
             _Axis("|K| [kg m²/s]", _decades(0.1, 1e4, 9)),
             lambda scene, _, size: _with_momentum(scene, size),
         ),
@@ -227,7 +227,7 @@ MAPS: dict[str, Map] = {
             "frame",
             "timestep × frame's rate |Ω|",
             "A, K and M; the rotor's rate and axis make up for the frame's",
-            TIMESTEPS,
+            _TIMESTEPS,
             _Axis("|Ω| [rad/s]", _decades(0.01, 1e4, 9)),
             lambda scene, _, rate: gyrostat(scene, frame_rate=rate),
         ),
@@ -235,7 +235,7 @@ MAPS: dict[str, Map] = {
             "rotor",
             "timestep × rotor's speed at fixed K",
             "A, Ω, K and M: the faster the rotor, the smaller its inertia",
-            TIMESTEPS,
+            _TIMESTEPS,
             _Axis("rotor's speed [rad/s]", _decades(10, 1e11, 9)),
             lambda scene, _, rate: gyrostat(scene, rotor_rate=rate),
         ),
@@ -301,7 +301,7 @@ MAPS: dict[str, Map] = {
             "servo",
             "timestep × servo gain",
             "the ball and its start; the same gain kv on both hinges, j of the rotor",
-            TIMESTEPS,
+            _TIMESTEPS,
             _Axis("kv/j [1/s]", _decades(0.1, 1e7, 9)),
             options=lambda scene, _, rate: {
                 "drive": Servo(gain=rate * scene.ball.rotors[0].axial_inertia)

@@ -24,7 +24,7 @@ import numpy as np
 from robotball.activations import Activation
 from robotball.drives import Rate, Samples
 from robotball.equations import Rolling
-from robotball.errors import InputError, check_positive, unknown, warn
+from robotball.errors import InputError, check_positive, check_size, unknown, warn
 from robotball.files.foreign_bodies import check_loads, drop_missing_looks
 from robotball.mechanics import momentum_at
 from robotball.motors import Actuator, Free, Law
@@ -547,6 +547,7 @@ def gears_of(model: Any) -> dict[str, dict[int, float]]:
         for joint, ratio in _moved(model, i, name):
             if model.jnt_type[joint] not in (_SLIDE, _HINGE):
                 raise InputError(f"{name} moves a free joint, by forces from outside the robot")
+            check_size(f"{name}'s gear", ratio)
             moved[joint] = moved.get(joint, 0.0) + ratio
     return gears
 

@@ -21,7 +21,7 @@ import robotball as rb
 from tests.robotball.files.scene_texts import PLATE
 from tests.robotball.files.test_robot_file import GIMBAL, HULL
 
-BATCHES, SIZE = 10, 20
+BATCHES, SIZE = 3, 20
 SECONDS, MEMORY = 600.0, 1e9  # s, of a batch that hangs; byte
 
 # With an included part, classes of defaults and a mesh.

@@ -88,7 +88,7 @@ def _page_of(study: Study, checked: Checked, picture: Path) -> str:
         *map(paragraph, [first, *lines]),
         f'<figure><img alt="paths and errors" src="{image}"></figure>',
         "<h2>What each change is worth</h2>",
-        table([column.header for column in COLUMNS], cells),
+        table([column.header for column in COLUMNS], cells, "words"),
         "<h2>The changes</h2>",
         f'<pre class="wide">{escape(chr(10).join(difference(checked)))}</pre>',
         folded("Versions", plain(versions()), short=True),

@@ -735,6 +735,7 @@ def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
         drawn.append(("mended", checked.mended, "--"))
     for (label, path, dash), colour in zip(drawn, _COLOURS, strict=False):
         left.plot(*path.T, dash, color=colour, label=label)
+        left.plot(*path[-1], "o", color=colour)  # a path may end within another
         away = np.linalg.norm(path - theory.contact_point, axis=1) / theory.path_scale
         right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")

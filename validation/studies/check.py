@@ -21,24 +21,15 @@ from scipy.optimize import root_scalar
 
 from robotball import InputError, Scene, integrate
 from robotball.drives import Constant, Drive, as_drive
+from robotball.engines.mujoco.settings import BY_ERROR, CONSTANT, recipe
 from robotball.equations import Rolling
 from robotball.errors import SceneWarning, unknown
 from robotball.files.mended_file import Change, Editable, compiled, editable
-from robotball.files.robot_file import (
-    RobotFile,
-    gears_of,
-    rolling_of,
-    scene_of,
-)
+from robotball.files.robot_file import RobotFile, gears_of, rolling_of, scene_of
 from robotball.motion import Motion
 from robotball.rotations import Array
 from robotball.scene import GRAVITY
-from validation.output import (
-    Show,
-    known,
-    scientific,
-    title,
-)
+from validation.output import Show, known, scientific, title
 from validation.study import Column, Study, table_of
 
 _INTERVAL = 0.01  # s between the points that are compared, or the model's own step
@@ -204,14 +195,14 @@ def _observe(own: Own, duration: float) -> _Seen:
     return seen
 
 
-_SLIDE = 20.0  # the recipe's friction, beyond any demand
-_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 1.0)
-_SOFTEST = 0.004  # s, of solref's time constant, at least two steps
-_NUMBERS = "{:.9g}".format
+# The recipe's: friction beyond any demand, and a contact as hard as MuJoCo's own steps take, whose
+# time constant [s] is two steps at least.
+_SLIDE, _SOFTEST = CONSTANT["sliding_friction"], BY_ERROR[1]
+_SOLIMP: Any = recipe("mended", 1e-3).solimp
 
 
 def _text(*values: float) -> str:
-    return " ".join(map(_NUMBERS, values))
+    return " ".join(f"{each:.9g}" for each in values)
 
 
 def _pair_of(contact: Any) -> dict[str, str]:
@@ -265,11 +256,10 @@ def _changes_of(own: Own, seen: _Seen, theory: Motion, step: float) -> list[Chan
     if step < option.timestep:
         words = f"steps of {1e3 * option.timestep:g} ms are too long"
         found.append(Change("timestep", words, option={"timestep": _text(step)}))
-    solref, depth = (_SOFTEST, 1.0), f"{1e3 * seen.depth:.2g} mm"
+    depth = f"{1e3 * seen.depth:.2g} mm"
     words = f"the contact is soft: the sphere sinks {depth}, and bears no load at first"
-    found.append(
-        Change("softness", words, pair={"solref": _text(*solref), "solimp": _text(*_SOLIMP)})
-    )
+    hard = {"solref": _text(_SOFTEST, 1.0), "solimp": _text(*_SOLIMP)}
+    found.append(Change("softness", words, pair=hard))
     if option.noslip_iterations < 1:
         words = "friction is regularized, and creeps; slip is not solved for"
         found.append(Change("noslip", words, option={"noslip_iterations": "3"}))
@@ -352,11 +342,16 @@ class Checked:
     mended_error: float
 
 
-def _error(path: Array, theory: Motion) -> float:
-    """Return the largest distance of a path (n, 2) over the reference's length; inf if it broke."""
+def _away(path: Array, theory: Motion) -> Array:
+    """Return the distances (n,) of a path (n, 2) at the reference's times, over its length."""
     theirs = theory.contact_point
-    away = np.linalg.norm(path[: len(theirs)] - theirs, axis=1) / theory.path_scale
-    return float(away.max()) if np.all(np.isfinite(away)) else np.inf
+    away: Array = np.linalg.norm(path[: len(theirs)] - theirs, axis=1) / theory.path_scale
+    return away
+
+
+def _error(path: Array, theory: Motion) -> float:
+    """Return the path error; inf where the path broke off."""
+    return float(np.nan_to_num(_away(path, theory), nan=np.inf).max())
 
 
 def check_model(
@@ -382,9 +377,7 @@ def check_model(
     times, path = theory.times, path[: len(theory.times)]
     seen = _observe(own, float(times[-1]))
     _check_no_drive_from_outside(robot, seen)
-    since = np.flatnonzero(
-        ~(np.linalg.norm(path - theory.contact_point, axis=1) <= accuracy * theory.path_scale)
-    )
+    since = np.flatnonzero(~(_away(path, theory) <= accuracy))
     normal, gap = robot.above_plane(data)
     edit = editable(
         robot, -gap * normal, _pair_of(robot.contact(data)), _touching(robot.model, seen)
@@ -736,8 +729,7 @@ def _picture(name: str, checked: Checked, accuracy: float) -> Figure:
     for (label, path, dash), colour in zip(drawn, _COLOURS, strict=False):
         left.plot(*path.T, dash, color=colour, label=label)
         left.plot(*path[-1], "o", color=colour)  # a path may end within another
-        away = np.linalg.norm(path - theory.contact_point, axis=1) / theory.path_scale
-        right.semilogy(theory.times[1:], away[1:], dash, color=colour, label=label)
+        right.semilogy(theory.times[1:], _away(path, theory)[1:], dash, color=colour, label=label)
     left.set(xlabel="X [m]", ylabel="Y [m]", aspect="equal", title="contact point")
     left.set_adjustable("datalim")
     if not np.any(theory.contact_point) or not np.any(path):

@@ -611,30 +611,28 @@ def _largest_margin(request: _DesignRequest, frame_radius: float) -> float:
 
 
 def _least_speed(request: _DesignRequest, frame_radius: float) -> float:
-    """Return the least bound on the rotors' rates with which there is a share, to four digits.
-
-    `request` has a smaller bound, with which there is none; there must be one at some speed.
-    """
-
-    # In 1/speed, of which no bound is 0, so that the search has two finite ends.
-    def margin(per_speed: float) -> float:
-        speed = 1 / per_speed if per_speed else np.inf
-        return _largest_margin(replace(request, speed=speed), frame_radius) - _LEAST_MARGIN
-
-    return float(1 / brentq(margin, 0.0, 1 / request.speed, rtol=1e-4, xtol=1e-4 / request.speed))
+    """Return the least bound on the rotors' rates with which there is a share."""
+    return _least(
+        lambda speed: _largest_margin(replace(request, speed=speed), frame_radius), request.speed
+    )
 
 
 def _least_frame_radius(request: _DesignRequest) -> float:
-    """Return the least radius within which the frame of some share can lie, to four digits.
+    """Return the least radius within which the frame of some share can lie."""
+    return _least(lambda radius: _largest_margin(request, radius), request.frame_radius)
 
-    There must be a share, and none within `request.frame_radius`.
+
+def _least(largest_margin: Callable[[float], float], too_small: float) -> float:
+    """Return the least bound with which there is a share, to four digits.
+
+    There must be one with some bound, and none with one that is too small.
     """
 
-    def margin(per_radius: float) -> float:
-        return _largest_margin(request, 1 / per_radius if per_radius else np.inf) - _LEAST_MARGIN
+    # In 1/bound, of which no bound is 0, so that the search has two finite ends.
+    def margin(per_bound: float) -> float:
+        return largest_margin(1 / per_bound if per_bound else math.inf) - _LEAST_MARGIN
 
-    largest = 1 / request.frame_radius
-    return float(1 / brentq(margin, 0.0, largest, rtol=1e-4, xtol=1e-4 * largest))
+    return float(1 / brentq(margin, 0.0, 1 / too_small, rtol=1e-4, xtol=1e-4 / too_small))
 
 
 def _ball(

@@ -308,8 +308,9 @@ class Ball(Value):
     def named_bodies(self) -> tuple[tuple[str, Body], ...]:
         """(name, body) of the shell, frame, rotors, pendulums and links, as engines name them."""
         frame = (("frame", self.frame),) if self.has_frame else ()
+        hung = ((f"pendulum{i}", each) for i, each in enumerate(self.pendulums, start=1))
         links = ((each.name, each) for each in self.links)
-        return ("shell", self.shell), *frame, *self.named_rotors, *self.named_pendulums, *links
+        return ("shell", self.shell), *frame, *self.named_rotors, *hung, *links
 
     @cached_property
     def tree(self) -> tuple[Link, ...]:
@@ -331,10 +332,6 @@ class Ball(Value):
     @property
     def named_rotors(self) -> tuple[tuple[str, Rotor], ...]:
         return tuple((f"rotor{i}", rotor) for i, rotor in enumerate(self.rotors, start=1))
-
-    @property
-    def named_pendulums(self) -> tuple[tuple[str, Pendulum], ...]:
-        return tuple((f"pendulum{i}", each) for i, each in enumerate(self.pendulums, start=1))
 
     @property
     def radius(self) -> float:

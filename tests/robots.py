@@ -193,4 +193,5 @@ def energy(motion: Motion) -> Array:
     height = np.full(len(angles), scene.ball.radius)
     centre = np.column_stack([motion.contact_point, height])
     centre = centre + np.einsum("nij,nj->ni", to_world, states.centre_of_mass)
-    return np.asarray(states.kinetic_energy - scene.ball.mass * centre @ scene.gravity_world)
+    kinetic = (states.u * states.momenta).sum(axis=0) / 2
+    return np.asarray(kinetic - scene.ball.mass * centre @ scene.gravity_world)

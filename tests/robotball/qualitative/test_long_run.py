@@ -9,8 +9,7 @@ from robotball.engines.ensembles.orbits import Starts
 from robotball.engines.ensembles.steppers import DEVIATION
 from robotball.equations import Parameters
 from robotball.errors import InputError
-from robotball.qualitative.basins import LINE, LOST, basins
-from robotball.qualitative.long_run import Exponents, drift, exponents
+from robotball.qualitative.long_run import LINE, LOST, Exponents, basins, drift, exponents
 from robotball.qualitative.sections import section_starts
 from robotball.rotations import multiply, rotation_matrix
 from tests.figures import BALLS, CHAOTIC, REGULAR, ball, spread_starts

@@ -7,9 +7,8 @@ from robotball import equations as eq
 from robotball.engines.ensembles.orbits import orbit
 from robotball.equations import Parameters
 from robotball.errors import InputError
-from robotball.qualitative.basins import level_points
-from robotball.qualitative.sections import section, section_starts
-from robotball.qualitative.tori import invariant_curve, shared_integral
+from robotball.qualitative.long_run import level_points
+from robotball.qualitative.sections import invariant_curve, section, section_starts, shared_integral
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
 from tests.figures import CHAOTIC, F, ball

@@ -31,9 +31,7 @@ class Off(Engine):
         )  # fmt: skip
         off = np.outer(ERROR * exact.path_length * times / times[-1], [0.6, 0.8])
         path = exact.contact_point + off
-        return extended(
-            exact, ContactMotion, engine=self.label, contact_point=path, report=report
-        )
+        return extended(exact, ContactMotion, engine=self.label, contact_point=path, report=report)
 
 
 OFF = Off()

@@ -35,7 +35,7 @@ from robotball.qualitative.equilibria import (
     rate_scale,
 )
 from robotball.qualitative.sections import crossings
-from robotball.rotations import Array, on_circle, rotation_matrix, tangents
+from robotball.rotations import Array, from_matrix, on_circle, rotation_matrix, tangents
 from robotball.scene import sample_times
 
 _NO_MOMENTUM = np.zeros(3)
@@ -225,8 +225,11 @@ def _first_returns(
     """
     (centre, across), gamma = arc, on_circle(arc, angles)
     normal = np.cross(centre, across)
+    # Any turn about the vertical would do: with M = 0 it changes nothing.
+    first = np.broadcast_to(normal, gamma.shape)
+    attitudes = from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=1))
     way = np.sign(normal @ np.stack(flow(parameters, tuple(gamma.T))))
-    starts = Starts(parameters, attitude_at(gamma), np.zeros_like(gamma))
+    starts = Starts(parameters, attitudes, np.zeros_like(gamma))
     numbers = np.concatenate([np.outer(way, normal), np.tile(across, (len(way), 1))], axis=1)
     times, states, *_ = crossings(starts, ARC, numbers, 1, 1, _RETURN_TOLERANCE, longest)
     back = np.stack(eq.space_axes(components(states[:, 0]))[2], axis=-1)

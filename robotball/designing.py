@@ -382,7 +382,7 @@ def _request(
         K=K / trace,
         Omega=Omega,
         d=None if mass is None else mass / unit,
-        shell_factor=_shell_inertia(1.0, 1.0, limits.shell_thickness / radius),
+        shell_factor=shell_inertia(1.0, 1.0, limits.shell_thickness / radius),
         speed=limits.rotor_speed,
         shell=limits.shell_mass / unit,
         frame=limits.frame_mass / unit,
@@ -642,7 +642,7 @@ def _ball(
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     shell_mass, frame_mass = unit * found.shell_mass, unit * found.frame_mass
-    J_s = _shell_inertia(radius, shell_mass, limits.shell_thickness)
+    J_s = shell_inertia(radius, shell_mass, limits.shell_thickness)
     turning = float(np.linalg.norm(Omega))
     axis = Omega / turning if turning else np.array([0.0, 0.0, 1.0])
     shell = Shell(radius, shell_mass, J_s, J_s, axis)
@@ -660,7 +660,8 @@ def _ball(
     return ball, (float(np.linalg.norm(h)) / rotors[0].axial_inertia,)
 
 
-def _shell_inertia(radius: float, mass: float, thickness: float) -> float:
+def shell_inertia(radius: float, mass: float, thickness: float) -> float:
+    """Return the moment of a homogeneous shell of any thickness about a diameter [kg m²]."""
     if thickness == 0:  # the limit of a thick shell, whose formula takes none
         return thin_shell_inertia(radius, mass)
     return thick_shell_inertia(radius, mass, thickness)

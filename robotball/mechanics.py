@@ -482,11 +482,6 @@ class States:
         return (np.cross(self.gamma, L, axis=0) if rolling == "rubber" else L).T
 
     @property
-    def kinetic_energy(self) -> Array:
-        """The kinetic energy (n,), with that of the armatures [J]."""
-        return np.asarray((self.u * self.momenta).sum(axis=0) / 2)
-
-    @property
     def centre_of_mass(self) -> Array:
         """The centre of mass (n, 3) from the centre of the sphere, frame axes [m]."""
         masses = self.robot.bodies[:, _MASS]

@@ -249,8 +249,7 @@ class Way:
 
     def _parts(self, times: Array) -> list[float]:
         # A solver may try times a rounding beyond the ends, where a spline would go on.
-        parts: list[float] = np.clip(self.part.rate(times), 0.0, 1.0).tolist()
-        return parts
+        return np.clip(self.part.rate(times), 0.0, 1.0).tolist()
 
     def shell(self, times: Array, gamma: Array, axes: Array) -> Array:
         """Return (n, 3) rad/s, frame axes: the horizontal part of the shell's angular velocity."""

@@ -237,8 +237,7 @@ def _kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
     if np.abs(eigenvalues).min() < zero:
         return "degenerate"
     first, second = eigenvalues.real
-    turning = abs(eigenvalues[0].imag) > 0
-    if not turning:
+    if eigenvalues[0].imag == 0:
         if first * second < 0:
             return "saddle"
         return "stable node" if first < 0 else "unstable node"

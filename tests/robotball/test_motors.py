@@ -9,7 +9,6 @@ from robotball.drives import as_drive
 from robotball.motors import Law
 from robotball.rotations import Array
 from tests.robotball.files.scene_texts import BOB, HEAD, PENDULUM, robot, scene_of
-from validation import compare
 
 SHEET = 'drive = "dc_motor"\nstall_torque = 0.04\nno_load_speed = 500.0\ngear = 20.0\n'
 WHEEL = "[[rotor]]\naxis = [0, 0, 1]\nmass = 0.3\ninertia = { axial = 4e-4, transverse = 2e-4 }\n"
@@ -32,16 +31,6 @@ def test_a_dc_motor_runs_up_exponentially_to_its_no_load_speed(preset: str, most
     # Measured 2e-14, rounding; 1.1e-6 at 5 ms and 1.6e-9 at 1 ms, RK4's (dt/τ)⁴/120.
     assert off["reference"] < 1e-13, off
     assert off[preset] < most, off
-
-
-@pytest.mark.parametrize("limit", ["", "torque_limit = 0.5\n"])
-def test_both_engines_agree_on_dc_motors(limit: str) -> None:
-    """A pendulum that a motor lifts, with and without a limit that it reaches at the start."""
-    command = 'supply = { kind = "sine", amplitude = 1.0, frequency = 1.0, phase = 1.2 }\n'
-    scene = scene_of(robot(rest=PENDULUM + BOB + SHEET + command + limit))
-    agreement = compare(scene, "accurate", rb.sample_times(3.0))
-    assert agreement.path_error is not None
-    assert agreement.path_error < 6e-10  # measured 9e-11 and 2.2e-10: RK4's
 
 
 def test_a_dc_motor_starts_at_rest_and_is_written_as_it_is_read() -> None:

@@ -1,6 +1,5 @@
 """Shell, frame and rotors, and the numbers A, K, d and Ω that the equations know of them."""
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +16,6 @@ from robotball.robot import (
     Shell,
     Value,
     axial_tensor,
-    beyond_the_shell,
     check_inertia,
     thin_shell_inertia,
 )
@@ -138,13 +136,3 @@ def test_thin_shell_has_the_inertia_of_points_on_the_sphere() -> None:
     places = 0.3 * np.concatenate([np.eye(3), -np.eye(3)])
     inertia = inertia_of(np.full(6, 0.7 / 6), places)
     assert gap(inertia, thin_shell_inertia(0.3, 0.7) * np.eye(3)) < 1e-16
-
-
-def test_mass_beyond_the_shell_is_told() -> None:
-    """Figs 5 to 10 need it, Figs 11 to 14 do not."""
-    words = r"frame has mass outside the shell: at 1\.613 m, of 1"
-    with pytest.warns(rb.SceneWarning, match=words):
-        rb.load_scene("fig06")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert beyond_the_shell(rb.load_scene("fig12").ball) == []

@@ -253,6 +253,7 @@ class Worker:
         for _ in range(_TRIES):
             self.end()
             self._pipe, theirs = _FORKSERVER.Pipe()
+            # A daemon: Python waits at its own end for every other process that it has started.
             process = _FORKSERVER.Process(target=_serve, args=(theirs, self._work), daemon=True)
             with suppress(OSError, EOFError):
                 with theirs, _CHILDREN:
@@ -287,6 +288,7 @@ def _start_server(modules: Iterable[str]) -> None:
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ.update(_ONE_THREAD)
     try:
+        # The caller's script too, as the work may be a function of its own.
         _FORKSERVER.set_forkserver_preload(["__main__", *modules, __name__])
         forkserver.ensure_running()
     finally:

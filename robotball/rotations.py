@@ -35,6 +35,7 @@ def rotation_matrix(q: Array) -> Array:
 
 def from_matrix(R: Array) -> Array:
     """Return the unit quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3)."""
+    # Canonical: q and -q are one rotation, and equal rotations are to have equal numbers.
     return Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True)
 
 

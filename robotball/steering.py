@@ -380,6 +380,7 @@ def _hanging(way: Way, times: Array) -> Array:
     e = way.scene.ball.shell.axis
     y = np.tile(start[:, None], len(times))
     shell = _turned_back(start[:4], e, start[7])
+    # The shell does not slip: its attitude depends on all of the way, and is stepped along it.
     fine = 8  # turns between two times: a guess need not be better
     y[7:, 0] = start[7:]
     for i in range(len(times)):

@@ -176,6 +176,7 @@ def _candidates(parameters: Parameters) -> list[Array]:
 
     # Coefficients by least squares from values, so that (3.2) is written in `equations` alone.
     monomials = list(combinations_with_replacement(range(3), 3))
+    # Thrice as many as coefficients, and the same at every run, as is all that follows from them.
     samples = np.random.default_rng(0).normal(size=(30, 3))
     table = np.array([[s[i] * s[j] * s[k] for i, j, k in monomials] for s in samples])
     values = np.array([cubic_forms(s) for s in samples])[:, :2]
@@ -214,6 +215,7 @@ def _polished(parameters: Parameters, gamma: Array) -> Array | None:
         # The least solution where the Jacobian is singular, as between two points that coincide.
         step = np.linalg.lstsq(jacobian(parameters, gamma), rate, rcond=1e-13)[0]
         length = float(np.linalg.norm(step))
+        # A step by more than 0.3 rad is beyond what is linear, and may lead to another point.
         gamma = gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300))
         gamma = gamma / np.linalg.norm(gamma)
         if length < 1e-14:

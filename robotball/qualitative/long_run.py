@@ -45,12 +45,6 @@ class Exponents:
         return self.divergence - self.largest
 
     @property
-    def spectrum(self) -> Array:
-        """All six exponents (6,) of (M, γ) over all runs, largest first, 1/s."""
-        largest, smallest = self.mean
-        return np.sort([largest, 0.0, 0.0, 0.0, 0.0, smallest])[::-1]
-
-    @property
     def mean(self) -> tuple[float, float]:
         """λ₁ and λ₆ over all runs, 1/s."""
         return float(self.largest.mean()), float(self.smallest.mean())
@@ -84,7 +78,6 @@ def exponents(
     momenta: Array,
     duration: float,
     transient: float = 1000.0,
-    tolerance: float = LONG_RUN_TOLERANCE,
 ) -> Exponents:
     """Estimate the exponents of motions from n starts, over `duration` after a `transient` [s].
 
@@ -96,17 +89,12 @@ def exponents(
         raise InputError("exponents need M other than zero: with M = 0 the motion is on the sphere")
     # Any direction will do, if none is special: the transient turns it into the fastest growing.
     rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (len(starts.rows), 1))
-    rates = _mean_rates(starts, DEVIATION, rest, duration, transient, tolerance)
+    rates = _mean_rates(starts, DEVIATION, rest, duration, transient)
     return Exponents(largest=rates[:, 7], divergence=rates[:, 8], duration=duration)
 
 
 def _mean_rates(
-    starts: Starts,
-    system: System,
-    rest: Array,
-    duration: float,
-    transient: float,
-    tolerance: float,
+    starts: Starts, system: System, rest: Array, duration: float, transient: float
 ) -> Array:
     """Return the mean rates (n, size) of a system's states over a duration after a transient [s].
 
@@ -115,7 +103,7 @@ def _mean_rates(
     if not (duration > 0 and transient > 0):
         raise InputError("duration and transient must be positive")
     times = np.array([transient, transient + duration])
-    states, status = starts.march(system, rest, times, tolerance)
+    states, status = starts.march(system, rest, times, LONG_RUN_TOLERANCE)
     if status.any():
         raise InputError(f"{np.count_nonzero(status)} motions could not be followed")
     # Between both ends of the duration: what the transient adds is no part of the mean.
@@ -150,7 +138,6 @@ def drift(
     momenta: Array,
     duration: float,
     transient: float = 1000.0,
-    tolerance: float = LONG_RUN_TOLERANCE,
 ) -> Drift:
     """Estimate the mean motion of the contact point over `duration` after a `transient` [s].
 
@@ -160,7 +147,7 @@ def drift(
     starts = Starts(parameters, attitudes, momenta)
     no_way = np.zeros((len(starts.rows), 2))
     # In the turned axes each start's momentum is against X, so that X is its OX.
-    rates = _mean_rates(starts, PATH, no_way, duration, transient, tolerance)
+    rates = _mean_rates(starts, PATH, no_way, duration, transient)
     return Drift(rates[:, 4:], duration)
 
 

@@ -71,7 +71,7 @@ class _PhasePortrait:
     basins: dict[str, float]
 
 
-def phase_portrait(parameters: Parameters, starts: int = _STARTS) -> _PhasePortrait:
+def phase_portrait(parameters: Parameters) -> _PhasePortrait:
     """Return the phase portrait of a rubber ball. Raises InputError where it is degenerate.
 
     Something must attract and something repel. Where no fixed point does, slower cycles are looked
@@ -83,9 +83,8 @@ def phase_portrait(parameters: Parameters, starts: int = _STARTS) -> _PhasePortr
         cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
         if _complete(points, cycles):
             break
-    return _PhasePortrait(
-        tuple(points), tuple(cycles), basin_shares(parameters, points, cycles, starts)
-    )
+    shares = basin_shares(parameters, points, cycles, _STARTS)
+    return _PhasePortrait(tuple(points), tuple(cycles), shares)
 
 
 def _complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:

@@ -152,28 +152,21 @@ def section_starts(
     return np.array([s.attitude for s in starts]), np.array([s.momentum for s in starts])
 
 
-def fixed_point(
-    parameters: Parameters,
-    L: float,
-    l: float,
-    f: float,
-    g: float = 0.0,
-    c: float = 0.0,
-    returns: int = 1,
-) -> Cycle:
-    """Return the periodic orbit near (L, l) that comes back after a number of returns.
+def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
+    """Return the periodic orbit near (L, l) of g = 0 that comes back at the first return.
 
     A fixed point of the map is one crossing of it; its multipliers are the orbit's. Raises
     InputError where Newton's method does not converge.
     """
     # The given point need not be on a crossing that the map counts: it starts at the next one.
-    attitudes, momenta = section_starts(L, l, f, g, c)
-    first = section(parameters, attitudes, momenta, 1, g)
+    attitudes, momenta = section_starts(L, l, f)
+    first = section(parameters, attitudes, momenta, 1)
     if first.status[0] != DONE:
         raise InputError("the orbit never comes back to the section")
     # From the first crossing on in its own direction alone: a return is one that crosses alike.
-    same_way = section(parameters, attitudes, momenta, 1 + returns, g, int(first.directions[0, 0]))
-    period = float(same_way.times[0, returns] - same_way.times[0, 0])
+    direction = int(first.directions[0, 0])
+    same_way = section(parameters, attitudes, momenta, 2, direction=direction)
+    period = float(same_way.times[0, 1] - same_way.times[0, 0])
     return close(parameters, same_way.attitudes[0, 0], momenta[0], period)
 
 
@@ -224,22 +217,15 @@ def joined(parts: Sequence[Crossings]) -> Crossings:
 
 
 def crossings_of_motion(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:
-    """Find where a motion of `scene` crosses g = `g` [rad], as `sampled_crossings` does."""
-    axes = rotation_matrix(motion.attitude) @ scene.principal_axes
-    M = np.einsum("nji,nj->ni", axes, motion.momentum)
-    omega = motion.angular_velocity @ scene.principal_axes
-    return sampled_crossings(motion.times, axes[:, 2], M, omega, g)
+    """Find where a motion of `scene` crosses g = `g` [rad].
 
-
-def sampled_crossings(
-    times: Array, gamma: Array, M: Array, omega: Array, g: float = 0.0
-) -> Crossings:
-    """Find where γ and M (n, 3), constant in space, cross g = `g` [rad] at times (n,).
-
-    omega (n, 3): of the axes in which they are given. Between samples by cubics through values and
-    rates, whose error is h⁴/384 of the fourth derivative for samples h apart: 3e-9 s for the
-    catalog's balls sampled every 5 ms. Raises InputError where M = 0.
+    Between samples by cubics through values and rates, as γ and M are constant in space. Their
+    error is h⁴/384 of the fourth derivative for samples h apart: 3e-9 s for the catalog's balls
+    sampled every 5 ms. Raises InputError where M = 0.
     """
+    axes, times = rotation_matrix(motion.attitude) @ scene.principal_axes, motion.times
+    gamma, M = axes[:, 2], np.einsum("nji,nj->ni", axes, motion.momentum)
+    omega = motion.angular_velocity @ scene.principal_axes
     f, c = (M * M).sum(axis=1, keepdims=True), (M * gamma).sum(axis=1, keepdims=True)
     if not f.min() > 0:
         raise InputError("a section needs M other than zero, which has no g")

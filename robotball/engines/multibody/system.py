@@ -304,6 +304,7 @@ class System:
     @property
     def scale(self) -> Array:
         """The units (size,) in which the errors of a state's numbers are measured."""
+        # Fixed ones: a ball at rest has no momentum or energy of its own to measure errors by.
         scene, count = self.scene, self.count
         energy = scene.ball.mass * scene.gravity * scene.ball.radius
         unit, momentum = np.ones(count), scene.momentum_scale

@@ -49,14 +49,13 @@ def test_a_deviation_is_that_of_the_six_equations(ball: Parameters, c: float) ->
 
 
 def test_means_of_runs_are_given_with_their_scatter() -> None:
-    """Exponents of three runs: mean, standard error, the six of them and the section's dimension.
+    """Exponents of three runs: mean, standard error and the section's dimension.
 
     1 + λ₁/|λ₆| is 2 for a flow that keeps its volume and 0 for what is no chaos.
     """
     found = Exponents(np.array([0.1, 0.2, 0.3]), np.array([-0.1, -0.2, -0.3]), 1.0)
     assert found.mean == pytest.approx((0.2, -0.4))
     assert found.error == pytest.approx((0.1 / np.sqrt(3), 0.2 / np.sqrt(3)))
-    assert found.spectrum == pytest.approx([0.2, 0, 0, 0, 0, -0.4])
     assert found.dimension == pytest.approx(1.5)
     assert found.dimension_error == pytest.approx(0, abs=1e-15)
     assert Exponents(np.array([0.1]), np.array([0.0]), 1.0).dimension == 2.0

@@ -172,22 +172,6 @@ def test_what_bodies_have_is_found_and_keeps_every_bound_by_the_margin() -> None
     assert rotors == {0, 1, 2}
 
 
-def test_no_number_of_rotors_does_what_two_cannot() -> None:
-    """Balls of two to five heavy rings at one rate: its limit is enough for one or two."""
-    rng, rotors = np.random.default_rng(2), set()
-    for _ in range(30):
-        real = ring_ball(rng, int(rng.integers(2, 6)))
-        limits = Limits(
-            buildable=True,
-            rotor_speed=real.rotor_rates[0] * (1 + 1e-6),
-            rotor_radius=real.rotor_radius,
-            shell_thickness=real.thickness,
-        )
-        made = design(real.ball.A, real.Omega, real.K, real.ball.radius, real.ball.mass, limits)
-        rotors.add(len(made.rotor_rates))
-    assert rotors == {1, 2}
-
-
 def test_the_speed_that_a_refusal_names_is_enough() -> None:
     """To four digits, and no less is."""
     slow = Limits(rotor_speed=5.0, rotor_radius=0.9, buildable=True)

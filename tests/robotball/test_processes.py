@@ -104,12 +104,6 @@ def test_an_error_in_a_thread_is_the_callers_and_ends_the_others() -> None:
         in_threads(work, 20)
 
 
-def test_less_than_one_thread_is_refused() -> None:
-    """In one line with the value."""
-    with pytest.raises(InputError, match="threads must be at least 1, not 0"), at_most(0):
-        pass
-
-
 # Processes --------------------------------------------------------------------------------------
 
 

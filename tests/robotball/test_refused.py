@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball import designing, drives, errors, motors, robot, scene
+from robotball import designing, drives, errors, motors, processes, robot, scene
 from robotball.engines.mujoco.settings import Prescribed
 from robotball.errors import LONGEST_LINE
 from robotball.files import scene_tables
@@ -210,6 +210,7 @@ MOTORS = {
 
 COUNTS = {
     "check_count('starts', 10**12, 1)": r"starts must be at most 10000000, not 10000",
+    "at_most(0).__enter__()": r"threads must be at least 1, not 0",
     "check_seed(-1)": r"seed must be at least 0, not -1",
     "check_positive('mass', 'x', 'kg')": r"mass must be a number, not 'x'",
 }
@@ -239,7 +240,7 @@ DESIGNS = {
 }  # fmt: skip
 
 
-MODULES = (designing, designs, drives, errors, motors, random_robots, robot, scene)
+MODULES = (designing, designs, drives, errors, motors, processes, random_robots, robot, scene)
 OTHERS = {"Prescribed": Prescribed, "scene_toml": scene_toml}
 NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | OTHERS | globals()
 ALL = BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS

@@ -32,15 +32,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from robotball.errors import InputError, check_positive, check_size
-from robotball.robot import (
-    ROUNDING,
-    Ball,
-    Frame,
-    Rotor,
-    Shell,
-    thick_shell_inertia,
-    thin_shell_inertia,
-)
+from robotball.robot import ROUNDING, Ball, Frame, Rotor, Shell, shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -658,13 +650,6 @@ def _ball(
         return ball, (limits.rotor_speed,) * len(rotors)
     h = K + (J_s + d) * Omega
     return ball, (float(np.linalg.norm(h)) / rotors[0].axial_inertia,)
-
-
-def shell_inertia(radius: float, mass: float, thickness: float) -> float:
-    """Return the moment of a homogeneous shell of any thickness about a diameter [kg m²]."""
-    if thickness == 0:  # the limit of a thick shell, whose formula takes none
-        return thin_shell_inertia(radius, mass)
-    return thick_shell_inertia(radius, mass, thickness)
 
 
 def _text(v: Array) -> str:

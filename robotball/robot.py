@@ -89,6 +89,13 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
     return 2 / 5 * mass * radius * radius * ratio
 
 
+def shell_inertia(radius: float, mass: float, thickness: float) -> float:
+    """Return the moment of a homogeneous shell of any thickness about a diameter [kg m²]."""
+    if thickness == 0:  # the limit of a thick shell, whose formula takes none
+        return thin_shell_inertia(radius, mass)
+    return thick_shell_inertia(radius, mass, thickness)
+
+
 @dataclass(frozen=True)
 class Solid:
     """A mass [kg], its centre (3,) [m] and the inertia (3, 3) about that centre [kg m²].

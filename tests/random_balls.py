@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.designing import shell_inertia
-from robotball.robot import Ball, Frame, Rotor, Shell
+from robotball.robot import Ball, Frame, Rotor, Shell, shell_inertia
 from robotball.rotations import Array
 
 

@@ -29,13 +29,7 @@ from scipy.optimize import minimize_scalar
 from robotball import equations as eq
 from robotball.engines.ensembles.crossings import cross
 from robotball.engines.ensembles.flatten import LANES
-from robotball.engines.ensembles.orbits import (
-    DONE,
-    STEP_TOLERANCE,
-    Integers,
-    Starts,
-    components,
-)
+from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Integers, Starts, components
 from robotball.engines.ensembles.steppers import BALL, LEVEL, RETURN, SECTION, System, stepper
 from robotball.equations import Parameters
 from robotball.errors import InputError
@@ -93,8 +87,9 @@ def section(
     found = crossings(starts, RETURN, numbers, count, direction, tolerance)
     times, states, directions, number, status = found
     world = starts.to_world(states)
-    l, L = _section_coordinates(world, np.asarray(momenta, dtype=float))
-    return _Section(times, l, L, directions, world, number, status)
+    MX, MY, MZ = np.asarray(momenta, dtype=float).T[:, :, None]
+    M = eq.seen_from_frame((MX, MY, MZ), eq.unit_space_axes(components(world)))
+    return _Section(times, np.arctan2(M[0], M[1]), M[2], directions, world, number, status)
 
 
 def crossings(
@@ -131,13 +126,6 @@ def crossings(
     return results
 
 
-def _section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:
-    """Return l and L (n, m) of (5.5) at attitudes (n, m, 4) with world momenta (n, 3)."""
-    MX, MY, MZ = momenta.T[:, :, None]
-    M = eq.seen_from_frame((MX, MY, MZ), eq.unit_space_axes(components(attitudes)))
-    return np.arctan2(M[0], M[1]), M[2]
-
-
 def section_starts(
     L: ArrayLike, l: ArrayLike, f: float, g: float = 0.0, c: float = 0.0
 ) -> tuple[Array, Array]:
@@ -161,7 +149,7 @@ def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
     # The given point need not be on a crossing that the map counts: it starts at the next one.
     attitudes, momenta = section_starts(L, l, f)
     first = section(parameters, attitudes, momenta, 1)
-    if first.status[0] != DONE:
+    if first.status.any():
         raise InputError("the orbit never comes back to the section")
     # From the first crossing on in its own direction alone: a return is one that crosses alike.
     direction = int(first.directions[0, 0])

@@ -11,6 +11,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+import sympy
 from mpmath import mpf
 
 from robotball import equations as eq
@@ -149,6 +150,13 @@ def test_space_axes_are_carried_and_the_contact_point_does_not_slip(state: State
     v = eq.scale(-a, eq.cross(gamma, eq.subtract(omega, Omega)))
     velocity = eq.contact_velocity(alpha, beta, omega, Omega, a)
     assert gap(velocity, (eq.dot(alpha, v), eq.dot(beta, v))) < EQUAL
+
+
+def test_a_rubber_ball_never_spins_in_symbols() -> None:
+    """(2.2) of (3.2) for free symbols of sympy."""
+    M, gamma, Omega, K, A = (sympy.symbols(f"{name}1:4") for name in "MgOKA")
+    omega = eq.rubber_angular_velocity(M, gamma, Omega, K, A)
+    assert sympy.simplify(eq.dot(eq.subtract(omega, Omega), gamma)) == 0
 
 
 @pytest.mark.parametrize("thinness", [1e-3, 1e-9, 1e-40])

@@ -118,8 +118,8 @@ def test_what_a_caption_rounds_is_made_exact() -> None:
     for shell in (X + 2 * Y, 0 * X):
         starts.check_no_spin(shell, Z)
     size = float(np.linalg.norm(SCENE.start.momentum))
-    near = Start(SCENE.start.attitude * (1 + 9e-6), SCENE.start.momentum + 9e-6 * size * Z)
-    start = replace(SCENE, start=near).start
+    off = Start(SCENE.start.attitude * (1 + 9e-6), SCENE.start.momentum + 9e-6 * size * Z)
+    start = replace(SCENE, start=off).start
     assert abs(np.linalg.norm(start.attitude) - 1) < 4e-16
     np.testing.assert_array_equal(start.momentum, SCENE.start.momentum)
 

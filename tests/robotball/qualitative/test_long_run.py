@@ -37,14 +37,13 @@ def test_a_deviation_is_that_of_neighbours(ball: Parameters, c: float) -> None:
         ahead = multiply(attitude, turn / np.linalg.norm(turn))
         ends.append(orbit(ball, ahead, momentum, times)[0][-1])
     w, *parted = multiply(conjugate(ends[1]), ends[0])
-    assert np.exp(end[7]) * end[4:7] == pytest.approx(
-        np.sign(w) * np.array(parted) / step, abs=1e-7
-    )
+    expected = np.sign(w) * np.array(parted) / step
+    assert np.exp(end[7]) * end[4:7] == pytest.approx(expected, abs=5e-8)
     later, monodromy, volume = monodromy_of(ball, attitude, momentum, times[1])
     verticals = (rotation_matrix(q)[2] for q in (attitude, later))
     weights = [v * ball.A @ v - (c > 0) / ball.d for v in verticals]
     grown = volume + np.log(weights[1] / weights[0]) / 2
-    assert np.linalg.slogdet(monodromy)[1] == pytest.approx(grown, abs=1e-9)
+    assert np.linalg.slogdet(monodromy)[1] == pytest.approx(grown, abs=6e-12)
 
 
 def test_means_of_runs_are_given_with_their_scatter() -> None:

@@ -1,7 +1,6 @@
 """Every scene of the catalog, and any ball under any drives, rolls in both engines alike."""
 
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 import robotball as rb
 from robotball.equations import ROLLING_MODELS
 from robotball.files.scene_file import entries
-from validation import Agreement, compare
+from validation import compare
 from validation.studies.random_runs import random_scene
 
 pytestmark = pytest.mark.core
@@ -31,18 +30,14 @@ MEASURED = {
 }  # fmt: skip
 
 
-@cache
-def agreement_of(name: str) -> Agreement:
-    scene = rb.load_scene(name)
-    if name == "servo_motors":  # fast ones, which steps of 5 ms do not follow
-        return compare(scene, "accurate", rb.sample_times(1.0))
-    return compare(scene, "balanced", rb.sample_times(4.0) if scene.not_reduced else None)
-
-
 @pytest.mark.parametrize("name", rb.catalog())
 def test_both_engines_agree_on_every_scene(name: str) -> None:
     """On the path, to three times what was measured, on M, and on forces and torques."""
-    agreement = agreement_of(name)
+    scene = rb.load_scene(name)
+    preset, times = "balanced", rb.sample_times(4.0) if scene.not_reduced else None
+    if name == "servo_motors":  # fast ones, which steps of 5 ms do not follow
+        preset, times = "accurate", rb.sample_times(1.0)
+    agreement = compare(scene, preset, times)
     assert agreement.faults == ()
     assert agreement.agrees
     assert agreement.path_error is not None

@@ -7,15 +7,7 @@ import numpy as np
 import pytest
 
 from robotball.equations import parameters_of
-from robotball.robot import (
-    Ball,
-    Frame,
-    Rotor,
-    Shell,
-    Value,
-    axial_tensor,
-    thin_shell_inertia,
-)
+from robotball.robot import Ball, Frame, Rotor, Shell, Value, axial_tensor, thin_shell_inertia
 from robotball.rotations import Array
 from tests.random_balls import cloud_inertia
 from tests.random_robots import random_robot

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from fractions import Fraction
 from functools import partial
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import robotball as rb
+from robotball.engines.ensembles import steppers
 from robotball.engines.ensembles.flatten import FEW, LANES, Dual, Tape, lane_function
 from robotball.engines.ensembles.orbits import (
     COLLAPSED,
@@ -19,13 +21,7 @@ from robotball.engines.ensembles.orbits import (
     orbit,
     orbits,
 )
-from robotball.engines.ensembles.steppers import (
-    PATH,
-    Level,
-    State,
-    runge_kutta,
-    stepper,
-)
+from robotball.engines.ensembles.steppers import EIGHTH, NINTH, PATH, STAGES, Level, State
 from robotball.equations import Parameters, speed_bound
 from robotball.errors import InputError
 from robotball.rotations import Array, rotation_matrix
@@ -79,7 +75,7 @@ def test_the_step_and_its_estimate_are_of_order_9() -> None:
     def end(steps: int) -> tuple[Array, float]:
         state, per_squared = begin, []
         for _ in range(steps):
-            state, each = runge_kutta(rate, state, rate(state), 2.0 / steps, PATH.allowed)
+            state, each = steppers.runge_kutta(rate, state, rate(state), 2.0 / steps, PATH.allowed)
             per_squared.append(each)
         return np.array(state), float(max(per_squared)) ** -0.5
 
@@ -89,6 +85,27 @@ def test_the_step_and_its_estimate_are_of_order_9() -> None:
     steps, right = np.array([20, 28, 40]), end(120)[0]
     assert order([np.abs(end(n)[0] - right).max() for n in steps]) == pytest.approx(9, abs=0.4)
     assert order([end(n)[1] for n in steps]) == pytest.approx(9, abs=0.2)
+
+
+@pytest.mark.parametrize(("weights", "order"), [(NINTH, 9), (EIGHTH, 8)])
+def test_verners_numbers_satisfy_the_conditions_of_their_order(
+    weights: tuple[float, ...], order: int
+) -> None:
+    """Quadrature of every power below the order, and no other; and the stages' own: to rounding.
+
+    In fractions, so that what is left is the rounding of the numbers, and of no sum.
+    """
+    rows = [(*row, *[0.0] * (16 - len(row))) for row in ((), *STAGES)]
+    A = np.array([[Fraction(each) for each in row] for row in rows])
+    c, b = A.sum(axis=1), np.array([Fraction(each) for each in weights])
+    gaps = np.array([b @ c**k - Fraction(1, k + 1) for k in range(order + 1)])
+    assert np.abs(gaps[:-1]).max() < 2e-15  # 1.3e-15
+    assert abs(gaps[-1]) > 1e-6
+    # Stages: order 2 from the third on, order 3 from the fourth; those of less have no weight.
+    assert np.abs((A @ c - c**2 / 2)[2:]).max() < 5e-15  # 3.3e-15
+    assert np.abs((A @ c**2 - c**3 / 3)[3:]).max() < 6e-15  # 4.8e-15
+    assert np.abs(b[1:3]).max() == 0
+    assert np.abs(b @ A - b * (1 - c)).max() < 1e-15  # 4.9e-16
 
 
 # Agreement ---------------------------------------------------------------------------------
@@ -185,7 +202,7 @@ def test_a_ball_at_rest_stays() -> None:
 @pytest.mark.slow
 def test_the_compiled_stepper_loads_from_its_cache() -> None:
     """A new process compiles nothing: a step and the loops come from the cache, in 0.4 s."""
-    stepper(PATH, "rubber", FEW)
+    steppers.stepper(PATH, "rubber", FEW)
     code = (
         "from robotball.engines.ensembles import orbits, steppers\n"
         "step = steppers.stepper(steppers.PATH, 'rubber', orbits.FEW)\n"

@@ -84,11 +84,7 @@ class Activation:
 
 
 def passed(
-    name: str,
-    command: Rate,
-    within: tuple[float, float],
-    activation: Activation | None,
-    end: float,
+    name: str, command: Rate, within: tuple[float, float], activation: Activation | None, end: float
 ) -> Rate:
     """Return what is left of an actuator's command behind its range and its activation.
 

@@ -32,15 +32,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from robotball.errors import InputError, check_positive, check_size
-from robotball.robot import (
-    ROUNDING,
-    Ball,
-    Frame,
-    Rotor,
-    Shell,
-    thick_shell_inertia,
-    thin_shell_inertia,
-)
+from robotball.robot import ROUNDING, Ball, Frame, Rotor, Shell, shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -382,7 +374,7 @@ def _request(
         K=K / trace,
         Omega=Omega,
         d=None if mass is None else mass / unit,
-        shell_factor=_shell_inertia(1.0, 1.0, limits.shell_thickness / radius),
+        shell_factor=shell_inertia(1.0, 1.0, limits.shell_thickness / radius),
         speed=limits.rotor_speed,
         shell=limits.shell_mass / unit,
         frame=limits.frame_mass / unit,
@@ -611,30 +603,28 @@ def _largest_margin(request: _DesignRequest, frame_radius: float) -> float:
 
 
 def _least_speed(request: _DesignRequest, frame_radius: float) -> float:
-    """Return the least bound on the rotors' rates with which there is a share, to four digits.
-
-    `request` has a smaller bound, with which there is none; there must be one at some speed.
-    """
-
-    # In 1/speed, of which no bound is 0, so that the search has two finite ends.
-    def margin(per_speed: float) -> float:
-        speed = 1 / per_speed if per_speed else np.inf
-        return _largest_margin(replace(request, speed=speed), frame_radius) - _LEAST_MARGIN
-
-    return float(1 / brentq(margin, 0.0, 1 / request.speed, rtol=1e-4, xtol=1e-4 / request.speed))
+    """Return the least bound on the rotors' rates with which there is a share."""
+    return _least(
+        lambda speed: _largest_margin(replace(request, speed=speed), frame_radius), request.speed
+    )
 
 
 def _least_frame_radius(request: _DesignRequest) -> float:
-    """Return the least radius within which the frame of some share can lie, to four digits.
+    """Return the least radius within which the frame of some share can lie."""
+    return _least(lambda radius: _largest_margin(request, radius), request.frame_radius)
 
-    There must be a share, and none within `request.frame_radius`.
+
+def _least(largest_margin: Callable[[float], float], too_small: float) -> float:
+    """Return the least bound with which there is a share, to four digits.
+
+    There must be one with some bound, and none with one that is too small.
     """
 
-    def margin(per_radius: float) -> float:
-        return _largest_margin(request, 1 / per_radius if per_radius else np.inf) - _LEAST_MARGIN
+    # In 1/bound, of which no bound is 0, so that the search has two finite ends.
+    def margin(per_bound: float) -> float:
+        return largest_margin(1 / per_bound if per_bound else math.inf) - _LEAST_MARGIN
 
-    largest = 1 / request.frame_radius
-    return float(1 / brentq(margin, 0.0, largest, rtol=1e-4, xtol=1e-4 * largest))
+    return float(1 / brentq(margin, 0.0, 1 / too_small, rtol=1e-4, xtol=1e-4 / too_small))
 
 
 def _ball(
@@ -644,7 +634,7 @@ def _ball(
     trace = float(np.trace(B))
     unit = trace / radius**2  # kg
     shell_mass, frame_mass = unit * found.shell_mass, unit * found.frame_mass
-    J_s = _shell_inertia(radius, shell_mass, limits.shell_thickness)
+    J_s = shell_inertia(radius, shell_mass, limits.shell_thickness)
     turning = float(np.linalg.norm(Omega))
     axis = Omega / turning if turning else np.array([0.0, 0.0, 1.0])
     shell = Shell(radius, shell_mass, J_s, J_s, axis)
@@ -660,12 +650,6 @@ def _ball(
         return ball, (limits.rotor_speed,) * len(rotors)
     h = K + (J_s + d) * Omega
     return ball, (float(np.linalg.norm(h)) / rotors[0].axial_inertia,)
-
-
-def _shell_inertia(radius: float, mass: float, thickness: float) -> float:
-    if thickness == 0:  # the limit of a thick shell, whose formula takes none
-        return thin_shell_inertia(radius, mass)
-    return thick_shell_inertia(radius, mass, thickness)
 
 
 def _text(v: Array) -> str:

@@ -21,12 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, runtime_che
 import msgspec
 import numpy as np
 
-from robotball.errors import (
-    END_ROUNDING,
-    InputError,
-    check_positive,
-    check_size,
-)
+from robotball.errors import END_ROUNDING, InputError, check_positive, check_size
 
 if TYPE_CHECKING:
     from robotball.function_drives import Followed

@@ -128,8 +128,7 @@ def engine_names() -> list[str]:
 def engine_named(name: str) -> Engine:
     """Return the engine of this name. Raises InputError where it is unknown or cannot be loaded."""
     if name in OURS:
-        engine: Engine = _loaded(OURS[name])
-        return engine
+        return _loaded(OURS[name])
     for point in entry_points(group=_GROUP, name=name):
         try:
             return point.load()

@@ -182,12 +182,7 @@ def contact_angular_momentum(
 
 
 def energy(
-    omega: Vector,
-    gamma: Vector,
-    Omega: Vector,
-    A: Vector,
-    d: Scalar,
-    spinning: bool,
+    omega: Vector, gamma: Vector, Omega: Vector, A: Vector, d: Scalar, spinning: bool
 ) -> Scalar:
     """Return (ω,A⁻¹ω)/2 - (Ω,A⁻¹ω), less d(γ,ω-Ω)²/2 where the ball may spin (classical) [J]."""
     momentum = (omega[0] / A[0], omega[1] / A[1], omega[2] / A[2])

@@ -63,13 +63,9 @@ def too_many_steps(taken: int, reached: float, end: float, speed: float) -> Inpu
     )
 
 
-def _is_number(value: object) -> bool:
-    """Return whether a value is one real number, of Python's or of NumPy's."""
-    return isinstance(value, Real)
-
-
 def _check_number(what: str, value: object) -> None:
-    if not _is_number(value):
+    # Python's numbers and NumPy's are; an array of one number is not.
+    if not isinstance(value, Real):
         raise InputError(f"{what} must be a number, not {value!r}")
 
 

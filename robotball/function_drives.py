@@ -125,7 +125,8 @@ def _check_own(name: str, given: _Function, own: _Function, at: Any, unit: str) 
             )
 
 
-_PANEL = 0.5  # s, the longest
+# s, the longest: its nodes are 33 ms apart at most, so that only a shorter pulse can hide.
+_PANEL = 0.5
 _NARROWEST = 1e-9  # s: a panel of that length is not halved again
 _MOST_HALVES = 500  # of one panel: some ten kinks
 _JUMP = 1e-4  # of 1 and the value: more within the narrowest panel is no slope but a jump

@@ -89,6 +89,7 @@ def place(bodies: _Numbers, carrier: int, angles: _Numbers, placed: _Numbers) ->
     put(placed[0], _ROTATION, x)
     put(placed[0], _ROTATION + 3, y)
     put(placed[0], _ROTATION + 6, z)
+    # Zero times a vector has the shape of the scalars, which a literal zero has not.
     put(placed[0], _AT, scale(0.0, x))
     for b in range(len(bodies)):
         body, row = bodies[b], placed[b]
@@ -159,6 +160,7 @@ def mass_matrix(bodies: _Numbers, placed: _Numbers, columns: _Numbers, matrix: _
     matrix[:] = 0.0
     k = len(matrix)
     for b in range(len(bodies)):
+        # Only the rates that move the body: the columns of all others are zero.
         i = 2 + b
         while i >= 0:
             spin = _applied(placed[b], _TENSOR, vector(columns[b, i], _TURN))
@@ -480,11 +482,6 @@ class States:
         """Return M (n, 3) in frame axes: γ×L in the rubber model, L in the classical one."""
         L = self.momenta[:3]
         return (np.cross(self.gamma, L, axis=0) if rolling == "rubber" else L).T
-
-    @property
-    def kinetic_energy(self) -> Array:
-        """The kinetic energy (n,), with that of the armatures [J]."""
-        return np.asarray((self.u * self.momenta).sum(axis=0) / 2)
 
     @property
     def centre_of_mass(self) -> Array:

@@ -388,8 +388,7 @@ def momentum_error(motion: Motion, reference: Motion) -> float:
 
 
 def _distances(ours: Array, theirs: Array) -> Array:
-    distances: Array = np.linalg.norm(ours - theirs, axis=1)
-    return distances
+    return np.linalg.norm(ours - theirs, axis=1)
 
 
 def _largest(angles: Callable[[Array, Array], Array], motion: Motion, reference: Motion) -> float:

@@ -149,6 +149,7 @@ def by_value(momentum: Array) -> dict[float, str]:
     """Name the components of M (3,) by their values; those within a label's height share one."""
     groups: dict[float, str] = {}
     for value, name in zip(momentum.tolist(), ("X", "Y", "Z"), strict=True):
+        # A twentieth of the largest is the height of a label beside the axes.
         near = [other for other in groups if abs(other - value) <= 0.05 * np.abs(momentum).max()]
         key = near[0] if near else value
         groups[key] = f"{groups[key]}, {name}" if near else name

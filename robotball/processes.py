@@ -16,14 +16,7 @@ import time
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    CancelledError,
-    Future,
-    ThreadPoolExecutor,
-    as_completed,
-    wait,
-)
+from concurrent import futures
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from functools import partial
@@ -94,9 +87,10 @@ def in_threads(work: Callable[[Queue], None], most: int) -> None:
         work(queue)
         return
     # A loop that is called in one of the threads must not start threads of its own.
-    with ThreadPoolExecutor(threads, initializer=_most.set, initargs=(1,)) as executor:
+    with futures.ThreadPoolExecutor(threads, initializer=_most.set, initargs=(1,)) as executor:
         try:
-            for each in as_completed([executor.submit(work, queue) for _ in range(threads)]):
+            running = [executor.submit(work, queue) for _ in range(threads)]
+            for each in futures.as_completed(running):
                 each.result()
         except BaseException:
             # The other threads end with the job that they have, also where Ctrl-C is pressed.
@@ -131,7 +125,7 @@ def in_processes(
         in_order = deque(submit(job) for job in islice(waiting, 2 * count))
         running = set(in_order)
         while running:
-            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            finished, running = futures.wait(running, return_when=futures.FIRST_COMPLETED)
             for future in finished:
                 for line in _answer(future)[1]:
                     warnings.warn(line, SceneWarning, stacklevel=2)
@@ -142,7 +136,7 @@ def in_processes(
                 yield _answer(in_order.popleft())[0]
 
 
-def _answer(future: Future[Answer]) -> Answer:
+def _answer(future: futures.Future[Answer]) -> Answer:
     try:
         return future.result()
     except EndedError:
@@ -156,7 +150,7 @@ def prepare(*modules: str) -> None:
 
 
 @contextmanager
-def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., Future[Answer]]]:
+def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., futures.Future[Answer]]]:
     """Give a function that has a job, and its limit [s], answered by one of so many workers.
 
     Its futures are those of `Worker.answer`. The processes end with the block, whatever they do.
@@ -172,7 +166,7 @@ def pool(work: Callable[[Any], Any], count: int) -> Iterator[Callable[..., Futur
         finally:
             free.append(worker)
 
-    executor = ThreadPoolExecutor(count)
+    executor = futures.ThreadPoolExecutor(count)
     try:
         yield lambda *job: executor.submit(answer, *job)
     finally:
@@ -253,11 +247,12 @@ class Worker:
         for _ in range(_TRIES):
             self.end()
             self._pipe, theirs = _FORKSERVER.Pipe()
+            # A daemon: Python waits at its own end for every other process that it has started.
             process = _FORKSERVER.Process(target=_serve, args=(theirs, self._work), daemon=True)
             with suppress(OSError, EOFError):
                 with theirs, _CHILDREN:
                     if self._closed:
-                        raise CancelledError
+                        raise futures.CancelledError
                     _start_server(_modules(self._work))
                     process.start()
                     self._process = process
@@ -287,6 +282,7 @@ def _start_server(modules: Iterable[str]) -> None:
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ.update(_ONE_THREAD)
     try:
+        # The caller's script too, as the work may be a function of its own.
         _FORKSERVER.set_forkserver_preload(["__main__", *modules, __name__])
         forkserver.ensure_running()
     finally:

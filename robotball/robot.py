@@ -89,6 +89,13 @@ def thick_shell_inertia(radius: float, mass: float, thickness: float) -> float:
     return 2 / 5 * mass * radius * radius * ratio
 
 
+def shell_inertia(radius: float, mass: float, thickness: float) -> float:
+    """Return the moment of a homogeneous shell of any thickness about a diameter [kg m²]."""
+    if thickness == 0:  # the limit of a thick shell, whose formula takes none
+        return thin_shell_inertia(radius, mass)
+    return thick_shell_inertia(radius, mass, thickness)
+
+
 @dataclass(frozen=True)
 class Solid:
     """A mass [kg], its centre (3,) [m] and the inertia (3, 3) about that centre [kg m²].
@@ -308,8 +315,9 @@ class Ball(Value):
     def named_bodies(self) -> tuple[tuple[str, Body], ...]:
         """(name, body) of the shell, frame, rotors, pendulums and links, as engines name them."""
         frame = (("frame", self.frame),) if self.has_frame else ()
+        hung = ((f"pendulum{i}", each) for i, each in enumerate(self.pendulums, start=1))
         links = ((each.name, each) for each in self.links)
-        return ("shell", self.shell), *frame, *self.named_rotors, *self.named_pendulums, *links
+        return ("shell", self.shell), *frame, *self.named_rotors, *hung, *links
 
     @cached_property
     def tree(self) -> tuple[Link, ...]:
@@ -331,10 +339,6 @@ class Ball(Value):
     @property
     def named_rotors(self) -> tuple[tuple[str, Rotor], ...]:
         return tuple((f"rotor{i}", rotor) for i, rotor in enumerate(self.rotors, start=1))
-
-    @property
-    def named_pendulums(self) -> tuple[tuple[str, Pendulum], ...]:
-        return tuple((f"pendulum{i}", each) for i, each in enumerate(self.pendulums, start=1))
 
     @property
     def radius(self) -> float:

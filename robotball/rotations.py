@@ -35,6 +35,7 @@ def rotation_matrix(q: Array) -> Array:
 
 def from_matrix(R: Array) -> Array:
     """Return the unit quaternions (..., 4), w >= 0, of rotation matrices (..., 3, 3)."""
+    # Canonical: q and -q are one rotation, and equal rotations are to have equal numbers.
     return Rotation.from_matrix(R).as_quat(canonical=True, scalar_first=True)
 
 
@@ -46,10 +47,20 @@ def perpendicular(axis: Array) -> Array:
     return side / np.linalg.norm(side, axis=-1, keepdims=True)
 
 
+def tangents(axis: Array) -> Array:
+    """Return two unit vectors (..., 2, 3) across `axis` (..., 3), right-handed with it."""
+    first = perpendicular(axis)
+    return np.stack([first, np.cross(axis, first)], axis=-2)
+
+
+def on_circle(axes: Array, angles: Array) -> Array:
+    """Return cos ψ e + sin ψ f (..., 3) of unit vectors e, f (2, 3), at angles ψ (...) [rad]."""
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ axes
+
+
 def z_along(axis: Array) -> Array:
     """Return a quaternion that turns z onto `axis` (3,)."""
-    side = perpendicular(axis)
-    return from_matrix(np.stack([side, np.cross(axis, side), axis], axis=1))
+    return from_matrix(np.stack([*tangents(axis), axis], axis=1))
 
 
 def normalised(v: Array) -> Array:

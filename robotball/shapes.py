@@ -92,6 +92,7 @@ class Shape:
 
 def tube(outer: float, inner: float, length: float) -> Shape:
     """Return a tube about z, from its radii and its whole length; a wall of no size is thin."""
+    # Neither wall nor length may vanish: triangles without an area have no normal.
     a, b, h = outer, min(inner, 0.98 * outer), max(length, 0.02 * outer) / 2
     section = np.array([(b, -h), (a, -h), (a, h), (b, h), (b, -h)])
     corners = _turned(section, _AROUND).reshape(-1, 3)
@@ -175,6 +176,7 @@ _THIN = 12  # steps about the axis of a capsule or a small sphere
 
 def _turned(section: Array, steps: int) -> Array:
     """Return the triangles (n, 3, 3) of a section (m, 2), as r and z, turned about z."""
+    # Half a step on, so that the four sides of a box face its axes.
     angles = 2 * np.pi * (np.arange(steps + 1) + 0.5) / steps
     r, z = section.T
     grid = np.stack(

@@ -249,8 +249,7 @@ class Way:
 
     def _parts(self, times: Array) -> list[float]:
         # A solver may try times a rounding beyond the ends, where a spline would go on.
-        parts: list[float] = np.clip(self.part.rate(times), 0.0, 1.0).tolist()
-        return parts
+        return np.clip(self.part.rate(times), 0.0, 1.0).tolist()
 
     def shell(self, times: Array, gamma: Array, axes: Array) -> Array:
         """Return (n, 3) rad/s, frame axes: the horizontal part of the shell's angular velocity."""
@@ -381,6 +380,7 @@ def _hanging(way: Way, times: Array) -> Array:
     e = way.scene.ball.shell.axis
     y = np.tile(start[:, None], len(times))
     shell = _turned_back(start[:4], e, start[7])
+    # The shell does not slip: its attitude depends on all of the way, and is stepped along it.
     fine = 8  # turns between two times: a guess need not be better
     y[7:, 0] = start[7:]
     for i in range(len(times)):

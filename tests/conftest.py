@@ -16,10 +16,7 @@ settings.register_profile("repeatable", derandomize=True, deadline=None, databas
 settings.load_profile("repeatable")
 
 # A check in these that fails shows its values, as one in a test does.
-pytest.register_assert_rewrite(
-    "tests.robotball.designs",
-    "tests.robotball.files.scene_texts",
-)
+pytest.register_assert_rewrite("tests.robotball.designs", "tests.robotball.files.scene_texts")
 
 
 @pytest.fixture

@@ -1,11 +1,9 @@
 """An engine of thirty lines: the equations' motion with an error that grows in time."""
 
-from dataclasses import fields
-
 import numpy as np
 
 from robotball.engine import Engine, Request, integrate
-from robotball.motion import ContactMotion, ContactReport, EngineSettings, Label, Motion
+from robotball.motion import ContactMotion, ContactReport, EngineSettings, Label, extended
 from robotball.rotations import Array
 from robotball.scene import Scene
 
@@ -31,10 +29,9 @@ class Off(Engine):
             settings, slip=zero, spin=zero, depth=zero, friction_used=zero, hinge_rate_error=zero,
             faults=(), timestep=float(times[1]), steps=len(times), seconds=0.01, total_seconds=0.01,
         )  # fmt: skip
-        given = {field.name: getattr(exact, field.name) for field in fields(Motion)}
         off = np.outer(ERROR * exact.path_length * times / times[-1], [0.6, 0.8])
-        changes = {"engine": self.label, "contact_point": exact.contact_point + off}
-        return ContactMotion(**{**given, **changes, "report": report})
+        path = exact.contact_point + off
+        return extended(exact, ContactMotion, engine=self.label, contact_point=path, report=report)
 
 
 OFF = Off()

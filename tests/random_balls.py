@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.robot import Ball, Frame, Rotor, Shell, thick_shell_inertia, thin_shell_inertia
+from robotball.robot import Ball, Frame, Rotor, Shell, shell_inertia
 from robotball.rotations import Array
 
 
@@ -38,11 +38,7 @@ def random_ball(rng: np.random.Generator, rotors: int) -> RandomBall:
     rotor_radius = rng.uniform(0.3, 0.95) * frame_radius
     parts = np.array([rng.uniform(0.05, 0.4), 1.0, *rng.uniform(0.02, 0.2, rotors)])
     masses = mass * parts / parts.sum()
-    J_s = (
-        thick_shell_inertia(a, masses[0], thickness)
-        if thickness
-        else thin_shell_inertia(a, masses[0])
-    )
+    J_s = shell_inertia(a, masses[0], thickness)
     rings = tuple(
         Rotor(m, m * radius**2, m * radius**2 / 2, random_axis(rng))
         for m, radius in zip(masses[2:], rotor_radius * rng.uniform(0.5, 1, rotors), strict=True)

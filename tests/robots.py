@@ -12,7 +12,7 @@ import numpy as np
 
 from robotball.drives import Ramp, Rate, Sine
 from robotball.equations import Rolling
-from robotball.mechanics import momentum_at
+from robotball.mechanics import States, momentum_at
 from robotball.motion import Motion
 from robotball.motors import Free, Motor, PositionServo, Servo
 from robotball.robot import Ball, Frame, Pendulum, Shell, thin_shell_inertia
@@ -193,4 +193,9 @@ def energy(motion: Motion) -> Array:
     height = np.full(len(angles), scene.ball.radius)
     centre = np.column_stack([motion.contact_point, height])
     centre = centre + np.einsum("nij,nj->ni", to_world, states.centre_of_mass)
-    return np.asarray(states.kinetic_energy - scene.ball.mass * centre @ scene.gravity_world)
+    return kinetic_energy(states) - scene.ball.mass * np.asarray(centre @ scene.gravity_world)
+
+
+def kinetic_energy(states: States) -> Array:
+    """u·𝓜u/2 (n,) of states, with that of the armatures [J]."""
+    return np.asarray((states.u * states.momenta).sum(axis=0) / 2)

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Starts
+from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Starts, angular_velocity
 from robotball.engines.ensembles.steppers import DEVIATION
-from robotball.equations import Parameters, as_vector
+from robotball.equations import Parameters
 from robotball.errors import InputError
 from robotball.rotations import Array, multiply, rotation_matrix
 
@@ -97,12 +97,6 @@ def _level_vectors(attitude: Array, momentum: Array) -> Array:
     axes = rotation_matrix(attitude)
     size = np.linalg.norm(momentum)
     return np.stack([axes[2], momentum @ axes / size]) if size > 0 else axes[2:]
-
-
-def angular_velocity(parameters: Parameters, attitude: Array, momentum: Array) -> Array:
-    """Return ω (3,) in frame axes [rad/s]."""
-    axes = rotation_matrix(attitude)
-    return np.array(parameters.angular_velocity(as_vector(momentum @ axes), as_vector(axes[2])))
 
 
 def _multipliers(monodromy: Array, volume: float, momentum: Array) -> Array:

@@ -31,7 +31,7 @@ from robotball import equations as eq
 from robotball.engines.ensembles.flatten import along, slopes
 from robotball.equations import Parameters, Vector, as_vector
 from robotball.errors import InputError
-from robotball.rotations import Array, from_matrix, perpendicular, rotation_matrix
+from robotball.rotations import Array, from_matrix, on_circle, rotation_matrix, tangents
 
 _REST = (0.0, 0.0, 0.0)
 # A rotation with nothing special about it: no fixed point falls at infinity of its chart.
@@ -176,6 +176,7 @@ def _candidates(parameters: Parameters) -> list[Array]:
 
     # Coefficients by least squares from values, so that (3.2) is written in `equations` alone.
     monomials = list(combinations_with_replacement(range(3), 3))
+    # Thrice as many as coefficients, and the same at every run, as is all that follows from them.
     samples = np.random.default_rng(0).normal(size=(30, 3))
     table = np.array([[s[i] * s[j] * s[k] for i, j, k in monomials] for s in samples])
     values = np.array([cubic_forms(s) for s in samples])[:, :2]
@@ -214,6 +215,7 @@ def _polished(parameters: Parameters, gamma: Array) -> Array | None:
         # The least solution where the Jacobian is singular, as between two points that coincide.
         step = np.linalg.lstsq(jacobian(parameters, gamma), rate, rcond=1e-13)[0]
         length = float(np.linalg.norm(step))
+        # A step by more than 0.3 rad is beyond what is linear, and may lead to another point.
         gamma = gamma - basis.T @ step * min(1.0, 0.3 / max(length, 1e-300))
         gamma = gamma / np.linalg.norm(gamma)
         if length < 1e-14:
@@ -237,8 +239,7 @@ def _kind_of(parameters: Parameters, gamma: Array, eigenvalues: Array) -> str:
     if np.abs(eigenvalues).min() < zero:
         return "degenerate"
     first, second = eigenvalues.real
-    turning = abs(eigenvalues[0].imag) > 0
-    if not turning:
+    if eigenvalues[0].imag == 0:
         if first * second < 0:
             return "saddle"
         return "stable node" if first < 0 else "unstable node"
@@ -302,12 +303,6 @@ def jacobian(parameters: Parameters, gamma: Array) -> Array:
     return basis @ np.array(columns).T
 
 
-def tangents(gamma: Array) -> Array:
-    """Return two unit vectors (..., 2, 3) across γ (..., 3) and each other."""
-    first = perpendicular(gamma)
-    return np.stack([first, np.cross(gamma, first)], axis=-2)
-
-
 def rate_scale(parameters: Parameters) -> float:
     """Return the size of the rates of (4.1) [1/s]."""
     return float(
@@ -334,7 +329,7 @@ class FixedCircle:
 
     def at(self, angles: Array) -> Array:
         """Return γ (n, 3) at angles ψ (n,) [rad]."""
-        return np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ self.axes
+        return on_circle(self.axes, angles)
 
     def rate(self, gamma: Array) -> Array:
         """Return the eigenvalue (n,) across the circle at γ (n, 3) on it [1/s]."""
@@ -368,8 +363,7 @@ def _index_of(parameters: Parameters, axes: Array) -> int:
     height = min(0.02, float(heights.min()) / 2)
     samples = min(_MOST_SAMPLES, int(40 / height))
     angle = np.linspace(0.0, 2 * np.pi, samples + 1)
-    out = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ axes
-    ahead = np.stack([-np.sin(angle), np.cos(angle)], axis=1) @ axes
+    out, ahead = on_circle(axes, angle), on_circle(axes, angle + np.pi / 2)
     turns = []
     for sign in (-1.0, 1.0):
         gamma = np.sqrt(1 - height**2) * out + sign * height * along
@@ -388,11 +382,6 @@ def _without_rounding(parameters: Parameters) -> Parameters:
     turning = float(np.linalg.norm(parameters.Omega))
     size = float(np.linalg.norm(parameters.K)) + parameters.d * turning
     return replace(parameters, Omega=exact(parameters.Omega, turning), K=exact(parameters.K, size))
-
-
-def _nu(parameters: Parameters, j: int) -> float:
-    """Return ν [rad] of the circle on which γⱼ and γ₃ are not zero; j is 0 or 1."""
-    return float(np.arctan2(parameters.Omega[2], parameters.Omega[j]))
 
 
 def kappa(parameters: Parameters, j: int) -> float:
@@ -436,7 +425,7 @@ def closed_form_points(parameters: Parameters) -> dict[str, Array]:
     for letter, j in (("δ", 1), ("θ", 0)):
         if abs(kappa(parameters, j)) > 1:
             continue
-        arc, shift = np.arcsin(kappa(parameters, j)), _nu(parameters, j)
+        arc, shift = np.arcsin(kappa(parameters, j)), np.arctan2(Omega[2], Omega[j])
         # sin(2φ + ν) = κ: 2φ + ν is arc or π - arc, and φ is known up to π.
         first, second = (arc - shift) / 2, -(arc + shift) / 2
         angles = (first, first + np.pi, second + np.pi / 2, second + 3 * np.pi / 2)

@@ -1,4 +1,4 @@
-"""Means over long motions: Lyapunov exponents, and the drift of the contact point.
+"""Long motions: Lyapunov exponents, the drift of the contact point, basins of attraction.
 
 Exponents are taken by the reduced form of three numbers and the divergence. With M ≠ 0 the motion
 is a flow on the rotations, a space of three dimensions: a neighbour's small turn ξ obeys
@@ -6,6 +6,11 @@ dξ/dt = Dω·ξ - ω×ξ, whose mean growth is λ₁ (Benettin, Galgani, Giorgi
 15, 1980); along the motion itself the exponent is 0; and the three add up to the mean divergence
 ⟨div⟩, so λ₆ = ⟨div⟩ - λ₁. The other three of the six in (M, γ) belong to the constants γ², M² and
 (M, γ), and are 0.
+
+A motion from one of many starts is on a straight line after a transient if it hardly turns. Else
+its crossings of a section repeat, on a cycle, or do not: then λ₁ parts tori from chaos.
+
+In order: exponents, drift, basins.
 """
 
 from dataclasses import dataclass
@@ -13,10 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotball.engines.ensembles.orbits import LONG_RUN_TOLERANCE, Integers, Starts, orbits
-from robotball.engines.ensembles.steppers import DEVIATION
-from robotball.equations import Parameters
+from robotball.engines.ensembles.steppers import DEVIATION, PATH, System
+from robotball.equations import Parameters, speed_bound
 from robotball.errors import InputError
-from robotball.rotations import Array
+from robotball.qualitative.cycles import Cycle, close, nearest
+from robotball.qualitative.sections import section
+from robotball.rotations import Array, Mask, rotation_matrix
 
 
 @dataclass(frozen=True)
@@ -36,12 +43,6 @@ class Exponents:
     def smallest(self) -> Array:
         """λ₆ (n,) of each run, 1/s."""
         return self.divergence - self.largest
-
-    @property
-    def spectrum(self) -> Array:
-        """All six exponents (6,) of (M, γ) over all runs, largest first, 1/s."""
-        largest, smallest = self.mean
-        return np.sort([largest, 0.0, 0.0, 0.0, 0.0, smallest])[::-1]
 
     @property
     def mean(self) -> tuple[float, float]:
@@ -77,26 +78,36 @@ def exponents(
     momenta: Array,
     duration: float,
     transient: float = 1000.0,
-    tolerance: float = LONG_RUN_TOLERANCE,
 ) -> Exponents:
     """Estimate the exponents of motions from n starts, over `duration` after a `transient` [s].
 
     attitudes (n, 4), momenta (n, 3): as for `orbits`. Raises InputError on unusable starts
     or durations, and where a motion could not be followed.
     """
-    if not (duration > 0 and transient > 0):
-        raise InputError("duration and transient must be positive")
     starts = Starts(parameters, attitudes, momenta)
     if not (starts.size > 0).all():
         raise InputError("exponents need M other than zero: with M = 0 the motion is on the sphere")
     # Any direction will do, if none is special: the transient turns it into the fastest growing.
     rest = np.tile([0.6, 0.48, 0.64, 0.0, 0.0], (len(starts.rows), 1))
+    rates = _mean_rates(starts, DEVIATION, rest, duration, transient)
+    return Exponents(largest=rates[:, 7], divergence=rates[:, 8], duration=duration)
+
+
+def _mean_rates(
+    starts: Starts, system: System, rest: Array, duration: float, transient: float
+) -> Array:
+    """Return the mean rates (n, size) of a system's states over a duration after a transient [s].
+
+    rest: as in `Starts.rows_of`. The states are in turned axes.
+    """
+    if not (duration > 0 and transient > 0):
+        raise InputError("duration and transient must be positive")
     times = np.array([transient, transient + duration])
-    states, status = starts.march(DEVIATION, rest, times, tolerance)
-    _check_followed(status)
-    # Logarithms at both ends of the duration: the transient's growth is no part of the mean.
-    growth, volume = np.moveaxis(states[:, 1, 7:9] - states[:, 0, 7:9], -1, 0) / duration
-    return Exponents(largest=growth, divergence=volume, duration=duration)
+    states, status = starts.march(system, rest, times, LONG_RUN_TOLERANCE)
+    if status.any():
+        raise InputError(f"{np.count_nonzero(status)} motions could not be followed")
+    # Between both ends of the duration: what the transient adds is no part of the mean.
+    return np.asarray((states[:, 1] - states[:, 0]) / duration)
 
 
 @dataclass(frozen=True)
@@ -127,22 +138,17 @@ def drift(
     momenta: Array,
     duration: float,
     transient: float = 1000.0,
-    tolerance: float = LONG_RUN_TOLERANCE,
 ) -> Drift:
     """Estimate the mean motion of the contact point over `duration` after a `transient` [s].
 
     attitudes (n, 4), momenta (n, 3): as for `orbits`. Raises InputError on unusable starts
     or durations, and where a motion could not be followed.
     """
-    times = np.array([0.0, transient, transient + duration])
-    runs = orbits(parameters, attitudes, momenta, times, tolerance)
-    _check_followed(runs.status)
-    velocities = (runs.contact_points[:, 2] - runs.contact_points[:, 1]) / duration
-    # Each start has its own OX, along which its momentum lies in the plane.
-    turns = Starts(parameters, attitudes, momenta).turns
-    cos, sin = np.cos(turns), np.sin(turns)
-    VX, VY = velocities.T
-    return Drift(np.stack([cos * VX + sin * VY, cos * VY - sin * VX], axis=1), duration)
+    starts = Starts(parameters, attitudes, momenta)
+    no_way = np.zeros((len(starts.rows), 2))
+    # In the turned axes each start's momentum is against X, so that X is its OX.
+    rates = _mean_rates(starts, PATH, no_way, duration, transient)
+    return Drift(rates[:, 4:], duration)
 
 
 def _kaplan_yorke(largest: float, smallest: float) -> float:
@@ -161,6 +167,116 @@ def standard_error(values: Array) -> float:
     return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
 
 
-def _check_followed(status: Integers) -> None:
-    if status.any():
-        raise InputError(f"{np.count_nonzero(status)} motions could not be followed")
+TORUS, CHAOS, LOST, LINE = -1, -2, -3, -4
+_CROSSINGS = 64  # looked at after the transient; cycles that cross half as often are recognised
+_NEAR = 1e-3  # of unit vectors: a point that near to a cycle has reached it
+_AT_REST = 1e-4  # of the speed that |M| allows: a frame that slow has settled on a straight line
+# Over CHAOS_TIME a neighbour on a torus departs as the time does, by e^7; in chaos past e^30.
+_CHAOS_TIME, _CHAOTIC_GROWTH = 1000.0, 30.0
+
+
+@dataclass(frozen=True)
+class Basins:
+    """labels (n,): for each start the number of its cycle in `cycles`, or TORUS, CHAOS, LINE, LOST.
+
+    All tori have one label, as have all chaotic attractors and all straight-line motions (section
+    5.1); LOST could not be followed, or stops crossing the section g = 0.
+    """
+
+    labels: Integers
+    cycles: tuple[Cycle, ...]
+
+    def share(self, label: int) -> float:
+        """Return the part of the starts with a label."""
+        return float(np.mean(self.labels == label))
+
+
+def basins(
+    parameters: Parameters, attitudes: Array, momenta: Array, transient: float = 3000.0
+) -> Basins:
+    """Find the attractor that the motion from each of n starts reaches, after a transient [s].
+
+    attitudes (n, 4), momenta (n, 3): as for `orbits`. A start that approaches a cycle more
+    slowly than the transient allows counts as on a torus. Raises InputError on unusable starts.
+    """
+    momenta = np.asarray(momenta, dtype=float)
+    # The dear steps come last, for the starts that the cheap ones left undecided.
+    settled = orbits(parameters, attitudes, momenta, np.array([0.0, transient]), LONG_RUN_TOLERANCE)
+    labels = np.where(settled.status > 0, LOST, TORUS)
+    at_end = settled.attitudes[:, 1]
+    labels[_resting(parameters, at_end, momenta)] = LINE
+    followed = np.flatnonzero(labels == TORUS)
+    if not len(followed):
+        return Basins(labels, ())
+    ends = at_end[followed]
+    crossings = section(
+        parameters, ends, momenta[followed], _CROSSINGS, tolerance=LONG_RUN_TOLERANCE
+    )
+    labels[followed[crossings.status > 0]] = LOST
+    # What does not cross is somewhere, but nowhere that counts.
+    crossed = np.where(np.isnan(crossings.attitudes), ends[:, None], crossings.attitudes)
+    points = level_points(crossed, momenta[followed])
+    cycles: list[Cycle] = []
+    for i, start in enumerate(followed):
+        if labels[start] != TORUS:
+            continue
+        period = _repeats(points[i], crossings.times[i])
+        if period is None:
+            continue
+        cycle = _attracting(parameters, crossings.attitudes[i, -1], momenta[start], period)
+        if cycle is None:
+            continue
+        # All starts that have reached this cycle are labelled at once, so that it is closed once.
+        own = section(parameters, cycle.attitude[None], cycle.momentum[None], _CROSSINGS)
+        through = level_points(own.attitudes, cycle.momentum[None])[0]
+        reached: Mask = nearest(points[:, -1], through) < _NEAR
+        if reached[i]:
+            labels[followed[reached & (labels[followed] == TORUS)]] = len(cycles)
+            cycles.append(cycle)
+    # An orbit that repeats too slowly to be seen is regular, and counts as a torus.
+    undecided = np.flatnonzero(labels == TORUS)
+    if len(undecided):
+        begin = settled.attitudes[undecided, 1]
+        growth = exponents(parameters, begin, momenta[undecided], _CHAOS_TIME, transient=100.0)
+        labels[undecided[growth.largest * _CHAOS_TIME > _CHAOTIC_GROWTH]] = CHAOS
+    return Basins(labels, tuple(cycles))
+
+
+def _resting(parameters: Parameters, attitudes: Array, momenta: Array) -> Mask:
+    """Return where (n,) the frame hardly turns, at attitudes (n, 4), world momenta (n, 3)."""
+    # Motions that could not be followed are NaN: any attitude stands in for theirs.
+    followed: Mask = np.asarray(np.isfinite(attitudes).all(axis=1))
+    axes = rotation_matrix(np.where(followed[:, None], attitudes, [1.0, 0.0, 0.0, 0.0]))
+    M = np.einsum("nij,ni->nj", axes, momenta)
+    omega = np.stack(parameters.angular_velocity(tuple(M.T), tuple(axes[:, 2].T)), axis=1)
+    fastest = speed_bound(parameters, np.linalg.norm(momenta, axis=1))
+    slow: Mask = np.linalg.norm(omega, axis=1) < _AT_REST * fastest
+    return followed & slow
+
+
+def _repeats(points: Array, times: Array) -> float | None:
+    """Return the time since crossings (m, 6) at times (m,) last were where the last is [s]."""
+    # The latest repetition, and so the shortest period: a cycle may cross the section often.
+    gaps = np.linalg.norm(points[:-1] - points[-1], axis=1)
+    again = np.flatnonzero(gaps < _NEAR)
+    return float(times[-1] - times[again[-1]]) if len(again) else None
+
+
+def _attracting(
+    parameters: Parameters, attitude: Array, momentum: Array, period: float
+) -> Cycle | None:
+    """Return the attracting cycle of about that period [s] near an attitude (4,), or None."""
+    try:
+        cycle = close(parameters, attitude, momentum, period)
+    except InputError:
+        return None
+    # Newton's method closes repelling cycles as well, and no motion ends on one.
+    return cycle if abs(cycle.multipliers[0]) < 1 else None
+
+
+def level_points(attitudes: Array, momenta: Array) -> Array:
+    """Return γ and M/|M| (n, m, 6) at attitudes (n, m, 4), with world momenta (n, 3)."""
+    axes = rotation_matrix(attitudes.reshape(-1, 4)).reshape(*attitudes.shape[:2], 3, 3)
+    M = np.einsum("nmij,ni->nmj", axes, momenta)
+    size = np.linalg.norm(momenta, axis=1)[:, None, None]
+    return np.concatenate([axes[:, :, 2], M / size], axis=2)

@@ -33,10 +33,9 @@ from robotball.qualitative.equilibria import (
     jacobian,
     name_of,
     rate_scale,
-    tangents,
 )
 from robotball.qualitative.sections import crossings
-from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.rotations import Array, from_matrix, on_circle, rotation_matrix, tangents
 from robotball.scene import sample_times
 
 _NO_MOMENTUM = np.zeros(3)
@@ -72,7 +71,7 @@ class _PhasePortrait:
     basins: dict[str, float]
 
 
-def phase_portrait(parameters: Parameters, starts: int = _STARTS) -> _PhasePortrait:
+def phase_portrait(parameters: Parameters) -> _PhasePortrait:
     """Return the phase portrait of a rubber ball. Raises InputError where it is degenerate.
 
     Something must attract and something repel. Where no fixed point does, slower cycles are looked
@@ -84,9 +83,8 @@ def phase_portrait(parameters: Parameters, starts: int = _STARTS) -> _PhasePortr
         cycles = limit_cycles(parameters, 4**attempt * LONGEST / rate_scale(parameters))
         if _complete(points, cycles):
             break
-    return _PhasePortrait(
-        tuple(points), tuple(cycles), basin_shares(parameters, points, cycles, starts)
-    )
+    shares = basin_shares(parameters, points, cycles, _STARTS)
+    return _PhasePortrait(tuple(points), tuple(cycles), shares)
 
 
 def _complete(points: Sequence[FixedPoint], cycles: Sequence[Cycle]) -> bool:
@@ -161,7 +159,7 @@ def limit_cycles(parameters: Parameters, longest: float = 200.0, starts: int = 6
     # A cycle is closed in the direction of time in which it attracts: the other loses all digits.
     for ball, sense in ((parameters, 1), (_reversed_in_time(parameters), -1)):
         # Two arcs each: where one has a cycle close to the end of what comes back, another has not.
-        for arc in (_Arc(gamma, side) for gamma in centres for side in tangents(gamma)):
+        for arc in (np.stack([gamma, side]) for gamma in centres for side in tangents(gamma)):
             for gamma, period in _returning(ball, arc, longest, starts):
                 # Asked before, to save closing it, and after, when a point of it is exact.
                 if known(gamma) or (cycle := closed(ball, gamma, period)) is None:
@@ -185,33 +183,17 @@ def _of_index_one(points: list[FixedPoint]) -> list[Array]:
     return found
 
 
-@dataclass(frozen=True)
-class _Arc:
-    """Half a great circle: cos s `centre` + sin s `across`, 0 < s < π, of two unit vectors (3,)."""
-
-    centre: Array
-    across: Array
-
-    def at(self, angles: Array) -> Array:
-        """Return its points (n, 3) at angles s (n,)."""
-        return np.outer(np.cos(angles), self.centre) + np.outer(np.sin(angles), self.across)
-
-    def attitudes(self, angles: Array) -> Array:
-        """Return some attitudes (n, 4) with these verticals."""
-        gamma = self.at(angles)
-        # Any turn about the vertical would do: with M = 0 it changes nothing.
-        normal = np.broadcast_to(np.cross(self.centre, self.across), gamma.shape)
-        return from_matrix(np.stack([normal, np.cross(gamma, normal), gamma], axis=1))
-
-
 def _returning(
     parameters: Parameters,
-    arc: _Arc,
+    arc: Array,
     longest: float,
     starts: int,
     part: tuple[float, float] = (0.0, np.pi),
 ) -> Iterator[tuple[Array, float]]:
     """Yield γ (3,) near where attracting cycles cross a part of an arc, and periods [s].
+
+    arc (2, 3): the half of the great circle through two unit vectors from the first by the second
+    to the first's opposite, 0 < ψ < π of `on_circle`; part: of it, by ψ.
 
     There the return falls behind the start. As orbits do not cross each other, returns keep their
     order as long as they go on continuously: a fall by more than the starts are apart is a jump.
@@ -227,27 +209,30 @@ def _returning(
     for i in range(starts - 1):
         if np.abs(fall[i]) <= apart + _NOISE:  # and not NaN
             if gap[i] >= 0 >= gap[i + 1] and fall[i] > 0:
-                at = np.array([angles[i] + gap[i] / fall[i] * apart])
-                yield arc.at(at)[0], float(times[i])
+                yield on_circle(arc, angles[i] + gap[i] / fall[i] * apart), float(times[i])
         elif part == (0.0, np.pi) and min(abs(gap[i]), abs(gap[i + 1])) < 2 * apart:
             between = float(angles[i]), float(angles[i + 1])
             yield from _returning(parameters, arc, longest, _CLOSER, between)
 
 
 def _first_returns(
-    parameters: Parameters, arc: _Arc, angles: Array, longest: float
+    parameters: Parameters, arc: Array, angles: Array, longest: float
 ) -> tuple[Array, Array]:
     """Return the angles (n,) at which orbits from angles (n,) of an arc come back, and when [s].
 
     They cross the arc the same way as they started; NaN where they do not within `longest`.
     """
-    normal = np.cross(arc.centre, arc.across)
-    way = np.sign(normal @ np.stack(flow(parameters, tuple(arc.at(angles).T))))
-    starts = Starts(parameters, arc.attitudes(angles), np.zeros((len(angles), 3)))
-    numbers = np.concatenate([np.outer(way, normal), np.tile(arc.across, (len(way), 1))], axis=1)
+    (centre, across), gamma = arc, on_circle(arc, angles)
+    normal = np.cross(centre, across)
+    # Any turn about the vertical would do: with M = 0 it changes nothing.
+    first = np.broadcast_to(normal, gamma.shape)
+    attitudes = from_matrix(np.stack([first, np.cross(gamma, first), gamma], axis=1))
+    way = np.sign(normal @ np.stack(flow(parameters, tuple(gamma.T))))
+    starts = Starts(parameters, attitudes, np.zeros_like(gamma))
+    numbers = np.concatenate([np.outer(way, normal), np.tile(across, (len(way), 1))], axis=1)
     times, states, *_ = crossings(starts, ARC, numbers, 1, 1, _RETURN_TOLERANCE, longest)
-    gamma = np.stack(eq.space_axes(components(states[:, 0]))[2], axis=-1)
-    return np.arctan2(gamma @ arc.across, gamma @ arc.centre), times[:, 0]
+    back = np.stack(eq.space_axes(components(states[:, 0]))[2], axis=-1)
+    return np.arctan2(back @ across, back @ centre), times[:, 0]
 
 
 def closed(parameters: Parameters, gamma: Array, period: float) -> Cycle | None:
@@ -315,16 +300,12 @@ def separatrices(
     found = []
     # A stable manifold is the unstable one of the ball that moves backwards in time.
     for stable, ball in ((False, parameters), (True, _reversed_in_time(parameters))):
-        saddles = [point for point in points if point.kind == "saddle" for _ in range(2)]
-        if not saddles:
+        halves = [(point, sign) for point in points if point.kind == "saddle" for sign in (1, -1)]
+        if not halves:
             return []
-        starts = [
-            _near(ball, point.gamma, sign)
-            for point, sign in zip(saddles, (1, -1) * (len(saddles) // 2), strict=True)
-        ]
-        attitudes = attitude_at(np.array(starts))
-        runs = orbits(ball, attitudes, np.zeros((len(starts), 3)), times)
-        for saddle, each in zip(saddles, runs.attitudes, strict=True):
+        starts = np.array([_near(ball, point.gamma, sign) for point, sign in halves])
+        runs = orbits(ball, attitude_at(starts), np.zeros_like(starts), times)
+        for (saddle, _), each in zip(halves, runs.attitudes, strict=True):
             path = rotation_matrix(each)[:, 2]
             found.append(Separatrix(saddle, stable, path, reached(path[-1], points)))
     return found

@@ -7,6 +7,14 @@ Crossings of the equations are found by the compiled steps, each by steps that e
 (`ensembles.crossings`). A contact engine's motion is known at its samples only, but with the exact
 rates there, for everything that stands still in space turns in the frame at v×ω: between samples it
 follows cubic Hermite polynomials.
+
+A quasi-periodic orbit of the section map fills a closed curve, on which the map is a rotation by ρ.
+With its points xₙ = Σ cₕ exp(2πi h ρ n), ordered by the phase ρn mod 1, they run along the curve
+once. ρ is a strong line of the orbit's spectrum, refined as by Laskar's frequency analysis (Physica
+D 67, 1993), with the window of Das, Saiki, Sander and Yorke (Nonlinearity 30, 2017).
+
+In order: crossings of the equations, periodic orbits, crossings of a sampled motion, invariant
+curves, and the integral of the tori that two balls share.
 """
 
 import math
@@ -16,9 +24,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
+from scipy.optimize import minimize_scalar
 
 from robotball import equations as eq
-from robotball.engines.ensembles import orbits as marching
 from robotball.engines.ensembles.crossings import cross
 from robotball.engines.ensembles.flatten import LANES
 from robotball.engines.ensembles.orbits import STEP_TOLERANCE, Integers, Starts, components
@@ -42,7 +50,7 @@ class _Section:
 
     times (n, m) s; l (n, m) rad and L (n, m) kg m²/s of (5.5); directions (n, m): +1 where g
     grows, -1 where it falls; attitudes (n, m, 4), frame to world; found (n,), of the m; status
-    (n,), a key of `orbits.STATUS`. What was not found is NaN, and its direction 0.
+    (n,), as that of orbits. What was not found is NaN, and its direction 0.
     """
 
     times: Array
@@ -79,8 +87,9 @@ def section(
     found = crossings(starts, RETURN, numbers, count, direction, tolerance)
     times, states, directions, number, status = found
     world = starts.to_world(states)
-    l, L = _section_coordinates(world, np.asarray(momenta, dtype=float))
-    return _Section(times, l, L, directions, world, number, status)
+    MX, MY, MZ = np.asarray(momenta, dtype=float).T[:, :, None]
+    M = eq.seen_from_frame((MX, MY, MZ), eq.unit_space_axes(components(world)))
+    return _Section(times, np.arctan2(M[0], M[1]), M[2], directions, world, number, status)
 
 
 def crossings(
@@ -117,13 +126,6 @@ def crossings(
     return results
 
 
-def _section_coordinates(attitudes: Array, momenta: Array) -> tuple[Array, Array]:
-    """Return l and L (n, m) of (5.5) at attitudes (n, m, 4) with world momenta (n, 3)."""
-    MX, MY, MZ = momenta.T[:, :, None]
-    M = eq.seen_from_frame((MX, MY, MZ), eq.unit_space_axes(components(attitudes)))
-    return np.arctan2(M[0], M[1]), M[2]
-
-
 def section_starts(
     L: ArrayLike, l: ArrayLike, f: float, g: float = 0.0, c: float = 0.0
 ) -> tuple[Array, Array]:
@@ -138,28 +140,21 @@ def section_starts(
     return np.array([s.attitude for s in starts]), np.array([s.momentum for s in starts])
 
 
-def fixed_point(
-    parameters: Parameters,
-    L: float,
-    l: float,
-    f: float,
-    g: float = 0.0,
-    c: float = 0.0,
-    returns: int = 1,
-) -> Cycle:
-    """Return the periodic orbit near (L, l) that comes back after a number of returns.
+def fixed_point(parameters: Parameters, L: float, l: float, f: float) -> Cycle:
+    """Return the periodic orbit near (L, l) of g = 0 that comes back at the first return.
 
     A fixed point of the map is one crossing of it; its multipliers are the orbit's. Raises
     InputError where Newton's method does not converge.
     """
     # The given point need not be on a crossing that the map counts: it starts at the next one.
-    attitudes, momenta = section_starts(L, l, f, g, c)
-    first = section(parameters, attitudes, momenta, 1, g)
-    if first.status[0] != marching.DONE:
+    attitudes, momenta = section_starts(L, l, f)
+    first = section(parameters, attitudes, momenta, 1)
+    if first.status.any():
         raise InputError("the orbit never comes back to the section")
     # From the first crossing on in its own direction alone: a return is one that crosses alike.
-    same_way = section(parameters, attitudes, momenta, 1 + returns, g, int(first.directions[0, 0]))
-    period = float(same_way.times[0, returns] - same_way.times[0, 0])
+    direction = int(first.directions[0, 0])
+    same_way = section(parameters, attitudes, momenta, 2, direction=direction)
+    period = float(same_way.times[0, 1] - same_way.times[0, 0])
     return close(parameters, same_way.attitudes[0, 0], momenta[0], period)
 
 
@@ -210,22 +205,15 @@ def joined(parts: Sequence[Crossings]) -> Crossings:
 
 
 def crossings_of_motion(motion: Motion, scene: Scene, g: float = 0.0) -> Crossings:
-    """Find where a motion of `scene` crosses g = `g` [rad], as `sampled_crossings` does."""
-    axes = rotation_matrix(motion.attitude) @ scene.principal_axes
-    M = np.einsum("nji,nj->ni", axes, motion.momentum)
-    omega = motion.angular_velocity @ scene.principal_axes
-    return sampled_crossings(motion.times, axes[:, 2], M, omega, g)
+    """Find where a motion of `scene` crosses g = `g` [rad].
 
-
-def sampled_crossings(
-    times: Array, gamma: Array, M: Array, omega: Array, g: float = 0.0
-) -> Crossings:
-    """Find where γ and M (n, 3), constant in space, cross g = `g` [rad] at times (n,).
-
-    omega (n, 3): of the axes in which they are given. Between samples by cubics through values and
-    rates, whose error is h⁴/384 of the fourth derivative for samples h apart: 3e-9 s for the
-    catalog's balls sampled every 5 ms. Raises InputError where M = 0.
+    Between samples by cubics through values and rates, as γ and M are constant in space. Their
+    error is h⁴/384 of the fourth derivative for samples h apart: 3e-9 s for the catalog's balls
+    sampled every 5 ms. Raises InputError where M = 0.
     """
+    axes, times = rotation_matrix(motion.attitude) @ scene.principal_axes, motion.times
+    gamma, M = axes[:, 2], np.einsum("nji,nj->ni", axes, motion.momentum)
+    omega = motion.angular_velocity @ scene.principal_axes
     f, c = (M * M).sum(axis=1, keepdims=True), (M * gamma).sum(axis=1, keepdims=True)
     if not f.min() > 0:
         raise InputError("a section needs M other than zero, which has no g")
@@ -250,3 +238,112 @@ def sampled_crossings(
     # sin(g - g₀) is zero at g₀ + π as well; the cosine's sign decides.
     faces = CubicHermiteSpline(times, facing[:, 2], np.cross(facing, omega)[:, 2])(found)
     return crossed[faces < 0]
+
+
+_LINES = 4  # looked at; the strongest need not be ρ's own
+_CORRECTIONS = 4
+_HARMONICS = 120  # enough for a smooth curve; with fewer points, an eighth of their number
+
+
+@dataclass(frozen=True)
+class InvariantCurve:
+    """A closed curve through the m points of an orbit in k dimensions, in the points' units.
+
+    rotation: ρ, turns an iterate, 0 < ρ < 1/2: the sense of the phase is chosen so; coefficients
+    (2h + 1, k), complex, of the harmonics -h … h; residual: how far the curve passes from the
+    farthest point that was held out from the fit of the coefficients (ρ is fitted to all points).
+    An orbit that fills no such curve has a large one: a chaotic orbit, but also a torus that
+    passes from one direction of crossing to the other, as Fig. 11a's does.
+    """
+
+    rotation: float
+    coefficients: Array
+    residual: float
+
+    def at(self, phases: Array) -> Array:
+        """Return points (n, k) at phases (n,) in turns; 0 is the orbit's first point."""
+        return (_waves(phases, len(self.coefficients) // 2) @ self.coefficients).real
+
+
+def invariant_curve(points: Array) -> InvariantCurve:
+    """Return the curve that successive points (m, k) of an orbit of the section map fill.
+
+    The points are to be of one direction of crossing, in coordinates without jumps. ρ is the one
+    of the strongest spectral lines that fits best; every other point is held out. Raises
+    InputError for fewer than 100 points, and where they are not finite or all the same.
+    """
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or len(points) < 100 or not np.isfinite(points).all():
+        raise InputError("an invariant curve needs 100 finite points (m, k) or more")
+    if np.ptp(points, axis=0).max() < 1e-9 * np.abs(points).max():
+        raise InputError("the points are all the same: a fixed point, no invariant curve")
+    fits = [_fitted(points, rotation) for rotation in _candidate_rotations(points)]
+    return min(fits, key=lambda curve: curve.residual)
+
+
+def _fitted(points: Array, rotation: float) -> InvariantCurve:
+    """Return the curve by every other point, with ρ near the one given, by Gauss and Newton."""
+    count, highest = np.arange(float(len(points))), min(_HARMONICS, len(points) // 8)
+    orders = 2j * np.pi * np.arange(-highest, highest + 1)[:, None]
+    # An error of ρ shifts late points along the curve more than early ones: from that it is found.
+    for _ in range(_CORRECTIONS):
+        table = _waves(rotation * count, highest)
+        coefficients = np.linalg.lstsq(table[::2], points[::2].astype(complex), rcond=None)[0]
+        off = points - (table @ coefficients).real
+        # About the middle of the orbit, so that turning the whole curve does not count.
+        by_rotation = (table @ (orders * coefficients)).real
+        by_rotation *= (count - count.mean())[:, None]
+        curve = InvariantCurve(
+            rotation, coefficients, float(np.linalg.norm(off[1::2], axis=1).max())
+        )
+        rotation += float(np.sum(off * by_rotation) / np.sum(by_rotation**2))
+    return curve
+
+
+def _candidate_rotations(points: Array) -> list[float]:
+    """Return the strongest spectral lines (up to LINES) of an orbit (m, k), in turns.
+
+    Each is refined on the spectrum of the points under a smooth window, whose lines are narrow.
+    """
+    m = len(points)
+    # A bump that is flat to all orders at both ends: beside a line its spectrum falls faster than
+    # any power, so that a strong line does not shift a weak one.
+    times = np.arange(1, m + 1) / (m + 1)
+    weights = np.exp(-1 / (times * (1 - times)))
+    windowed = (points - weights @ points / weights.sum()) * weights[:, None]
+
+    def weakness(turns: float) -> float:
+        wave = np.exp(-2j * np.pi * turns * np.arange(m))
+        return -float(np.sum(np.abs(wave @ windowed) ** 2))
+
+    power = np.sum(np.abs(np.fft.rfft(windowed, axis=0)) ** 2, axis=1)
+    peaks = [i for i in range(1, len(power) - 1) if power[i - 1] < power[i] >= power[i + 1]]
+    strongest = sorted(peaks, key=lambda i: -power[i])[:_LINES]
+    found = []
+    for i in strongest:
+        near = ((i - 1) / m, (i + 1) / m)
+        best = minimize_scalar(weakness, bounds=near, method="bounded", options={"xatol": 1e-14})
+        found.append(float(best.x))
+    return found
+
+
+def _waves(phases: Array, highest: int) -> Array:
+    """Return exp(2πi h phase) (n, 2 highest + 1) at phases (n,) in turns."""
+    return np.exp(2j * np.pi * np.outer(phases, np.arange(-highest, highest + 1)))
+
+
+def shared_integral(parameters: Parameters, gamma: Array, level: Array) -> Array:
+    """Return J (n,) at γ and ℓ (n, 3), in principal axes, with the A of the rubber ball [J].
+
+    A rubber and a classical Chaplygin ball share tori where Ω = K = 0 and (M, γ) = 0. Of the rubber
+    ball take ℓ = M×γ, the horizontal part of its angular momentum; of the classical one ℓ = M. Both
+    are constant in space and across γ. The rubber ball's energy is half of
+
+        J(γ, ℓ) = (Aℓ, ℓ) - (Aγ, ℓ)²/(Aγ, γ),
+
+    and that of a classical ball with A' = E/d' - sA, s > 0, half of ℓ²/d' - sJ: each ball keeps the
+    other's energy. So from the same (γ, ℓ) both motions wind round the same torus, each in its way.
+    """
+    A = np.array(parameters.A)
+    weight, mixed = (A * gamma * gamma).sum(axis=1), (A * gamma * level).sum(axis=1)
+    return np.asarray((A * level * level).sum(axis=1) - mixed**2 / weight)

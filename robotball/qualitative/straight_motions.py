@@ -12,7 +12,7 @@ from robotball import equations as eq
 from robotball.engines.ensembles.flatten import along, slopes
 from robotball.equations import Parameters, as_vector
 from robotball.errors import InputError
-from robotball.rotations import Array, perpendicular
+from robotball.rotations import Array, on_circle, tangents
 
 _ROUNDING = 1e-9  # relative: a component below it was meant to be zero
 
@@ -75,9 +75,7 @@ def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:
     Omega, K = np.array(parameters.Omega), np.array(parameters.K)
     if parameters.rolling != "rubber" or not Omega.any():
         raise InputError("straight_motions needs a rubber ball with Omega other than zero")
-    axis = Omega / np.linalg.norm(Omega)
-    first = perpendicular(axis)
-    across = np.stack([first, np.cross(axis, first)])
+    across = tangents(Omega / np.linalg.norm(Omega))
     # M² = (γ×K)² = K² - (K,γ)², so (K, γ) is known up to its sign; γ is on the circle across Ω.
     level = across @ K
     along_K, size = float(K @ K) - f, float(np.hypot(*level))
@@ -86,7 +84,7 @@ def straight_motions(parameters: Parameters, f: float) -> list[StraightMotion]:
     # (K, γ) = |K across Ω| cos(angle from centre): spread is where that is ±√(K² - f).
     centre, spread = np.arctan2(level[1], level[0]), np.arccos(np.sqrt(along_K) / size)
     angles = [centre + turn + sign * spread for turn in (0.0, np.pi) for sign in (1, -1)]
-    return [straight_motion(parameters, np.array([np.cos(x), np.sin(x)]) @ across) for x in angles]
+    return [straight_motion(parameters, on_circle(across, angle)) for angle in angles]
 
 
 def stability_limit(parameters: Parameters) -> float | None:

@@ -111,21 +111,6 @@ def test_a_function_is_asked_within_the_run_alone(end: float, preset: str) -> No
     assert compare(scene, preset, np.linspace(0.0, end, 11)).agrees
 
 
-def test_adaptive_keeps_its_tolerance_under_a_function() -> None:
-    """As good as a Sine, and in no more steps; loads to rounding."""
-    times = np.linspace(0.0, 1.0, 6)
-    sine = rb.Sine(mean=2.0, amplitude=1.0, frequency=3 / np.pi)
-    ours, exact = (
-        compare(replace(FIG12, frame_rate=rate), "adaptive", times) for rate in (of_sine, sine)
-    )
-    # Measured 1.7e-14 to 2.5e-14, rounding; 5e-10 with differences over 2 ms.
-    assert (ours.path_error or 1.0) < 1e-13
-    assert ours.report.steps <= 1.02 * exact.report.steps  # measured the same
-    # Measured 3.6e-13 N m at most of 20: the slope of polynomials, whose rounding is magnified.
-    off = ours.theory.loads.motor_torques - exact.theory.loads.motor_torques
-    assert np.abs(off).max() < 2e-12
-
-
 def test_a_function_that_is_not_smooth_is_warned_of() -> None:
     """What its derivative costs, where, and what to give; with breakpoints there is no warning."""
     times = np.linspace(0.0, 1.0, 3)

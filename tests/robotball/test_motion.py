@@ -14,14 +14,7 @@ import robotball as rb
 import robotball.engines.mujoco.run as mujoco_run
 import robotball.motion
 from robotball.engines.reduced import motion_of
-from robotball.motion import (
-    PIECE,
-    Loads,
-    attitude_error,
-    gamma_error,
-    momentum_error,
-    path_error,
-)
+from robotball.motion import PIECE, Loads, attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array, multiply
 
 FIG12 = rb.load_scene("fig12")

@@ -19,13 +19,11 @@ import pytest
 
 from robotball import InputError, SceneWarning, load_scene
 from robotball.engines.ensembles.orbits import orbits, take
-from robotball.errors import warn
-from robotball.files.replacing import replacing
 from robotball.processes import Queue, allowed, at_most, in_processes, in_threads
-from robotball.qualitative.basins import basins
-from robotball.qualitative.long_run import exponents
+from robotball.qualitative.long_run import basins, exponents
 from robotball.qualitative.portraits import limit_cycles
 from robotball.qualitative.sections import section, section_starts
+from tests.robotball.jobs import faulty, half_written, late
 
 BALL = load_scene("fig14").parameters
 GENERATOR = np.random.default_rng(5)
@@ -106,46 +104,7 @@ def test_an_error_in_a_thread_is_the_callers_and_ends_the_others() -> None:
         in_threads(work, 20)
 
 
-def test_less_than_one_thread_is_refused() -> None:
-    """In one line with the value."""
-    with pytest.raises(InputError, match="threads must be at least 1, not 0"), at_most(0):
-        pass
-
-
 # Processes --------------------------------------------------------------------------------------
-
-
-def late(job: int) -> tuple[int, int, int]:
-    """The earlier of seven, the longer it takes; also its process and the threads allowed there."""
-    time.sleep(0.02 * (7 - job))
-    return job, os.getpid(), allowed()
-
-
-def faulty(job: int) -> int:
-    """Warns of job 1, refuses job 2, and ends its process at job 3."""
-    if job == 1:
-        warn("job 1 is odd")
-    if job == 2:
-        raise InputError("job 2 cannot be done")
-    if job == 3:
-        os._exit(job)
-    return job
-
-
-def half_written(folder: Path, job: int) -> None:
-    """Job 0 goes on writing a file; job 1 finds the disk full as soon as it has begun."""
-    if job == 0:
-        with replacing(folder / "picture.png") as temporary:
-            temporary.write_bytes(b"half of a picture")
-            time.sleep(60)
-    while not list(folder.iterdir()):
-        time.sleep(0.01)
-    raise InputError("No space left on device")
-
-
-def known(module: str) -> bool:
-    """Whether a module is imported already."""
-    return module in sys.modules
 
 
 @pytest.mark.parametrize(("most", "least", "count"), [(2, 2, 2), (1, 2, 1), (4, 8, 1)])
@@ -181,7 +140,7 @@ def test_a_process_that_is_ended_leaves_no_half_file(tmp_path: Path) -> None:
 
 SCRIPT = """
 from robotball.processes import at_most, in_processes, prepare
-from tests.robotball.test_processes import known
+from tests.robotball.jobs import known
 def main():
     with at_most(2):
         prepare("colorsys")

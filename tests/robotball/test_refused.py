@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 import robotball as rb
-from robotball import designing, drives, errors, motors, robot, scene
-from robotball.engines.mujoco import settings
+from robotball import designing, drives, errors, motors, processes, robot, scene
+from robotball.engines.mujoco.settings import Prescribed
 from robotball.errors import LONGEST_LINE
-from robotball.files import scene_tables, scene_writer
+from robotball.files import scene_tables
 from robotball.files.parts import solid_of
+from robotball.files.scene_writer import scene_toml
 from robotball.robot import Ball, Frame, Link, Rotor, Shell
 from robotball.rotations import Array
 from tests import random_robots
@@ -209,6 +210,7 @@ MOTORS = {
 
 COUNTS = {
     "check_count('starts', 10**12, 1)": r"starts must be at most 10000000, not 10000",
+    "at_most(0).__enter__()": r"threads must be at least 1, not 0",
     "check_seed(-1)": r"seed must be at least 0, not -1",
     "check_positive('mass', 'x', 'kg')": r"mass must be a number, not 'x'",
 }
@@ -238,19 +240,9 @@ DESIGNS = {
 }  # fmt: skip
 
 
-MODULES = (
-    designing,
-    designs,
-    drives,
-    errors,
-    motors,
-    random_robots,
-    robot,
-    scene,
-    scene_writer,
-    settings,
-)
-NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | globals()
+MODULES = (designing, designs, drives, errors, motors, processes, random_robots, robot, scene)
+OTHERS = {"Prescribed": Prescribed, "scene_toml": scene_toml}
+NAMES = {name: value for each in MODULES for name, value in vars(each).items()} | OTHERS | globals()
 ALL = BODIES | PARTS | SCENES | STARTS | DRIVES | MOTORS | COUNTS | DESIGNS
 
 
@@ -294,11 +286,6 @@ def test_numbers_of_numpy_are_settings() -> None:
     plain = changed(**given).plain()
     assert [plain[name] for name in given] == [0.01, [0.04, 1.0], 3, 3, 1e30]
     assert [type(plain[name]) for name in given] == [float, list, int, int, float]
-
-
-def test_counts_and_seeds_within_their_limits_pass() -> None:
-    """More would fill the memory; a negative seed starts no random numbers."""
-    assert (errors.check_count("starts", 5, 1), errors.check_seed(0)) == (5, 0)
 
 
 def test_a_message_is_short_however_long_its_parts_are() -> None:

@@ -1,7 +1,10 @@
 """A user's robot is drawn as it is built: its own geoms and meshes, where its model has them."""
 
 from base64 import b64decode
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import mujoco
@@ -49,6 +52,14 @@ def scene_of(folder: Path, name: str, text: str) -> rb.Scene:
     return rb.load_scene(str(folder / name))
 
 
+@cache
+def motion_of(name: str) -> tuple[rb.Motion, Any]:
+    """A motion of a user's robot, and the model of its own file."""
+    with TemporaryDirectory() as folder:
+        scene = scene_of(Path(folder), name, JOINTS[name][0])
+        return rb.integrate(scene, TIMES), open_robot(Path(folder) / name)
+
+
 def points_of(model: Any, data: Any, i: int) -> Array:
     """The vertices of a mesh, or the ends of the axes of another geom, (n, 3), world."""
     own: Array = np.vstack([np.zeros(3), np.diag(model.geom_size[i])])
@@ -59,15 +70,14 @@ def points_of(model: Any, data: Any, i: int) -> Array:
 
 @pytest.mark.parametrize("name", JOINTS)
 @pytest.mark.filterwarnings("ignore::robotball.errors.SceneWarning")
-def test_a_geom_of_a_users_is_where_its_own_model_has_it(name: str, tmp_path: Path) -> None:
+def test_a_geom_of_a_users_is_where_its_own_model_has_it(name: str) -> None:
     """At four times of a motion, seen from the sphere; measured 4e-10 of the radius, a mesh 3e-8.
 
     The nine digits of the stage's MJCF dominate, and a mesh's 32 bits. With the joints' angles of
     the other sign it is 0.3 off at least.
     """
-    text, joints = JOINTS[name]
-    scene = scene_of(tmp_path, name, text)
-    motion, robot = rb.integrate(scene, TIMES), open_robot(tmp_path / name)
+    joints, (motion, robot) = JOINTS[name][1], motion_of(name)
+    scene = motion.scene
     stage, track = build_stage(looks_of(scene.ball), ["#0072B2"], [1.0]).compile(), track_of(motion)
     drawn, own = mujoco.MjData(stage), mujoco.MjData(robot.model)
     shown = [i for i in range(stage.ngeom) if "#" in stage.mat(stage.geom_matid[i]).name]
@@ -97,7 +107,7 @@ def test_a_geom_of_a_users_is_where_its_own_model_has_it(name: str, tmp_path: Pa
 
 def test_what_hides_the_inside_is_drawn_through(tmp_path: Path) -> None:
     """A hull, and a housing where the wheel is wholly inside; the plate beside it is not."""
-    looks = looks_of(scene_of(tmp_path, "meshed.xml", MESHED).ball)
+    looks = looks_of(motion_of("meshed.xml")[0].scene.ball)
     assert [each.material for each in looks["shell"] if each.kind == "mesh"] == ["#80808026"]
     assert [each.material for each in looks["plate"]] == ["#808080ff", "#80808026"]
     assert [each.material for each in looks["wheel"]] == ["#00ff00ff"]
@@ -115,12 +125,9 @@ def test_a_body_without_a_shape_is_the_box_of_its_inertia(tmp_path: Path) -> Non
     assert {each.kind for each in looks["shell"]} == {"sphere", "torus"}
 
 
-def test_a_page_has_the_triangles_of_a_mesh(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_page_has_the_triangles_of_a_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
     """All of them, at their places; of a mesh too large its corners, near each other, are one."""
-    scene = scene_of(tmp_path, "meshed.xml", MESHED)
-    model, motion = open_robot(tmp_path / "meshed.xml").model, rb.integrate(scene, TIMES)
+    motion, robot = motion_of("meshed.xml")
 
     def hull() -> Array:
         (shape,) = [
@@ -133,7 +140,7 @@ def test_a_page_has_the_triangles_of_a_mesh(
         return vertices.reshape(-1, 3)[faces.astype(int).reshape(-1, 3)] * shape["size"]
 
     whole = hull()
-    assert len(whole) == model.mesh("hull").facenum[0] > 500
+    assert len(whole) == robot.model.mesh("hull").facenum[0] > 500
     assert np.linalg.norm(whole, axis=2) == pytest.approx(0.149 / 0.15, rel=1e-4)
     monkeypatch.setattr(web, "MESHES", 400)
     thin = hull()
@@ -159,9 +166,10 @@ def test_a_film_of_a_users_robot_shows_its_mesh_and_says_nothing_of_rotors(
 
     monkeypatch.setattr(render, "_Sheet", Sheet)
     film, greens = Film(size=(240, 480)), []
-    grey = MESHED.replace("0 1 0 1", ".5 .5 .5 1")
-    for name, text in (("green.xml", MESHED), ("grey.xml", grey)):
-        theory = rb.integrate(scene_of(tmp_path, name, text), TIMES)
+    green, grey = motion_of("meshed.xml")[0], MESHED.replace("0 1 0 1", ".5 .5 .5 1")
+    # The motion is that of the green wheel, whose colour weighs nothing.
+    for scene in (green.scene, scene_of(tmp_path, "grey.xml", grey)):
+        theory = replace(green, scene=scene)
         picture = next(frames(theory, theory, film)).astype(int)
         greens.append((picture[..., 1] - picture[..., [0, 2]].max(axis=2) > 60).mean())
     assert greens[0] > 5e-4

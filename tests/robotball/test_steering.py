@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from robotball.motors import PositionServo, Servo
 from robotball.rotations import rotation_matrix
 from robotball.scene import Friction, Start
 from robotball.steering import WantedPath, Way, circle, eight, shortfalls, steer, straight, through
-from tests.robots import pendulum_ball, robot
+from tests.robots import kinetic_energy, pendulum_ball, robot
 
 CORNERS = through([(1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
 PATHS = [straight(2.0), circle(0.5), circle(0.5, -0.5), eight(3.0), CORNERS]
@@ -51,9 +52,15 @@ def three_rotors() -> rb.Scene:
     return rb.load_scene("three_rotors")
 
 
-@pytest.mark.parametrize("rolling", ROLLING_MODELS)
+def off(steered: Any) -> float:
+    """How far the equations roll the ball off its way, under the drives that were found [m]."""
+    motion = rb.integrate(steered.scene, steered.times, 1e-8)
+    return float(np.linalg.norm(motion.contact_point - steered.wanted, axis=1).max())
+
+
 @pytest.mark.parametrize(
-    ("make", "size", "duration"), [(three_rotors, 0.2, 1.0), (pendulum_robot, 0.1, 4.0)]
+    ("make", "rolling", "size", "duration"),
+    [(three_rotors, "rubber", 0.2, 1.0), (pendulum_robot, "classical", 0.1, 4.0)],
 )
 def test_a_ball_rolls_along_an_arc(
     make: Callable[[], rb.Scene], rolling: Rolling, size: float, duration: float
@@ -63,19 +70,22 @@ def test_a_ball_rolls_along_an_arc(
     Measured 5e-5 m: the samples of the drives, and the tolerance of the boundary problem.
     """
     steered = steer(replace(make(), rolling=rolling), circle(size, 0.25), duration)
-    theory = rb.integrate(steered.scene, steered.times, 1e-8)
-    off = np.linalg.norm(theory.contact_point - steered.wanted, axis=1).max()
-    assert off < 1.5e-4
+    assert off(steered) < 1.5e-4
     assert steered.wanted[-1] == pytest.approx([size, size])
 
 
 def test_weights_begin_where_they_hang_however_the_shell_lies() -> None:
-    """Below the centre; a shell turned by 0.4 rad about the frame's hinge has the same frame."""
+    """Below the centre; a shell turned by 0.4 rad about the frame's hinge has the same frame.
+
+    So quick a way is missed by more: measured 6.2e-4 m, the samples of the drives.
+    """
     robot, angles, attitudes = pendulum_robot(), [], []
     axis, tilt = robot.ball.shell.axis, 0.4
     for turn in (0.0, tilt):
         start = Start(np.array([np.cos(turn / 2), *(np.sin(turn / 2) * axis)]), np.zeros(3))
-        first = steer(replace(robot, start=start), straight(0.1), 2.0).scene.start
+        steered = steer(replace(robot, start=start), straight(0.1), 2.0)
+        assert off(steered) < 2e-3
+        first = steered.scene.start
         assert first.hinge_angles is not None
         angles.append(first.hinge_angles)
         attitudes.append(first.attitude)
@@ -103,10 +113,10 @@ REFUSED: dict[str, Callable[[], object]] = {
         replace(WEIGHT, friction=Friction(rolling=0.001)), straight(1.0), 5.0
     ),
     r"at t = \S+ s the hinges cannot roll the ball in every direction": lambda: steer(
-        replace(three_rotors(), ball=IN_LINE), straight(0.1), 1.0
+        replace(three_rotors(), ball=IN_LINE), straight(0.01), 0.5
     ),
     r"at t = \S+ s a hinge would turn at \S+ rad/s; take more time": lambda: steer(
-        three_rotors(), straight(0.1), 0.2
+        three_rotors(), straight(0.01), 0.2
     ),
     "no drives are found that roll it along this path": lambda: steer(WEIGHT, circle(0.5), 1.0),
 }
@@ -175,7 +185,7 @@ def test_the_hinges_turn_so_that_the_ball_has_its_momentum_and_its_way(
         turned = np.tile(alone, (20, 1))
         omega = np.outer(turned[:, 0], scene.ball.shell.axis)
         states = scene.robot.states(moves.gamma, y[7:].T, omega, turned)
-        J[:, j], of_M[:, j] = 2 * states.kinetic_energy, states.momentum(rolling)
+        J[:, j], of_M[:, j] = 2 * kinetic_energy(states), states.momentum(rolling)
     multipliers = np.linalg.pinv(of_M) @ (J * rates)[:, :, None]
     assert np.abs(of_M @ multipliers - (J * rates)[:, :, None]).max() < 1e-11
 

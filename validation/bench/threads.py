@@ -20,8 +20,7 @@ from rich.console import Console
 from robotball import load_scene
 from robotball.engines.ensembles.orbits import orbits
 from robotball.processes import Answer, allowed, at_most, cores, pool
-from robotball.qualitative.basins import basins
-from robotball.qualitative.long_run import exponents
+from robotball.qualitative.long_run import basins, exponents
 from robotball.qualitative.sections import section, section_starts
 from validation.output import plain_table
 from validation.studies.portrait_maps import PLANES, cells_of, measure

@@ -14,8 +14,15 @@ from matplotlib.lines import Line2D
 from robotball import Motion, Scene, load_scene, preset, sample_times
 from robotball.engines.mujoco.model import build
 from robotball.film.looks import INK
-from robotball.qualitative.sections import Crossings, crossings_of_motion, fixed_point, section
-from robotball.qualitative.tori import InvariantCurve, invariant_curve, shared_integral
+from robotball.qualitative.sections import (
+    Crossings,
+    InvariantCurve,
+    crossings_of_motion,
+    fixed_point,
+    invariant_curve,
+    section,
+    shared_integral,
+)
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import along_momentum, section_state
 from validation.figures import (

@@ -13,9 +13,17 @@ from scipy.integrate import cumulative_simpson
 from robotball import InputError, sample_times, simulate
 from robotball.designing import masses_allowed
 from robotball.engines.ensembles.orbits import kernel_start
-from robotball.qualitative.basins import CHAOS, TORUS, Basins, basins, level_points
 from robotball.qualitative.cycles import Cycle, monodromy_of, nearest
-from robotball.qualitative.long_run import Drift, drift, exponents
+from robotball.qualitative.long_run import (
+    CHAOS,
+    TORUS,
+    Basins,
+    Drift,
+    basins,
+    drift,
+    exponents,
+    level_points,
+)
 from robotball.qualitative.sections import section
 from robotball.qualitative.straight_motions import straight_motion
 from robotball.robot import beyond_the_shell, check_inertia

@@ -19,9 +19,9 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.errors import check_count
-from robotball.qualitative.basins import CHAOS, LINE, LOST, basins
-from robotball.qualitative.basins import TORUS as ON_TORUS
 from robotball.qualitative.cycles import Cycle
+from robotball.qualitative.long_run import CHAOS, LINE, LOST, basins
+from robotball.qualitative.long_run import TORUS as ON_TORUS
 from robotball.qualitative.sections import fixed_point, section
 from validation.options import AGREES, DISAGREES, File, SceneName, Threads, check_files
 from validation.output import Show, plain_table, print_whole, progress_bar, write_record

@@ -28,7 +28,7 @@ from robotball.engines.mujoco.run import run
 from robotball.engines.reduced import LABEL as EQUATIONS
 from robotball.equations import Parameters
 from robotball.errors import check_count, check_seed
-from robotball.qualitative.basins import level_points
+from robotball.qualitative.long_run import level_points
 from robotball.qualitative.sections import (
     Crossings,
     crossings_of_motion,

@@ -12,17 +12,8 @@ from typing import Any
 import numpy as np
 
 from robotball.engines.compiled import inlined
+from robotball.engines.ensembles import orbits
 from robotball.engines.ensembles.flatten import LANES
-from robotball.engines.ensembles.orbits import (
-    COLLAPSED,
-    DONE,
-    STEP,
-    TOO_MANY_STEPS,
-    collapsed,
-    compiled,
-    load,
-    load_next,
-)
 from robotball.engines.ensembles.steppers import ALLOWED, REJECTED, TARGET, TIME, places
 
 _RESIDUAL = 1e-13  # of the section function, which is at most 1: some hundred roundings
@@ -139,8 +130,8 @@ def _aim(w: Any, lane: int, mode: int, tracks: Any, tolerance: float) -> None:
     w[TARGET * LANES + lane], w[ALLOWED * LANES + lane] = target, np.inf
 
 
-@compiled(
-    f"void({STEP}, i8[::1], f8[:, ::1], f8[::1], f8, i8, f8, i8, f8[:, ::1], f8[:, :, ::1], "
+@orbits.compiled(
+    f"void({orbits.STEP}, i8[::1], f8[:, ::1], f8[::1], f8, i8, f8, i8, f8[:, ::1], f8[:, :, ::1], "
     "i8[:, ::1], i8[::1], i8[::1])"
 )
 def cross(
@@ -162,8 +153,9 @@ def cross(
     tracks, clock, faced = np.zeros((LANES, _TRACK)), np.zeros(LANES), np.zeros(LANES)
     running = 0
     for lane in range(LANES):
-        load(w, LANES, lane, rows[0], lengths[0], tolerance)  # idle lanes compute too, to no end
-        running += load_next(w, orbit, lane, queue, rows, lengths, tolerance)
+        # Idle lanes compute too, to no end: the step has no branch that could pass over them.
+        orbits.load(w, LANES, lane, rows[0], lengths[0], tolerance)
+        running += orbits.load_next(w, orbit, lane, queue, rows, lengths, tolerance)
         _aim(w, lane, _STARTING, tracks, tolerance)
     while running > 0:
         step(w)
@@ -220,14 +212,14 @@ def cross(
             _aim(w, lane, mode[lane], tracks, tolerance)
 
             if found[i] == times.shape[1]:
-                status[i] = DONE
+                status[i] = orbits.DONE
             elif steps[lane] >= step_limit or (mode[lane] == _MARCHING and clock[lane] > longest):
-                status[i] = TOO_MANY_STEPS
-            elif rejected and collapsed(w, LANES, lane):
-                status[i] = COLLAPSED
+                status[i] = orbits.TOO_MANY_STEPS
+            elif rejected and orbits.collapsed(w, LANES, lane):
+                status[i] = orbits.COLLAPSED
             else:
                 continue
-            if load_next(w, orbit, lane, queue, rows, lengths, tolerance):
+            if orbits.load_next(w, orbit, lane, queue, rows, lengths, tolerance):
                 mode[lane], steps[lane] = _STARTING, 0
                 clock[lane], hidden[lane] = 0.0, False
                 _aim(w, lane, _STARTING, tracks, tolerance)

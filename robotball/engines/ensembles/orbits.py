@@ -49,7 +49,7 @@ from robotball.processes import Queue, in_threads
 from robotball.rotations import Array, multiply, rotation_matrix
 from robotball.scene import Scene, check_times
 
-DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2
+DONE, TOO_MANY_STEPS, COLLAPSED = 0, 1, 2  # the status of an orbit at its end
 STEP = "FunctionType(void(f8[::1]))"
 _COMPILED_FROM = ("flatten", "steppers", "orbits", "crossings")
 
@@ -214,11 +214,6 @@ def _follow(
 STEP_TOLERANCE = 1e-14
 # The error of one step where the long run counts: an attractor forgives what a path does not.
 LONG_RUN_TOLERANCE = 1e-9
-_STATUS = {
-    DONE: "done",
-    TOO_MANY_STEPS: "given up: too many steps",
-    COLLAPSED: "given up: the step length fell to nothing",
-}
 _STEPS_PER_TURN = 600  # allowed, where an ordinary orbit takes 6 to 60
 _MOST_STEPS = 2**62  # what a counter holds
 
@@ -230,7 +225,8 @@ class _Orbits:
     """Motions of n starts at m times.
 
     times (m,) s; attitudes (n, m, 4) quaternions, frame to world; contact_points (n, m, 2) m,
-    world, from (0, 0); status (n,): a key of STATUS. What was given up is NaN from there on.
+    world, from (0, 0); status (n,): DONE, TOO_MANY_STEPS or COLLAPSED. What was given up is NaN
+    from there on.
     """
 
     times: Array
@@ -271,14 +267,13 @@ def orbit(
     momentum: Array,
     times: Array,
     tolerance: float = STEP_TOLERANCE,
-    max_steps: int | None = None,
 ) -> tuple[Array, Array]:
     """Return attitudes (m, 4) and contact points (m, 2) of one motion, for times close together.
 
     attitude (4,), momentum (3,), times (m,), tolerance: as for `orbits`. Raises InputError where
-    the motion would be given up, or needs more than max_steps.
+    the motion would be given up.
     """
-    states = orbit_states(parameters, attitude, momentum, times, tolerance, max_steps)
+    states = orbit_states(parameters, attitude, momentum, times, tolerance)
     return states[:, :4], states[:, 4:]
 
 
@@ -290,7 +285,7 @@ def orbit_states(
     tolerance: float = STEP_TOLERANCE,
     max_steps: int | None = None,
 ) -> Array:
-    """Return what `orbit` returns, side by side (m, 6)."""
+    """Return what `orbit` returns, side by side (m, 6), in at most max_steps."""
     times = check_times(times)
     starts = Starts(parameters, attitude[None], momentum[None])
     states = np.empty((len(times), PATH.size))
@@ -302,17 +297,23 @@ def orbit_states(
         step, row, length, times[1:], tolerance, limit + len(times), states[1:]
     )
     if status == TOO_MANY_STEPS:
-        to_frame = rotation_matrix(attitude).T
-        M, gamma = as_vector(to_frame @ momentum), as_vector(to_frame[:, 2])
-        speed = math.hypot(*parameters.angular_velocity(M, gamma))
+        speed = math.hypot(*angular_velocity(parameters, attitude, momentum))
         raise too_many_steps(limit, reached, times[-1], speed)
-    if status != DONE:
-        raise InputError(f"the orbit was {_STATUS[status]} at t = {reached:g} s")
+    if status == COLLAPSED:
+        raise InputError(
+            f"the orbit was given up: the step length fell to nothing at t = {reached:g} s"
+        )
     # Piece by piece: the copies would else take several times the memory of a long motion.
     for piece in pieces(len(times)):
         states[piece, :4] = starts.to_world(states[None, piece, :4])[0]
         states[piece, 4:] = starts.turned_back(states[None, piece, 4:])[0]
     return states
+
+
+def angular_velocity(parameters: Parameters, attitude: Array, momentum: Array) -> Array:
+    """Return ω (3,) in frame axes [rad/s]."""
+    axes = rotation_matrix(attitude)
+    return np.array(parameters.angular_velocity(as_vector(momentum @ axes), as_vector(axes[2])))
 
 
 def kernel_start(scene: Scene) -> tuple[Parameters, Array, Array]:

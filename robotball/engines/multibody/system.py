@@ -19,21 +19,7 @@ from robotball import equations as eq
 from robotball import mechanics
 from robotball.drives import Constant
 from robotball.engines.compiled import compiled_from, inlined
-from robotball.mechanics import (
-    COLUMN,
-    MOVING,
-    PLACED,
-    TURNING,
-    mass_matrix,
-    momentum_rates,
-    move,
-    needed,
-    partial_velocities,
-    place,
-    put,
-    solve_rolling,
-    vector,
-)
+from robotball.mechanics import needed, put, solve_rolling, vector
 from robotball.motors import SLOW
 from robotball.rotations import Array, Mask, rotation_matrix
 from robotball.scene import Scene
@@ -89,12 +75,12 @@ def _differentiate(
     M = eq.seen_from_frame(vector(state, MOMENTUM), axes)
     G = eq.seen_from_frame(vector(gravity, 0), axes)
     angles = state[HINGES : HINGES + count]
-    placed = np.empty((count + 1, PLACED))
-    place(bodies, carrier, angles, placed)
-    columns = np.empty((count + 1, 3 + count, COLUMN))
-    partial_velocities(bodies, placed, radius, gamma, columns)
+    placed = np.empty((count + 1, mechanics.PLACED))
+    mechanics.place(bodies, carrier, angles, placed)
+    columns = np.empty((count + 1, 3 + count, mechanics.COLUMN))
+    mechanics.partial_velocities(bodies, placed, radius, gamma, columns)
     matrix = np.empty((3 + count, 3 + count))
-    mass_matrix(bodies, placed, columns, matrix)
+    mechanics.mass_matrix(bodies, placed, columns, matrix)
 
     directions = np.zeros(((2 if standing else 0) + (1 if spin_free else 0), 3))
     if standing:
@@ -112,8 +98,8 @@ def _differentiate(
         u[3 + j, 0] = rates[j]
     solve_rolling(matrix, given, directions, right, u)
     now = u[:, 0]
-    moving = np.empty((count + 1, MOVING))
-    move(columns, now, moving)
+    moving = np.empty((count + 1, mechanics.MOVING))
+    mechanics.move(columns, now, moving)
 
     torques = readings[_PER_HINGE + count : _PER_HINGE + 2 * count]
     torques[:] = 0.0
@@ -177,7 +163,7 @@ def _differentiate(
             torques[j] = plane[3 + j]
 
     momenta = np.empty(3 + count)
-    momentum_rates(bodies, placed, moving, radius, gamma, G, momenta)
+    mechanics.momentum_rates(bodies, placed, moving, radius, gamma, G, momenta)
     L_rate, by_plane = vector(momenta, 0), vector(plane, 0)
     rate[LOSS] = 0.0
     if resistance > 0:
@@ -185,7 +171,7 @@ def _differentiate(
         L_rate = eq.add(L_rate, level)
         rate[LOSS] = -eq.dot(level, shell)
     M_rate = eq.cross(gamma, L_rate) if spin_free else L_rate
-    omega = vector(moving[carrier], TURNING)
+    omega = vector(moving[carrier], mechanics.TURNING)
     rate[0], rate[1], rate[2], rate[3] = eq.attitude_rate((w, x, y, z), omega)
     rate[POINT], rate[POINT + 1] = eq.contact_velocity(alpha, beta, shell, (0.0, 0.0, 0.0), radius)
     for i in range(3):
@@ -304,6 +290,7 @@ class System:
     @property
     def scale(self) -> Array:
         """The units (size,) in which the errors of a state's numbers are measured."""
+        # Fixed ones: a ball at rest has no momentum or energy of its own to measure errors by.
         scene, count = self.scene, self.count
         energy = scene.ball.mass * scene.gravity * scene.ball.radius
         unit, momentum = np.ones(count), scene.momentum_scale

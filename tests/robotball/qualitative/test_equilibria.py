@@ -27,7 +27,6 @@ from robotball.qualitative.equilibria import (
     name_of,
     proposition_2,
     rate_scale,
-    tangents,
 )
 from robotball.qualitative.portraits import limit_cycles, separatrices
 from robotball.rotations import rotation_matrix
@@ -155,8 +154,11 @@ TYPES = {
 }
 
 
-def test_fig6s_points_have_the_papers_names_and_types() -> None:
-    """All ten as section 4.2 lists them; a pair is a point and its opposite."""
+def test_points_have_the_papers_names_and_types() -> None:
+    """Fig. 6's ten as section 4.2 lists them; a pair is a point and its opposite.
+
+    K = 0 has the names of (4.4) but for those on the circle; K off the axes has none.
+    """
     some = from_rest(0.3)
     found = {name_of(some, point.gamma): point for point in fixed_points(some)}
     assert len(found) == 10
@@ -164,25 +166,11 @@ def test_fig6s_points_have_the_papers_names_and_types() -> None:
         assert {found[name].kind for name in names.split()} == {kind}
     for first, second in (("δ₁", "δ₂"), ("δ₃", "δ₄"), ("θ₁", "θ₂"), ("θ₃", "θ₄"), ("Γ₅", "Γ₆")):
         assert found[first].gamma == pytest.approx(-found[second].gamma, abs=1e-14)
-
-
-def test_points_that_the_paper_does_not_name_have_no_name() -> None:
-    """K = 0 has the names of (4.4) but for those on the circle; K off the axes has none."""
     assert "".join(closed_form_points(from_rest(0.0))) == "Γ₁Γ₂Γ₃Γ₄Γ₅Γ₆"
     assert "".join(closed_form_points(ball(A, (4.0, 2.0, 0.0), NOTHING))) == "Γ₁Γ₂Γ₃Γ₄"
     assert name_of(from_rest(0.0), np.array([0.0, -1.0, 0.0])) == "Γ₄"
     assert name_of(from_rest(0.3), GAMMA) == ""
     assert name_of(replace(from_rest(0.3), K=(0.1, 0.0, 0.3)), np.array([0.0, 0.0, 1.0])) == ""
-
-
-def test_eigenvalues_are_those_of_the_flow() -> None:
-    """The Jacobian by dual numbers is the one by differences, 1e-9."""
-    some, h = from_rest(0.3), 1e-6
-    for gamma in (GAMMA, np.array([0.0, 0.0, 1.0])):
-        basis = tangents(gamma)
-        ends = np.array([[flow(some, as_vector(gamma + s * e)) for e in basis] for s in (h, -h)])
-        differences = basis @ (ends[0] - ends[1]).T / (2 * h)
-        assert np.abs(jacobian(some, gamma) - differences).max() < 1e-8
 
 
 def test_the_axis_of_k_is_a_saddle_or_a_weak_focus_by_proposition_2() -> None:

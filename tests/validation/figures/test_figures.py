@@ -11,8 +11,8 @@ from matplotlib.image import imread
 
 from robotball.qualitative.equilibria import closed_form_points, fixed_points
 from robotball.qualitative.portraits import separatrices
+from robotball.qualitative.sections import invariant_curve
 from robotball.qualitative.straight_motions import stability_limit
-from robotball.qualitative.tori import invariant_curve
 from robotball.rotations import rotation_matrix
 from robotball.shapes import Shape
 from tests.figures import from_rest

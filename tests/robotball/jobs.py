@@ -1,0 +1,43 @@
+"""Jobs for other processes, which import this file and so start in a moment."""
+
+import os
+import sys
+import time
+from pathlib import Path
+
+from robotball.errors import InputError, warn
+from robotball.files.replacing import replacing
+from robotball.processes import allowed
+
+
+def late(job: int) -> tuple[int, int, int]:
+    """The earlier of seven, the longer it takes; also its process and the threads allowed there."""
+    time.sleep(0.02 * (7 - job))
+    return job, os.getpid(), allowed()
+
+
+def faulty(job: int) -> int:
+    """Warns of job 1, refuses job 2, and ends its process at job 3."""
+    if job == 1:
+        warn("job 1 is odd")
+    if job == 2:
+        raise InputError("job 2 cannot be done")
+    if job == 3:
+        os._exit(job)
+    return job
+
+
+def half_written(folder: Path, job: int) -> None:
+    """Job 0 goes on writing a file; job 1 finds the disk full as soon as it has begun."""
+    if job == 0:
+        with replacing(folder / "picture.png") as temporary:
+            temporary.write_bytes(b"half of a picture")
+            time.sleep(60)
+    while not list(folder.iterdir()):
+        time.sleep(0.01)
+    raise InputError("No space left on device")
+
+
+def known(module: str) -> bool:
+    """Whether a module is imported already."""
+    return module in sys.modules

@@ -10,8 +10,16 @@ from typing import Any
 import numpy as np
 
 from robotball.engine import Ladder
-from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
-from robotball.engines.links import State, links_of, principal_inertia
+from robotball.engines.adapter import (
+    Adapter,
+    ServoWorld,
+    State,
+    StepSettings,
+    by_name,
+    links_of,
+    principal_inertia,
+    version_of,
+)
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply
 from robotball.scene import Scene

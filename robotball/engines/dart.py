@@ -14,14 +14,15 @@ from robotball.engines.adapter import (
     Adapter,
     IdealWorld,
     ServoWorld,
+    State,
     Stepper,
     StepSettings,
     World,
     by_name,
+    links_of,
     velocity_first,
     version_of,
 )
-from robotball.engines.links import State, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, from_matrix, rotation_matrix
 from robotball.scene import Scene

@@ -14,15 +14,17 @@ from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
     IdealWorld,
+    State,
     Stepper,
     StepSettings,
     World,
     by_name,
+    links_of,
     longest_step,
+    start_state,
     velocity_first,
     version_of,
 )
-from robotball.engines.links import State, links_of, start_state
 from robotball.motion import Label
 from robotball.rotations import Array
 from robotball.scene import Scene

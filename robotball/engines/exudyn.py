@@ -16,6 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
+    State,
     StepSettings,
     World,
     by_name,
@@ -23,7 +24,6 @@ from robotball.engines.adapter import (
     seconds_per_call,
     version_of,
 )
-from robotball.engines.links import State
 from robotball.motion import Label
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene

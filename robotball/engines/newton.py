@@ -11,8 +11,15 @@ from typing import Any
 import numpy as np
 
 from robotball.engine import Ladder
-from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, by_name, version_of
-from robotball.engines.links import State, links_of
+from robotball.engines.adapter import (
+    Adapter,
+    State,
+    SteppedWorld,
+    StepSettings,
+    by_name,
+    links_of,
+    version_of,
+)
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene

@@ -14,12 +14,13 @@ from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
     IdealWorld,
+    State,
     Stepper,
     StepSettings,
     by_name,
+    links_of,
     version_of,
 )
-from robotball.engines.links import State, links_of
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
 from robotball.scene import Scene

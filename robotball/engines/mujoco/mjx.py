@@ -11,8 +11,15 @@ import mujoco
 import numpy as np
 
 from robotball.engine import Ladder
-from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, by_name, version_of
-from robotball.engines.links import State
+from robotball.engines.adapter import (
+    IDLE_STEPS,
+    Adapter,
+    State,
+    StepSettings,
+    World,
+    by_name,
+    version_of,
+)
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
 from robotball.motion import Label

@@ -9,13 +9,13 @@ import numpy as np
 from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
+    State,
     SteppedWorld,
     StepSettings,
     World,
     by_name,
     version_of,
 )
-from robotball.engines.links import State
 from robotball.engines.mujoco.mjx import shell_state
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings

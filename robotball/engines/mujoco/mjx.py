@@ -1,25 +1,16 @@
 """MJX as an engine: MuJoCo's models stepped by JAX, in double precision, on the processor."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.util import find_spec
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from robotball.engine import Ladder
-from robotball.engines.adapter import (
-    IDLE_STEPS,
-    Adapter,
-    State,
-    StepSettings,
-    World,
-    by_name,
-    version_of,
-)
+from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, by_name, version_of
+from robotball.engines.links import State
 from robotball.engines.mujoco.model import Model, build
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
 from robotball.motion import Label
@@ -141,27 +132,11 @@ _BEST = _MjxSettings(
     line_search=5,
 )
 
-
-class _Mjx(Adapter):
-    """MJX as an `Adapter`."""
-
-    label = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
-    package = "mujoco.mjx"
-    extra = "mjx"
-    requirements = ("mujoco-mjx>=3.17", "jax>=0.10")
-    ladders: Mapping[str, Ladder] = {
-        "as-it-comes": ("timestep", (2e-3,)),
-        "best": ("timestep", (20e-3, 10e-3, 5e-3)),
-    }
-    presets = by_name(_AS_IT_COMES, _BEST)
-
-    @property
-    def installed(self) -> bool:
-        """True if it can run. MJX is a part of MuJoCo's package, but needs JAX."""
-        return super().installed and find_spec("jax") is not None
-
-    def world(self, scene: Scene, settings: _MjxSettings, step: float) -> World:
-        return _MjxWorld(scene, settings, step)
-
-
-MJX = _Mjx()
+MJX = Adapter(
+    label=Label("MJX", version_of("mujoco-mjx"), "#DDAA33"),
+    packages=("mujoco.mjx", "jax"),  # MJX is a part of MuJoCo's package, and needs JAX
+    extra="mjx",
+    ladders={"as-it-comes": ("timestep", (2e-3,)), "best": ("timestep", (20e-3, 10e-3, 5e-3))},
+    presets=by_name(_AS_IT_COMES, _BEST),
+    world=_MjxWorld,
+)

@@ -1,21 +1,12 @@
 """MuJoCo Warp as an engine: MuJoCo's models stepped by Warp on the processor, in 32 bits."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
-from robotball.engine import Ladder
-from robotball.engines.adapter import (
-    Adapter,
-    State,
-    SteppedWorld,
-    StepSettings,
-    World,
-    by_name,
-    version_of,
-)
+from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, by_name, version_of
+from robotball.engines.links import State
 from robotball.engines.mujoco.mjx import shell_state
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
@@ -91,22 +82,16 @@ _BEST = _WarpSettings(
 )
 
 
-class _Warp(Adapter):
-    """MuJoCo Warp as an `Adapter`."""
-
-    label = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
-    package = "mujoco_warp"
-    extra = "mujoco-warp"
-    requirements = ("mujoco-warp>=4.0", "warp-lang>=1.19")
-    ladders: Mapping[str, Ladder] = {"best": ("timestep", (20e-3, 10e-3))}
-    presets = by_name(_AS_IT_COMES, _BEST)
-
-    def lacks(self, scene: Scene, settings: _WarpSettings) -> str | None:
-        """Return that it lacks double precision."""
-        return "its state is in single precision"
-
-    def world(self, scene: Scene, settings: _WarpSettings, step: float) -> World:
-        return _WarpWorld(scene, settings, step)
+def _lacks(scene: Scene, settings: _WarpSettings) -> str:
+    return "its state is in single precision"
 
 
-WARP = _Warp()
+WARP = Adapter(
+    label=Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900"),
+    packages=("mujoco_warp",),
+    extra="mujoco-warp",
+    ladders={"best": ("timestep", (20e-3, 10e-3))},
+    presets=by_name(_AS_IT_COMES, _BEST),
+    world=_WarpWorld,
+    lacks=_lacks,
+)

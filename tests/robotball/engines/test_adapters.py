@@ -15,16 +15,8 @@ import pytest
 import robotball as rb
 from robotball import FaultKind
 from robotball.engine import OURS
-from robotball.engines.adapter import (
-    Adapter,
-    IdealWorld,
-    ServoWorld,
-    State,
-    StepSettings,
-    by_name,
-    links_of,
-    principal_inertia,
-)
+from robotball.engines.adapter import Adapter, IdealWorld, ServoWorld, StepSettings, by_name
+from robotball.engines.links import State, links_of, principal_inertia
 from robotball.engines.pinocchio import Pinocchio
 from robotball.motion import Label, momentum_error, path_error
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix

@@ -1,0 +1,130 @@
+"""The ball as the tree of links that engines take, and the motion read from their states.
+
+All links have the ball's axes at the start, where hinges are at zero. The shell is the root: as the
+body that touches the plane it then has no drift of the contact's Jacobian, which engines leave out
+(docs/findings/mujoco_frame_root.py).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotball.robot import Link
+from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
+from robotball.scene import Scene
+
+
+def links_of(scene: Scene) -> tuple[Link, ...]:
+    """Return the bodies of the ball's tree, the shell first, each in its own place.
+
+    Of such a link `pivot` is from its parent's, that of the shell the centre of the sphere, and
+    `centre` is from its own pivot.
+    """
+    tree = scene.ball.tree
+    pivots = {link.name: link.pivot for link in tree}
+    return tuple(
+        replace(
+            link, centre=link.centre - link.pivot, pivot=link.pivot - pivots.get(link.parent, 0.0)
+        )
+        for link in tree
+    )
+
+
+def principal_inertia(link: Link) -> tuple[Array, Array]:
+    """Return moments (3,) and their axes' quaternion (4,), for engines that take no tensor."""
+    moments, axes = np.linalg.eigh(link.inertia)
+    axes = axes if np.linalg.det(axes) > 0 else -axes  # or they would be a reflection
+    return moments, from_matrix(axes)
+
+
+@dataclass(frozen=True)
+class State:
+    """The state of the shell and the hinges at one time, or at n times with n rows each.
+
+    centre    (3,) m, world: of the sphere
+    velocity  (3,) m/s, world: of the same point of the shell
+    attitude  (4,) of the shell, (w, x, y, z), shell to world
+    turning   (3,) rad/s, world: of the shell
+    angles    (h,) rad, of the frame's hinge, then the rotors'
+    rates     (h,) rad/s
+    """
+
+    centre: Array
+    velocity: Array
+    attitude: Array
+    turning: Array
+    angles: Array
+    rates: Array
+
+    @property
+    def row(self) -> Array:
+        """All numbers (13 + 2h,), in the order of the fields."""
+        return np.concatenate(
+            [self.centre, self.velocity, self.attitude, self.turning, self.angles, self.rates]
+        )
+
+
+def state_of_rows(rows: Array) -> State:
+    """Return the state at n times of rows (n, 13 + 2h)."""
+    angles, rates = np.split(rows[:, 13:], 2, axis=1)
+    return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
+
+
+def start_state(scene: Scene) -> State:
+    """Return the state of the scene's start on the rolling model."""
+    start = scene.start
+    rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
+    R = rotation_matrix(start.attitude)
+    # A scene gives the frame's ω; the shell turns against it at the first hinge's rate.
+    turning = R @ (scene.angular_velocity_at(start) - rates[0] * scene.ball.shell.axis)
+    centre = np.array([0.0, 0.0, scene.ball.radius])
+    velocity = np.cross(turning, centre)
+    return State(centre, velocity, start.attitude, turning, np.zeros(len(rates)), rates)
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Arrays over n states, as in Motion, with slip (n,) [m/s] and spin (n,) [rad/s]."""
+
+    attitude: Array
+    angular_velocity: Array
+    momentum: Array
+    slip: Array
+    spin: Array
+
+
+def readings_of(scene: Scene, state: State) -> Readings:
+    """Return the frame's attitude, ω in frame axes, M of (3.1), slip and spin."""
+    # About the contact point, which is below the centre. L is summed from the root outwards: a
+    # child's attitude and velocity are its parent's with the hinge's on top.
+    arm = state.centre * [0.0, 0.0, 1.0]
+    # Of each body by its name: attitude, angular velocity, place of its pivot and velocity there.
+    known: dict[str, tuple[Array, Array, Array, Array]] = {}
+    L = np.zeros_like(state.centre)
+    for i, link in enumerate(links_of(scene)):
+        turn, turning, place, moving = state.attitude, state.turning, arm, state.velocity
+        if link.parent:
+            turn, turning, place, moving = known[link.parent]
+            angle, rate = state.angles[:, i - 1, None], state.rates[:, i - 1, None]
+            R = rotation_matrix(turn)
+            offset = R @ link.pivot
+            place, moving = place + offset, moving + np.cross(turning, offset)
+            half = np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * link.axis], axis=1)
+            turn, turning = multiply(turn, half), turning + rate * (R @ link.axis)
+        known[link.name] = turn, turning, place, moving
+        R = rotation_matrix(turn)
+        lever = R @ link.centre
+        velocity = moving + np.cross(turning, lever)
+        own = np.einsum("nij,jk,nlk,nl->ni", R, link.inertia, R, turning)
+        L = L + own + link.mass * np.cross(place + lever, velocity)
+    attitude, omega, *_ = known["frame"]
+    up = np.array([0.0, 0.0, 1.0])
+    sliding = state.velocity - scene.ball.radius * np.cross(state.turning, up)
+    return Readings(
+        attitude=attitude,
+        angular_velocity=np.einsum("nji,nj->ni", rotation_matrix(attitude), omega),
+        # By (3.1) rubber's M = γ×L has no part along γ, in which the plane's torque is unknown.
+        momentum=np.cross(up, L) if scene.rolling == "rubber" else L,
+        slip=np.linalg.norm(sliding[:, :2], axis=1),
+        spin=state.turning[:, 2],
+    )

@@ -15,7 +15,7 @@ term of dS/dt is left to be dropped.
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
 from itertools import pairwise
@@ -25,7 +25,7 @@ import numpy as np
 
 from robotball import equations as eq
 from robotball.engine import Engine, Ladder, Own, Request, as_own
-from robotball.engines import Compensated
+from robotball.engines import Compensated, Rate
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
@@ -198,7 +198,7 @@ class Adapter(Engine):
     presets: Mapping[str, StepSettings]
     world: Callable[[Scene, Any, float], World]
     lacks: Callable[[Scene, Any], str | None] = _nothing
-    ladders: Mapping[str, Ladder]
+    ladders: Mapping[str, Ladder] = field()  # or it would take an Engine's for its default
     default: str = "best"
     least_accuracy: float | None = None
 
@@ -415,7 +415,7 @@ class IdealWorld(World):
     def _rk4(self, times: Array, timestep: float, y: Array) -> Iterator[tuple[float, Array]]:
         for begin, length, count, sample in self.stretches(times, timestep):
             for i in range(count):
-                y = _rk4(self.rate, begin + i * length, y, length)
+                y = rk4(self.rate, begin + i * length, y, length)
             if sample is not None:
                 yield sample, y
 
@@ -448,7 +448,8 @@ def velocity_first(M: Array, h: Array) -> tuple[Array, Array]:
     return M[np.ix_(order, order)], h[order]
 
 
-def _rk4(rate: Callable[[float, Array], Array], t: float, y: Array, h: float) -> Array:
+def rk4(rate: Rate, t: float, y: Array, h: float) -> Array:
+    """Return the state after a step of the classical Runge-Kutta method from y at t, h long [s]."""
     k1 = rate(t, y)
     k2 = rate(t + h / 2, y + h / 2 * k1)
     k3 = rate(t + h / 2, y + h / 2 * k2)

@@ -18,7 +18,7 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
-from robotball.equations import Parameters, as_vector
+from robotball.equations import as_vector
 from robotball.errors import InputError, warn
 from robotball.motion import Loads, loads_of
 from robotball.motors import Servo
@@ -158,11 +158,6 @@ class PlannedRun(Chosen):
         """The rotation (3, 3) from principal axes to world at the start."""
         attitude = multiply(self.scene.start.attitude, self.scene.principal_quaternion)
         return rotation_matrix(attitude)
-
-    @cached_property
-    def parameters(self) -> Parameters:
-        """The paper's parameters at the start."""
-        return self.scene.parameters_at(0.0)
 
     @cached_property
     def angular_velocity(self) -> Array:
@@ -768,10 +763,10 @@ def servo_droop(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
-def limit_checks(
+def exceeded(
     scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
 ) -> tuple[LimitCheck, ...]:
-    """Return every limit that the settings have on this scene, exceeded or not.
+    """Return the limits that a run is predicted to exceed.
 
     times: (n,) s, the run's; loads: of the whole motion by the equations, if known already, in
     place of the start's.
@@ -779,15 +774,8 @@ def limit_checks(
     plan = planned(scene, settings, float(times[-1]), loads)
     with np.errstate(all="ignore"):
         # Extreme settings overflow here, and an infinite value exceeds its limit all the same.
-        found = (predict(plan) for predict in LAWS)
-        return tuple(check for check in found if check is not None)
-
-
-def exceeded(
-    scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
-) -> tuple[LimitCheck, ...]:
-    """Return the limits that a run is predicted to exceed; arguments as for `limit_checks`."""
-    return tuple(each for each in limit_checks(scene, settings, times, loads) if each.exceeded)
+        found = [predict(plan) for predict in LAWS]
+        return tuple(check for check in found if check is not None and check.exceeded)
 
 
 def precheck(

@@ -21,14 +21,19 @@ _PASSES = 50  # of the loop at most in one call, whose controls are an array of 
 
 
 @dataclass(frozen=True, kw_only=True)
-class _MjxSettings(StepSettings):
-    """Settings of an MJX run.
-
-    model        MuJoCo's settings, of which MJX takes the model and its options
-    line_search  the iterations of its line search at most; None leaves MuJoCo's
-    """
+class ModelSettings(StepSettings):
+    """Settings of a run of MuJoCo's model: MuJoCo's own, for the model and its options."""
 
     model: Settings
+
+
+@dataclass(frozen=True, kw_only=True)
+class _MjxSettings(ModelSettings):
+    """Settings of an MJX run.
+
+    line_search: the iterations of its line search at most; None leaves MuJoCo's.
+    """
+
     line_search: int | None = None
 
 

@@ -17,7 +17,7 @@ from robotball import FaultKind
 from robotball.engine import OURS
 from robotball.engines.adapter import Adapter, IdealWorld, ServoWorld, StepSettings, by_name
 from robotball.engines.links import State, links_of, principal_inertia
-from robotball.engines.pinocchio import Pinocchio
+from robotball.engines.pinocchio import PINOCCHIO
 from robotball.motion import Label, momentum_error, path_error
 from robotball.rotations import Array, conjugate, multiply, rotation_matrix
 from robotball.scene import Scene
@@ -91,20 +91,18 @@ class Repeated(ServoWorld):
         return State(**parts)
 
 
-class Spoilt(Adapter):
+def spoilt(spoil: Spoil) -> Adapter:
     """An engine that makes one mistake."""
+    return Rolling(
+        label=Label("Spoilt", "1", "#000000"), packages=("robotball",), extra="", ladders={},
+        presets=by_name(StepSettings(name="best", error_tolerance=1e-3, timestep=0.1)),
+        world=lambda scene, settings, step: Repeated(scene, spoil),
+    )  # fmt: skip
 
-    label, package, extra, requirements = Label("Spoilt", "1", "#000000"), "robotball", "", ()
-    presets = by_name(StepSettings(name="best", error_tolerance=1e-3, timestep=0.1))
 
-    def __init__(self, spoil: Spoil) -> None:
-        self.spoil = spoil
-
+class Rolling(Adapter):
     def cannot_express(self, scene: Scene) -> str | None:
         return None
-
-    def world(self, scene: Scene, settings: Any, step: float) -> Repeated:
-        return Repeated(scene, self.spoil)
 
 
 X, _, Z = np.eye(3)
@@ -133,7 +131,7 @@ def test_what_is_wrong_with_a_state_is_a_fault_of_the_run(
     scene: str, spoil: Spoil, faults: dict[FaultKind, float]
 ) -> None:
     """With its time; the run ends there, or goes on as long as there is a state."""
-    engine, times = Spoilt(spoil), rb.sample_times(2.0, 0.1)
+    engine, times = spoilt(spoil), rb.sample_times(2.0, 0.1)
     for stop in (True, False):
         settings = replace(engine.presets["best"], stop_at_fault=stop)
         motion = rb.simulate(rb.load_scene(scene), times, settings, engine=engine)
@@ -161,18 +159,11 @@ def test_equal_steps_end_on_every_sample_with_the_rates_of_then() -> None:
 # Our constraints on another engine's dynamics ----------------------------------------------------
 
 
-class OnMujoco(Pinocchio):
-    """Pinocchio's adapter on MuJoCo's mass matrix and bias."""
-
-    package = "mujoco"
-
-    def world(self, scene: Scene, settings: Any, step: float) -> Any:
-        return _Dynamics(scene, settings.stepper, settings.rtol)
-
-
 class _Dynamics(IdealWorld):
-    def __init__(self, scene: Scene, stepper: Any, rtol: float) -> None:
-        super().__init__(scene, stepper, rtol)
+    """Pinocchio's world on MuJoCo's mass matrix and bias."""
+
+    def __init__(self, scene: Scene, settings: Any, step: float) -> None:
+        super().__init__(scene, settings.stepper, settings.rtol)
         self.form = SecondForm(scene)
 
     def dynamics(self, state: State) -> tuple[Array, Array]:
@@ -208,9 +199,8 @@ def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
     """
     theory = rb.integrate(rb.load_scene(scene), rb.sample_times(2.0, 0.04))
     shown: list[float] = []
-    motion = rb.simulate(
-        theory.scene, theory.times, preset, engine=OnMujoco(), progress=shown.append
-    )
+    engine = replace(PINOCCHIO, packages=("mujoco",), world=_Dynamics)
+    motion = rb.simulate(theory.scene, theory.times, preset, engine=engine, progress=shown.append)
     error = path_error(motion, theory)
     assert error < 3 * measured
     assert momentum_error(motion, theory) < 3 * of_momentum
@@ -228,7 +218,7 @@ def test_our_constraints_roll_ideally_on_the_dynamics_of_another(
 def test_an_adapter_is_told_without_its_package(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Presets, ladders, and the extra, which a run without the package names in one line."""
     engine = ADAPTERS[name]
-    assert tuple(EXTRAS[engine.extra]) == engine.requirements
+    assert sorted(EXTRAS[engine.extra]) == sorted(engine.requirements) != []
     assert engine.default in engine.presets
     for preset, (field, _) in engine.ladders.items():
         assert hasattr(engine.presets[preset], field)

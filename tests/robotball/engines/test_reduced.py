@@ -263,7 +263,8 @@ def any_scene(draw: st.DrawFn) -> rb.Scene:
     def rate() -> Rate:
         ramp = rb.Ramp(final=signed(), initial=signed(), end=size())
         sine = rb.Sine(amplitude=signed(), frequency=size(), mean=signed())
-        return draw(st.sampled_from([signed(), ramp, sine]))
+        kinds: list[Rate] = [signed(), ramp, sine]
+        return draw(st.sampled_from(kinds))
 
     radius, mass = size(100.0), size()
     parts = [mass, *(mass * size(9.0) for _ in range(draw(st.integers(0, 3))))]

@@ -164,12 +164,3 @@ def test_no_scene_of_ours_is_doubted() -> None:
     names: list[str | Path] = [*rb.catalog(), EXAMPLE]
     for scene in map(rb.load_scene, names):
         assert doubts_of(scene, rb.sample_times(scene.duration, 0.1)) == []
-
-
-def test_compare_tells_it_on_standard_error(robotball: Robotball, tmp_path: Path) -> None:
-    """As any warning."""
-    text = EXAMPLE.read_text().replace("radius = 0.15", "radius = 150", 1)
-    (tmp_path / "big.toml").write_text(text.replace("thickness = 0.003", "thickness = 3", 1))
-    options = ("--engine", "multibody", "--duration", 0.1, "--no-plots")
-    _, _, err = robotball("compare", "big.toml", *options)
-    assert "robotball: warning: big: shell.radius is 150 m; did you mean 0.15" in err

@@ -95,17 +95,6 @@ def test_too_little_friction_is_reported_from_the_moment_it_slips() -> None:
     assert motion.times[-1] < fault.time <= motion.times[-1] + 0.02 * (1 + 1e-9)
 
 
-def test_a_weak_motor_of_the_scenes_own_is_told_and_goes_on() -> None:
-    """At its torque limit it makes another motion, which is rolled to the end."""
-    scene = rb.load_scene("servo_motors")
-    motors = tuple(Servo(gain=100.0, torque_limit=0.05) for _ in scene.motors)
-    motion = rb.simulate(replace(scene, motors=motors), rb.sample_times(2.0))
-    notes = [note.text for note in motion.report.notes]
-    assert notes == [f"{body}'s motor at its torque limit" for body in ("frame", "rotor1")]
-    assert motion.report.faults == ()
-    assert motion.times[-1] == 2.0
-
-
 def rows_of(model: Model, duration: float) -> Array:
     """The rows of a sound run in 20 ms steps."""
     with controlled(model) as control:

@@ -123,7 +123,7 @@ class SteppedWorld(World):
         # taken.
         count = min(IDLE_STEPS, self.steps)
         began = time.process_time()
-        self._loop(_no_step, 0.0, self.longest, count)
+        self._loop(lambda _: None, 0.0, self.longest, count)
         return (time.process_time() - began) / count * self.steps
 
     def _loop(self, take: Callable[[float], None], begin: float, step: float, count: int) -> None:
@@ -134,10 +134,6 @@ class SteppedWorld(World):
         for i in range(count):
             self.control(begin + i * step, step)
             take(step)
-
-
-def _no_step(_: float) -> None:
-    return
 
 
 class ServoWorld(SteppedWorld):

@@ -11,7 +11,7 @@ import numpy as np
 
 from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, by_name, version_of
 from robotball.engines.links import State
-from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.model import Model, build, controls_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -67,8 +67,7 @@ class _MjxWorld(World):
         """Take `count` steps from `begin` [s], with the controls at the middle of each."""
         # Held over a step, the middle's control keeps order 2, which is all that MJX's RK4 has.
         middles = (begin + (np.arange(_PASSES) + 0.5) * step).tolist()
-        actuated = [hinge for hinge in self.built.hinges if hinge.actuated]
-        controls = np.array([[hinge.control(t) for hinge in actuated] for t in middles])
+        controls = np.array([controls_at(self.scene, self.built.hinges, t) for t in middles])
         self.data = self.advance(self.model, self.data, controls, step, count)
 
     def _state(self) -> State:

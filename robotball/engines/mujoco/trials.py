@@ -4,9 +4,7 @@ They are the loads and eigenvalues of MuJoCo's own model at its start, the rate 
 settle with the ball rolling under them, and the momentum that RK4 loses.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -157,20 +155,12 @@ class _Ball:
         attitude = multiply(scene.start.attitude, scene.principal_quaternion)
         self.start = np.array([*turning, *attitude])
 
-    @cached_property
-    def drives(self) -> Callable[[float], tuple[float, Array, Array]]:
-        """Time → the frame's angle on the shell, and the hinges' rates and accelerations."""
+    def drives(self, t: float) -> tuple[float, Array, Array]:
+        """Return the frame's angle on the shell, and the hinges' rates and accelerations."""
         drives = self.scene.drives
-
-        def evaluated(t: float) -> tuple[float, Array, Array]:
-            rates = np.array([float(drive.rate(t)) for drive in drives])
-            changes = np.array([float(drive.acceleration(t)) for drive in drives])
-            return float(drives[0].angle(t)), rates, changes
-
-        if not self.scene.steady:
-            return evaluated
-        _, rates, changes = evaluated(0.0)
-        return lambda t: (rates[0] * t, rates, changes)
+        rates = np.array([float(drive.rate(t)) for drive in drives])
+        changes = np.array([float(drive.acceleration(t)) for drive in drives])
+        return float(drives[0].angle(t)), rates, changes
 
     def rate(self, t: float, state: Array) -> Array:
         """Return d/dt of the state by (2.4)-(2.5)."""

@@ -118,6 +118,8 @@ EDGES: dict[str, tuple[Predict, Any, dict[str, Any], float, str, float, float]] 
         3.0, "path", 4e-5, 0.1),  # 1.3e-5, 0.48
     "noslip of a heavy ball, rubber": (limits.friction_block, heavy(FIG12, 1e6, 3e6), {},
         1.0, "path", 5e-7, 0.35),  # 1.6e-7, 1.1
+    "noslip of a heavy ball, classical": (limits.friction_block, heavy(REGULAR, 1e8, 2e8), {},
+        1.0, "path", 1.4e-6, 0.12),  # 4.5e-7, 0.35
     # The masses are 0.95 and 1.05 of the limit; beyond it the ball goes straight on.
     "PGS at friction 1.4": (limits.friction_block, heavy(FIG12, 1.06e4, 1.17e4),
         {**PGS, "sliding_friction": 1.4, "torsional_friction": 1.4},

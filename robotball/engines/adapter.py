@@ -15,8 +15,8 @@ term of dS/dt is left to be dropped.
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, requires, version
 from importlib.util import find_spec
 from itertools import pairwise
 from typing import Any, Literal
@@ -24,8 +24,8 @@ from typing import Any, Literal
 import numpy as np
 
 from robotball import equations as eq
-from robotball.engine import Engine, Own, Request, as_own
-from robotball.engines import Compensated
+from robotball.engine import Engine, Ladder, Own, Request, as_own
+from robotball.engines import Compensated, Rate
 from robotball.engines.links import Readings, State, readings_of, start_state, state_of_rows
 from robotball.equations import as_vector
 from robotball.errors import InputError, warn
@@ -123,7 +123,7 @@ class SteppedWorld(World):
         # taken.
         count = min(IDLE_STEPS, self.steps)
         began = time.process_time()
-        self._loop(_no_step, 0.0, self.longest, count)
+        self._loop(lambda _: None, 0.0, self.longest, count)
         return (time.process_time() - began) / count * self.steps
 
     def _loop(self, take: Callable[[float], None], begin: float, step: float, count: int) -> None:
@@ -134,10 +134,6 @@ class SteppedWorld(World):
         for i in range(count):
             self.control(begin + i * step, step)
             take(step)
-
-
-def _no_step(_: float) -> None:
-    return
 
 
 class ServoWorld(SteppedWorld):
@@ -178,30 +174,40 @@ def by_name(*presets: Own) -> dict[str, Own]:
     return {each.name: each for each in presets}
 
 
-class Adapter(Engine, ABC):
+def _nothing(scene: Scene, settings: Any) -> str | None:
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Adapter(Engine):
     """An engine of another package.
 
-    package: the name that is imported; extra: the extra of robotball that brings it; requirements:
-    those of that extra; world: what makes the ball at its start of a scene, settings and the length
-    of its steps [s]. The methods get its own kind of settings, that of its presets.
+    packages: the names that are imported; extra: the extra of robotball that brings them; world:
+    what makes the ball at its start of a scene, settings and the length of its steps [s]; lacks:
+    what says in a line what the engine lacks for a scene under settings, if anything. Both get its
+    own kind of settings, that of its presets.
     """
 
-    package: str
+    label: Label
+    packages: tuple[str, ...]
     extra: str
-    requirements: tuple[str, ...]
-    default = "best"
-    least_accuracy: float | None = None
     presets: Mapping[str, StepSettings]
     world: Callable[[Scene, Any, float], World]
+    lacks: Callable[[Scene, Any], str | None] = _nothing
+    ladders: Mapping[str, Ladder] = field()  # or it would take an Engine's for its default
+    default: str = "best"
+    least_accuracy: float | None = None
 
-    def lacks(self, scene: Scene, settings: Any) -> str | None:
-        """Return what the engine lacks for the scene under these settings, in a line, or None."""
-        return None
+    @property
+    def requirements(self) -> tuple[str, ...]:
+        """The requirements of its extra, by robotball's own metadata."""
+        lines = (line.partition("; ") for line in requires("robotball") or ())
+        return tuple(needed for needed, _, on in lines if on == f"extra == '{self.extra}'")
 
     @property
     def installed(self) -> bool:
-        """True if its package is there. It is not imported; the package of a part of one is."""
-        return find_spec(self.package) is not None
+        """True if its packages are there. None is imported but for that of which one is a part."""
+        return all(find_spec(each) is not None for each in self.packages)
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return why adapters cannot roll the scene, in a line, or None."""
@@ -405,7 +411,7 @@ class IdealWorld(World):
     def _rk4(self, times: Array, timestep: float, y: Array) -> Iterator[tuple[float, Array]]:
         for begin, length, count, sample in self.stretches(times, timestep):
             for i in range(count):
-                y = _rk4(self.rate, begin + i * length, y, length)
+                y = rk4(self.rate, begin + i * length, y, length)
             if sample is not None:
                 yield sample, y
 
@@ -438,7 +444,8 @@ def velocity_first(M: Array, h: Array) -> tuple[Array, Array]:
     return M[np.ix_(order, order)], h[order]
 
 
-def _rk4(rate: Callable[[float, Array], Array], t: float, y: Array, h: float) -> Array:
+def rk4(rate: Rate, t: float, y: Array, h: float) -> Array:
+    """Return the state after a step of the classical Runge-Kutta method from y at t, h long [s]."""
     k1 = rate(t, y)
     k2 = rate(t + h / 2, y + h / 2 * k1)
     k3 = rate(t + h / 2, y + h / 2 * k2)

@@ -3,13 +3,11 @@
 It steps by semi-implicit Euler alone. Its spinning friction is what a rubber ball needs.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
 from robotball.engines.links import State, links_of, principal_inertia
 from robotball.motion import Label
@@ -136,20 +134,11 @@ _BEST = _BulletSettings(
     lateral_friction=20.0, spinning_friction=20.0, damping=0.0, most_rate=1e6,
 )  # fmt: skip
 
-
-class _Bullet(Adapter):
-    """PyBullet as an `Adapter`."""
-
-    label = Label("PyBullet", version_of("pybullet"), "#E69F00")
-    package = "pybullet"
-    extra = "bullet"
-    requirements = ("pybullet>=3.2.7",)
-    ladders: Mapping[str, Ladder] = {
-        "as-it-comes": ("timestep", (1 / 240,)),
-        "best": ("timestep", (1 / 250, 1e-3, 1e-4)),
-    }
-    presets = by_name(_AS_IT_COMES, _BEST)
-    world = _BulletWorld
-
-
-BULLET = _Bullet()
+BULLET = Adapter(
+    label=Label("PyBullet", version_of("pybullet"), "#E69F00"),
+    packages=("pybullet",),
+    extra="bullet",
+    ladders={"as-it-comes": ("timestep", (1 / 240,)), "best": ("timestep", (1 / 250, 1e-3, 1e-4))},
+    presets=by_name(_AS_IT_COMES, _BEST),
+    world=_BulletWorld,
+)

@@ -3,13 +3,11 @@
 Its contact has no torsional friction. It steps by semi-implicit Euler alone.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
     IdealWorld,
@@ -132,37 +130,36 @@ class _DartDynamics(IdealWorld):
         return velocity_first(self.ball.getMassMatrix(), self.ball.getCoriolisAndGravityForces())
 
 
-class _Dart(Adapter):
-    """DART as an `Adapter`."""
+def _lacks(scene: Scene, settings: _DartSettings) -> str | None:
+    """Return that its contact has no torsional friction, where a ball needs it."""
+    if scene.rolling == "classical" or settings.ideal:
+        return None
+    return "its contact has no torsional friction: the shell spins freely"
 
-    label = Label("DART", version_of("dartpy"), "#8C564B")
-    package = "dartpy"
-    extra = "dart"
-    requirements = ("dartpy>=6.20",)
-    ladders: Mapping[str, Ladder] = {
+
+def _world(scene: Scene, settings: _DartSettings, step: float) -> World:
+    if settings.ideal is not None:
+        return _DartDynamics(scene, settings.ideal, settings)
+    return _DartWorld(scene, settings, step)
+
+
+DART = Adapter(
+    label=Label("DART", version_of("dartpy"), "#8C564B"),
+    packages=("dartpy",),
+    extra="dart",
+    ladders={
         "as-it-comes": ("timestep", (1e-3,)),
         "best": ("timestep", (4e-3, 1e-3, 1e-4)),
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
-    }
-    presets = by_name(
+    },
+    presets=by_name(
         _DartSettings(name="as-it-comes", error_tolerance=1e-2, timestep=1e-3),
         # More friction than the ball needs, 1.2. What error is left is of the steps, of first
         # order.
         _DartSettings(name="best", error_tolerance=5e-2, timestep=1e-3, friction=20.0),
         # DOP853 chooses its steps itself; the timestep is only the longest.
         _DartSettings(name="ideal", error_tolerance=1e-10, timestep=1.0, ideal="DOP853"),
-    )
-
-    def lacks(self, scene: Scene, settings: _DartSettings) -> str | None:
-        """Return that its contact has no torsional friction, where a ball needs it."""
-        if scene.rolling == "classical" or settings.ideal:
-            return None
-        return "its contact has no torsional friction: the shell spins freely"
-
-    def world(self, scene: Scene, settings: _DartSettings, step: float) -> World:
-        if settings.ideal is not None:
-            return _DartDynamics(scene, settings.ideal, settings)
-        return _DartWorld(scene, settings, step)
-
-
-DART = _Dart()
+    ),
+    world=_world,
+    lacks=_lacks,
+)

@@ -4,13 +4,12 @@ Point contact has no torsional friction: a torque against the spin, ours, stands
 friction lets slip is set by the stiction tolerance, not by the step.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
     IdealWorld,
@@ -277,33 +276,32 @@ _IDEAL = _DrakeSettings(
 )
 
 
-class Drake(Adapter):
-    """Drake as an `Adapter`."""
+def _lacks(scene: Scene, settings: _DrakeSettings) -> str | None:
+    """Return that its point contact has no torsional friction, where a ball needs it."""
+    if scene.rolling == "classical" or settings.ideal:
+        return None
+    if settings.spin_damping is None:
+        return "its point contact has no torsional friction: the shell spins freely"
+    return "its point contact has no torsional friction: a torque of ours damps the spin"
 
-    label = Label("Drake", version_of("drake"), "#009E73")
-    package = "pydrake"
-    extra = "drake"
-    requirements = ("drake>=1.51",)
-    ladders: Mapping[str, Ladder] = {
+
+def _world(scene: Scene, settings: _DrakeSettings, step: float) -> World:
+    if settings.ideal is not None:
+        return _DrakeDynamics(scene, settings.ideal, settings)
+    return _DrakeWorld(scene, settings, step)
+
+
+DRAKE = Adapter(
+    label=Label("Drake", version_of("drake"), "#009E73"),
+    packages=("pydrake",),
+    extra="drake",
+    ladders={
         "as-it-comes": ("timestep", (1e-3,)),
         "tamsi": ("timestep", (4e-3, 1e-3, 1e-4)),
         "best": ("timestep", (1e-3,)),
         "ideal": ("rtol", (1e-6, 1e-9, 1e-12)),
-    }
-    presets = by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL)
-
-    def lacks(self, scene: Scene, settings: _DrakeSettings) -> str | None:
-        """Return that its point contact has no torsional friction, where a ball needs it."""
-        if scene.rolling == "classical" or settings.ideal:
-            return None
-        if settings.spin_damping is None:
-            return "its point contact has no torsional friction: the shell spins freely"
-        return "its point contact has no torsional friction: a torque of ours damps the spin"
-
-    def world(self, scene: Scene, settings: _DrakeSettings, step: float) -> World:
-        if settings.ideal is not None:
-            return _DrakeDynamics(scene, settings.ideal, settings)
-        return _DrakeWorld(scene, settings, step)
-
-
-DRAKE = Drake()
+    },
+    presets=by_name(_AS_IT_COMES, _TAMSI, _BEST, _IDEAL),
+    world=_world,
+    lacks=_lacks,
+)

@@ -6,14 +6,13 @@ turns inside. Rotors that are bodies of their own would ask for tiny steps: in E
 at 150 rad/s is off by 6.6e-3 at 2 ms (docs/findings/exudyn_fast_rotor.py).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
     StepSettings,
@@ -298,28 +297,27 @@ _BEST = _ExudynSettings(
 _CONTACT = replace(_BEST, name="contact", tolerance=1e-9, modified=False, friction=20.0)
 
 
-class Exudyn(Adapter):
-    """Exudyn as an `Adapter`."""
+def _lacks(scene: Scene, settings: _ExudynSettings) -> str | None:
+    """Return that its own contact has no torsional friction, where a ball needs it."""
+    if scene.rolling == "classical" or settings.friction is None:
+        return None
+    return "its contact has no torsional friction: a constraint of ours forbids the spin"
 
-    label = Label("Exudyn", version_of("exudyn"), "#CC79A7")
-    package = "exudyn"
-    extra = "exudyn"
-    requirements = ("exudyn>=1.13.6",)
-    ladders: Mapping[str, Ladder] = {
+
+def _world(scene: Scene, settings: _ExudynSettings, step: float) -> World:
+    return (_ExudynWorld if settings.friction is None else _ContactWorld)(scene, settings)
+
+
+EXUDYN = Adapter(
+    label=Label("Exudyn", version_of("exudyn"), "#CC79A7"),
+    packages=("exudyn",),
+    extra="exudyn",
+    ladders={
         "own-solver": ("timestep", (20e-3, 5e-3, 1e-3)),
         "best": ("timestep", (20e-3, 5e-3, 1e-3)),
         "contact": ("timestep", (5e-3, 1e-3)),
-    }
-    presets = by_name(_OWN_SOLVER, _BEST, _CONTACT)
-
-    def world(self, scene: Scene, settings: _ExudynSettings, step: float) -> World:
-        return (_ExudynWorld if settings.friction is None else _ContactWorld)(scene, settings)
-
-    def lacks(self, scene: Scene, settings: _ExudynSettings) -> str | None:
-        """Return that its own contact has no torsional friction, where a ball needs it."""
-        if scene.rolling == "classical" or settings.friction is None:
-            return None
-        return "its contact has no torsional friction: a constraint of ours forbids the spin"
-
-
-EXUDYN = Exudyn()
+    },
+    presets=by_name(_OWN_SOLVER, _BEST, _CONTACT),
+    world=_world,
+    lacks=_lacks,
+)

@@ -4,14 +4,12 @@ Its contact is after MuJoCo's. It steps by semi-implicit Euler alone, with or wi
 part.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
-from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
 from robotball.engines.links import State, links_of
 from robotball.motion import Label
@@ -141,26 +139,20 @@ _BEST = _GenesisSettings(
 )  # fmt: skip
 
 
-class Genesis(Adapter):
-    """Genesis as an `Adapter`."""
-
-    label = Label("Genesis", version_of("genesis-world"), "#AA4499")
-    package = "genesis"
-    extra = "genesis"
-    requirements = ("genesis-world>=1.4.5", "torch>=2.8")
-    ladders: Mapping[str, Ladder] = {
-        "as-it-comes": ("timestep", (1e-2,)),
-        "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
-    }
-    presets = by_name(_AS_IT_COMES, _BEST)
-    world = _GenesisWorld
-
-    def lacks(self, scene: Scene, settings: _GenesisSettings) -> str | None:
-        """Return that it lacks double precision, or torsional friction, as it comes."""
-        lack = ["its state is in single precision"] if settings.precision == "32" else []
-        if scene.rolling == "rubber" and settings.torsional is None:
-            lack.append("its contact has no torsional friction: the shell spins freely")
-        return "; ".join(lack) or None
+def _lacks(scene: Scene, settings: _GenesisSettings) -> str | None:
+    """Return that it lacks double precision, or torsional friction, as it comes."""
+    lack = ["its state is in single precision"] if settings.precision == "32" else []
+    if scene.rolling == "rubber" and settings.torsional is None:
+        lack.append("its contact has no torsional friction: the shell spins freely")
+    return "; ".join(lack) or None
 
 
-GENESIS = Genesis()
+GENESIS = Adapter(
+    label=Label("Genesis", version_of("genesis-world"), "#AA4499"),
+    packages=("genesis",),
+    extra="genesis",
+    ladders={"as-it-comes": ("timestep", (1e-2,)), "best": ("timestep", (4e-3, 1e-3, 2.5e-4))},
+    presets=by_name(_AS_IT_COMES, _BEST),
+    world=_GenesisWorld,
+    lacks=_lacks,
+)

@@ -11,7 +11,7 @@ import numpy as np
 
 from robotball.robot import Link
 from robotball.rotations import Array, from_matrix, multiply, rotation_matrix
-from robotball.scene import Scene, Start
+from robotball.scene import Scene
 
 
 def links_of(scene: Scene) -> tuple[Link, ...]:
@@ -70,9 +70,9 @@ def state_of_rows(rows: Array) -> State:
     return State(rows[:, :3], rows[:, 3:6], rows[:, 6:10], rows[:, 10:13], angles, rates)
 
 
-def start_state(scene: Scene, start: Start | None = None) -> State:
-    """Return the state on the rolling model at a start, the scene's own if None."""
-    start = scene.start if start is None else start
+def start_state(scene: Scene) -> State:
+    """Return the state of the scene's start on the rolling model."""
+    start = scene.start
     rates = np.array([float(drive.rate(0.0)) for drive in scene.drives])
     R = rotation_matrix(start.attitude)
     # A scene gives the frame's ω; the shell turns against it at the first hinge's rate.

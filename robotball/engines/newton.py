@@ -4,13 +4,11 @@ Its model and its states are in single precision, MuJoCo's steps between them in
 """
 
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, SteppedWorld, StepSettings, by_name, version_of
 from robotball.engines.links import State, links_of
 from robotball.motion import Label
@@ -178,27 +176,24 @@ _BEST = _NewtonSettings(
 )  # fmt: skip
 
 
-class Newton(Adapter):
-    """Newton as an `Adapter`."""
+def _lacks(scene: Scene, settings: _NewtonSettings) -> str | None:
+    """Return that it lacks double precision and, as it comes, torsional friction."""
+    lack = "its model and its states are in single precision"
+    if scene.rolling == "rubber" and settings.impedance is None:
+        lack += "; its contact has no torsional friction: the shell spins freely"
+    return lack
 
-    label = Label("Newton", version_of("newton"), "#117733")
-    package = "newton"
-    extra = "newton"
-    requirements = ("newton>=1.8", "mujoco-warp>=4.0")
-    ladders: Mapping[str, Ladder] = {
+
+NEWTON = Adapter(
+    label=Label("Newton", version_of("newton"), "#117733"),
+    packages=("newton",),
+    extra="newton",
+    ladders={
         "as-it-comes": ("timestep", (2e-3,)),
         "best": ("timestep", (20e-3, 5e-3, 1e-3)),
         "kept": ("timestep", (20e-3, 5e-3)),
-    }
-    presets = by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True))
-    world = _NewtonWorld
-
-    def lacks(self, scene: Scene, settings: _NewtonSettings) -> str | None:
-        """Return that it lacks double precision and, as it comes, torsional friction."""
-        lack = "its model and its states are in single precision"
-        if scene.rolling == "rubber" and settings.impedance is None:
-            lack += "; its contact has no torsional friction: the shell spins freely"
-        return lack
-
-
-NEWTON = Newton()
+    },
+    presets=by_name(_AS_IT_COMES, _BEST, replace(_BEST, name="kept", kept=True)),
+    world=_NewtonWorld,
+    lacks=_lacks,
+)

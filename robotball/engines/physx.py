@@ -1,12 +1,10 @@
 """PhysX 5 as an engine, in SAPIEN: an articulation with hinge drives, in single precision."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from robotball.engine import Ladder
 from robotball.engines.adapter import Adapter, ServoWorld, StepSettings, by_name, version_of
 from robotball.engines.links import State, links_of, principal_inertia
 from robotball.motion import Label
@@ -138,23 +136,16 @@ _BEST = _PhysxSettings(
 )  # fmt: skip
 
 
-class _Physx(Adapter):
-    """PhysX 5 as an `Adapter`."""
-
-    label = Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F")
-    package = "sapien"
-    extra = "physx"
-    requirements = ("sapien>=3.0.3",)
-    ladders: Mapping[str, Ladder] = {
-        "as-it-comes": ("timestep", (1 / 100,)),
-        "best": ("timestep", (4e-3, 1e-3, 2.5e-4)),
-    }
-    presets = by_name(_AS_IT_COMES, _BEST)
-    world = _PhysxWorld
-
-    def lacks(self, scene: Scene, settings: _PhysxSettings) -> str | None:
-        """Return that it lacks double precision."""
-        return "its state is in single precision"
+def _lacks(scene: Scene, settings: _PhysxSettings) -> str:
+    return "its state is in single precision"
 
 
-PHYSX = _Physx()
+PHYSX = Adapter(
+    label=Label("PhysX 5 (SAPIEN)", version_of("sapien"), "#7F7F7F"),
+    packages=("sapien",),
+    extra="physx",
+    ladders={"as-it-comes": ("timestep", (1 / 100,)), "best": ("timestep", (4e-3, 1e-3, 2.5e-4))},
+    presets=by_name(_AS_IT_COMES, _BEST),
+    world=_PhysxWorld,
+    lacks=_lacks,
+)

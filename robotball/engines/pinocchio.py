@@ -5,12 +5,10 @@ one, and a constraint at its lowest point, set anew at every step, has the wrong
 (docs/findings/pinocchio_rolling.py).
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from robotball.engine import Ladder
 from robotball.engines.adapter import (
     Adapter,
     IdealWorld,
@@ -36,7 +34,7 @@ class _PinocchioSettings(StepSettings):
 class _PinocchioWorld(IdealWorld):
     """The ball as a free shell with hinges, in Pinocchio's local coordinates."""
 
-    def __init__(self, scene: Scene, settings: _PinocchioSettings) -> None:
+    def __init__(self, scene: Scene, settings: _PinocchioSettings, step: float) -> None:
         super().__init__(scene, settings.stepper, settings.rtol)
         import pinocchio
 
@@ -74,22 +72,8 @@ class _PinocchioWorld(IdealWorld):
         return self.T.T @ M @ self.T, self.T.T @ (h + M @ turned)
 
 
-class Pinocchio(Adapter):
-    """Pinocchio as an `Adapter`."""
-
-    label = Label("Pinocchio", version_of("pin"), "#56B4E9")
-    package = "pinocchio"
-    extra = "pinocchio"
-    requirements = ("pin>=4.1",)
-    ladders: Mapping[str, Ladder] = {
-        "RK4": ("timestep", (20e-3, 10e-3, 5e-3)),
-        "best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-14)),
-    }
-    presets = by_name(
-        _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, stepper="RK4"),
-        # DOP853 chooses its steps itself; the timestep is only the longest.
-        _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, stepper="DOP853"),
-    )
+class _Pinocchio(Adapter):
+    """Pinocchio as an `Adapter`, for balls that others of the kind cannot roll."""
 
     def cannot_express(self, scene: Scene) -> str | None:
         """Return why it cannot roll the scene. Balance and a level plane are not needed."""
@@ -103,8 +87,19 @@ class Pinocchio(Adapter):
             return "its adapter knows no resistance to rolling"
         return None
 
-    def world(self, scene: Scene, settings: _PinocchioSettings, step: float) -> _PinocchioWorld:
-        return _PinocchioWorld(scene, settings)
 
-
-PINOCCHIO = Pinocchio()
+PINOCCHIO = _Pinocchio(
+    label=Label("Pinocchio", version_of("pin"), "#56B4E9"),
+    packages=("pinocchio",),
+    extra="pinocchio",
+    ladders={
+        "RK4": ("timestep", (20e-3, 10e-3, 5e-3)),
+        "best": ("rtol", (1e-6, 1e-9, 1e-12, 1e-14)),
+    },
+    presets=by_name(
+        _PinocchioSettings(name="RK4", error_tolerance=1e-4, timestep=20e-3, stepper="RK4"),
+        # DOP853 chooses its steps itself; the timestep is only the longest.
+        _PinocchioSettings(name="best", error_tolerance=1e-10, timestep=1.0, stepper="DOP853"),
+    ),
+    world=_PinocchioWorld,
+)

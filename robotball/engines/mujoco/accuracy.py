@@ -8,7 +8,7 @@ of M that the two RK4 runs showed.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,19 +43,12 @@ RK4_EVALUATIONS, _DOP853_EVALUATIONS = 4, 13  # of the forces in a step, rejecte
 _CORRECTIONS = 2  # runs after the first that was aimed by the model
 
 
-@dataclass
 class _Search:
     """The runs of one scene on the way to an accuracy."""
 
-    scene: Scene
-    times: Array
-    accuracy: float
-    run: _Run
-    seconds: float = 0.0
-    rate: float = field(init=False)
-    servo_rate: float = field(init=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, scene: Scene, times: Array, accuracy: float, run: _Run) -> None:
+        self.scene, self.times, self.accuracy, self.run = scene, times, accuracy, run
+        self.seconds = 0.0
         # A ball that hardly moves still has a duration.
         plan = planned(self.scene, self.settings(timestep=1.0), float(self.times[-1]))
         rate = scene_rate(self.scene) if plan.reduced else plan.rotation_rate

@@ -74,7 +74,9 @@ def _portion(
     stopped = False
 
     def read(t: float, state: Array) -> None:
-        rows.append(_read(control, data, t, state))
+        _put(data, t, state)
+        mujoco.mj_forward(control.model.compiled, data)
+        rows.append(read_row(data))
         states.append(state_of(data))
 
     while solver.running and len(lengths) < _LOOK and failure is None and not stopped:
@@ -117,13 +119,6 @@ def _stopped(control: Control, data: mujoco.MjData, solver: Compensated) -> bool
         return False
     _put(data, solver.t, solver.state)
     return control.stop(data)
-
-
-def _read(control: Control, data: mujoco.MjData, t: float, state: Array) -> Array:
-    """Return the row of Readings of a state (qpos, qvel) at time t [s]."""
-    _put(data, t, state)
-    mujoco.mj_forward(control.model.compiled, data)
-    return read_row(data)
 
 
 def _put(data: mujoco.MjData, t: float, state: Array) -> None:

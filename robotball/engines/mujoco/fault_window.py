@@ -15,7 +15,6 @@ from robotball.engines.mujoco.settings import ADAPTIVE, settings_from
 from robotball.engines.mujoco.stepping import (
     STATE,
     Portion,
-    Step,
     controlled,
     read_row,
     state_of,
@@ -33,42 +32,13 @@ AROUND = 20  # steps on either side of the first bad one
 _Numbers = list[list[float | None]]  # null where a number is not finite
 
 
-@dataclass(frozen=True)
-class Window:
-    """Consecutive rows of a run with the first bad one among them.
-
-    rows     (m, columns of Readings)
-    steps    m, the origin of each row
-    bad      the index of the bad row; m where the run could not go on after the last
-    causes   the faults that begin there
-    time     of them [s]
-    """
-
-    rows: Array
-    steps: list[Step]
-    bad: int
-    causes: list[str]
-    time: float
-
-
-def window_around(found: list[Found], portion: Portion, before: Portion | None) -> Window:
-    """Return the window around the first fault found in a portion, with rows of the one before."""
-    portions = [portion] if before is None else [before, portion]
-    steps = [step for each in portions for step in each.again()]
-    rows = np.concatenate([each.rows for each in portions])
-    bad = found[0].row + len(rows) - len(portion.rows)
-    first = max(0, bad - AROUND)
-    kept = slice(first, bad + AROUND + 1)
-    # Faults of later rows may only follow from the first.
-    causes = [each.fault.text for each in found if each.row == found[0].row]
-    return Window(rows[kept], steps[kept], bad - first, causes, found[0].fault.time)
-
-
 class FaultWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The content of the file: the window, and all that its steps depend on.
+    """Consecutive rows of a run with the first bad one among them, and all that it depends on.
 
-    scene: TOML; None where a drive is a function of time, which no file holds. table: a row for
-    each row of the window, under `columns`; times in s, SI units.
+    scene: TOML; None where a drive is a function of time, which no file holds. bad: the index of
+    the bad row; their number where the run could not go on after the last. causes, time: of the
+    faults that begin there [s]. table: a row for each row of the window, under `columns`, in SI
+    units. states, lengths, spans, sides: the origin of each row, as in Step.
     """
 
     format: Literal["robotball fault 1"]
@@ -108,30 +78,45 @@ class FaultWindow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.settings.get("integrator") == ADAPTIVE
 
 
-def write(path: Path, model: Model, window: Window) -> None:
-    """Write the window of a run of the model as JSON. Raises InputError where that fails."""
+def window_around(
+    model: Model, found: list[Found], portion: Portion, before: Portion | None
+) -> FaultWindow:
+    """Return the window around the first fault found in a portion, with rows of the one before."""
+    portions = [portion] if before is None else [before, portion]
+    steps = [step for each in portions for step in each.again()]
+    rows = np.concatenate([each.rows for each in portions])
+    bad = found[0].row + len(rows) - len(portion.rows)
+    first = max(0, bad - AROUND)
+    kept = slice(first, bad + AROUND + 1)
+    rows, steps = rows[kept], steps[kept]
+    states = np.array([step.state for step in steps])
     with np.errstate(all="ignore"):  # a diverged state's numbers have no squares
-        columns = _table(model, window)
-    saved = FaultWindow(
+        columns = _table(model, rows, states)
+    return FaultWindow(
         format="robotball fault 1",
         name=model.scene.name,
         scene=_text(model.scene),
         settings=model.settings.plain(),
         mujoco=mujoco.__version__,
-        bad=window.bad,
-        causes=window.causes,
-        time=window.time,
+        bad=bad - first,
+        # Faults of later rows may only follow from the first.
+        causes=[each.fault.text for each in found if each.row == found[0].row],
+        time=found[0].fault.time,
         columns=list(columns),
         table=_plain(np.column_stack(list(columns.values()))),
-        states=_plain(np.array([step.state for step in window.steps])),
-        lengths=[float(step.length) for step in window.steps],
-        spans=[(float(step.span[0]), float(step.span[1])) for step in window.steps],
-        rows=_plain(window.rows),
+        states=_plain(states),
+        lengths=[float(step.length) for step in steps],
+        spans=[(float(step.span[0]), float(step.span[1])) for step in steps],
+        rows=_plain(rows),
         xml=model.xml,
-        sides=[step.sides for step in window.steps],
+        sides=[step.sides for step in steps],
     )
+
+
+def write(path: Path, window: FaultWindow) -> None:
+    """Write the window as JSON. Raises InputError where that fails."""
     with replacing(path) as temporary:
-        temporary.write_bytes(msgspec.json.format(msgspec.json.encode(saved), indent=1))
+        temporary.write_bytes(msgspec.json.format(msgspec.json.encode(window), indent=1))
 
 
 def load(path: Path) -> FaultWindow:
@@ -226,13 +211,12 @@ def _difference(a: Array, b: Array) -> float:
     return float(np.abs(a - b)[both].max(initial=0.0))
 
 
-def _table(model: Model, window: Window) -> dict[str, Array]:
+def _table(model: Model, rows: Array, states: Array) -> dict[str, Array]:
     """Return the columns (m,) that `robotball replay` shows, named with their units."""
-    readings, compiled = Readings(model, window.rows), model.compiled
-    momentum, states = readings.momentum, np.array([step.state for step in window.steps])
+    readings, compiled = Readings(model, rows), model.compiled
     first_velocity = 1 + compiled.nq  # of an integration state: time, qpos, qvel, ...
     velocities = states[:, first_velocity : first_velocity + compiled.nv]
-    off = np.linalg.norm(momentum - model.scene.start.momentum, axis=1)
+    off = np.linalg.norm(readings.momentum - model.scene.start.momentum, axis=1)
     return {
         "time [s]": readings.time,
         "height [m]": readings.centre[:, 2],

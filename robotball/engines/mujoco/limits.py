@@ -18,7 +18,7 @@ import numpy as np
 from robotball import equations as eq
 from robotball.engines.mujoco.model import ModelHinge, hinges_of
 from robotball.engines.mujoco.settings import Chosen, Prescribed, Settings, for_load
-from robotball.equations import Parameters, as_vector
+from robotball.equations import as_vector
 from robotball.errors import InputError, warn
 from robotball.motion import Loads, loads_of
 from robotball.motors import Servo
@@ -158,11 +158,6 @@ class PlannedRun(Chosen):
         """The rotation (3, 3) from principal axes to world at the start."""
         attitude = multiply(self.scene.start.attitude, self.scene.principal_quaternion)
         return rotation_matrix(attitude)
-
-    @cached_property
-    def parameters(self) -> Parameters:
-        """The paper's parameters at the start."""
-        return self.scene.parameters_at(0.0)
 
     @cached_property
     def angular_velocity(self) -> Array:
@@ -549,11 +544,11 @@ def creep(plan: PlannedRun) -> LimitCheck | None:
     edges lean that far. So b v = (1 - d)/d α. Measured within 3 % on fig12, and a sixth of it on
     classical_regular, whose force is not always that of the start.
     """
-    if plan.noslip or not plan.reduced:
+    if plan.option("noslip_iterations") or not plan.reduced:
         return None
     softness = (1 - plan.impedance) / plan.impedance
-    if plan.cone == "elliptic":
-        softness /= plan.impratio
+    if plan.option("cone") == "elliptic":
+        softness /= plan.option("impratio")
     else:
         softness *= plan.friction[0] ** 2
     force = float(np.linalg.norm(plan.loads.contact_force[:, :2], axis=1).max())
@@ -573,8 +568,10 @@ def _slip(plan: PlannedRun, acceleration: float) -> float:
     b, T = plan.friction_damping, plan.duration
     # Over a short time the difference cancels; the series' first term takes its place.
     grown = 1 + np.expm1(-b * T) / (b * T) if b * T > 1e-4 else b * T / 2
-    speed = float(np.linalg.norm(plan.rolling_velocity))
-    return _ratio(acceleration * (grown / b if b else T / 2), speed)
+    speed, slip = float(np.linalg.norm(plan.rolling_velocity)), grown / b if b else T / 2
+    if not speed:  # whatever slip there is then is infinitely much of the path
+        return np.inf if acceleration else 0.0
+    return acceleration * slip / speed
 
 
 @_law("PGS and noslip skip friction with det(D A D) below 1e-10")
@@ -591,19 +588,20 @@ def friction_block(plan: PlannedRun) -> LimitCheck | None:
     settings: right at 0.95 of that mass, and off by the whole path at 1.05; on classical_regular,
     whose A does not stay the start's, right at half of it.
     """
-    if plan.cone != "elliptic" or not (plan.noslip or plan.solver == "PGS"):
+    noslip = plan.option("noslip_iterations")
+    if plan.option("cone") != "elliptic" or not (noslip or plan.option("solver") == "PGS"):
         return None
     rows = plan.condim - 1
     slide, spin, roll = plan.friction
     scale = np.diag([slide, slide, spin, roll, roll][:rows])
     block = scale @ _inverse_inertia(plan)[:rows, :rows] @ scale
-    if not plan.noslip:
+    if not noslip:
         softness = plan.settings.softness * (1 - plan.impedance) / plan.impedance
         normal = 1 / plan.scene.ball.mass
-        block += softness * normal * slide**2 / plan.impratio * np.eye(rows)
+        block += softness * normal * slide**2 / plan.option("impratio") * np.eye(rows)
     minors = np.array([np.linalg.det(block[:n, :n]) for n in range(1, rows + 1)])
     value = minors[-1] if rows < 5 else (minors / [1.0, *minors[:-1]]).min()
-    name = "noslip" if plan.noslip else "PGS"
+    name = "noslip" if noslip else "PGS"
     return LimitCheck(
         "the determinant of the friction's inverse inertia"
         if rows < 5
@@ -679,14 +677,14 @@ def solver_tolerance(plan: PlannedRun) -> LimitCheck | None:
     PGS always takes its first iteration, and that is enough.
     """
     drive = plan.settings.drive
-    if not isinstance(drive, Prescribed) or plan.solver == "PGS":
+    if not isinstance(drive, Prescribed) or plan.option("solver") == "PGS":
         return None
     prescribed = [each for each in plan.hinges if not each.own_motor]
     d, weight = plan.impedance, plan.scene.ball.mass * plan.scene.gravity
     return LimitCheck(
         "the solver's tolerance times the armatures",
-        plan.tolerance * drive.armature * len(prescribed),
-        weight * d / (1 - d) / (1 if plan.solver == "Newton" else 100),
+        plan.option("tolerance") * drive.armature * len(prescribed),
+        weight * d / (1 - d) / (1 if plan.option("solver") == "Newton" else 100),
         "the solver stops before it has begun: give tolerance 0, or solver PGS",
     )
 
@@ -708,13 +706,6 @@ def largest_number(plan: PlannedRun) -> LimitCheck | None:
         _LARGEST_STATE,
         "MuJoCo takes more for a bad state; choose other units or a shorter run",
     )
-
-
-def _ratio(part: float, whole: float) -> float:
-    """Return a part of a whole that may be 0: infinite, unless the part is 0 as well."""
-    if part == 0:
-        return 0.0
-    return part / whole if whole else np.inf
 
 
 _MAGNIFIED = 10.0  # the path's relative error over a rate's, of the 0.1 to 40 that were measured
@@ -768,10 +759,10 @@ def servo_droop(plan: PlannedRun) -> LimitCheck | None:
     )
 
 
-def limit_checks(
+def exceeded(
     scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
 ) -> tuple[LimitCheck, ...]:
-    """Return every limit that the settings have on this scene, exceeded or not.
+    """Return the limits that a run is predicted to exceed.
 
     times: (n,) s, the run's; loads: of the whole motion by the equations, if known already, in
     place of the start's.
@@ -779,15 +770,8 @@ def limit_checks(
     plan = planned(scene, settings, float(times[-1]), loads)
     with np.errstate(all="ignore"):
         # Extreme settings overflow here, and an infinite value exceeds its limit all the same.
-        found = (predict(plan) for predict in LAWS)
-        return tuple(check for check in found if check is not None)
-
-
-def exceeded(
-    scene: Scene, settings: Settings, times: Array, loads: Loads | None = None
-) -> tuple[LimitCheck, ...]:
-    """Return the limits that a run is predicted to exceed; arguments as for `limit_checks`."""
-    return tuple(each for each in limit_checks(scene, settings, times, loads) if each.exceeded)
+        found = [predict(plan) for predict in LAWS]
+        return tuple(check for check in found if check is not None and check.exceeded)
 
 
 def precheck(

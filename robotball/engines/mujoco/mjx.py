@@ -1,19 +1,17 @@
 """MJX as an engine: MuJoCo's models stepped by JAX, in double precision, on the processor."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from importlib.util import find_spec
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from robotball.engine import Ladder
 from robotball.engines.adapter import IDLE_STEPS, Adapter, StepSettings, World, by_name, version_of
 from robotball.engines.links import State
-from robotball.engines.mujoco.model import Model, build
+from robotball.engines.mujoco.model import Model, build, controls_at
 from robotball.engines.mujoco.settings import CONSTANT, NAIVE, PRESETS, Settings
 from robotball.motion import Label
 from robotball.rotations import Array, rotation_matrix
@@ -23,14 +21,19 @@ _PASSES = 50  # of the loop at most in one call, whose controls are an array of 
 
 
 @dataclass(frozen=True, kw_only=True)
-class _MjxSettings(StepSettings):
-    """Settings of an MJX run.
-
-    model        MuJoCo's settings, of which MJX takes the model and its options
-    line_search  the iterations of its line search at most; None leaves MuJoCo's
-    """
+class ModelSettings(StepSettings):
+    """Settings of a run of MuJoCo's model: MuJoCo's own, for the model and its options."""
 
     model: Settings
+
+
+@dataclass(frozen=True, kw_only=True)
+class _MjxSettings(ModelSettings):
+    """Settings of an MJX run.
+
+    line_search: the iterations of its line search at most; None leaves MuJoCo's.
+    """
+
     line_search: int | None = None
 
 
@@ -64,8 +67,7 @@ class _MjxWorld(World):
         """Take `count` steps from `begin` [s], with the controls at the middle of each."""
         # Held over a step, the middle's control keeps order 2, which is all that MJX's RK4 has.
         middles = (begin + (np.arange(_PASSES) + 0.5) * step).tolist()
-        actuated = [hinge for hinge in self.built.hinges if hinge.actuated]
-        controls = np.array([[hinge.control(t) for hinge in actuated] for t in middles])
+        controls = np.array([controls_at(self.scene, self.built.hinges, t) for t in middles])
         self.data = self.advance(self.model, self.data, controls, step, count)
 
     def _state(self) -> State:
@@ -134,27 +136,11 @@ _BEST = _MjxSettings(
     line_search=5,
 )
 
-
-class _Mjx(Adapter):
-    """MJX as an `Adapter`."""
-
-    label = Label("MJX", version_of("mujoco-mjx"), "#DDAA33")
-    package = "mujoco.mjx"
-    extra = "mjx"
-    requirements = ("mujoco-mjx>=3.17", "jax>=0.10")
-    ladders: Mapping[str, Ladder] = {
-        "as-it-comes": ("timestep", (2e-3,)),
-        "best": ("timestep", (20e-3, 10e-3, 5e-3)),
-    }
-    presets = by_name(_AS_IT_COMES, _BEST)
-
-    @property
-    def installed(self) -> bool:
-        """True if it can run. MJX is a part of MuJoCo's package, but needs JAX."""
-        return super().installed and find_spec("jax") is not None
-
-    def world(self, scene: Scene, settings: _MjxSettings, step: float) -> World:
-        return _MjxWorld(scene, settings, step)
-
-
-MJX = _Mjx()
+MJX = Adapter(
+    label=Label("MJX", version_of("mujoco-mjx"), "#DDAA33"),
+    packages=("mujoco.mjx", "jax"),  # MJX is a part of MuJoCo's package, and needs JAX
+    extra="mjx",
+    ladders={"as-it-comes": ("timestep", (2e-3,)), "best": ("timestep", (20e-3, 10e-3, 5e-3))},
+    presets=by_name(_AS_IT_COMES, _BEST),
+    world=_MjxWorld,
+)

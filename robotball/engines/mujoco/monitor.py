@@ -4,7 +4,7 @@ MuJoCo itself warns of few of them. A saturated cone, a slip, a lost contact or 
 its rate changes the motion without a word.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import mujoco
@@ -35,7 +35,6 @@ class Found(NamedTuple):
     fault: Fault
 
 
-@dataclass
 class Monitor:
     """The monitor's memory from one portion of a run to the next.
 
@@ -43,19 +42,12 @@ class Monitor:
     ball's spin counts as slip at its radius; momentum: M of the first state (3,).
     """
 
-    model: Model
-    last_time: float = -np.inf
-    rolled: float = 0.0
-    slipped: float = 0.0
-    momentum: Array | None = None
-    last_centre: Array | None = None
-    tolerance: float = field(init=False)
-    weight: float = field(init=False)  # N, where the load varies; else 0
-
-    def __post_init__(self) -> None:
-        self.tolerance = self.model.settings.error_tolerance
-        scene = self.model.scene
-        self.weight = scene.ball.mass * scene.gravity if scene.load_varies else 0.0
+    def __init__(self, model: Model) -> None:
+        self.model, self.tolerance, scene = model, model.settings.error_tolerance, model.scene
+        self.weight = scene.ball.mass * scene.gravity if scene.load_varies else 0.0  # N
+        self.last_time, self.rolled, self.slipped = -np.inf, 0.0, 0.0
+        self.momentum: Array | None = None
+        self.last_centre: Array | None = None
 
     def look(self, readings: Readings, failure: Fault | None = None) -> list[Found]:
         """Return the first of each kind of fault in the next portion, the earliest first.

@@ -7,7 +7,6 @@ error in place of settings), `fault_window`, `mjcf_export`; MJX and MuJoCo Warp 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 from robotball.engine import Engine, Ladder, Request, Runner, as_own
 from robotball.engines import Progress
@@ -16,29 +15,27 @@ from robotball.engines.mujoco.limits import precheck
 from robotball.engines.mujoco.model import build
 from robotball.engines.mujoco.run import run
 from robotball.engines.mujoco.settings import PRESETS, Settings
-from robotball.motion import ContactMotion, EngineSettings, Label
+from robotball.motion import ContactMotion, EngineSettings
 from robotball.rotations import Array
 from robotball.scene import Scene
 
 # A ball near an unstable motion magnifies the rounding of its start to half of it.
 LEAST_ACCURACY = 1e-11
-_LADDERS: Mapping[str, Ladder] = {
-    "naive": ("timestep", (2e-3,)),
-    "balanced": ("timestep", (20e-3, 10e-3, 5e-3, 1e-3)),
-    "adaptive": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15)),
-}
 
 
-@dataclass(frozen=True)
 class MuJoCo(Engine):
     """MuJoCo as an `Engine`."""
 
-    label: Label = LABEL
-    presets: Mapping[str, EngineSettings] = field(default_factory=lambda: PRESETS)
-    default: str = "balanced"
+    label = LABEL
+    presets: Mapping[str, EngineSettings] = PRESETS
+    default = "balanced"
     least_accuracy: float | None = LEAST_ACCURACY
-    as_it_comes: str = "naive"
-    ladders: Mapping[str, Ladder] = field(default_factory=lambda: _LADDERS)
+    as_it_comes = "naive"
+    ladders: Mapping[str, Ladder] = {
+        "naive": ("timestep", (2e-3,)),
+        "balanced": ("timestep", (20e-3, 10e-3, 5e-3, 1e-3)),
+        "adaptive": ("rtol", (1e-6, 1e-9, 1e-12, 1e-15)),
+    }
 
     def run(self, scene: Scene, times: Array, request: Request) -> ContactMotion:
         """Return the scene's motion at times (n,) [s] from 0; fewer where the run broke off."""

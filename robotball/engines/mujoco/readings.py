@@ -4,7 +4,7 @@ All is computed for many rows at once, and by columns: at this size NumPy's own 
 product of rows take several times as long.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -151,30 +151,27 @@ class Readings:
         small = (np.abs(self.rows[:, : compiled.nsensordata][:, state]) < limit).all(axis=1)
         return np.asarray(finite & small)
 
-    def _of_hinges(self, sensor: str) -> Array:
-        """Return a sensor of the scene's hinges (m, h); 0 for those that do not turn."""
+    def _of_hinges(self, column: Callable[[ModelHinge], Array]) -> Array:
+        """Return a column for each of the scene's hinges (m, h); 0 for those that do not turn."""
         columns = np.zeros((len(self.rows), len(self.model.scene.hinges)))
         for hinge in self.model.hinges:
-            columns[:, hinge.index] = self.column(f"{hinge.body}_{sensor}")[:, 0]
+            columns[:, hinge.index] = column(hinge)
         return columns
 
     @property
     def hinge_angles(self) -> Array:
         """The scene's hinge angles (m, h) [rad]."""
-        return self._of_hinges("angle")
+        return self._of_hinges(lambda hinge: self.column(f"{hinge.body}_angle")[:, 0])
 
     @property
     def hinge_rates(self) -> Array:
         """The scene's hinge rates (m, h) [rad/s]."""
-        return self._of_hinges("rate")
+        return self._of_hinges(lambda hinge: self.column(f"{hinge.body}_rate")[:, 0])
 
     @property
     def motor_torques(self) -> Array:
         """The torque (m, h) of the parent on the child, along the hinge [N m]."""
-        torques = np.zeros((len(self.rows), len(self.model.scene.hinges)))
-        for hinge in self.model.hinges:
-            torques[:, hinge.index] = self._torque(hinge)
-        return torques
+        return self._of_hinges(self._torque)
 
     def _torque(self, hinge: ModelHinge) -> Array:
         """Return a motor's torque (m,) [N m], or what the joint of a prescribed rate carries.

@@ -22,7 +22,7 @@ from robotball.rotations import Array
 from robotball.scene import Start
 
 if TYPE_CHECKING:
-    from robotball.engines.mujoco.fault_window import Window
+    from robotball.engines.mujoco.fault_window import FaultWindow
 
 
 def run(
@@ -48,7 +48,7 @@ def run(
         else:
             from robotball.engines.mujoco.fault_window import write
 
-            write(fault_window, model, record.window)
+            write(fault_window, record.window)
     # A note is an event of the motion, as a motor at the limit that its scene gives it.
     report = replace(
         motion.report,
@@ -124,7 +124,7 @@ class _Record:
 
     keeps_window: bool
     faults: dict[tuple[FaultKind, str], Fault] = field(default_factory=dict)
-    window: "Window | None" = None
+    window: "FaultWindow | None" = None
     steps: int = 0
     longest: float = 0.0
     seconds: float = 0.0
@@ -163,7 +163,7 @@ def _run(
             if record.keeps_window and wrong and record.window is None:
                 from robotball.engines.mujoco.fault_window import window_around
 
-                record.window = window_around(wrong, portion, before)
+                record.window = window_around(model, wrong, portion, before)
             # The row of the fatal fault is bad itself, so the motion ends before it.
             kept = portion.sampled if ends is None else portion.sampled[portion.sampled < ends]
             whole = len(kept) == len(portion.rows)

@@ -400,9 +400,8 @@ def for_load(settings: Settings, scene: Scene) -> Settings:
     return replace(settings, **{name: chosen[name] for name in left})
 
 
-# MuJoCo's enumerations count these from 0.
-_CONES = ("pyramidal", "elliptic")
-_SOLVERS = ("PGS", "CG", "Newton")
+# MuJoCo's enumerations count their values from 0.
+_VALUES = {"cone": ("pyramidal", "elliptic"), "solver": ("PGS", "CG", "Newton")}
 
 
 @cache
@@ -431,32 +430,7 @@ class Chosen:
         """The longest step [s]; infinite where the steps are chosen by their error alone."""
         if self.settings.timestep is None and self.settings.adaptive:
             return np.inf
-        return float(self._option("timestep"))
-
-    @property
-    def cone(self) -> str:
-        """The shape of the friction cone."""
-        return self.settings.cone or _CONES[self._option("cone")]
-
-    @property
-    def solver(self) -> str:
-        """The solver of the constraints."""
-        return self.settings.solver or _SOLVERS[self._option("solver")]
-
-    @property
-    def tolerance(self) -> float:
-        """The solver's tolerance."""
-        return float(self._option("tolerance"))
-
-    @property
-    def impratio(self) -> float:
-        """The ratio of frictional to normal impedance."""
-        return float(self._option("impratio"))
-
-    @property
-    def noslip(self) -> bool:
-        """True if friction is solved a second time without its softness."""
-        return bool(self._option("noslip_iterations"))
+        return float(self.option("timestep"))
 
     @property
     def solref(self) -> tuple[float, float]:
@@ -487,10 +461,12 @@ class Chosen:
             spin = own.torsional
         return slide, spin, settings.rolling_friction
 
-    def _option(self, name: str) -> Any:
+    def option(self, name: str) -> Any:
         """Return a setting, or MuJoCo's default of the same name where it is open."""
-        value = getattr(self.settings, name, None)
-        return getattr(_mujocos_own()[0], name) if value is None else value
+        if (value := getattr(self.settings, name)) is not None:
+            return value
+        default = getattr(_mujocos_own()[0], name)
+        return _VALUES[name][default] if name in _VALUES else default
 
     @cached_property
     def normal_reference(self) -> tuple[float, float]:
@@ -502,8 +478,8 @@ class Chosen:
         """The rate b [1/s] at which slip dies out; solref's where solreffriction is ignored."""
         given = self.settings.solreffriction
         # MuJoCo ignores it in a pyramidal cone, and where both numbers are 0.
-        heeded = given is not None and any(given) and self.cone == "elliptic"
-        return self._reference(given if heeded and given else self.solref)[1]
+        heeded = given if given and any(given) and self.option("cone") == "elliptic" else None
+        return self._reference(heeded or self.solref)[1]
 
     def _reference(self, solref: tuple[float, float]) -> tuple[float, float]:
         """Return stiffness [1/s²] and damping [1/s] of a solref in either of its formats."""

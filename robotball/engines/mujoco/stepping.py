@@ -14,7 +14,7 @@ In order: the controls of a span of time, the torque limits, and the stepping of
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain, pairwise
 from typing import NamedTuple
@@ -59,7 +59,6 @@ _STANDING, _RESTING = 1e-8, 1e-13
 _APPROACH, _TURNED = 0.5, 2.0
 
 
-@dataclass
 class Control:
     """The controls of a model's hinges within one smooth span of time [s].
 
@@ -68,20 +67,14 @@ class Control:
     the shell's acceleration and the load are affine in it.
     """
 
-    model: Model
-    span: Sequence[float] = (0.0, 0.0)
-    resistance: float = field(init=False)  # m, to rolling
-    weight: float = field(init=False)  # N, on the plane of a ball that stands
-    shell: int = field(init=False)
-    trial: mujoco.MjData = field(init=False)  # in which torques on the shell are tried
-    tried: Array | None = None  # (2,) N m, the torque while one is
-
-    def __post_init__(self) -> None:
-        scene = self.model.scene
-        self.resistance = scene.friction.rolling
-        self.weight = float(-scene.ball.mass * scene.gravity_world[2])
-        self.shell = self.model.compiled.body("shell").id
-        self.trial = mujoco.MjData(self.model.compiled)
+    def __init__(self, model: Model) -> None:
+        self.model, scene = model, model.scene
+        self.span: Sequence[float] = (0.0, 0.0)
+        self.resistance = scene.friction.rolling  # m
+        self.weight = float(-scene.ball.mass * scene.gravity_world[2])  # N, of a ball that stands
+        self.shell = model.compiled.body("shell").id
+        self.trial = mujoco.MjData(model.compiled)  # in which torques on the shell are tried
+        self.tried: Array | None = None  # (2,) N m, the torque while one is
 
     def inside(self, t: float) -> float:
         """Return the time [s] of the span that is nearest to t."""
@@ -224,7 +217,6 @@ class _Limited:
         return float(self.law.torque(self.command.rate(t), angle, rate)) / self.limit
 
 
-@dataclass
 class _Switches:
     """The servos of a model that have a torque limit, and the side of each.
 
@@ -232,12 +224,9 @@ class _Switches:
     is constant, or OWN.
     """
 
-    control: Control
-    servos: tuple[_Limited, ...]
-    sides: list[int] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.set([0] * len(self.servos))
+    def __init__(self, control: Control, servos: tuple[_Limited, ...]) -> None:
+        self.control, self.servos = control, servos
+        self.set([0] * len(servos))
 
     def set(self, sides: list[int]) -> None:
         """Set the compiled model to each servo's side: its law alone, or a constant torque."""
@@ -249,10 +238,6 @@ class _Switches:
             compiled.actuator_biasprm[i] = 0.0 if at_limit else servo.bias
             if at_limit:
                 compiled.actuator_biasprm[i, 0] = side * servo.limit
-
-    def restore(self) -> None:
-        """Set the compiled model back to MuJoCo's own limits."""
-        self.set([_OWN] * len(self.servos))
 
     def steps(
         self, data: mujoco.MjData, length: float
@@ -358,7 +343,7 @@ def switched(control: Control) -> Iterator[_Switches | None]:
     try:
         yield switches
     finally:
-        switches.restore()
+        switches.set([_OWN] * len(servos))
 
 
 def _limited(model: Model) -> Iterator[_Limited]:
@@ -399,8 +384,9 @@ class _Stretch:
     samples: Array
 
     def __iter__(self) -> Iterator[tuple[list[float], float, int]]:
-        spans = zip(self.ends.tolist(), self.lengths.tolist(), self.counts.tolist(), strict=True)
-        yield from spans
+        yield from zip(
+            *(each.tolist() for each in (self.ends, self.lengths, self.counts)), strict=True
+        )
 
 
 def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
@@ -408,14 +394,14 @@ def stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> 
 
     Between two sample times or breakpoints lie the fewest equal steps not longer than `timestep`.
     """
+    # Piece by piece of the samples, so that a long run's stretches are not all in memory.
     for piece in pieces(len(times) - 1):
         some = times[piece.start : piece.stop + 1]
-        later = tuple(t for t in breakpoints if t > some[0])
-        yield from _stretches(some, later, timestep)
+        yield from _stretches(some, tuple(t for t in breakpoints if t > some[0]), timestep)
 
 
 def _stretches(times: Array, breakpoints: tuple[float, ...], timestep: float) -> Iterator[_Stretch]:
-    """Yield the stretches of a part of the samples, so that a long run's are not all in memory."""
+    """Yield the stretches of a piece of the samples."""
     ends, lengths, counts = spans(times, breakpoints, timestep)
     # A long span is cut into parts of LOOK steps.
     parts = np.ceil(counts / _LOOK).astype(int)
@@ -529,12 +515,7 @@ def _warnings(control: Control, start: Array, stretch: _Stretch, before: Array) 
     """
     data = _data_at(control, start)
     data.warning.number[:] = before
-    rows = []
-    for _, _, count in _set_for_each(control, stretch):
-        for _ in range(count):
-            mujoco.mj_step(control.model.compiled, data)
-            rows.append(data.warning.number.copy())
-    return np.array(rows)
+    return np.array([data.warning.number.copy() for _ in _each(control, None, data, stretch)])
 
 
 def _step_to_switches(

@@ -4,15 +4,14 @@ They are the loads and eigenvalues of MuJoCo's own model at its start, the rate 
 settle with the ball rolling under them, and the momentum that RK4 loses.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
 
 import mujoco
 import numpy as np
 
 import robotball.scene
 from robotball import equations as eq
+from robotball.engines.adapter import rk4
 from robotball.engines.mujoco.model import ModelHinge, build
 from robotball.engines.mujoco.readings import Readings
 from robotball.engines.mujoco.settings import Settings, recipe
@@ -57,13 +56,8 @@ def linearised_start(scene: Scene, settings: Settings) -> tuple[Loads, Array]:
     turning = np.zeros((nv - 3, 2 * nv - 3))
     turning[:, nv:] = np.eye(nv - 3)
     # A deviation of attitude is measured in axes that turn with the shell.
-    turning[:3, :3] = -_cross_matrix(qvel[3:6])
+    turning[:3, :3] = -np.cross(qvel[3:6], np.eye(3)).T  # -ω×
     return loads, np.linalg.eigvals(np.vstack([turning, np.array(columns).T]))
-
-
-def _cross_matrix(v: Array) -> Array:
-    """Return v× as a matrix (3, 3)."""
-    return np.cross(v, np.eye(3)).T
 
 
 _SEEN = 8  # angles of the pendulums at which the motors' rates are evaluated, 45° apart
@@ -161,20 +155,12 @@ class _Ball:
         attitude = multiply(scene.start.attitude, scene.principal_quaternion)
         self.start = np.array([*turning, *attitude])
 
-    @cached_property
-    def drives(self) -> Callable[[float], tuple[float, Array, Array]]:
-        """Time → the frame's angle on the shell, and the hinges' rates and accelerations."""
+    def drives(self, t: float) -> tuple[float, Array, Array]:
+        """Return the frame's angle on the shell, and the hinges' rates and accelerations."""
         drives = self.scene.drives
-
-        def evaluated(t: float) -> tuple[float, Array, Array]:
-            rates = np.array([float(drive.rate(t)) for drive in drives])
-            changes = np.array([float(drive.acceleration(t)) for drive in drives])
-            return float(drives[0].angle(t)), rates, changes
-
-        if not self.scene.steady:
-            return evaluated
-        _, rates, changes = evaluated(0.0)
-        return lambda t: (rates[0] * t, rates, changes)
+        rates = np.array([float(drive.rate(t)) for drive in drives])
+        changes = np.array([float(drive.acceleration(t)) for drive in drives])
+        return float(drives[0].angle(t)), rates, changes
 
     def rate(self, t: float, state: Array) -> Array:
         """Return d/dt of the state by (2.4)-(2.5)."""
@@ -223,13 +209,8 @@ def _loss(ball: _Ball, dt: float, steps: int) -> float:
     """Return the largest change of M over the steps [kg m²/s]."""
     state, M, worst = ball.start, ball.momentum(0.0, ball.start), 0.0
     for i in range(steps):
-        t = i * dt
-        k1 = ball.rate(t, state)
-        k2 = ball.rate(t + dt / 2, state + dt / 2 * k1)
-        k3 = ball.rate(t + dt / 2, state + dt / 2 * k2)
-        k4 = ball.rate(t + dt, state + dt * k3)
-        state = state + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        lost = float(np.linalg.norm(ball.momentum(t + dt, state) - M))
+        state = rk4(ball.rate, i * dt, state, dt)
+        lost = float(np.linalg.norm(ball.momentum(i * dt + dt, state) - M))
         if not np.isfinite(lost):
             return np.inf
         worst = max(worst, lost)

@@ -1,40 +1,24 @@
 """MuJoCo Warp as an engine: MuJoCo's models stepped by Warp on the processor, in 32 bits."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from robotball.engine import Ladder
-from robotball.engines.adapter import (
-    Adapter,
-    SteppedWorld,
-    StepSettings,
-    World,
-    by_name,
-    version_of,
-)
+from robotball.engines.adapter import Adapter, SteppedWorld, by_name, version_of
 from robotball.engines.links import State
-from robotball.engines.mujoco.mjx import shell_state
+from robotball.engines.mujoco.mjx import ModelSettings, shell_state
 from robotball.engines.mujoco.model import ModelHinge, build
-from robotball.engines.mujoco.settings import NAIVE, PRESETS, Settings
+from robotball.engines.mujoco.settings import NAIVE, PRESETS
 from robotball.motion import Label
 from robotball.motors import Servo
 from robotball.scene import Scene
 
 
-@dataclass(frozen=True, kw_only=True)
-class _WarpSettings(StepSettings):
-    """Settings of a MuJoCo Warp run; it takes the model and its options from MuJoCo's settings."""
-
-    model: Settings
-
-
 class _WarpWorld(SteppedWorld):
     """One world on Warp's processor device."""
 
-    def __init__(self, scene: Scene, settings: _WarpSettings, step: float) -> None:
+    def __init__(self, scene: Scene, settings: ModelSettings, step: float) -> None:
         super().__init__(scene)
         import mujoco_warp
         import warp
@@ -83,30 +67,24 @@ _SINGLE = replace(
     warmstart=None,
     island=None,
 )
-_AS_IT_COMES = _WarpSettings(
+_AS_IT_COMES = ModelSettings(
     name="as-it-comes", error_tolerance=1e-2, stop_at_fault=False, timestep=2e-3, model=NAIVE
 )
-_BEST = _WarpSettings(
+_BEST = ModelSettings(
     name="best", error_tolerance=1e-2, stop_at_fault=False, timestep=20e-3, model=_SINGLE
 )
 
 
-class _Warp(Adapter):
-    """MuJoCo Warp as an `Adapter`."""
-
-    label = Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900")
-    package = "mujoco_warp"
-    extra = "mujoco-warp"
-    requirements = ("mujoco-warp>=4.0", "warp-lang>=1.19")
-    ladders: Mapping[str, Ladder] = {"best": ("timestep", (20e-3, 10e-3))}
-    presets = by_name(_AS_IT_COMES, _BEST)
-
-    def lacks(self, scene: Scene, settings: _WarpSettings) -> str | None:
-        """Return that it lacks double precision."""
-        return "its state is in single precision"
-
-    def world(self, scene: Scene, settings: _WarpSettings, step: float) -> World:
-        return _WarpWorld(scene, settings, step)
+def _lacks(scene: Scene, settings: ModelSettings) -> str:
+    return "its state is in single precision"
 
 
-WARP = _Warp()
+WARP = Adapter(
+    label=Label("MuJoCo Warp", version_of("mujoco-warp"), "#76B900"),
+    packages=("mujoco_warp",),
+    extra="mujoco-warp",
+    ladders={"best": ("timestep", (20e-3, 10e-3))},
+    presets=by_name(_AS_IT_COMES, _BEST),
+    world=_WarpWorld,
+    lacks=_lacks,
+)

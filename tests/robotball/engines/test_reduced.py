@@ -1,19 +1,16 @@
 """`integrate` by the reduced equations: invariants, accuracy, edges, refusals."""
 
 import math
-import warnings
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, event, given, settings
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import robotball as rb
 from robotball.drives import Rate
+from robotball.engines import Compensated
 from robotball.engines.ensembles.orbits import Starts, kernel_start
 from robotball.engines.ensembles.steppers import PATH
 from robotball.equations import Rolling
@@ -35,7 +32,7 @@ def scene_of(
     moments: tuple[float, float, float],
     momentum: tuple[float, float, float],
     rotor_rate: float = 30.0,
-    **changes: Any,
+    duration: float = 2.0,
 ) -> rb.Scene:
     """A ball of radius 1 m and about 1 kg, with the frame's moments [kg m²] and one rotor."""
     least = min(moments)
@@ -44,14 +41,10 @@ def scene_of(
         frame=Frame(0.8, np.diag(moments)),
         rotors=(Rotor(0.1, 1e-3 * least, 1e-3 * least, np.array([1.0, 0.0, 0.0])),),
     )
-    scene = rb.Scene(
+    return rb.Scene(
         name="edge", title="", source="", ball=ball, rolling=rolling, frame_rate=1.0,
-        rotor_rates=(rotor_rate,), start=Start(TILTED, np.array(momentum)), duration=2.0,
+        rotor_rates=(rotor_rate,), start=Start(TILTED, np.array(momentum)), duration=duration,
     )  # fmt: skip
-    return replace(scene, **changes)
-
-
-# Invariants ------------------------------------------------------------------------------------
 
 
 def momentum_error(motion: rb.Motion) -> float:
@@ -79,18 +72,14 @@ EQUAL, FLAT, NEEDLE = (0.3, 0.35, 0.4), (1e6, 1e6, 1.9e6), (1.0, 1e6, 1e6)
 EDGES = {
     **{name: rb.load_scene(name) for name in FOUR},
     "A with ratios to 1e6": scene_of("rubber", NEEDLE, (1e6, 2.0, 0.0)),
-    "A with ratios to 1e6, classical": scene_of("classical", NEEDLE, (1.0, 2e3, 3.0)),
-    "I a billionth of d": scene_of("rubber", (1e-9, 1.1e-9, 1.2e-9), (1.0, 2.0, 0.0)),
     "I a millionth of d": scene_of("classical", (1e-6, 1.1e-6, 1.2e-6), (1e-6, 2e-6, 1e-6)),
     "I a million of d": scene_of("classical", FLAT, (1e5, 2e5, 3e5)),
     "M = 0": scene_of("rubber", EQUAL, (0.0, 0.0, 0.0)),
-    "M = 0, classical": scene_of("classical", EQUAL, (0.0, 0.0, 0.0)),
     "M near 0": scene_of("rubber", EQUAL, (1e-200, 0.0, 0.0)),
     "M along γ": scene_of("classical", EQUAL, (0.0, 0.0, 3.0)),
     "f near c²": scene_of("classical", EQUAL, (1e-9, 0.0, 3.0)),
     "a huge K": scene_of("rubber", EQUAL, (1.0, 2.0, 0.0), rotor_rate=1e6),
     "a huge K, classical": scene_of("classical", EQUAL, (1.0, 2.0, 3.0), rotor_rate=1e6),
-    "a huge M": scene_of("rubber", EQUAL, (1e3, 2e3, 0.0)),
 }
 
 
@@ -100,7 +89,7 @@ def test_invariants_hold_to_rounding(edge: str) -> None:
 
     Rounding of ω(M, γ) and back: measured at most 9e-16 of M, 4.4e-16 of the lengths.
     """
-    motion = rb.integrate(EDGES[edge], np.linspace(0.0, 10.0 if edge in FOUR else 0.1, 26))
+    motion = rb.integrate(EDGES[edge], np.linspace(0.0, 10.0 if edge in FOUR else 0.01, 26))
     assert momentum_error(motion) < 4e-15
     assert length_error(motion) < 2e-15
 
@@ -115,9 +104,6 @@ def test_a_long_motion_is_that_of_short_ones_and_keeps_the_invariants() -> None:
     assert np.abs(long.contact_point[:3] - short.contact_point).max() < 1e-12
     assert momentum_error(long) < 4e-15
     assert length_error(long) < 2e-15
-
-
-# Accuracy ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", FOUR)
@@ -143,22 +129,19 @@ def test_two_motions_that_agree_by_chance_leave_rounding() -> None:
 
 
 def right_path(scene: rb.Scene, times: Array) -> Array:
-    """Contact points (n, 2) by heyoka's Taylor series, in steps to 1e-19 of long doubles.
-
-    The ball's numbers are parameters, so that heyoka compiles once for each rolling model.
-    """
+    """Contact points (n, 2) by heyoka's Taylor series, in steps to 1e-19 of long doubles."""
     hy = pytest.importorskip("heyoka")  # for Linux alone
     from validation.bench.kernels import equations_of, pars_of
 
     starts = Starts(*kernel_start(scene))
+    # The ball's numbers are parameters: heyoka compiles once for each rolling model, and in compact
+    # mode in a tenth of the time.
     stepper = hy.taylor_adaptive(
         equations_of(PATH, scene.parameters),
-        np.array([*starts.attitudes[0], 0.0, 0.0], dtype=np.longdouble),
-        fp_type=np.longdouble,
-        tol=np.longdouble(1e-19),
-        compact_mode=True,  # it compiles in a tenth of the time
+        np.array([*starts.attitudes[0], 0.0, 0.0], dtype=np.longdouble), fp_type=np.longdouble,
+        tol=np.longdouble(1e-19), compact_mode=True,
         pars=pars_of(starts)[0].astype(np.longdouble),
-    )
+    )  # fmt: skip
     states = stepper.propagate_grid(times.astype(np.longdouble))[5]
     return starts.turned_back(np.array(states[None, :, 4:], dtype=float))[0]
 
@@ -179,18 +162,6 @@ def test_the_estimate_is_of_the_size_of_the_error(name: str, duration: float) ->
     assert 0.05 < off / motion.path_scale / motion.reference_error < 3
 
 
-# The same motion, asked for otherwise ------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", FOUR)
-def test_sample_times_do_not_change_the_motion(name: str) -> None:
-    """The end is the same to the last bit however densely the motion is sampled."""
-    scene = rb.load_scene(name)
-    few, many = (rb.integrate(scene, np.linspace(0.0, 5.0, n)) for n in (2, 501))
-    np.testing.assert_array_equal(few.contact_point[-1], many.contact_point[-1])
-    np.testing.assert_array_equal(few.attitude[-1], many.attitude[-1])
-
-
 def turned(scene: rb.Scene, axes: Rotation, heading: Rotation) -> rb.Scene:
     """The same ball with the frame's own axes turned, v_new = R v, in another heading."""
     R, ball, start = axes.as_matrix(), scene.ball, scene.start
@@ -206,22 +177,18 @@ def turned(scene: rb.Scene, axes: Rotation, heading: Rotation) -> rb.Scene:
     )
 
 
-angles = st.floats(-np.pi, np.pi)
-
-
-@settings(max_examples=5, phases=[Phase.generate])  # shrinking would take minutes
-@given(angles=st.tuples(angles, angles, angles, angles), name=st.sampled_from(FOUR))
-def test_neither_the_frames_axes_nor_the_heading_change_the_motion(
-    angles: tuple[float, float, float, float], name: str
-) -> None:
-    """The path is turned by the heading, ω and γ by the axes.
+@pytest.mark.parametrize("name", FOUR)
+def test_neither_axes_nor_heading_nor_samples_change_the_motion(name: str) -> None:
+    """The path is turned by the heading, ω and γ by the axes; its end is the same to the last bit.
 
     The principal axes are found anew and in another order, so every step rounds otherwise:
     measured 1.6e-14 m, 1.1e-14 in γ and 8.2e-14 rad/s of 20.
     """
     scene, times = rb.load_scene(name), np.linspace(0.0, 2.0, 11)
-    axes, heading = Rotation.from_euler("zyx", angles[:3]), Rotation.from_euler("z", angles[3])
+    axes, heading = Rotation.from_euler("zyx", (0.7, -1.1, 2.9)), Rotation.from_euler("z", -2.3)
     plain, other = (rb.integrate(s, times) for s in (scene, turned(scene, axes, heading)))
+    dense = rb.integrate(scene, np.linspace(0.0, 2.0, 501))
+    assert plain.contact_point[-1].tolist() == dense.contact_point[-1].tolist()
     path = plain.contact_point @ heading.as_matrix()[:2, :2].T
     assert np.abs(other.contact_point - path).max() < 5e-14
     assert np.abs(other.gamma - axes.apply(plain.gamma)).max() < 5e-14
@@ -238,40 +205,43 @@ def test_the_fraction_that_is_known_is_shown(equations: Literal["reduced", "mult
     assert shown[-1] < 1
 
 
-# What is refused ---------------------------------------------------------------------------------
+def test_a_long_sum_rounds_once() -> None:
+    """A path of a thousand steps, a million away from zero, ends within half its last place.
 
-
-def fast(**changes: Any) -> rb.Motion:
-    """A thousand steps of a ball that turns too often."""
-    return rb.integrate(scene_of("rubber", EQUAL, (1e6, 2e6, 0.0), **changes), max_steps=1000)
+    A plain sum is five places (5.8e-10) off there.
+    """
+    far = np.array([1e6])
+    path = Compensated(
+        lambda t, _: np.array([np.cos(t)]), (0.0, 10.0), far, 1.0, np.ones(1), max_step=0.01
+    )
+    while path.running:
+        path.step()
+    assert abs(path.state[0] - (1e6 + np.sin(10.0))) <= np.spacing(1e6) / 2
 
 
 def at(*times: float) -> rb.Motion:
     return rb.integrate(FIG12, np.array(times))
 
 
+QUICK = scene_of("rubber", EQUAL, (1e6, 2e6, 0.0))  # it turns too often for a thousand steps
+SINE = rb.Sine(amplitude=1.0, frequency=1.0)
 OFTEN = (
     r"1000 steps reach t = \S+ s of 2: the ball turns at 1\.\d+e\+06 rad/s, and the "
     r"whole needs some \S+e\+07 steps; shorten the motion or raise max_steps"
 )
 REFUSED = {
-    "at(0.0)": r"at least two, not of shape \(1,\)",
     "at([0.0, 1.0])": r"at least two, not of shape \(1, 2\)",
     "at(0.1, 0.2)": r"times must start at 0, not at 0\.1",
-    "at(0.0, 1.0, 1.0)": "times must increase: 1 follows 1",
     "at(0.0, 2.0, 1.5)": r"times must increase: 1\.5 follows 2",
-    "at(0.0, np.nan)": "times must be finite",
     "at(0.0, np.inf)": "times must be finite",
-    "fast()": OFTEN,
-    "fast(frame_rate=rb.Sine(amplitude=1.0, frequency=1.0))": OFTEN,
+    "rb.integrate(QUICK, max_steps=1000)": OFTEN,
+    "rb.integrate(replace(QUICK, frame_rate=SINE), max_steps=1000)": OFTEN,
     "rb.integrate(scene_of('rubber', EQUAL, (1e60, 0.0, 0.0)))":
         r"the ball may turn at .*e\+59 rad/s, of at",
-    "rb.integrate(scene_of('classical', (1e-100,) * 3, (1.0, 0.0, 0.0)))":
-        r"the ball may turn at .* rad/s",
     "rb.integrate(scene_of('rubber', EQUAL, (0.0, 0.0, 0.0), duration=1e20))":
         r"1e\+20 s would be 5e\+21 samples .* times of your own",
     "rb.integrate(FIG12, rtol=0.0)": "rtol must be at least 1e-15 and less than 1, not 0",
-    "rb.integrate(FIG12, rtol=1.0)": "rtol must be at least 1e-15 and less than 1, not 1",
+    "rb.integrate(FIG12, rtol=1.0)": "rtol must be .* less than 1, not 1",
     "rb.integrate(FIG12, equations='reduce')": "no set of equations is called 'reduce'; did you",
     "rb.design((1e-140,) * 3, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), radius=1.0)":
         r"A must lie between 1e-50 and 1e\+50 1/\(kg m²\), not at",
@@ -287,74 +257,63 @@ def test_what_has_no_motion_is_refused_in_a_line(snippet: str, message: str) -> 
         eval(snippet, globals())
 
 
-# Anything ----------------------------------------------------------------------------------------
-
-
-@st.composite
-def any_scene(draw: st.DrawFn) -> rb.Scene:
+def any_scene(rng: np.random.Generator) -> rb.Scene:
     """Bodies, rates and momenta over hundreds of decades; half of them within the usual twenty."""
-    decades = draw(st.sampled_from([3.0, 10.0, 10.0, 45.0, 150.0]))
+    decades = rng.choice([3.0, 10.0, 10.0, 45.0, 150.0])
 
-    def size(most: float = decades) -> float:
+    def size(most: float = 150.0) -> float:
         """A positive number over so many decades either side of 1."""
-        return float(10 ** draw(st.floats(-min(decades, most), min(decades, most))))
+        return float(10 ** rng.uniform(-min(decades, most), min(decades, most)))
 
     def signed() -> float:
-        return draw(st.sampled_from([-1.0, 0.0, 1.0])) * size()
+        return float(rng.choice([-1.0, 0.0, 1.0])) * size()
 
     def direction() -> Array:
-        return draw(st.sampled_from([*rotation_matrix(TILTED), *np.eye(3)]))
+        return rng.choice([*rotation_matrix(TILTED), *np.eye(3)])
 
     def rate() -> Rate:
-        kinds: list[Callable[[], Rate]] = [
-            signed,
-            lambda: rb.Ramp(final=signed(), initial=signed(), end=size()),
-            lambda: rb.Sine(amplitude=signed(), frequency=size(), mean=signed()),
-        ]
-        return draw(st.sampled_from(kinds))()
+        ramp = rb.Ramp(final=signed(), initial=signed(), end=size())
+        sine = rb.Sine(amplitude=signed(), frequency=size(), mean=signed())
+        return (signed(), ramp, sine)[rng.integers(3)]
 
     radius, mass = size(100.0), size()
-    parts = [mass, *(mass * size(9.0) for _ in range(draw(st.integers(0, 3))))]
-    axial = [part * radius * radius * draw(st.floats(0.1, 1.0)) for part in parts]
-    x, y, z = (
-        mass * radius * radius * 10 ** draw(st.floats(-min(decades, 20.0), 0.0)) for _ in "xyz"
-    )
-    axes = rotation_matrix(draw(st.sampled_from([STILL, TILTED])))
+    parts = [mass, *(mass * size(9.0) for _ in range(rng.integers(4)))]
+    axial = [part * radius * radius * rng.uniform(0.1, 1.0) for part in parts]
+    x, y, z = mass * radius**2 * 10 ** rng.uniform(-min(decades, 20.0), 0.0, 3)
+    axes = rotation_matrix(rng.choice([STILL, TILTED]))
     inertia = axes @ np.diag([y + z, x + z, x + y]) @ axes.T
     ball = Ball(
-        Shell(radius, mass, axial[0], axial[0] * draw(st.floats(0.5, 1e3)), direction()),
+        Shell(radius, mass, axial[0], axial[0] * 10 ** rng.uniform(-0.3, 3.0), direction()),
         Frame(mass, (inertia + inertia.T) / 2),
         tuple(Rotor(m, j, j, direction()) for m, j in zip(parts[1:], axial[1:], strict=True)),
     )
-    rolling: Rolling = draw(st.sampled_from(("rubber", "classical")))
+    rolling: Rolling = ("rubber", "classical")[rng.integers(2)]
     momentum = direction() * ball.d * signed() * [1.0, 1.0, float(rolling == "classical")]
     return rb.Scene(
         name="any", title="", source="", ball=ball, rolling=rolling, frame_rate=rate(),
         rotor_rates=tuple(rate() for _ in parts[1:]), duration=size(), gravity=size(),
-        start=Start(draw(st.sampled_from([STILL, TILTED])), momentum),
+        start=Start(rng.choice([STILL, TILTED]), momentum),
     )  # fmt: skip
 
 
-@settings(max_examples=100, phases=[Phase.generate], suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_any_scene_gives_finite_numbers_or_one_line(data: st.DataObject) -> None:
+@pytest.mark.filterwarnings("error")
+def test_any_scene_gives_finite_numbers_or_one_line() -> None:
     """No traceback, no warning, no number that is not finite, whatever the scene.
 
-    Half of the examples finish; the step limit ends most others, and the rest are refused.
+    A third finish; the step limit ends most others, and the rest are refused.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    refused: list[str] = []
+    for seed in range(100):
         try:
-            scene = data.draw(any_scene())
+            scene = any_scene(np.random.default_rng(seed))
             motion = rb.integrate(scene, np.array([0.0, 0.3, 1.0]) * scene.duration, max_steps=60)
         except rb.InputError as error:
-            message = str(error)
-        else:
-            loads = motion.loads
-            needs = (loads.sliding_friction, loads.torsional_friction, motion.motor_powers)
-            for numbers in (motion.contact_point, motion.angular_velocity, *needs):
-                assert np.isfinite(numbers).all()
-            assert length_error(motion) < 2e-15
-            message = "finished"
-    event(message[:20])
-    assert len(message.splitlines()) == 1
+            refused.append(str(error))
+            continue
+        loads = motion.loads
+        needs = (loads.sliding_friction, loads.torsional_friction, motion.motor_powers)
+        for numbers in (motion.contact_point, motion.angular_velocity, *needs):
+            assert np.isfinite(numbers).all()
+        assert length_error(motion) < 2e-15
+    assert 20 < len(refused) < 80
+    assert "\n" not in "".join(refused)

@@ -1,7 +1,6 @@
 """MuJoCo rolls any robot as ideal rolling does, where the plane's load varies as well."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
 
@@ -45,13 +44,11 @@ SCENES = {
     **{name: worked(name) for name in ("W1", "W2", "W4", "W5")},
     "light": times_mass(1e-6),
     "heavy": times_mass(1e6),
-    "tilted": replace(rb.load_scene("fig12"), gravity_direction=SLOPE),
     "resisting": replace(rb.load_scene("fig12"), friction=RESISTING),
     "resisting classical": replace(rb.load_scene("classical_regular"), friction=RESISTING),
     "resisting W4": replace(worked("W4"), friction=Friction(rolling=0.005)),
     "resisting W5": replace(worked("W5"), friction=Friction(rolling=0.005)),
     "shell alone": ALONE,
-    "off centre": rb.load_scene("offset_routh_sphere"),
     # Rotors, pendulums, every motor, inclined planes; these are not chaotic.
     **{f"random {i}": random_scene(np.random.default_rng(i)) for i in (0, 3, 14)},
     "tree": random_tree(np.random.default_rng(3), framed=False),
@@ -71,18 +68,14 @@ LIKE_THE_EQUATIONS = {
     ("W4", "adaptive"): 9e-13,  # 2.9e-13: DOP853 finds no switch, it steps across in small steps
     ("W4", "balanced"): 9e-8,  # 3.0e-8: RK4's error, in all below
     ("W5", "adaptive"): 1.5e-11,  # 5.0e-12
-    ("W5", "accurate"): 6e-10,  # 2.1e-10
-    ("tilted", "accurate"): 2.6e-12,  # 8.6e-13
     ("resisting", "accurate"): 3.6e-12,  # 1.2e-12
     ("resisting classical", "accurate"): 2.4e-11,  # 7.9e-12
     # Under a varying load; W4 stands at times.
     ("resisting W4", "accurate"): 1.5e-9,  # 4.9e-10
-    ("resisting W5", "balanced"): 8.7e-8,  # 2.9e-8
     ("resisting W5", "adaptive"): 1e-11,  # 3.4e-12
     ("shell alone", "accurate"): 1.8e-13,  # 5.9e-14
     ("light", "accurate"): 3e-11,  # 9.9e-12
     ("heavy", "accurate"): 3e-11,  # 1.0e-11
-    ("off centre", "accurate"): 2.2e-12,  # 7.2e-13
     ("tree", "accurate"): 2.2e-10,  # 7.5e-11
     ("framed tree", "balanced"): 6.5e-8,  # 2.1e-8
     ("framed tree", "adaptive"): 4.7e-12,  # 1.6e-12: as of W4
@@ -97,8 +90,6 @@ def test_any_robot_rolls_as_its_equations_say(name: str, settings: str) -> None:
     """Unbalanced, by motors of its own, on an inclined plane, or on one that resists rolling."""
     agreement = agreement_of(name, settings)
     assert agreement.faults == ()
-    if name == "off centre":  # the centre hardly moves, so the lever arm keeps its length
-        assert np.abs(agreement.report.depth).max() < 3e-11 * agreement.scene.ball.radius  # 8.7e-12
     assert known(agreement.path_error) < LIKE_THE_EQUATIONS[name, settings]
 
 
@@ -129,12 +120,7 @@ def test_forces_torques_and_momentum_are_those_of_the_equations() -> None:
 
 def test_a_step_across_a_torque_limit_costs_two_orders(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where steps do not end on the switches, W4 is off by 2.9e-6 at 5 ms, not by 3e-8."""
-
-    @contextmanager
-    def none(control: object) -> Iterator[None]:
-        yield None
-
-    monkeypatch.setattr(stepping, "switched", none)
+    monkeypatch.setattr(stepping, "switched", lambda control: nullcontext())
     theory = agreement_of("W4", "balanced").theory
     assert known(compare(worked("W4"), "balanced", theory=theory).path_error) > 1e-6
 
@@ -142,28 +128,23 @@ def test_a_step_across_a_torque_limit_costs_two_orders(monkeypatch: pytest.Monke
 def test_a_robot_at_rest_keeps_its_contact() -> None:
     """Its weight straight below the centre, so that the rounding of Newton's accelerations is all.
 
-    Of 35 radii and masses these creep most: by 0.051 and 0.47 of the contact's depth. One that is
-    too hard, at a softness of 1e-5, it leaves, and falls back 0.5 mm deep.
+    W2's shell of another radius, with a box that hangs a third of it low. Of 35 radii and masses
+    these creep most: by 0.051 and 0.31 of the contact's depth. One that is too hard, at a softness
+    of 1e-5, it leaves, and falls back 0.5 mm deep.
     """
 
     def crept(radius: float, mass: float, settings: rb.Settings) -> float:
-        model = build(at_rest(radius, mass), settings)
+        frame = Frame(mass, box_inertia(mass, 0.1, 0.1, 0.05), np.array([0.0, 0.0, -radius / 3]))
+        ball = Ball(thin_shell(radius, 1.0), frame, ())
+        model = build(robot("rest", ball, "rubber", [0.0], (1.0, 0.0, 0.0, 0.0)), settings)
         report = run(model, np.linspace(0.0, 0.1, 21)).report
         return float(np.abs(report.depth).max() / model.compiled.pair_margin[0])
 
     balanced = rb.preset("balanced")
-    for radius, mass in ((0.1, 0.1), (0.1, 3.3), (0.12, 0.5), (0.37, 0.1)):
-        assert crept(radius, mass, balanced) < 0.15
-        assert crept(radius, mass, rb.preset("adaptive")) < 0.9
+    assert crept(0.37, 0.1, balanced) < 0.15
+    assert crept(0.12, 0.5, rb.preset("adaptive")) < 0.9
     hard = replace(for_load(balanced, worked("W2")), softness=1e-5, solref=(0.04, 1.0))
     assert crept(0.1, 1.0, hard) > 1e5
-
-
-def at_rest(radius: float, mass: float) -> rb.Scene:
-    """W2's shell, of another radius, with a box in it that hangs a third of the radius low."""
-    frame = Frame(mass, box_inertia(mass, 0.1, 0.1, 0.05), np.array([0.0, 0.0, -radius / 3]))
-    ball = Ball(thin_shell(radius, 1.0), frame, ())
-    return robot("rest", ball, "rubber", [0.0], (1.0, 0.0, 0.0, 0.0))
 
 
 def test_a_ball_that_lifts_off_loses_its_contact_then() -> None:
@@ -177,17 +158,13 @@ def test_a_ball_that_lifts_off_loses_its_contact_then() -> None:
     assert fault.time == pytest.approx(6.404846, abs=5e-3)  # a step; measured 1.5e-4 late
 
 
-def test_resistance_goes_with_the_load_and_not_with_the_weight(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Resistance by W5's weight alone is off by 1.2e-2, where its load is off by 1.3e-10."""
-
-    def by_weight(control: stepping.Control, data: object, along: object) -> float:
-        return control.resistance * control.weight
-
-    monkeypatch.setattr(stepping.Control, "_resisting", by_weight)
+def test_resistance_goes_with_the_load_not_the_weight(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Resistance by W5's weight alone is off by 1.2e-2, where its load is off by 2.9e-8."""
+    monkeypatch.setattr(
+        stepping.Control, "_resisting", lambda control, *_: control.resistance * control.weight
+    )
     theory = agreement_of("resisting W5", "adaptive").theory
-    agreement = compare(SCENES["resisting W5"], "accurate", theory=theory)
+    agreement = compare(SCENES["resisting W5"], "balanced", theory=theory)
     assert known(agreement.path_error) > 4e-3
 
 

@@ -21,7 +21,6 @@ pytestmark = pytest.mark.core
 FIG12 = rb.load_scene("fig12")
 FAST = rb.preset("fast")
 KEEP_GOING = replace(FAST, stop_at_fault=False)
-SEED = 7
 
 # (scene, settings, what is reported)
 FAULTS: dict[str, tuple[rb.Scene, rb.Settings, set[str]]] = {
@@ -57,7 +56,14 @@ def test_what_goes_wrong_is_reported(name: str) -> None:
 
 
 def test_a_diverging_run_ends_at_the_step_that_diverged() -> None:
-    """Explicit steps of half a second blow up: no sample after that, no measure, one cause."""
+    """Explicit steps of half a second blow up: no sample after that, no measure, one cause.
+
+    A fault at the very first state leaves no sample, but a verdict.
+    """
+    slippery = replace(FAST, sliding_friction=0.2)
+    agreement = compare(FIG12, slippery, np.linspace(0.0, 1.0, 11))
+    assert (len(agreement.motion.times), agreement.path_error) == (0, None)
+    assert "t = 0 s" in agreement.verdict
     long = replace(KEEP_GOING, timestep=0.5, integrator="Euler")
     agreement = compare(FIG12, long, np.arange(21) / 2)
     diverged = [fault for fault in agreement.faults if fault.fatal]
@@ -75,38 +81,18 @@ def test_too_little_friction_is_reported_from_the_moment_it_slips() -> None:
     stop there ends before, and lists that fault alone.
     """
     demand = rb.simulate(FIG12, settings=FAST).loads.sliding_friction
-    slippery = replace(FAST, sliding_friction=1.0)
-    on = rb.simulate(FIG12, settings=replace(slippery, stop_at_fault=False))
+    slippery, times = replace(FAST, sliding_friction=1.0), rb.sample_times(1.0)
+    on = rb.simulate(FIG12, times, replace(slippery, stop_at_fault=False))
     first = on.report.faults[0]
     assert first.text == "contact lost"
     assert "friction cone saturated" in [fault.text for fault in on.report.faults]
     assert first.time == pytest.approx(FIG12.times[np.argmax(demand > 1.0)])
     assert demand.max() == pytest.approx(1.3214, abs=1e-3)
-    assert on.times[-1] == 10.0
-    motion = rb.simulate(FIG12, settings=slippery)
+    assert on.times[-1] == 1.0
+    motion = rb.simulate(FIG12, times, slippery)
     (fault,) = motion.report.faults
     assert (fault.text, fault.fatal, fault.time) == ("contact lost", True, first.time)
     assert motion.times[-1] < fault.time <= motion.times[-1] + 0.02 * (1 + 1e-9)
-
-
-def test_a_run_that_ends_at_once_still_compares() -> None:
-    """A fault at the very first state: no samples, no measures, a verdict."""
-    slippery = replace(FAST, sliding_friction=0.2)
-    agreement = compare(FIG12, slippery, np.linspace(0.0, 1.0, 11))
-    assert len(agreement.motion.times) == 0
-    assert agreement.path_error is None
-    assert "t = 0 s" in agreement.verdict
-
-
-def test_a_weak_motor_of_the_scenes_own_is_told_and_goes_on() -> None:
-    """At its torque limit it makes another motion, which is rolled to the end."""
-    scene = rb.load_scene("servo_motors")
-    motors = tuple(Servo(gain=100.0, torque_limit=0.05) for _ in scene.motors)
-    motion = rb.simulate(replace(scene, motors=motors), rb.sample_times(2.0))
-    notes = [note.text for note in motion.report.notes]
-    assert notes == [f"{body}'s motor at its torque limit" for body in ("frame", "rotor1")]
-    assert motion.report.faults == ()
-    assert motion.times[-1] == 2.0
 
 
 def rows_of(model: Model, duration: float) -> Array:
@@ -159,17 +145,13 @@ def test_a_slip_is_a_fault_from_its_limit_on(name: str) -> None:
     assert [each.fault.time for part in parts for each in part] == [time]
 
 
-def test_a_reset_is_seen_by_its_clock() -> None:
-    """MuJoCo resets a bad state to time 0 and goes on; time going back gives it away."""
+def test_a_reset_and_mujocos_own_warnings_are_faults() -> None:
+    """Time that goes back gives away a reset; a control that MuJoCo calls bad has a counter."""
     model = build(FIG12, FAST)
     rows = rows_of(model, 0.08)
     ((_, fault),) = Monitor(model).look(Readings(model, np.array([*rows[:3], *rows[:3]])))
     assert fault.fatal
     assert fault.text == "time went back: the engine reset the state"
-
-
-def test_mujocos_own_warnings_are_faults() -> None:
-    """A control that MuJoCo calls bad is a fault with the counter's name."""
     model = build(FIG12, replace(FAST, drive=Servo(gain=1.0)))
     data = model.start_data()
     data.ctrl[0] = np.nan
@@ -181,7 +163,7 @@ def test_mujocos_own_warnings_are_faults() -> None:
 def test_the_cone_used_is_one_on_its_surface(cone: str) -> None:
     """A sliding contact's force lies on the cone of its own kind."""
     slippery = replace(KEEP_GOING, timestep=2e-3, cone=cone, sliding_friction=0.05)
-    used = rb.simulate(FIG12, np.linspace(0.0, 1.0, 51), slippery).report.friction_used
+    used = rb.simulate(FIG12, rb.sample_times(0.2), slippery).report.friction_used
     # Measured 1 + 2.2e-16: rounding.
     assert used.max() == pytest.approx(1.0, abs=2e-15)
 
@@ -212,14 +194,12 @@ def test_every_step_is_read_with_the_warnings_so_far() -> None:
 @pytest.mark.parametrize("number", [6, 10, 15, 19, 27, 34])
 def test_no_extreme_run_fails_unreported(number: int) -> None:
     """Far out along one to three axes: a path over 10 % off is warned of, or stopped, or both."""
-    each = judged(extreme(SEED, number))
-    assert each.failed
-    assert each.reported
+    each = judged(extreme(7, number))
+    assert (each.failed, bool(each.reported)) == (True, True)
 
 
-@pytest.mark.parametrize("number", [1, 2, 6, 12, 17, 18])
+@pytest.mark.parametrize("number", [1, 2, 12, 17])
 def test_no_ordinary_run_is_called_wrong(number: int) -> None:
     """A recipe preset on a varied ball of the catalog: no warning, no fault, within tolerance."""
-    each = judged(ordinary(SEED, number))
-    assert each.within
-    assert not each.reported
+    each = judged(ordinary(7, number))
+    assert (each.within, bool(each.reported)) == (True, False)

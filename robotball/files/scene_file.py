@@ -130,7 +130,7 @@ def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | Non
     try:
         given = msgspec.toml.decode(text)
         if "robot" in given or controls:
-            from robotball.files.robot_table import scene_of_robot
+            from robotball.files.robot_file import scene_of_robot
 
             return scene_of_robot(path, given, controls or {})
         table = msgspec.convert(given, SceneTable)
@@ -507,12 +507,12 @@ def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
 def _of_file(table: MjcfTable | UrdfTable, folder: Path) -> Solid:
     """Return the body of a file, laid where its table says."""
     # Loaded late: few scenes have such a body, and its reader starts a process.
-    from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
+    from robotball.files.robot_file import solid_of_file
 
     if isinstance(table, MjcfTable):
-        solid = solid_of_mjcf(folder / table.file, table.body)
+        solid = solid_of_file(folder / table.file, "body", table.body)
     else:
-        solid = solid_of_urdf(folder / table.file, table.link)
+        solid = solid_of_file(folder / table.file, "link", table.link)
     R = rotation_matrix(starts.unit("attitude", np.array(table.attitude)))
     return Solid(solid.mass, np.array(table.origin) + R @ solid.centre, R @ solid.inertia @ R.T)
 

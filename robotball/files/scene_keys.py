@@ -223,7 +223,7 @@ def _documented(name: str) -> inspect.StructType:
     if name == "hinge":
         return _struct(HingeTable)
     if name == "robot":
-        from robotball.files.robot_table import RobotTable  # with MuJoCo, which reads robots
+        from robotball.files.robot_file import RobotTable  # with MuJoCo, which reads robots
 
         return _struct(RobotTable)
     # Parts and commands are alike in every body; those of the frame stand for all.

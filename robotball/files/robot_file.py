@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import msgspec
 import mujoco
@@ -695,10 +695,10 @@ def _law(model: Any, i: int, name: str) -> Law:
     return Law(float(gain[0]), -b1, -b2, b0)
 
 
-def solid_of_file(path: Path, kind: Literal["body", "link"], name: str) -> Solid:
-    """Return a body of an MJCF file, or a link of a URDF file, with all that is fixed to it.
+def solid_of_file(path: Path, kind: str, name: str) -> Solid:
+    """Return a "body" of an MJCF file, or a "link" of a URDF file, with all that is fixed to it.
 
-    It is in the body's own axes. Raises InputError where the file cannot be loaded or has no such
+    It is in its own axes. Raises InputError where the file cannot be loaded or has no such
     body, or the body has no inertia or carries others that move on it.
     """
     # The masses of an MJCF file may follow from geoms. A URDF file's links have their inertials:

@@ -26,7 +26,6 @@ from robotball.files.scene_tables import (
     FrameTable,
     HingeTable,
     MjcfTable,
-    NumbersTable,
     Part,
     PendulumTable,
     RotorTable,
@@ -56,10 +55,10 @@ from robotball.rotations import Array, Z, direction, rotation_matrix
 from robotball.scene import Friction, Scene, Start
 
 if TYPE_CHECKING:
-    from robotball.designing import Design
     from robotball.motors import Motor
 
 CATALOG = Path(__file__).parent.parent / "scenes"
+_Body = FrameTable | RotorTable | PendulumTable
 _MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # Relative: as far as a composed body may miss its symmetry by the rounding of its parts' sums.
 _SYMMETRIC = 1e-9
@@ -176,7 +175,7 @@ def _scene(path: Path, table: SceneTable) -> Scene:
         start=replace(_start(table.start, ball), hinge_angles=np.array([h.angle for h in hinges])),
         duration=table.duration,
         gravity=table.gravity,
-        gravity_direction=_down(table.gravity_direction),
+        gravity_direction=tuple(_axis("gravity_direction", table.gravity_direction).tolist()),
         friction=Friction(*msgspec.structs.astuple(table.friction)),
         motors=tuple(h.motor for h in hinges) if any(h.motor for h in hinges) else (),
     )
@@ -205,7 +204,11 @@ def _robot(table: SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
     if table.numbers is not None:
         if table.shell or table.frame or table.rotor or table.pendulum:
             raise InputError("a scene takes bodies or numbers, not both")
-        found = _design_of(table.numbers)
+        from robotball.designing import design  # few scenes have no bodies of their own
+
+        given = table.numbers
+        A = _tensor("numbers.A takes a diagonal of three, or three rows of three", given.A)
+        found = design(A, given.Omega, given.K, given.radius, given.mass)
         return found.ball, [_ReadHinge(rate) for rate in (found.frame_rate, *found.rotor_rates)]
     if table.shell is None or table.frame is None:
         missing = "frame" if table.shell else "shell"
@@ -223,17 +226,9 @@ def _robot(table: SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
     return ball, [_hinge(name, each, folder) for name, each in hinged]
 
 
-def _down(v: Triple) -> Triple:
-    x, y, z = direction("gravity_direction", np.array(v)).tolist()
-    return (x, y, z)
-
-
-def _design_of(numbers: NumbersTable) -> "Design":
-    """Return the bodies for a [numbers] table. Raises InputError where there are none."""
-    from robotball.designing import design
-
-    A = _tensor("numbers.A takes a diagonal of three, or three rows of three", numbers.A)
-    return design(A, numbers.Omega, numbers.K, numbers.radius, numbers.mass)
+def _axis(name: str, v: Triple) -> Array:
+    """Return the unit vector (3,) along one of any length."""
+    return direction(name, np.array(v))
 
 
 def _tensor(what: str, rows: Rows) -> Array:
@@ -267,13 +262,10 @@ def _check_keys(name: str, table: HingeTable) -> None:
             unit = unit_of(HingeTable, each)
             raise InputError(f'{name}: drive = "{drive}" needs the key {each!r} [{unit}]')
     # A key of another drive would do nothing, and its author thinks that it does.
-    owners: dict[str, list[str]] = {}
-    for owner, kind in DRIVES.items():
-        for each in kind.allowed:
-            owners.setdefault(each, []).append(f'"{owner}"')
-    for each in table.given(*owners):
+    for each in table.given(*(key for kind in DRIVES.values() for key in kind.allowed)):
         if each not in DRIVES[drive].allowed:
-            listed = " or ".join(owners[each])
+            owners = (f'"{owner}"' for owner, kind in DRIVES.items() if each in kind.allowed)
+            listed = " or ".join(owners)
             raise InputError(f'{name}: {each} belongs to drive = {listed}, not to "{drive}"')
 
 
@@ -314,7 +306,9 @@ def _start(table: StartTable, ball: Ball) -> Start:
         and len(given & _MOMENTUM_KEYS) == 1
     ):
         attitude = _attitude(table)
-        return Start(attitude, _momentum(table, rotation_matrix(attitude)))
+        if table.momentum:
+            return Start(attitude, rotation_matrix(attitude) @ np.array(table.momentum))
+        return Start(attitude, np.array(table.momentum_world or (0.0, 0.0, 0.0)))
     keys = ", ".join(sorted(given)) or "nothing"
     raise InputError(f"start gives {keys}; it takes one form: {_START_FORMS}")
 
@@ -344,32 +338,21 @@ def _attitude(table: StartTable) -> Array:
     return starts.attitude_of_axes(starts.unit("gamma", gamma), starts.unit("alpha", alpha))
 
 
-def _momentum(table: StartTable, to_world: Array) -> Array:
-    """Return M (3,) in world axes of a table with one of _MOMENTUM_KEYS."""
-    if table.momentum:
-        return to_world @ np.array(table.momentum)
-    if table.momentum_world:
-        return np.array(table.momentum_world)
-    return np.zeros(3)
-
-
-def _one_of(name: str, ways: dict[str, list[str]]) -> str:
-    """Return the alternative whose keys the user gave. Raises InputError for none or several."""
-    used = [way for way, keys in ways.items() if keys]
-    if len(used) != 1:
-        given = " and ".join(", ".join(ways[way]) for way in used) or "nothing"
+def _check_one_way(name: str, numbers: str, keys: list[str], table: ShellTable | _Body) -> None:
+    """Raise InputError unless a body is given by its numbers, by parts or by a file alone."""
+    ways = {numbers: keys, **{each: table.given(each) for each in ("part", "mjcf", "urdf")}}
+    if len(used := list(filter(None, ways.values()))) != 1:
+        given = " and ".join(map(", ".join, used)) or "nothing"
         raise InputError(f"{name} gives {given}; it takes {', or '.join(ways)}")
-    return used[0]
 
 
 def _shell(table: ShellTable, folder: Path) -> Shell:
     """Return the shell. Raises InputError for no mass, or no symmetry about its axis."""
     check_positive("the shell's radius", table.outer, "m")
-    radius, axis = table.outer, direction("shell.axis", np.array(table.axis))
+    radius, axis = table.outer, _axis("shell.axis", table.axis)
     wall = table.given("mass", "density", "material", "thickness", "inertia")
     if file := table.mjcf or table.urdf:
-        ways = {each: table.given(each) for each in ("part", "mjcf", "urdf")}
-        _one_of("shell", {"mass and thickness": wall, **ways})
+        _check_one_way("shell", "mass and thickness", wall, table)
         solids = [_of_file(file, folder)]
     else:
         solids = _solids("shell", table.part or [], axis)
@@ -431,7 +414,7 @@ def _frame(table: FrameTable, radius: float, folder: Path) -> Frame:
 
 def _rotor(name: str, table: RotorTable, radius: float, folder: Path) -> Rotor:
     """Return a rotor in a shell of this radius [m]. Raises InputError for no symmetry."""
-    axis = direction(f"{name}'s axis", np.array(table.axis))
+    axis = _axis(f"{name}'s axis", table.axis)
     solid = _solid(name, table, radius, folder, axis)
     # As given, where they are: those of the tensor would be rounded.
     if isinstance(table.inertia, Axial):
@@ -444,21 +427,14 @@ def _rotor(name: str, table: RotorTable, radius: float, folder: Path) -> Rotor:
 def _pendulum(name: str, table: PendulumTable, radius: float, folder: Path) -> Pendulum:
     """Return a pendulum in a shell of this radius [m]."""
     solid = _solid(name, table, radius, folder)
-    axis, pivot = direction(f"{name}'s axis", np.array(table.axis)), np.array(table.pivot)
+    axis, pivot = _axis(f"{name}'s axis", table.axis), np.array(table.pivot)
     return Pendulum(solid.mass, solid.inertia, solid.centre, axis, pivot, shapes=solid.shapes)
 
 
-def _solid(
-    name: str,
-    table: FrameTable | RotorTable | PendulumTable,
-    radius: float,
-    folder: Path,
-    axis: Array = Z,
-) -> Solid:
+def _solid(name: str, table: _Body, radius: float, folder: Path, axis: Array = Z) -> Solid:
     """Return a body's mass, centre and inertia; `axis` (3,) is that of its parts."""
     numbers = table.given("mass", "inertia", "centre")
-    ways = {each: table.given(each) for each in ("part", "mjcf", "urdf")}
-    _one_of(name, {"mass and inertia": numbers, **ways})
+    _check_one_way(name, "mass and inertia", numbers, table)
     if file := table.mjcf or table.urdf:
         solid = _of_file(file, folder)
     elif table.part is not None:
@@ -509,10 +485,8 @@ def _of_file(table: MjcfTable | UrdfTable, folder: Path) -> Solid:
     # Loaded late: few scenes have such a body, and its reader starts a process.
     from robotball.files.robot_file import solid_of_file
 
-    if isinstance(table, MjcfTable):
-        solid = solid_of_file(folder / table.file, "body", table.body)
-    else:
-        solid = solid_of_file(folder / table.file, "link", table.link)
+    kind, name = ("body", table.body) if isinstance(table, MjcfTable) else ("link", table.link)
+    solid = solid_of_file(folder / table.file, kind, name)
     R = rotation_matrix(starts.unit("attitude", np.array(table.attitude)))
     return Solid(solid.mass, np.array(table.origin) + R @ solid.centre, R @ solid.inertia @ R.T)
 

@@ -1,22 +1,26 @@
 """Draw two motions frame by frame: two balls under one camera, and the error below them.
 
 Each ball has its engine's colour. A sheet has the title, the names, the time, and the distance of
-the contact points with a moving cursor; all that does not change is drawn once.
+the contact points with a moving cursor; all that does not change is drawn once. Frames are encoded
+one by one, so that memory does not grow with a film's length.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
+import imageio_ffmpeg
 import matplotlib
+import mediapy
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
 
 from robotball.errors import InputError, check_positive
+from robotball.files.replacing import replacing
 from robotball.film import gl
 from robotball.film import looks as palette
 from robotball.film.looks import GHOST, MARKS, Looks, looks_of
@@ -35,34 +39,17 @@ _LEAST_DISTANCE = 1e-17  # m; smaller ones are drawn there, as a logarithm has n
 _FINE = 3  # the curve is drawn so many times larger, as Pillow does not smooth lines
 
 
-@dataclass(frozen=True)
-class _Name:
-    """A heading of a pane, or the name of an arrow; at: its place from the left, 0 to 1."""
-
-    text: str
-    colour: str
-    at: float = 0.5
-
-
 class _Sheet:
     """The frame around the pictures: what is fixed is drawn once, the rest in each frame.
 
-    size: (height, width) in pixels; panes: the number of pictures side by side; times (m,) [s] and
-    apart (m,) [m]: the error's curve. Its `pane` is the (height, width) of one picture.
+    motions: left and right, or the second as a ghost; times (m,) [s] and apart (m,) [m]: the
+    error's curve. Its `pane` is the (height, width) in pixels of one picture.
     """
 
     def __init__(
-        self,
-        size: tuple[int, int],
-        panes: int,
-        title: str,
-        names: Sequence[_Name],
-        arrows: Sequence[_Name],
-        note: str,
-        times: Array,
-        apart: Array,
+        self, motions: Sequence[Motion], film: "Film", looks: Looks, times: Array, apart: Array
     ) -> None:
-        height, width = size
+        (height, width), panes = film.size, 1 if film.ghost else 2
         self._line = height / _LINES
         self._end = float(times[-1])
         self.top = round(_HEADER * self._line)
@@ -74,14 +61,14 @@ class _Sheet:
         self._bold = ImageFont.truetype(str(_FONTS / "DejaVuSans-Bold.ttf"), 0.72 * self._line)
         self._plain = ImageFont.truetype(str(_FONTS / "DejaVuSans.ttf"), 0.66 * self._line)
         line, edge = self._line, 0.6 * self._line
-        pen.text((edge, 0.75 * line), " ".join(title.split()), palette.INK, self._bold, "lm")
-        for name in names:
-            at = (name.at * width, 1.95 * line)
-            pen.text(at, name.text, name.colour, self._bold, "mm")
-        lengths = [self._bold.getlength(name.text) + line for name in arrows]
-        begin = (width - sum(lengths) + line) / 2
-        for name, length in zip(arrows, lengths, strict=True):
-            pen.text((begin, 1.95 * line), name.text, name.colour, self._bold, "lm")
+        title = " ".join(motions[1].scene.title.split())
+        pen.text((edge, 0.75 * line), title, palette.INK, self._bold, "lm")
+        for motion, name, at in zip(motions, _names(motions, film), (0.25, 0.75), strict=True):
+            pen.text((at * width, 1.95 * line), name, motion.engine.colour, self._bold, "mm")
+        arrows = {name: self._bold.getlength(name) + line for name in _ARROWS if film.arrows}
+        begin = (width - sum(arrows.values()) + line) / 2
+        for name, length in arrows.items():
+            pen.text((begin, 1.95 * line), name, _ARROWS[name][0], self._bold, "lm")
             begin += length
         # The curve has room for its numbers on the left, and for the value on the right.
         self._box = (5.6 * line, self.bottom + 1.8 * line, width - 8.6 * line, height - 1.6 * line)
@@ -89,6 +76,7 @@ class _Sheet:
         pen.text(
             (edge, self.bottom + 0.8 * line), "contact points apart", palette.INK, self._plain, "lm"
         )
+        note = "; ".join(_notes(motions[1], film, looks))
         pen.text((width - edge, self.bottom + 0.8 * line), note, palette.INK, self._plain, "rm")
         self._scale(apart)
         for value in (self._least, self._most):
@@ -256,7 +244,7 @@ def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator
             tracks,
             looks,
             (motion.engine.colour, theory.engine.colour),
-            _sheet(motions, film, looks, times, apart),
+            _Sheet(motions, film, looks, times, apart),
             _lengths(tracks[1].sampled, theory.scene.momentum_scale) if film.arrows else {},
             backend,
         )
@@ -331,37 +319,26 @@ class _Painter:
             self._stage.close()
 
 
-def _sheet(
-    motions: Sequence[Motion], film: Film, looks: Looks, times: Array, apart: Array
-) -> _Sheet:
-    names = []
-    for motion, at in zip(motions, (0.25, 0.75), strict=True):
-        text = f"{motion.engine.name} {motion.engine.version}"
+def _names(motions: Sequence[Motion], film: Film) -> Iterator[str]:
+    """Yield the headings of both motions."""
+    for motion, ghost in zip(motions, (False, film.ghost), strict=True):
+        name = motion.engine.name
         if isinstance(motion, ContactMotion):
-            text += f", {motion.report.settings.name}"
-        elif motion is motions[1]:
-            text = motion.engine.name
-        names.append(_Name(text + (" (ghost)" if film.ghost and at > 0.5 else ""),
-                          motion.engine.colour, at))  # fmt: skip
-    arrows = [_Name(name, colour) for name, (colour, _) in _ARROWS.items() if film.arrows]
-    notes = []
+            name += f" {motion.engine.version}, {motion.report.settings.name}"
+        elif motion is not motions[1]:
+            name += f" {motion.engine.version}"
+        yield f"{name} (ghost)" if ghost else name
+
+
+def _notes(theory: Motion, film: Film, looks: Looks) -> Iterator[str]:
+    """Yield what a film shows otherwise than it is."""
     if film.slow != 1:
-        notes.append(f"{film.slow:g} times slower than life" if film.slow > 1 else
-                     f"{1 / film.slow:g} times faster than life")  # fmt: skip
+        slow, way = (film.slow, "slower") if film.slow > 1 else (1 / film.slow, "faster")
+        yield f"{slow:g} times {way} than life"
     marked = [any(each.material == MARKS for each in shapes) for shapes in looks.values()]
-    rates = np.abs(motions[1].hinge_rates[:, marked[1:]])
+    rates = np.abs(theory.hinge_rates[:, marked[1:]])
     if rates.size and rates.max() / (film.fps * film.slow) > _BLUR_FROM:
-        notes.append("a rotor too fast for the film has no marks")
-    return _Sheet(
-        film.size,
-        1 if film.ghost else 2,
-        motions[1].scene.title,
-        names,
-        arrows,
-        "; ".join(notes),
-        times,
-        apart,
-    )
+        yield "a rotor too fast for the film has no marks"
 
 
 def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int], Camera]:
@@ -422,3 +399,65 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arr
             begin = place + start
             found.append(Arrow(begin, begin + vector / length, _ARROWS[name][0]))
     return found
+
+
+# By the file's suffix: the codec, its rate factor, and ffmpeg's own options.
+_FORMATS: dict[str, tuple[str, int | None, str]] = {
+    ".mp4": ("h264", 20, "-preset veryfast"),
+    ".webm": ("vp9", 32, "-deadline realtime -cpu-used 7 -row-mt 1"),
+    # A palette for each frame: a common one would make ffmpeg hold all frames until the last.
+    ".gif": (
+        "gif",
+        None,
+        "-vf split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:dither=bayer"
+        " -loop 0",
+    ),
+}
+
+
+def write_video(
+    path: Path | str,
+    motion: Motion,
+    theory: Motion,
+    film: Film | None = None,
+    *,
+    progress: Progress | None = None,
+) -> None:
+    """Write `frames` as mp4, webm or gif, by the suffix of the path.
+
+    An existing file is replaced once the new one is complete. progress is called with the
+    fraction that is done. Raises InputError as `frames` does, and for a path that has no such
+    suffix or folder.
+    """
+    path, film = Path(path), film or Film()
+    if path.suffix not in _FORMATS or not path.parent.is_dir():
+        kinds = ", ".join(_FORMATS)
+        raise InputError(f"a video must be a file ({kinds}) in a folder that exists, not {path}")
+    codec, rate, options = _FORMATS[path.suffix]
+    # Before the file is opened: what cannot be drawn must not leave one.
+    pictures, number = frames(motion, theory, film), len(film.times(motion, theory))
+    # mediapy looks for an ffmpeg on the PATH; imageio-ffmpeg brings one.
+    mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
+    with (
+        replacing(path) as unfinished,
+        _refused_by_the_encoder(path),
+        mediapy.VideoWriter(
+            unfinished, film.size, codec=codec, fps=film.fps, crf=rate, ffmpeg_args=options
+        ) as video,
+    ):
+        for i, picture in enumerate(pictures, start=1):
+            video.add_image(picture)
+            if progress is not None:
+                progress(i / number)
+
+
+@contextmanager
+def _refused_by_the_encoder(path: Path) -> Iterator[None]:
+    """Turn mediapy's error, where the encoder ends before the film, into an InputError."""
+    try:
+        yield
+    except RuntimeError as error:
+        if not str(error).startswith("Error writing"):
+            raise
+        why = (str(error).splitlines() or [""])[-1]
+        raise InputError(f"{path} cannot be written: the encoder says {why!r}") from None

@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Literal
 from unittest.mock import Mock
 
 import mujoco
@@ -37,7 +36,7 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> dict[int, tuple[int, int]]:
     """What is to run in a process of its own runs in this one; gives the limits that it had."""
     limits: dict[int, tuple[int, int]] = {}
 
-    def run(command: list[str], **_: object) -> subprocess.CompletedProcess[str]:
+    def run(command: list[str], **_: object) -> subprocess.CompletedProcess[bytes]:
         monkeypatch.setattr(sys, "argv", command[3:])
         with contextlib.redirect_stdout(io.StringIO()) as answer:
             runpy.run_path(trial_load.__file__, run_name="__main__")
@@ -149,7 +148,7 @@ MJCFS = {
     ids=[*URDFS, *MJCFS],
 )
 def test_a_file_that_cannot_be_used_is_refused(
-    tmp_path: Path, body: tuple[Literal["link", "body"], str], words: str, text: str
+    tmp_path: Path, body: tuple[str, str], words: str, text: str
 ) -> None:
     """In a short line that names the file, or one that it includes."""
     path = written(tmp_path, text)

@@ -14,9 +14,8 @@ import robotball as rb
 from robotball.engines.mujoco import LABEL
 from robotball.film import gl, render
 from robotball.film.looks import rgb
-from robotball.film.render import Film, frames
+from robotball.film.render import Film, frames, write_video
 from robotball.film.stage import Pixels
-from robotball.film.write import write_video
 from robotball.processes import at_most
 from robotball.rotations import multiply
 

@@ -28,6 +28,7 @@ from robotball.activations import Activation
 from robotball.drives import Rate, Samples, key
 from robotball.equations import Rolling
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
+from robotball.files import named
 from robotball.files.scene_tables import Command, Table, rate_of
 from robotball.files.trial_load import COMMENT, check_loads, opened_spec
 from robotball.mechanics import momentum_at
@@ -152,15 +153,13 @@ def robot_scene(
     """
     robot = open_robot(path, shell)
     data = robot.start(key)
-    try:
+    if duration is None:
+        ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
+        duration = min([_DURATION, *ends])
+    with named(path):
         for note in (*robot.notes, *starts_off(robot, data)):
             warn(f"{path.name}: {note}")
-        if duration is None:
-            ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
-            duration = min([_DURATION, *ends])
         return scene_of(robot, data, controls, rolling, duration)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 class RobotTable(Table, frozen=True, kw_only=True):
@@ -704,10 +703,8 @@ def solid_of_file(path: Path, kind: str, name: str) -> Solid:
     # The masses of an MJCF file may follow from geoms. A URDF file's links have their inertials:
     # compiling it would refuse it for a link or a mesh that nobody asked for.
     check_loads(path, "compiled" if kind == "body" else "parsed")
-    try:
+    with named(path):
         return (_of_mjcf if kind == "body" else _of_urdf)(path, name)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _of_mjcf(path: Path, name: str) -> Solid:

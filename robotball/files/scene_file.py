@@ -19,7 +19,7 @@ import numpy as np
 from robotball import scene as starts
 from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files import contents
+from robotball.files import contents, named
 from robotball.files.scene_tables import (
     DRIVES,
     Axial,
@@ -245,11 +245,9 @@ def _hinge(name: str, table: HingeTable, folder: Path) -> _ReadHinge:
     kind = DRIVES[table.drive]
     command = None if kind.command is None else getattr(table, kind.command)
     # A command that is not given is 0: a hinge without any keys stands still.
-    try:
+    with named(name):
         rate = rate_of(0.0 if command is None else command, folder)
         motor = None if kind.motor is None else _motor(kind.motor, kind.keys, table)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
     return _ReadHinge(rate, motor, table.initial_angle, table.initial_rate)
 
 
@@ -473,10 +471,8 @@ def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
 
     solids = []
     for number, part in enumerate(parts, start=1):
-        try:
+        with named(f"{name}.part{number}"):
             solids.append(solid_of(part, axis))
-        except InputError as error:
-            raise InputError(f"{name}.part{number}: {error}") from None
     return solids
 
 

@@ -4,6 +4,7 @@ The scene becomes the records of `scene_tables`, and these become text: scalars 
 for each body. Bodies are written by mass, centre and inertia, however they were given.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import asdict, astuple
 from typing import Any
@@ -161,7 +162,7 @@ def _lines(table: Table) -> Iterator[str]:
         if value is None or (value == field.default and name not in _ALWAYS):
             continue
         if name == "source":
-            lines = _escaped(value, keep="\n")
+            lines = "\n".join(map(_escaped, value.split("\n")))
             yield f'source = """\n{lines}"""'
         elif isinstance(table, SceneTable) and isinstance(value, Table):
             yield from ("", f"[{name}]", *_lines(value))
@@ -189,13 +190,6 @@ def _value(value: Any) -> str:
     return repr(float(value))
 
 
-def _escaped(text: str, keep: str = "") -> str:
-    """Return a text with TOML's escapes for quotes, backslashes and controls not in `keep`."""
-
-    def escaped(character: str) -> str:
-        if character in '"\\':
-            return "\\" + character
-        control = ord(character) < 0x20 or ord(character) == 0x7F
-        return f"\\u{ord(character):04x}" if control and character not in keep else character
-
-    return "".join(map(escaped, text))
+def _escaped(text: str) -> str:
+    """Return a text with TOML's escapes, which are JSON's and one for DEL."""
+    return json.dumps(text, ensure_ascii=False)[1:-1].replace("\x7f", "\\u007f")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from robotball.errors import InputError
+from robotball.files import named
 from robotball.files.columns import Table, read_table, write_table
 from robotball.files.scene_writer import scene_toml
 from robotball.rotations import Array
@@ -162,15 +163,13 @@ def read_trajectory(path: Path) -> Trajectory:
     finite, times that do not increase, and quaternions that are none.
     """
     table = read_table(path)
-    try:
+    with named(path):
         return _trajectory_of(table, path.name)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _trajectory_of(table: Table, name: str) -> Trajectory:
     """Return the trajectory of a table. Raises InputError as `read_trajectory` does."""
-    columns, units, others = _named(table)
+    columns, units, others = _recognized(table)
     missing = [each for each in _NEEDED if each not in columns]
     if missing:
         there = ", ".join(table.columns) or "none"
@@ -179,7 +178,7 @@ def _trajectory_of(table: Table, name: str) -> Trajectory:
         )
     notes = list(table.notes)
     # A quaternion has no unit, and momentum is taken in kg m²/s alone.
-    for group in ("t", "xyz", ("wx", "wy", "wz")):
+    for group in (("t",), ("x", "y", "z"), ("wx", "wy", "wz")):
         notes += _made_si(columns, units, group)
     for each, column in columns.items():
         _check_finite(each, column, columns["t"])
@@ -201,7 +200,7 @@ def _trajectory_of(table: Table, name: str) -> Trajectory:
     )
 
 
-def _named(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Array]]:
+def _recognized(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Array]]:
     """Return the known columns and their units, by our names; the others by their own."""
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
@@ -215,9 +214,7 @@ def _named(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Ar
         if name in columns:
             raise InputError(f"{came_as[name]!r} and {title!r} are both the column {name}")
         columns[name], came_as[name] = column, title
-        unit = unit or table.units.get(title)
-        if unit:
-            units[name] = unit
+        units[name] = unit or table.units.get(title, "")
     return columns, units, others
 
 
@@ -244,10 +241,10 @@ def _unit_name(unit: str) -> str:
     return _AS_WRITTEN.get(unit.strip(), unit.strip())
 
 
-def _made_si(columns: dict[str, Array], units: Mapping[str, str], group: object) -> list[str]:
+def _made_si(columns: dict[str, Array], units: Mapping[str, str], group: _Place) -> list[str]:
     """Turn columns of a group into SI units, in place. Returns a note for each other unit."""
     changed: dict[str, list[str]] = {}
-    for name in group if isinstance(group, tuple) else str(group):
+    for name in group:
         unit, known = _unit_name(units.get(name, "")), _UNITS[name]
         # Without a unit it is SI's.
         if name not in columns or unit in _NO_UNIT:

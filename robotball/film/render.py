@@ -28,7 +28,7 @@ from robotball.film.stage import LENS, NEAR, Arrow, Camera, Pixels, Stage
 from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.motion import ContactMotion, Motion
 from robotball.processes import in_processes
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, Z, rotation_matrix
 
 _FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -73,11 +73,9 @@ class _Sheet:
         # The curve has room for its numbers on the left, and for the value on the right.
         self._box = (5.6 * line, self.bottom + 1.8 * line, width - 8.6 * line, height - 1.6 * line)
         left, _, right, low = self._box
-        pen.text(
-            (edge, self.bottom + 0.8 * line), "contact points apart", palette.INK, self._plain, "lm"
-        )
-        note = "; ".join(_notes(motions[1], film, looks))
-        pen.text((width - edge, self.bottom + 0.8 * line), note, palette.INK, self._plain, "rm")
+        note, below = "; ".join(_notes(motions[1], film, looks)), self.bottom + 0.8 * line
+        pen.text((edge, below), "contact points apart", palette.INK, self._plain, "lm")
+        pen.text((width - edge, below), note, palette.INK, self._plain, "rm")
         self._scale(apart)
         for value in (self._least, self._most):
             y = float(self._height(np.array([value]))[0])
@@ -142,10 +140,8 @@ class _Sheet:
         large = area.resize((area.width * _FINE, area.height * _FINE), Image.Resampling.NEAREST)
         x = left + (right - left) * times / self._end
         points = (np.column_stack([x, self._height(apart)]) - corner) * _FINE
-        pen = ImageDraw.Draw(large)
-        pen.line(
-            list(map(tuple, points.tolist())), palette.INK, max(3, round(self._line / 4)), "curve"
-        )
+        corners, wide = list(map(tuple, points.tolist())), max(3, round(self._line / 4))
+        ImageDraw.Draw(large).line(corners, palette.INK, wide, "curve")
         image.paste(large.resize(area.size, Image.Resampling.BOX), corner)
 
 
@@ -239,16 +235,13 @@ def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator
     # No generator itself, so that what cannot be drawn is refused here, not at the first picture.
     return _painted(
         _Painter(
-            film,
-            times,
-            tracks,
-            looks,
-            (motion.engine.colour, theory.engine.colour),
-            _Sheet(motions, film, looks, times, apart),
-            _lengths(tracks[1].sampled, theory.scene.momentum_scale) if film.arrows else {},
-            backend,
+            film, times, tracks, looks,
+            colours=(motion.engine.colour, theory.engine.colour),
+            sheet=_Sheet(motions, film, looks, times, apart),
+            lengths=_lengths(tracks[1], theory) if film.arrows else {},
+            backend=backend,
         )
-    )
+    )  # fmt: skip
 
 
 def _painted(painter: "_Painter") -> Iterator[Pixels]:
@@ -286,7 +279,7 @@ class _Painter:
                 opacities[1] = GHOST
             trails = [1.0 if i in pane else _OTHER for i in (0, 1)]
             first = pane[0]
-            arrows = _arrows(then[first], self.lengths, self.tracks[first].radius)
+            arrows = _arrows(then[first], self.lengths, self.tracks[first].robot.radius)
             pictures.append(self._stage.draw(camera(k), opacities, trails, k, arrows))
         off = np.linalg.norm(then[0].contact_point - then[1].contact_point)
         return self.sheet.frame(np.hstack(pictures), float(self.times[k]), float(off))
@@ -355,10 +348,8 @@ def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int
         every = np.concatenate(points)
         low, high = every.min(axis=0), every.max(axis=0)
         half = float(np.linalg.norm(high - low)) / 2 + 1.5 * room
-        fixed = Camera(
-            np.array([*(low + high) / 2, 0.5]), LENS * half / min(1.0, aspect), azimuth, up
-        )
-        return lambda k: fixed
+        middle, away = np.array([*(low + high) / 2, 0.5]), LENS * half / min(1.0, aspect)
+        return lambda k: Camera(middle, away, azimuth, up)
     middle = np.mean(points, axis=0)
     smooth = gaussian_filter1d(middle, _SMOOTH * film.fps, axis=0, mode="nearest")
     # Farther away where a ghost leaves the ball by more than the picture shows.
@@ -373,14 +364,15 @@ def _vectors(then: Moments) -> dict[str, Array]:
     return dict(zip(_ARROWS, (then.momentum, omega, then.contact_force), strict=True))
 
 
-def _lengths(reference: Moments, momentum_scale: float) -> dict[str, float]:
+def _lengths(track: Track, theory: Motion) -> dict[str, float]:
     """Return the size of the vector that an arrow of one radius shows, for each kind of arrow."""
-    least = {"M": _LEAST * momentum_scale}  # a ball at M = 0 has rounding alone
-    return {
-        name: max(float(np.linalg.norm(vectors, axis=1).max()), least.get(name, 0.0))
-        / _ARROWS[name][1]
-        for name, vectors in _vectors(reference).items()
+    most = {
+        name: float(np.linalg.norm(vectors, axis=1).max())
+        for name, vectors in _vectors(track.sampled).items()
     }
+    # A ball at M = 0 has rounding alone.
+    most["M"] = max(most["M"], _LEAST * theory.scene.momentum_scale)
+    return {name: size / _ARROWS[name][1] for name, size in most.items()}
 
 
 def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arrow]:
@@ -393,10 +385,9 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arr
         size = float(np.linalg.norm(vector))
         if size > _LEAST * length:
             along = vector / size
-            start = _CLEAR * along + np.array([0.0, 0.0, 1.0])
+            begin = place + _CLEAR * along + Z
             if name == "contact force":
-                start = (2 * along[2] + _CLEAR - 1) * along
-            begin = place + start
+                begin = place + (2 * along[2] + _CLEAR - 1) * along
             found.append(Arrow(begin, begin + vector / length, _ARROWS[name][0]))
     return found
 

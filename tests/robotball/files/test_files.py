@@ -21,6 +21,7 @@ from validation.report.study_report import study_report
 
 READERS: dict[str, Callable[[Path], object]] = {
     "scene.toml": rb.load_scene,
+    "whole.xml": rb.load_scene,
     "robot.xml": lambda path: solid_of_file(path, "body", "b"),
     "robot.urdf": lambda path: solid_of_file(path, "link", "b"),
     "samples.csv": read_samples,

@@ -12,7 +12,7 @@ import json
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -68,11 +68,7 @@ class Table:
 
 def write_table(path: Path, table: Table) -> None:
     """Write a table as a file of the kind that its suffix says. Raises InputError for others."""
-    writers: dict[str, Callable[[Path, Table], None]] = {
-        ".csv": _write_csv,
-        ".npz": _write_npz,
-        ".parquet": _write_parquet,
-    }
+    writers = {".csv": _write_csv, ".npz": _write_npz, ".parquet": _write_parquet}
     write = _of_suffix(path, writers)
     with replacing(path) as temporary:
         write(temporary, table)
@@ -80,14 +76,8 @@ def write_table(path: Path, table: Table) -> None:
 
 def read_table(path: Path) -> Table:
     """Return the table of a file. Raises InputError, with the file, where it holds none."""
-    readers: dict[str, Callable[[BinaryIO], Table]] = {
-        ".csv": _read_csv,
-        ".tsv": _read_csv,
-        ".txt": _read_csv,
-        ".npz": _read_npz,
-        ".parquet": _read_parquet,
-    }
-    read = _of_suffix(path, readers)
+    texts = dict.fromkeys((".csv", ".tsv", ".txt"), _read_csv)
+    read = _of_suffix(path, {**texts, ".npz": _read_npz, ".parquet": _read_parquet})
     # A reader says what is wrong with the bytes; the file's name is put before it here.
     with opened(path, LONGEST) as file, named(path):
         table = read(file)
@@ -341,9 +331,9 @@ def _read_parquet(file: BinaryIO) -> Table:
         whole = packed.read()
         types = pyarrow.types
         arrays = {
-            name: column.to_numpy()
-            for name, column in zip(whole.column_names, whole.columns, strict=True)
-            if types.is_floating(column.type) or types.is_integer(column.type)
+            field.name: column.to_numpy()
+            for field, column in zip(whole.schema, whole.columns, strict=True)
+            if types.is_floating(field.type) or types.is_integer(field.type)
         }
     except (pyarrow.ArrowException, ValueError, OSError) as error:
         raise InputError(f"it is no Parquet file that can be read: {error}") from None

@@ -34,7 +34,7 @@ from robotball.files.trial_load import COMMENT, check_loads, opened_spec
 from robotball.mechanics import momentum_at
 from robotball.motors import Actuator, Free, Law
 from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
-from robotball.rotations import Array, from_matrix, rotation_matrix
+from robotball.rotations import Array, Z, from_matrix, rotation_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
 from robotball.shapes import shapes_of_geoms
 
@@ -44,6 +44,7 @@ _FORCES |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 # A model has plain numbers, which MuJoCo's enumerations do not equal.
 _FREE, _BALL, _SLIDE, _HINGE = map(int, mujoco.mjtJoint.__members__.values())
 _STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+_AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 _SPHERE, _PLANE = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_PLANE)
 # What the scene's own model calls its parts; a user's body of such a name gets another.
@@ -119,13 +120,13 @@ class RobotFile:
             geoms = {int(contact.geom1), int(contact.geom2)}
             if geoms == {plane, self.sphere}:
                 found = contact
-            roots = {i: model.body_rootid[model.geom_bodyid[i]] for i in geoms}
-            apart = [i for i, root in roots.items() if root not in (0, self.root)]
-            if apart and self.sphere in geoms:
+            bodies = model.geom_bodyid[[*geoms]]
+            apart = bodies[~np.isin(model.body_rootid[bodies], (0, self.root))]
+            if len(apart) and self.sphere in geoms:
                 raise InputError(
-                    f"{_name(model, model.geom_bodyid[apart[0]])} touches the shell: a drive by "
-                    "contacts is not supported; hold the body by joints, or give its geoms "
-                    "contype and conaffinity 0"
+                    f"{_name(model, apart[0])} touches the shell: a drive by contacts is not "
+                    "supported; hold the body by joints, or give its geoms contype and "
+                    "conaffinity 0"
                 )
         if found is None:
             raise InputError(
@@ -288,16 +289,16 @@ def _sphere(model: Any, shell: str | None) -> int:
             "no sphere can touch the plane; a shell has a geom of type sphere with contype or "
             "conaffinity, where a mesh would roll on its corners"
         )
-    named = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
+    called = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
     if shell is not None:
-        spheres = [i for i, names in named.items() if shell in names]
+        spheres = [i for i, names in called.items() if shell in names]
         if not spheres:
-            known = dict.fromkeys(name for names in named.values() for name in names if name)
+            known = dict.fromkeys(name for names in called.values() for name in names if name)
             raise unknown("sphere that can roll, or its body,", shell, known)
     largest = max(model.geom_size[i, 0] for i in spheres)
     outermost = [i for i in spheres if model.geom_size[i, 0] == largest]
     if len(outermost) > 1:
-        names = ", ".join(" of ".join(filter(None, named[i])) for i in outermost)
+        names = ", ".join(" of ".join(filter(None, called[i])) for i in outermost)
         raise InputError(
             f"several spheres of {largest:g} m could roll: {names}; name one as `shell` in a scene "
             "file, or give the others contype and conaffinity 0"
@@ -450,13 +451,14 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
                 continue
             reached.add(other)
             solid, name = local(nodes[other].solid), nodes[other].name
+            limits = model.joint(joint).name or f"joint{joint}", *model.jnt_range[joint].tolist()
             links.append(
                 Link(
                     name, parent, solid.mass, solid.inertia, solid.centre,
                     axis=sign * to_shell @ data.xaxis[joint],
                     pivot=to_shell @ (data.xanchor[joint] - centre),
                     slides=bool(model.jnt_type[joint] == _SLIDE),
-                    range=_range(model, joint) if model.jnt_limited[joint] else None,
+                    range=limits if model.jnt_limited[joint] else None,
                     shapes=solid.shapes,
                 )
             )  # fmt: skip
@@ -465,17 +467,12 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
     return Ball(_shell_of(radius, shell), NO_FRAME, (), (), tuple(links)), joints
 
 
-def _range(model: Any, joint: int) -> tuple[str, float, float]:
-    low, high = model.jnt_range[joint].tolist()
-    return model.joint(joint).name or f"joint{joint}", low, high
-
-
 def _shell_of(radius: float, solid: Solid) -> Shell:
     """Return a shell of any inertia (3, 3) and centre of mass (3,), as those of z and the rest."""
-    z, inertia = np.array([0.0, 0.0, 1.0]), solid.inertia
+    inertia = solid.inertia
     axial, across = float(inertia[2, 2]), float(inertia[0, 0] + inertia[1, 1]) / 2
     return Shell(
-        radius, solid.mass, axial, across, z,
+        radius, solid.mass, axial, across, Z,
         offset=float(solid.centre[2]),
         asymmetry=inertia - np.diag([across, across, axial]),
         aside=solid.centre * [1.0, 1.0, 0.0],
@@ -684,11 +681,8 @@ def _moved(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
 def _law(model: Any, i: int, name: str) -> Law:
     """Return an actuator's law. Raises InputError unless it is affine."""
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
-    affine = model.actuator_biastype[i] in (
-        int(mujoco.mjtBias.mjBIAS_NONE),
-        int(mujoco.mjtBias.mjBIAS_AFFINE),
-    )
-    if model.actuator_gaintype[i] != int(mujoco.mjtGain.mjGAIN_FIXED) or not affine:
+    fixed = model.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)
+    if not (fixed and model.actuator_biastype[i] in _AFFINE):
         raise InputError(f"{name}: a gain or bias that is not affine is not supported")
     b0, b1, b2 = bias[:3].tolist() if model.actuator_biastype[i] else (0.0, 0.0, 0.0)
     return Law(float(gain[0]), -b1, -b2, b0)

@@ -20,24 +20,8 @@ from robotball import scene as starts
 from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
 from robotball.files import contents, named
-from robotball.files.scene_tables import (
-    DRIVES,
-    Axial,
-    FrameTable,
-    HingeTable,
-    MjcfTable,
-    Part,
-    PendulumTable,
-    RotorTable,
-    Rows,
-    SceneTable,
-    ShellInertia,
-    ShellTable,
-    StartTable,
-    Triple,
-    UrdfTable,
-    rate_of,
-)
+from robotball.files import scene_tables as tables
+from robotball.files.scene_tables import DRIVES, rate_of
 from robotball.robot import (
     Ball,
     Frame,
@@ -58,7 +42,7 @@ if TYPE_CHECKING:
     from robotball.motors import Motor
 
 CATALOG = Path(__file__).parent.parent / "scenes"
-_Body = FrameTable | RotorTable | PendulumTable
+_Body = tables.FrameTable | tables.RotorTable | tables.PendulumTable
 _MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # Relative: as far as a composed body may miss its symmetry by the rounding of its parts' sums.
 _SYMMETRIC = 1e-9
@@ -132,7 +116,7 @@ def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | Non
             from robotball.files.robot_file import scene_of_robot
 
             return scene_of_robot(path, given, controls or {})
-        table = msgspec.convert(given, SceneTable)
+        table = msgspec.convert(given, tables.SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
         return _scene(path, table)
     except (msgspec.ValidationError, InputError) as error:
@@ -159,7 +143,7 @@ def _check_numbers(key: str, value: object) -> None:
             _check_numbers(f"{key}[{i}]", inner)
 
 
-def _scene(path: Path, table: SceneTable) -> Scene:
+def _scene(path: Path, table: tables.SceneTable) -> Scene:
     ball, hinges = _robot(table, path.parent)
     rotors = 1 + len(ball.rotors)  # hinges: the frame's, then the rotors', then the pendulums'
     commands = [hinge.command for hinge in hinges]
@@ -199,7 +183,7 @@ class _ReadHinge(NamedTuple):
     rate: float | None = None
 
 
-def _robot(table: SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
+def _robot(table: tables.SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
     """Return the ball and its hinges, as given or designed for given numbers."""
     if table.numbers is not None:
         if table.shell or table.frame or table.rotor or table.pendulum:
@@ -226,12 +210,12 @@ def _robot(table: SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
     return ball, [_hinge(name, each, folder) for name, each in hinged]
 
 
-def _axis(name: str, v: Triple) -> Array:
+def _axis(name: str, v: tables.Triple) -> Array:
     """Return the unit vector (3,) along one of any length."""
     return direction(name, np.array(v))
 
 
-def _tensor(what: str, rows: Rows) -> Array:
+def _tensor(what: str, rows: tables.Rows) -> Array:
     """Return a tensor (3, 3) of its diagonal or its rows. Raises InputError, with `what`."""
     kinds = {isinstance(row, tuple) for row in rows}
     if len(rows) != 3 or len(kinds) != 1:
@@ -239,7 +223,7 @@ def _tensor(what: str, rows: Rows) -> Array:
     return np.array(rows) if kinds == {True} else np.diag(np.array(rows, dtype=float))
 
 
-def _hinge(name: str, table: HingeTable, folder: Path) -> _ReadHinge:
+def _hinge(name: str, table: tables.HingeTable, folder: Path) -> _ReadHinge:
     """Read the hinge keys of a body's table. Raises InputError for keys that do not combine."""
     _check_keys(name, table)
     kind = DRIVES[table.drive]
@@ -251,13 +235,13 @@ def _hinge(name: str, table: HingeTable, folder: Path) -> _ReadHinge:
     return _ReadHinge(rate, motor, table.initial_angle, table.initial_rate)
 
 
-def _check_keys(name: str, table: HingeTable) -> None:
+def _check_keys(name: str, table: tables.HingeTable) -> None:
     drive = table.drive
     for each in DRIVES[drive].needed:
         if getattr(table, each) is None:
             from robotball.files.scene_keys import unit_of
 
-            unit = unit_of(HingeTable, each)
+            unit = unit_of(tables.HingeTable, each)
             raise InputError(f'{name}: drive = "{drive}" needs the key {each!r} [{unit}]')
     # A key of another drive would do nothing, and its author thinks that it does.
     for each in table.given(*(key for kind in DRIVES.values() for key in kind.allowed)):
@@ -267,7 +251,7 @@ def _check_keys(name: str, table: HingeTable) -> None:
             raise InputError(f'{name}: {each} belongs to drive = {listed}, not to "{drive}"')
 
 
-def _motor(name: str, keys: tuple[str, ...], table: HingeTable) -> Any:
+def _motor(name: str, keys: tuple[str, ...], table: tables.HingeTable) -> Any:
     """Return the motor with the keys that are given, and its own defaults for the others."""
     from robotball import motors
 
@@ -285,7 +269,7 @@ _START_FORMS = (
 _MOMENTUM_KEYS = {"momentum", "momentum_world", "angular_velocity", "rest"}
 
 
-def _start(table: StartTable, ball: Ball) -> Start:
+def _start(table: tables.StartTable, ball: Ball) -> Start:
     """Return the one start that the table gives; a section's is in principal axes.
 
     An angular velocity leaves M at 0, which `_turning` sets when the hinges are known.
@@ -311,7 +295,7 @@ def _start(table: StartTable, ball: Ball) -> Start:
     raise InputError(f"start gives {keys}; it takes one form: {_START_FORMS}")
 
 
-def _turning(scene: Scene, omega: Triple) -> Scene:
+def _turning(scene: Scene, omega: tables.Triple) -> Scene:
     """Return the scene with the frame's angular velocity (3,) at its start, frame axes [rad/s].
 
     Raises InputError where the shell would spin on the spot and the rolling model is rubber.
@@ -329,22 +313,22 @@ def _turning(scene: Scene, omega: Triple) -> Scene:
     return replace(scene, start=replace(start, momentum=M))
 
 
-def _attitude(table: StartTable) -> Array:
+def _attitude(table: tables.StartTable) -> Array:
     if table.attitude:
         return starts.unit("attitude", np.array(table.attitude))
     gamma, alpha = np.array(table.gamma), np.array(table.alpha)
     return starts.attitude_of_axes(starts.unit("gamma", gamma), starts.unit("alpha", alpha))
 
 
-def _check_one_way(name: str, numbers: str, keys: list[str], table: ShellTable | _Body) -> None:
+def _check_one_way(name: str, what: str, keys: list[str], table: tables.ShellTable | _Body) -> None:
     """Raise InputError unless a body is given by its numbers, by parts or by a file alone."""
-    ways = {numbers: keys, **{each: table.given(each) for each in ("part", "mjcf", "urdf")}}
+    ways = {what: keys, **{each: table.given(each) for each in ("part", "mjcf", "urdf")}}
     if len(used := list(filter(None, ways.values()))) != 1:
         given = " and ".join(map(", ".join, used)) or "nothing"
         raise InputError(f"{name} gives {given}; it takes {', or '.join(ways)}")
 
 
-def _shell(table: ShellTable, folder: Path) -> Shell:
+def _shell(table: tables.ShellTable, folder: Path) -> Shell:
     """Return the shell. Raises InputError for no mass, or no symmetry about its axis."""
     check_positive("the shell's radius", table.outer, "m")
     radius, axis = table.outer, _axis("shell.axis", table.axis)
@@ -375,10 +359,10 @@ def _shell(table: ShellTable, folder: Path) -> Shell:
     return Shell(radius, solid.mass, *moments, axis, offset, shapes=solid.shapes)
 
 
-def _wall(table: ShellTable) -> tuple[float, float, float]:
+def _wall(table: tables.ShellTable) -> tuple[float, float, float]:
     """Return mass [kg] and moments [kg m²] of the shell's wall, about the axis and across it."""
     given, thickness = table.inertia, table.thickness
-    if isinstance(given, ShellInertia) and given.thickness is not None:
+    if isinstance(given, tables.ShellInertia) and given.thickness is not None:
         if thickness is not None or given.given("axial", "transverse"):
             raise InputError("shell.inertia takes a thickness alone")
         thickness, given = given.thickness, None
@@ -404,25 +388,25 @@ def _wall(table: ShellTable) -> tuple[float, float, float]:
     return table.mass, given.axial, given.transverse
 
 
-def _frame(table: FrameTable, radius: float, folder: Path) -> Frame:
+def _frame(table: tables.FrameTable, radius: float, folder: Path) -> Frame:
     """Return the frame in a shell of this radius [m]."""
     solid = _solid("frame", table, radius, folder)
     return Frame(solid.mass, solid.inertia, solid.centre, shapes=solid.shapes)
 
 
-def _rotor(name: str, table: RotorTable, radius: float, folder: Path) -> Rotor:
+def _rotor(name: str, table: tables.RotorTable, radius: float, folder: Path) -> Rotor:
     """Return a rotor in a shell of this radius [m]. Raises InputError for no symmetry."""
     axis = _axis(f"{name}'s axis", table.axis)
     solid = _solid(name, table, radius, folder, axis)
     # As given, where they are: those of the tensor would be rounded.
-    if isinstance(table.inertia, Axial):
+    if isinstance(table.inertia, tables.Axial):
         axial, transverse = table.inertia.axial, table.inertia.transverse
     else:
         axial, transverse = _symmetric(name, solid.inertia, axis)
     return Rotor(solid.mass, axial, transverse, axis, solid.centre, shapes=solid.shapes)
 
 
-def _pendulum(name: str, table: PendulumTable, radius: float, folder: Path) -> Pendulum:
+def _pendulum(name: str, table: tables.PendulumTable, radius: float, folder: Path) -> Pendulum:
     """Return a pendulum in a shell of this radius [m]."""
     solid = _solid(name, table, radius, folder)
     axis, pivot = _axis(f"{name}'s axis", table.axis), np.array(table.pivot)
@@ -440,7 +424,7 @@ def _solid(name: str, table: _Body, radius: float, folder: Path, axis: Array = Z
             raise InputError(f"{name}.part is empty")
         solid = composed(_solids(name, table.part, axis))
         if not np.linalg.eigvalsh(solid.inertia)[0] > _SYMMETRIC * np.abs(solid.inertia).max():
-            if isinstance(table, RotorTable):
+            if isinstance(table, tables.RotorTable):
                 raise InputError(f"{name}'s parts lie on its axis, and so do not resist turning")
             # A point or a thin rod: MuJoCo's bodies need moments, and its order is kept with these.
             solid = replace(
@@ -452,7 +436,7 @@ def _solid(name: str, table: _Body, radius: float, folder: Path, axis: Array = Z
     else:
         tensor = (
             axial_tensor(table.inertia.axial, table.inertia.transverse, axis)
-            if isinstance(table.inertia, Axial)
+            if isinstance(table.inertia, tables.Axial)
             else _tensor(
                 f"{name}.inertia takes three moments, or three rows of three", table.inertia
             )
@@ -462,7 +446,7 @@ def _solid(name: str, table: _Body, radius: float, folder: Path, axis: Array = Z
     return solid
 
 
-def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
+def _solids(name: str, parts: list[tables.Part], axis: Array) -> list[Solid]:
     """Return a body's parts. Raises InputError, with the part's number, for one that cannot be."""
     if not parts:
         return []
@@ -476,13 +460,13 @@ def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
     return solids
 
 
-def _of_file(table: MjcfTable | UrdfTable, folder: Path) -> Solid:
+def _of_file(table: tables.MjcfTable | tables.UrdfTable, folder: Path) -> Solid:
     """Return the body of a file, laid where its table says."""
     # Loaded late: few scenes have such a body, and its reader starts a process.
     from robotball.files.robot_file import solid_of_file
 
-    kind, name = ("body", table.body) if isinstance(table, MjcfTable) else ("link", table.link)
-    solid = solid_of_file(folder / table.file, kind, name)
+    wanted = ("link", table.link) if isinstance(table, tables.UrdfTable) else ("body", table.body)
+    solid = solid_of_file(folder / table.file, *wanted)
     R = rotation_matrix(starts.unit("attitude", np.array(table.attitude)))
     return Solid(solid.mass, np.array(table.origin) + R @ solid.centre, R @ solid.inertia @ R.T)
 

@@ -207,9 +207,8 @@ class Stage:
         """
         self._update(camera, opacities)
         for i, opacity in enumerate(trails):
-            self._add_path(
-                i, last, opacity, _LIFT_PATH if opacities[i] == 1 else _LIFT_OTHER, camera
-            )
+            lift = _LIFT_PATH if opacities[i] == 1 else _LIFT_OTHER
+            self._add_path(i, last, opacity, lift, camera)
         for i, opacity in enumerate(opacities):
             if opacity > 0:
                 self._add_shadow(i, opacity, camera)
@@ -242,9 +241,8 @@ class Stage:
         away = (camera.look - camera.eye) / camera.distance
         stand = data.geom_xpos.copy()
         data.geom_xpos[self._mine] += _BEHIND * np.outer(balls, away)
-        mujoco.mjv_updateScene(
-            model, data, self._option, None, view, mujoco.mjtCatBit.mjCAT_ALL, self._scene
-        )
+        every = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(model, data, self._option, None, view, every, self._scene)
         data.geom_xpos[:] = stand
 
     def _buffer(self, height: int, width: int, samples: int) -> mujoco.MjrContext:
@@ -283,7 +281,7 @@ class Stage:
         centre, sun = self._centres[i], SUN / np.linalg.norm(SUN)
         self._update(Camera(centre, NEAR, 0.0, 1.0), np.eye(len(self._centres))[i].tolist())
         for camera in self._scene.camera:  # two, for stereo: MuJoCo takes the mean of both
-            camera.pos, camera.forward, camera.up = centre - NEAR * sun, sun, _sun_axes()[1]
+            camera.pos, camera.forward, camera.up = centre - NEAR * sun, sun, _facing(-SUN)[1]
             camera.orthographic, camera.frustum_center, camera.frustum_width = 1, 0.0, _REACH
             camera.frustum_bottom, camera.frustum_top = -_REACH, _REACH
         for geom in self._scene.geoms[: self._scene.ngeom]:
@@ -304,7 +302,7 @@ class Stage:
         shadow.pos = self._centres[i] - SUN * (height / SUN[2])
         shadow.pos[2] = _LIFT_SHADOW * camera.distance / NEAR
         # The plane's sides are those vectors on the floor that the sun sees as its right and up.
-        shadow.mat[:2, :2] = np.linalg.inv(_sun_axes()[:, :2])
+        shadow.mat[:2, :2] = np.linalg.inv(_facing(-SUN)[:2, :2])
         shadow.size, shadow.specular = np.array([_REACH, _REACH, 1.0]), 0.0
 
     def _add_rim(self, i: int, opacity: float, camera: Camera) -> None:
@@ -348,11 +346,6 @@ def _facing(back: Array) -> Array:
     right = np.cross([0.0, 0.0, 1.0], back)
     axes = np.stack([right, np.cross(back, right), back])
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
-
-
-def _sun_axes() -> Array:
-    """Return the sun's right and up (2, 3)."""
-    return _facing(-SUN)[:2]
 
 
 def _rim() -> Array:

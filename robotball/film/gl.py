@@ -39,14 +39,12 @@ def find_backend() -> str | None:
     return next(filter(_works, _candidates()), None)
 
 
-def context(width: int, height: int, backend: str | None) -> Any:
+def context(width: int, height: int, backend: str) -> Any:
     """Return a MuJoCo GLContext, made current, for pictures up to this size in pixels.
 
     backend: as `find_backend()` returned, here or in another process. It is independent of the
-    backend that `import mujoco` chose. Raises OSError if it is None.
+    backend that `import mujoco` chose.
     """
-    if backend is None:
-        raise OSError(advice())
     made = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
     made.make_current()
     return made

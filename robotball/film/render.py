@@ -388,7 +388,7 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arr
             begin = place + _CLEAR * along + Z
             if name == "contact force":
                 begin = place + (2 * along[2] + _CLEAR - 1) * along
-            found.append(Arrow(begin, begin + vector / length, _ARROWS[name][0]))
+            found.append((begin, begin + vector / length, _ARROWS[name][0]))
     return found
 
 

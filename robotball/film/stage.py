@@ -34,6 +34,7 @@ from robotball.rotations import Array
 from robotball.shapes import add_geoms
 
 Pixels = NDArray[np.uint8]
+Arrow = tuple[Array, Array, str]  # from a point (3,) to another, and its colour
 _Stands = Mapping[str, tuple[Array, Array]]
 
 _HIDDEN = "3"  # the group of what is hidden until a picture asks for it
@@ -86,15 +87,6 @@ class Camera:
         return self.look + self.distance * np.array(back)
 
 
-@dataclass(frozen=True)
-class Arrow:
-    """An arrow from a point (3,) to another."""
-
-    begin: Array
-    end: Array
-    colour: str
-
-
 LENS = 3.1  # a lens of 36 degrees: the distance at which the picture's shorter side is 2
 NEAR = 7.2  # the distance from which widths and lifts are as given below; they grow with it
 _TRAIL = 0.035  # half of a path's width
@@ -123,8 +115,7 @@ class Stage:
 
     size: (height, width) of a picture in pixels; colours: of each ball; paths: the contact points
     (n, 2) of each; distance: the camera's, at which the paths have their usual width and the fog
-    begins; backend: as `gl.find_backend` returned. Raises OSError if there is no off-screen GL.
-    Call `close` when done.
+    begins; backend: as `gl.find_backend` returned. Call `close` when done.
     """
 
     def __init__(
@@ -134,7 +125,7 @@ class Stage:
         colours: Sequence[str],
         paths: Sequence[Array],
         distance: float,
-        backend: str | None,
+        backend: str,
     ) -> None:
         self._size, self._bodies, self._colours = size, list(looks), colours
         self._paths, self._step = paths, -(-len(paths[0]) // POINTS)
@@ -213,11 +204,10 @@ class Stage:
             if opacity > 0:
                 self._add_shadow(i, opacity, camera)
                 self._add_rim(i, opacity, camera)
-        for arrow in arrows:
-            geom = self._add(mujoco.mjtGeom.mjGEOM_ARROW, arrow.colour, 1.0)
+        for begin, end, colour in arrows:
+            geom = self._add(mujoco.mjtGeom.mjGEOM_ARROW, colour, 1.0)
             # MuJoCo's arrows end half way.
-            tip = 2 * arrow.end - arrow.begin
-            mujoco.mjv_connector(geom, geom.type, _THICK, arrow.begin, tip)
+            mujoco.mjv_connector(geom, geom.type, _THICK, begin, 2 * end - begin)
         return self._render(self._drawing, self._size, fog=True)
 
     def close(self) -> None:

@@ -143,8 +143,7 @@ def _lines(table: tables.Table) -> Iterator[str]:
     """Yield the lines of a table: its keys, then the tables in it, each below its name."""
     # A body's own keys before those of its hinge, which the records inherit.
     info = sorted(
-        msgspec.structs.fields(table),
-        key=lambda each: each.name in HingeTable.__struct_fields__,
+        msgspec.structs.fields(table), key=lambda each: each.name in HingeTable.__struct_fields__
     )
     for field in info:
         name, value = field.name, getattr(table, field.name)

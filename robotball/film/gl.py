@@ -17,10 +17,7 @@ _OFF = ("disable", "disabled", "off", "false", "0")
 _ANY = ("", "enable", "enabled", "on", "true", "1")
 # Modules whose import loads the OpenGL that MUJOCO_GL names.
 _LOADING = {"mujoco", "dm_control._render"}
-_FIX = {
-    "Linux": "sudo apt-get install libosmesa6",
-    "Darwin": "a session with a window server",
-}
+_FIX = {"Linux": "sudo apt-get install libosmesa6", "Darwin": "a session with a window server"}
 
 # MuJoCo takes its backend from MUJOCO_GL when it is first imported, as it is in the child.
 _PROBE = """

@@ -118,7 +118,7 @@ def agreements_of(
 
 def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
     """Film both motions of an agreement at `path`, by default as `Film()` says."""
-    from robotball.film.write import write_video  # an encoder and a GL, which only a film needs
+    from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -25,6 +25,15 @@ def contents(path: Path, longest: int = LONGEST) -> bytes:
 
 
 @contextmanager
+def named(what: object) -> Iterator[None]:
+    """Put the name of a file or of a part of it before the message of an InputError."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from None
+
+
+@contextmanager
 def opened(path: Path, longest: int = LONGEST) -> Iterator[BinaryIO]:
     """Open a regular file of at most `longest` bytes for reading, links followed.
 

@@ -12,7 +12,7 @@ import json
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -22,7 +22,7 @@ import numpy as np
 
 from robotball.drives import Samples
 from robotball.errors import InputError
-from robotball.files import MB, opened
+from robotball.files import MB, named, opened
 from robotball.files.replacing import replacing
 from robotball.rotations import Array
 
@@ -68,11 +68,7 @@ class Table:
 
 def write_table(path: Path, table: Table) -> None:
     """Write a table as a file of the kind that its suffix says. Raises InputError for others."""
-    writers: dict[str, Callable[[Path, Table], None]] = {
-        ".csv": _write_csv,
-        ".npz": _write_npz,
-        ".parquet": _write_parquet,
-    }
+    writers = {".csv": _write_csv, ".npz": _write_npz, ".parquet": _write_parquet}
     write = _of_suffix(path, writers)
     with replacing(path) as temporary:
         write(temporary, table)
@@ -80,20 +76,11 @@ def write_table(path: Path, table: Table) -> None:
 
 def read_table(path: Path) -> Table:
     """Return the table of a file. Raises InputError, with the file, where it holds none."""
-    readers: dict[str, Callable[[BinaryIO], Table]] = {
-        ".csv": _read_csv,
-        ".tsv": _read_csv,
-        ".txt": _read_csv,
-        ".npz": _read_npz,
-        ".parquet": _read_parquet,
-    }
-    read = _of_suffix(path, readers)
+    texts = dict.fromkeys((".csv", ".tsv", ".txt"), _read_csv)
+    read = _of_suffix(path, {**texts, ".npz": _read_npz, ".parquet": _read_parquet})
     # A reader says what is wrong with the bytes; the file's name is put before it here.
-    with opened(path, LONGEST) as file:
-        try:
-            table = read(file)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
+    with opened(path, LONGEST) as file, named(path):
+        table = read(file)
     lengths = {name: len(column) for name, column in table.columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(f"{path}: columns are of different lengths: {lengths}")
@@ -122,10 +109,8 @@ def read_samples(path: Path) -> Samples:
         if (unit := table.units.get(name)) and unit not in known:
             raise InputError(f"{path}: {name} is in {unit}; samples take {', '.join(known[:3])}")
     times, values = (tuple(column.tolist()) for column in table.columns.values())
-    try:
+    with named(path):
         return Samples(times=times, values=values)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _write_csv(path: Path, table: Table) -> None:
@@ -269,13 +254,15 @@ def _checked(
             raise InputError(f"line {number}: {names[i]} {what}, and must be a number") from None
 
 
+def _own_members(table: Table) -> dict[str, str]:
+    """Return a table's header and units as JSON, by the names of their members in a file."""
+    return {_HEADER: json.dumps(dict(table.header)), _UNITS: json.dumps(dict(table.units))}
+
+
 def _write_npz(path: Path, table: Table) -> None:
-    own: dict[str, Any] = {
-        _HEADER: np.array(json.dumps(dict(table.header))),
-        _UNITS: np.array(json.dumps(dict(table.units))),
-    }
+    members: dict[str, Any] = {**_own_members(table), **table.columns}
     with path.open("wb") as file:  # by its name, NumPy would add a suffix of its own
-        np.savez(file, allow_pickle=False, **own, **dict(table.columns))
+        np.savez(file, allow_pickle=False, **members)
 
 
 def _read_npz(file: BinaryIO) -> Table:
@@ -287,8 +274,7 @@ def _read_npz(file: BinaryIO) -> Table:
             arrays = {name: members[name] for name in members.files}
     except _UNREADABLE as error:
         raise InputError(f"it is no NPZ file that can be read: {error}") from None
-    header = _texts(arrays.pop(_HEADER, None))
-    units = _texts(arrays.pop(_UNITS, None))
+    header, units = (_texts(arrays.pop(name, None)) for name in (_HEADER, _UNITS))
     return Table(dict(_columns(arrays)), units, header)
 
 
@@ -310,18 +296,16 @@ def _texts(member: Any) -> dict[str, str]:
     return {str(name): str(text) for name, text in found.items()}
 
 
-def _columns(arrays: Mapping[str, Any]) -> list[tuple[str, Array]]:
-    """Return columns (n,) as they are, and those of an array (n, k) as `name.0`, `name.1`, …."""
-    columns = []
+def _columns(arrays: Mapping[str, Any]) -> Iterator[tuple[str, Array]]:
+    """Yield columns (n,) as they are, and those of an array (n, k) as `name.0`, `name.1`, …."""
     for name, array in arrays.items():
-        if array.dtype.kind not in "fiub" or array.ndim not in (1, 2):
+        if array.dtype.kind not in "fiub":
             continue  # what a simulator keeps beside its trajectory
         numbers = np.asarray(array, dtype=float)
         if array.ndim == 1:
-            columns.append((name, numbers))
-        else:
-            columns += [(f"{name}.{i}", column) for i, column in enumerate(numbers.T)]
-    return columns
+            yield name, numbers
+        elif array.ndim == 2:
+            yield from ((f"{name}.{i}", column) for i, column in enumerate(numbers.T))
 
 
 def _pyarrow() -> tuple[Any, Any]:
@@ -335,9 +319,8 @@ def _pyarrow() -> tuple[Any, Any]:
 
 def _write_parquet(path: Path, table: Table) -> None:
     pyarrow, parquet = _pyarrow()
-    metadata = {_HEADER: json.dumps(dict(table.header)), _UNITS: json.dumps(dict(table.units))}
     whole = pyarrow.table({name: np.asarray(each) for name, each in table.columns.items()})
-    parquet.write_table(whole.replace_schema_metadata(metadata), path)
+    parquet.write_table(whole.replace_schema_metadata(_own_members(table)), path)
 
 
 def _read_parquet(file: BinaryIO) -> Table:
@@ -348,15 +331,15 @@ def _read_parquet(file: BinaryIO) -> Table:
         whole = packed.read()
         types = pyarrow.types
         arrays = {
-            name: column.to_numpy()
-            for name, column in zip(whole.column_names, whole.columns, strict=True)
-            if types.is_floating(column.type) or types.is_integer(column.type)
+            field.name: column.to_numpy()
+            for field, column in zip(whole.schema, whole.columns, strict=True)
+            if types.is_floating(field.type) or types.is_integer(field.type)
         }
     except (pyarrow.ArrowException, ValueError, OSError) as error:
         raise InputError(f"it is no Parquet file that can be read: {error}") from None
-    metadata = {
-        key.decode(errors="replace"): text.decode(errors="replace")
-        for key, text in (whole.schema.metadata or {}).items()
-    }
-    columns = dict(_columns(arrays))
-    return Table(columns, _texts(metadata.get(_UNITS)), _texts(metadata.get(_HEADER)))
+    metadata = whole.schema.metadata or {}
+    header, units = (
+        _texts(metadata.get(name.encode(), b"").decode(errors="replace"))
+        for name in (_HEADER, _UNITS)
+    )
+    return Table(dict(_columns(arrays)), units, header)

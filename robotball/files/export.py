@@ -32,7 +32,7 @@ from robotball.scene import Hinge, Scene
 _FORMAT = "robotball scene 1"
 _SHAPES = {"linear": "u", "smooth": "3u² - 2u³", "quintic": "10u³ - 15u⁴ + 6u⁵"}
 # Of a hinge's command; of a motor that is not here a torque.
-_COMMANDED = {Servo: "rad/s", PositionServo: "rad", DCMotor: "1", Free: "none"}
+_COMMANDED = {type(None) | Servo: "rad/s", PositionServo: "rad", DCMotor: "1", Free: "none"}
 # Times the friction that the motion needs: another engine's contact must not slip at the peak.
 MARGIN = 1.5
 # URDF's readers ask for limits of every joint; these limit nothing.
@@ -96,7 +96,7 @@ def plain(motion: Motion) -> dict[str, Any]:
         "rolling": scene.rolling,
         "duration": float(motion.times[-1]),
         "sample_times": {"count": len(motion.times), "file": "reference.csv", "column": "t"},
-        "gravity": (scene.gravity * np.array(scene.gravity_direction)).tolist(),
+        "gravity": scene.gravity_world.tolist(),
         "ball": {
             "radius": ball.radius,
             "mass": ball.mass,
@@ -142,12 +142,7 @@ def _bodies(motion: Motion) -> list[dict[str, Any]]:
             "inertia": link.inertia.tolist(),
             "inertia_about_centre": _about_centre(link.mass, link.centre, link.inertia).tolist(),
             "hinge": _hinge(hinges[link.name], link.parent) if link.parent else None,
-            "start": {
-                "position": placed[link.name].position[0].tolist(),
-                "attitude": placed[link.name].attitude[0].tolist(),
-                "velocity": placed[link.name].velocity[0].tolist(),
-                "angular_velocity": placed[link.name].angular_velocity[0].tolist(),
-            },
+            "start": {what: each[0].tolist() for what, each in vars(placed[link.name]).items()},
         }
         for link in scene.ball.tree
     ]
@@ -203,52 +198,48 @@ def _about_centre(mass: float, centre: Array, inertia: Array) -> Array:
 
 
 def _hinge(hinge: Hinge, parent: str) -> dict[str, Any]:
-    motor = hinge.motor
-    unit = "rad/s" if motor is None else _COMMANDED.get(type(motor), "N m")
+    motor: Any = hinge.motor
+    unit = next((unit for kind, unit in _COMMANDED.items() if isinstance(motor, kind)), "N m")
     return {
         "parent": parent,
         "axis": hinge.axis.tolist(),
         "pivot": hinge.pivot.tolist(),
         "angle": hinge.angle,
         "rate": hinge.rate,
-        "motor": None if motor is None else _motor(motor),
-        "command": {"unit": unit, **formula(hinge.command), "breakpoints": _times(hinge.command)},
+        # docs/scene.md says what a motor does with its command.
+        "motor": None if motor is None else {"kind": type(motor).__name__, **asdict(motor)},
+        "command": {
+            "unit": unit,
+            **formula(hinge.command),
+            "breakpoints": [float(t) for t in hinge.command.breakpoints],
+        },
     }
-
-
-def _motor(motor: Any) -> dict[str, Any]:
-    """Return a motor's kind and numbers. docs/scene.md says what it does with its command."""
-    return {"kind": type(motor).__name__, **asdict(motor)}
-
-
-def _times(command: Drive) -> list[float]:
-    return [float(t) for t in command.breakpoints]
 
 
 def formula(command: Drive) -> dict[str, Any]:
     """Return a command by its formula, in plain data. Without one, drives.csv has it."""
-    if isinstance(command, Constant):
-        value = float(command.value)
-        return {"kind": "constant", "value": value, "formula": repr(value)}
-    if isinstance(command, Ramp):
-        first, last, start, end = map(
-            float, (command.initial, command.final, command.start, command.end)
-        )
-        u = f"u = clip((t - {start})/({end} - {start}), 0, 1)"
-        text = f"{first} + ({last} - {first})*({_SHAPES[command.shape]}), {u}"
-        return {**msgspec.to_builtins(command), "formula": text}
-    if isinstance(command, Sine):
-        swing, often, phase, mean = map(
-            float, (command.amplitude, command.frequency, command.phase, command.mean)
-        )
-        text = f"{mean} + {swing}*sin(2*pi*{often}*t + {phase})"
-        return {**msgspec.to_builtins(command), "formula": text}
-    if isinstance(command, Samples):
-        return {**msgspec.to_builtins(command), "formula": "see drives.csv"}
-    if isinstance(command, Total):
-        parts = [formula(part) for part in command.drives]
-        return {"kind": "sum", "parts": parts, "formula": "the sum of the parts"}
-    return {"kind": "function", "formula": "see drives.csv"}
+    text = "see drives.csv"
+    match command:
+        case Constant():
+            value = float(command.value)
+            return {"kind": "constant", "value": value, "formula": repr(value)}
+        case Total():
+            parts = [formula(part) for part in command.drives]
+            return {"kind": "sum", "parts": parts, "formula": "the sum of the parts"}
+        case Ramp():
+            numbers = (command.initial, command.final, command.start, command.end)
+            first, last, start, end = map(float, numbers)
+            u = f"u = clip((t - {start})/({end} - {start}), 0, 1)"
+            text = f"{first} + ({last} - {first})*({_SHAPES[command.shape]}), {u}"
+        case Sine():
+            numbers = (command.amplitude, command.frequency, command.phase, command.mean)
+            swing, often, phase, mean = map(float, numbers)
+            text = f"{mean} + {swing}*sin(2*pi*{often}*t + {phase})"
+        case Samples():
+            pass
+        case _:
+            return {"kind": "function", "formula": text}
+    return {**msgspec.to_builtins(command), "formula": text}
 
 
 def _joint(slides: bool) -> str:
@@ -263,8 +254,7 @@ def _mjcf(motion: Motion) -> str:
     """
     scene = motion.scene
     root = Element("mujoco", model=scene.name)
-    gravity = scene.gravity * np.array(scene.gravity_direction)
-    SubElement(root, "option", gravity=numbers(gravity))
+    SubElement(root, "option", gravity=numbers(scene.gravity_world))
     world = SubElement(root, "worldbody")
     needed = friction_needed(motion)
     friction = [MARGIN * needed["sliding"], MARGIN * needed["torsional"], 0.0]
@@ -338,7 +328,7 @@ def sdf(motion: Motion) -> str:
     scene = motion.scene
     root = Element("sdf", version="1.9")
     world = SubElement(root, "world", name=scene.name)
-    _fill(world, {"gravity": numbers(scene.gravity * np.array(scene.gravity_direction))})
+    _fill(world, {"gravity": numbers(scene.gravity_world)})
     surface = _surface(motion)
     plane = _fill(SubElement(world, "model", name="plane"), {"static": "true"})
     ground = SubElement(SubElement(plane, "link", name="plane"), "collision", name="plane")

@@ -7,7 +7,7 @@ this way (a URDF, one with includes or copies) is first written by MuJoCo itself
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 from xml.parsers.expat import ExpatError, ParserCreate
@@ -216,20 +216,17 @@ def _own_text(robot: RobotFile, shift: Array, names: _Names, pair: int | None) -
         own = [each for each in elements if each.tag == "geom" and each.owner in owners]
         return own[number - int(model.body_geomadr[body])]
 
-    edits: list[tuple[int, str, Callable[[str], str]]] = []
-    for (kind, i), name in names.items():
-        edits.append((element(kind, i).at, "name", _constant(name)))
+    # Each with the place of its element; without an attribute the whole element goes.
+    edits = [(element(kind, i).at, "name", name) for (kind, i), name in names.items()]
     if np.any(shift):
-        root, first = element("body", robot.root).at, robot.free.start
-        edits.append((root, "pos", lambda old: _added(old, shift, 0)))
+        root = element("body", robot.root)
+        edits.append((root.at, "pos", _added(root.attributes.get("pos", "0 0 0"), shift, 0)))
         # A key without qpos has that of the bodies.
-        for i in _all_of(elements, "key"):
-            if "qpos" not in elements[i].attributes:
-                continue
-            edits.append((elements[i].at, "qpos", lambda old: _added(old, shift, first)))
+        for key in (elements[i] for i in _all_of(elements, "key")):
+            if old := key.attributes.get("qpos"):
+                edits.append((key.at, "qpos", _added(old, shift, robot.free.start)))
     if pair is not None:
-        at = elements[_all_of(elements, "pair")[pair]].at
-        edits.append((at, "", _constant("")))
+        edits.append((elements[_all_of(elements, "pair")[pair]].at, "", ""))
     for at, attribute, new in sorted(edits, key=lambda each: -each[0]):
         data = data[:at] + _with_attribute(data[at:].decode(), attribute, new).encode()
     text = data.decode()
@@ -241,7 +238,7 @@ def _all_of(elements: list[_Element], tag: str) -> list[int]:
     return [i for i, each in enumerate(elements) if each.tag == tag]
 
 
-def _with_attribute(text: str, name: str, new: Callable[[str], str]) -> str:
+def _with_attribute(text: str, name: str, new: str) -> str:
     """Return a text that begins with a start tag, whose attribute gets a new value.
 
     Without a name of an attribute the whole element goes, which has no content.
@@ -252,16 +249,12 @@ def _with_attribute(text: str, name: str, new: Callable[[str], str]) -> str:
         return text[tag.end() :].partition(">")[2]
     old = re.search(rf"\s{name}\s*=\s*[\"']([^\"']*)[\"']", tag.group())
     if old:
-        return text[: old.start(1)] + new(old.group(1)) + text[old.end(1) :]
-    return f'{tag.group()} {name}="{new("")}"{text[tag.end() :]}'
-
-
-def _constant(value: str) -> Callable[[str], str]:
-    return lambda _: value
+        return text[: old.start(1)] + new + text[old.end(1) :]
+    return f'{tag.group()} {name}="{new}"{text[tag.end() :]}'
 
 
 def _added(numbers: str, shift: Array, at: int) -> str:
-    """Return numbers, none of which are those of the origin, with a shift (3,) added from `at`."""
-    values = np.array(numbers.split() or ["0"] * 3, float)
+    """Return numbers with a shift (3,) added from the place `at`."""
+    values = np.array(numbers.split(), float)
     values[at : at + 3] += shift
     return " ".join(f"{value:.12g}" for value in values)

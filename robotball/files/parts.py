@@ -10,18 +10,7 @@ import math
 import numpy as np
 
 from robotball.errors import InputError, check_not_negative, check_positive, check_size, unknown
-from robotball.files.scene_tables import (
-    Box,
-    Cylinder,
-    Disc,
-    Matter,
-    Part,
-    Point,
-    Ring,
-    Rod,
-    Sphere,
-    Triple,
-)
+from robotball.files import scene_tables as tables
 from robotball.robot import Solid, axial_tensor, thick_shell_inertia
 from robotball.rotations import Array, Z, direction, rotation_matrix, z_along
 from robotball.scene import unit
@@ -36,7 +25,7 @@ DENSITIES = {
 _SIGNS = [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=3)]
 
 
-def solid_of(part: Part, axis: Array = Z) -> Solid:
+def solid_of(part: tables.Part, axis: Array = Z) -> Solid:
     """Return the mass, centre, inertia and reach of a part.
 
     axis: the direction (3,) of a part that names none. Raises InputError for sizes or masses that
@@ -44,27 +33,27 @@ def solid_of(part: Part, axis: Array = Z) -> Solid:
     """
     name = f"a {type(part).__name__.lower()}"
     match part:
-        case Point():
+        case tables.Point():
             # It has no inertia of its own, but one by its place once it is put to other parts.
             mass, reach = _positive(f"{name}'s mass", part.mass, "kg"), math.hypot(*part.centre)
             dot = Shape("sphere", np.zeros(3), np.array(part.centre))
             return Solid(mass, np.array(part.centre), np.zeros((3, 3)), reach, (dot,))
-        case Sphere():
+        case tables.Sphere():
             return _sphere(name, part)
-        case Box():
+        case tables.Box():
             return _box(name, part)
-        case Cylinder():
+        case tables.Cylinder():
             a, b, h = part.outer, part.inner_radius, _positive(f"{name}'s length", part.length)
             mass = _mass_of_tube(name, part, a, b, h)
-        case Disc():
+        case tables.Disc():
             a, b, h = part.outer, part.inner_radius, part.thickness
             check_not_negative(f"{name}'s thickness", h, "m")
             mass = _mass_of_tube(name, part, a, b, h)
-        case Ring():
+        case tables.Ring():
             mass = _positive(f"{name}'s mass", part.mass, "kg")
             a = b = _positive(f"{name}'s radius", part.radius)
             h = 0.0
-        case Rod():
+        case tables.Rod():
             return _rod(name, part)
     if part.axis is not None:
         axis = direction(f"{name}'s axis", np.array(part.axis))
@@ -77,7 +66,7 @@ def _positive(what: str, value: float, unit: str = "m") -> float:
     return value
 
 
-def _sphere(name: str, sphere: Sphere) -> Solid:
+def _sphere(name: str, sphere: tables.Sphere) -> Solid:
     a = _positive(f"{name}'s radius", sphere.outer)
     wall = a if sphere.thickness is None else sphere.thickness
     # Of unit mass: the wall is checked before its volume is taken.
@@ -88,7 +77,7 @@ def _sphere(name: str, sphere: Sphere) -> Solid:
     return Solid(mass, middle, mass * moment * np.eye(3), reach, (shape,))
 
 
-def _box(name: str, box: Box) -> Solid:
+def _box(name: str, box: tables.Box) -> Solid:
     x, y, z = (_positive(f"{name}'s size", edge) for edge in box.size)
     mass = mass_of(name, box, x * y * z)
     moments = mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
@@ -99,7 +88,7 @@ def _box(name: str, box: Box) -> Solid:
     return Solid(mass, np.array(box.centre), R @ np.diag(moments) @ R.T, reach, (shape,))
 
 
-def _rod(name: str, rod: Rod) -> Solid:
+def _rod(name: str, rod: tables.Rod) -> Solid:
     for coordinate in (*rod.begin, *rod.end):
         check_size(f"{name}'s end", coordinate, "m")
     check_not_negative(f"{name}'s radius", rod.outer, "m")
@@ -110,7 +99,7 @@ def _rod(name: str, rod: Rod) -> Solid:
     return _tube(mass, rod.outer, 0.0, length, (x, y, z), n)
 
 
-def _mass_of_tube(name: str, given: Matter, a: float, b: float, h: float) -> float:
+def _mass_of_tube(name: str, given: tables.Matter, a: float, b: float, h: float) -> float:
     """Return the mass [kg] of a tube of outer radius a, inner radius b and length h."""
     check_positive(f"{name}'s radius", a, "m")
     if not 0 <= b < a:
@@ -121,7 +110,7 @@ def _mass_of_tube(name: str, given: Matter, a: float, b: float, h: float) -> flo
     return mass_of(name, given, math.pi * (a - b) * (a + b) * h)
 
 
-def _tube(mass: float, a: float, b: float, h: float, centre: Triple, axis: Array) -> Solid:
+def _tube(mass: float, a: float, b: float, h: float, centre: tables.Triple, axis: Array) -> Solid:
     """Return a tube of outer radius a, inner radius b and length h about a unit vector (3,)."""
     # Of a disc (h = 0) and a hoop (a = b) too: m(a² + b²)/4 + m h²/12 across the axis.
     across = mass * (a * a + b * b) / 4
@@ -139,7 +128,7 @@ def _reach_of_circle(centre: Array, axis: Array, radius: float) -> float:
     return math.hypot(along, float(np.linalg.norm(centre - along * axis)) + radius)
 
 
-def mass_of(name: str, given: Matter, volume: float) -> float:
+def mass_of(name: str, given: tables.Matter, volume: float) -> float:
     """Return the mass [kg] as given, or of a density or a material in a volume [m³].
 
     Raises InputError unless one of the three is given, and for a density in no volume.

@@ -1,35 +1,40 @@
 """Read a user's whole robot from an MJCF or URDF file, as it is: tree, actuators, plane and start.
 
-MuJoCo reads and compiles the file, at first in a process of its own, which a hostile file may end.
-The tree begins at the shell, the body with the sphere that touches the plane, wherever the file has
-it: a joint above the shell is seen from its other side, by an axis of the opposite sign. Bodies are
-taken where all joints are at 0, in the axes of the shell and from the centre of its sphere; all
-that is welded together is one body.
+MuJoCo reads and compiles the file, at first in a process of its own (`trial_load`). The tree begins
+at the shell, the body with the sphere that touches the plane, wherever the file has it: a joint
+above the shell is seen from its other side, by an axis of the opposite sign. Bodies are taken where
+all joints are at 0, in the axes of the shell and from the centre of its sphere; all that is welded
+together is one body.
 
-In order: the scene, the model with what the file leaves out, the tree, the start and the contact,
-the joints and actuators.
+In order: the scene, the same by a TOML file, the model with what its file leaves out, the tree, the
+start, the joints and actuators, a single body for a scene that has its others elsewhere.
 """
 
+import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import mujoco
 import numpy as np
 
 from robotball.activations import Activation
-from robotball.drives import Rate, Samples
+from robotball.drives import Rate, Samples, key
 from robotball.equations import Rolling
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files.foreign_bodies import check_loads, drop_missing_looks
+from robotball.files import named
+from robotball.files.scene_tables import Command, Table, rate_of
+from robotball.files.trial_load import COMMENT, check_loads, opened_spec
 from robotball.mechanics import momentum_at
 from robotball.motors import Actuator, Free, Law
 from robotball.robot import NO_FRAME, Ball, Link, Shell, Solid, composed
-from robotball.rotations import Array, from_matrix
+from robotball.rotations import Array, Z, from_matrix, rotation_matrix
 from robotball.scene import DOWN, Friction, Scene, Start
 from robotball.shapes import shapes_of_geoms
 
@@ -37,9 +42,9 @@ from robotball.shapes import shapes_of_geoms
 _FORCES = 2 * int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) - 1
 _FORCES |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 # A model has plain numbers, which MuJoCo's enumerations do not equal.
-_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
-_SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
+_FREE, _BALL, _SLIDE, _HINGE = map(int, mujoco.mjtJoint.__members__.values())
 _STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+_AFFINE = (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE))
 _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 _SPHERE, _PLANE = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_PLANE)
 # What the scene's own model calls its parts; a user's body of such a name gets another.
@@ -115,13 +120,13 @@ class RobotFile:
             geoms = {int(contact.geom1), int(contact.geom2)}
             if geoms == {plane, self.sphere}:
                 found = contact
-            roots = {i: model.body_rootid[model.geom_bodyid[i]] for i in geoms}
-            apart = [i for i, root in roots.items() if root not in (0, self.root)]
-            if apart and self.sphere in geoms:
+            bodies = model.geom_bodyid[[*geoms]]
+            apart = bodies[~np.isin(model.body_rootid[bodies], (0, self.root))]
+            if len(apart) and self.sphere in geoms:
                 raise InputError(
-                    f"{_name(model, model.geom_bodyid[apart[0]])} touches the shell: a drive by "
-                    "contacts is not supported; hold the body by joints, or give its geoms "
-                    "contype and conaffinity 0"
+                    f"{_name(model, apart[0])} touches the shell: a drive by contacts is not "
+                    "supported; hold the body by joints, or give its geoms contype and "
+                    "conaffinity 0"
                 )
         if found is None:
             raise InputError(
@@ -149,19 +154,53 @@ def robot_scene(
     """
     robot = open_robot(path, shell)
     data = robot.start(key)
-    try:
+    if duration is None:
+        ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
+        duration = min([_DURATION, *ends])
+    with named(path):
         for note in (*robot.notes, *starts_off(robot, data)):
             warn(f"{path.name}: {note}")
-        lasts = _longest(controls) if duration is None else duration
-        return scene_of(robot, data, controls, rolling, lasts)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        return scene_of(robot, data, controls, rolling, duration)
 
 
-def _longest(controls: Mapping[str, Rate]) -> float:
-    """Return how long a scene from a file lasts [s], which says nothing of it."""
-    ends = [each.times[-1] for each in controls.values() if isinstance(each, Samples)]
-    return min([_DURATION, *ends])
+class RobotTable(Table, frozen=True, kw_only=True):
+    """The table of a scene file whose robot is in a file of its own."""
+
+    robot: Annotated[
+        str, key("the robot's MJCF or URDF file; a relative path is from the scene's own folder")
+    ]
+    title: Annotated[str | None, key("one line, for tables and plots")] = None
+    rolling: Annotated[
+        Rolling | None, key("`rubber` or `classical`, in place of what the contact's condim says")
+    ] = None
+    shell: Annotated[str | None, key("the body or geom that rolls, where several could")] = None
+    keyframe: Annotated[str | None, key("where it starts, in place of the first keyframe")] = None
+    duration: Annotated[
+        float | None, key("of the motion; 10 if not given, or as long as the samples", "s")
+    ] = None
+    controls: Annotated[
+        dict[str, Command] | None,
+        key("`[controls]`, commands by the names of actuators, in place of the keyframe's"),
+    ] = None
+
+
+def scene_of_robot(path: Path, table: dict[str, Any], controls: Mapping[str, Rate]) -> Scene:
+    """Return the scene of a TOML file's table; controls: in place of those that it gives.
+
+    Raises InputError for a key that says what the robot's file says, and as `robot_scene`.
+    """
+    if "robot" not in table:
+        raise InputError("controls are those of a robot's own file, and the scene names none")
+    for each in table:
+        if each not in RobotTable.__struct_fields__:
+            raise unknown("key beside robot", each, RobotTable.__struct_fields__)
+    given = msgspec.convert(table, RobotTable)
+    own = {name: rate_of(each, path.parent) for name, each in (given.controls or {}).items()}
+    scene = robot_scene(
+        path.parent / given.robot, {**own, **controls}, given.shell, given.rolling, given.keyframe,
+        given.duration,
+    )  # fmt: skip
+    return replace(scene, name=path.stem, title=given.title or scene.title)
 
 
 def scene_of(
@@ -224,10 +263,7 @@ def open_robot(path: Path, shell: str | None = None) -> RobotFile:
     """
     check_loads(path)
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        # A URDF's root has no joint: it would become a part of the world, without its mass.
-        spec.compiler.fusestatic = False
-        missing = list(drop_missing_looks(spec, path.parent))
+        spec, missing = opened_spec(path)
         model = spec.compile()
         notes = [*_plane_added(spec, model), *_free_joint_added(spec, model, _sphere(model, shell))]
         if notes:
@@ -253,16 +289,16 @@ def _sphere(model: Any, shell: str | None) -> int:
             "no sphere can touch the plane; a shell has a geom of type sphere with contype or "
             "conaffinity, where a mesh would roll on its corners"
         )
-    named = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
+    called = {i: (model.geom(i).name, model.body(model.geom_bodyid[i]).name) for i in spheres}
     if shell is not None:
-        spheres = [i for i, names in named.items() if shell in names]
+        spheres = [i for i, names in called.items() if shell in names]
         if not spheres:
-            known = dict.fromkeys(name for names in named.values() for name in names if name)
+            known = dict.fromkeys(name for names in called.values() for name in names if name)
             raise unknown("sphere that can roll, or its body,", shell, known)
     largest = max(model.geom_size[i, 0] for i in spheres)
     outermost = [i for i in spheres if model.geom_size[i, 0] == largest]
     if len(outermost) > 1:
-        names = ", ".join(" of ".join(filter(None, named[i])) for i in outermost)
+        names = ", ".join(" of ".join(filter(None, called[i])) for i in outermost)
         raise InputError(
             f"several spheres of {largest:g} m could roll: {names}; name one as `shell` in a scene "
             "file, or give the others contype and conaffinity 0"
@@ -299,37 +335,35 @@ def _free_joint_added(spec: Any, model: Any, sphere: int) -> Iterator[str]:
         )
 
 
+# What the equations do not have: the numbers of a model that are 0 where it has none.
+_UNSUPPORTED = {
+    "an equality constraint": "eq_active0",
+    "the drag of a medium (density or viscosity)": "opt.density opt.viscosity",
+    "gravcomp": "body_gravcomp",
+    "a tendon with a spring, a damper, friction or limits":
+        "tendon_stiffness tendon_damping tendon_frictionloss tendon_limited",
+    "an actuatorfrcrange or armature of a tendon": "tendon_actfrclimited tendon_armature",
+    "an actuator's delay": "actuator_delay",
+    "an actuator's damping that is no constant": "actuator_dampingpoly",
+    "a plugin": "nplugin",
+    "a joint that yields (springyield)": "jnt_springyield",
+    "a surface that moves (surfacevel)": "geom_surfacevel",
+    "a group of disabled actuators": "opt.disableactuator",
+}  # fmt: skip
+
+
 def _check_supported(model: Any) -> None:
     """Raise InputError for what the equations do not have, and would be silently other without."""
-    tendons = ("stiffness", "damping", "frictionloss", "limited")
+    free = np.isin(model.dof_jntid, np.flatnonzero(model.jnt_type == _FREE))
+    resists = (model.dof_damping, model.dof_armature, model.dof_frictionloss)
     unsupported = {
-        "an equality constraint": model.eq_active0,
-        "the drag of a medium (density or viscosity)": [model.opt.density, model.opt.viscosity],
-        "gravcomp": model.body_gravcomp,
-        "a tendon with a spring, a damper, friction or limits": np.concatenate(
-            [np.ravel(getattr(model, f"tendon_{each}")) for each in tendons]
-        ),
-        "an actuatorfrcrange or armature of a tendon": [
-            *model.tendon_actfrclimited,
-            *model.tendon_armature,
-        ],
-        "an actuator's delay": model.actuator_delay,
+        **{what: attrgetter(*names.split())(model) for what, names in _UNSUPPORTED.items()},
         "an actuator with several controls": model.actuator_ctrlnum != 1,
-        "an actuator's damping that is no constant": model.actuator_dampingpoly,
-        "a plugin": model.nplugin,
-        "damping, armature or friction of a free joint": np.concatenate(
-            [
-                np.ravel(getattr(model, f"dof_{each}"))[model.jnt_type[model.dof_jntid] == _FREE]
-                for each in ("damping", "armature", "frictionloss")
-            ]
-        ),
-        "a joint that yields (springyield)": model.jnt_springyield,
-        "a surface that moves (surfacevel)": model.geom_surfacevel,
+        "damping, armature or friction of a free joint": tuple(each[free] for each in resists),
         "a flag that disables gravity, contacts or other forces": model.opt.disableflags & _FORCES,
-        "a group of disabled actuators": model.opt.disableactuator,
     }
     for what, values in unsupported.items():
-        if np.any(values):
+        if any(map(np.any, values if isinstance(values, tuple) else (values,))):
             raise InputError(f"{what} is not supported; take it out of the file")
 
 
@@ -417,13 +451,14 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
                 continue
             reached.add(other)
             solid, name = local(nodes[other].solid), nodes[other].name
+            limits = model.joint(joint).name or f"joint{joint}", *model.jnt_range[joint].tolist()
             links.append(
                 Link(
                     name, parent, solid.mass, solid.inertia, solid.centre,
                     axis=sign * to_shell @ data.xaxis[joint],
                     pivot=to_shell @ (data.xanchor[joint] - centre),
                     slides=bool(model.jnt_type[joint] == _SLIDE),
-                    range=_range(model, joint) if model.jnt_limited[joint] else None,
+                    range=limits if model.jnt_limited[joint] else None,
                     shapes=solid.shapes,
                 )
             )  # fmt: skip
@@ -432,17 +467,12 @@ def _tree_of(robot: RobotFile) -> tuple[Ball, list[int]]:
     return Ball(_shell_of(radius, shell), NO_FRAME, (), (), tuple(links)), joints
 
 
-def _range(model: Any, joint: int) -> tuple[str, float, float]:
-    low, high = model.jnt_range[joint].tolist()
-    return model.joint(joint).name or f"joint{joint}", low, high
-
-
 def _shell_of(radius: float, solid: Solid) -> Shell:
     """Return a shell of any inertia (3, 3) and centre of mass (3,), as those of z and the rest."""
-    z, inertia = np.array([0.0, 0.0, 1.0]), solid.inertia
+    inertia = solid.inertia
     axial, across = float(inertia[2, 2]), float(inertia[0, 0] + inertia[1, 1]) / 2
     return Shell(
-        radius, solid.mass, axial, across, z,
+        radius, solid.mass, axial, across, Z,
         offset=float(solid.centre[2]),
         asymmetry=inertia - np.diag([across, across, axial]),
         aside=solid.centre * [1.0, 1.0, 0.0],
@@ -460,27 +490,25 @@ def _nodes(robot: RobotFile, data: Any) -> tuple[list[_Node], int]:
         if model.body_rootid[head] != root or model.body_weldid[head] != head:
             continue
         welded = [i for i in range(1, model.nbody) if model.body_weldid[i] == head]
-        solid = _solid_of(model, data, welded)
+        shapes = tuple(shapes_of_geoms(model, data, welded))
+        solid = replace(_solid_of(model, data, welded), shapes=shapes)
         name = _name(model, head)
-        joints = [j for j in range(model.njnt) if model.jnt_bodyid[j] == head]
-        if head == root:
-            joints = []
-        above = place.get(model.body_weldid[model.body_parentid[head]])
+        # A root's free joint is no joint of the tree.
+        joints = [None] if head == root else np.flatnonzero(model.jnt_bodyid == head).tolist()
+        above = place.get(model.body_weldid[model.body_parentid[head]], 0)
         for i, joint in enumerate(joints):
-            if model.jnt_type[joint] == _BALL:
-                raise InputError(f"{name} has a ball joint; take three hinges")
-            assert above is not None
-            last = i == len(joints) - 1
-            between = Solid(0.0, data.xipos[head].copy(), np.zeros((3, 3)))
-            label = name if last else f"{name}_{model.joint(joint).name or i}"
-            nodes.append(_Node(label, solid if last else between))
-            nodes[-1].joints.append((joint, above, -1.0))
-            nodes[above].joints.append((joint, len(nodes) - 1, 1.0))
-            above = len(nodes) - 1
-        if head == root:
-            nodes.append(_Node(name, solid))
-            above = len(nodes) - 1
-        assert above is not None
+            if joint == joints[-1]:
+                nodes.append(_Node(name, solid))
+            else:
+                between = Solid(0.0, data.xipos[head].copy(), np.zeros((3, 3)))
+                nodes.append(_Node(f"{name}_{model.joint(joint).name or i}", between))
+            here = len(nodes) - 1
+            if joint is not None:
+                if model.jnt_type[joint] == _BALL:
+                    raise InputError(f"{name} has a ball joint; take three hinges")
+                nodes[here].joints.append((joint, above, -1.0))
+                nodes[above].joints.append((joint, here, 1.0))
+            above = here
         place[head] = above
     return nodes, place[model.body_weldid[model.geom_bodyid[robot.sphere]]]
 
@@ -491,14 +519,14 @@ def _name(model: Any, body: int) -> str:
     return f"{name}_" if name in _OURS else name
 
 
-def _solid_of(model: Any, data: Any, bodies: list[int]) -> Solid:
+def _solid_of(model: Any, data: Any, bodies: Iterable[int]) -> Solid:
+    """Return bodies of a MuJoCo model as one, as placed in `data`; world axes."""
     solids = []
     for i in bodies:
         axes = data.ximat[i].reshape(3, 3)
         inertia = axes @ np.diag(model.body_inertia[i]) @ axes.T
         solids.append(Solid(float(model.body_mass[i]), data.xipos[i].copy(), inertia))
-    solid = composed(each for each in solids if each.mass > 0)
-    return replace(solid, shapes=tuple(shapes_of_geoms(model, data, bodies)))
+    return composed(each for each in solids if each.mass > 0)
 
 
 def starts_off(robot: RobotFile, data: Any) -> Iterator[str]:
@@ -653,11 +681,78 @@ def _moved(model: Any, i: int, name: str) -> Iterator[tuple[int, float]]:
 def _law(model: Any, i: int, name: str) -> Law:
     """Return an actuator's law. Raises InputError unless it is affine."""
     gain, bias = model.actuator_gainprm[i], model.actuator_biasprm[i]
-    affine = model.actuator_biastype[i] in (
-        int(mujoco.mjtBias.mjBIAS_NONE),
-        int(mujoco.mjtBias.mjBIAS_AFFINE),
-    )
-    if model.actuator_gaintype[i] != int(mujoco.mjtGain.mjGAIN_FIXED) or not affine:
+    fixed = model.actuator_gaintype[i] == int(mujoco.mjtGain.mjGAIN_FIXED)
+    if not (fixed and model.actuator_biastype[i] in _AFFINE):
         raise InputError(f"{name}: a gain or bias that is not affine is not supported")
     b0, b1, b2 = bias[:3].tolist() if model.actuator_biastype[i] else (0.0, 0.0, 0.0)
     return Law(float(gain[0]), -b1, -b2, b0)
+
+
+def solid_of_file(path: Path, kind: str, name: str) -> Solid:
+    """Return a "body" of an MJCF file, or a "link" of a URDF file, with all that is fixed to it.
+
+    It is in its own axes. Raises InputError where the file cannot be loaded or has no such
+    body, or the body has no inertia or carries others that move on it.
+    """
+    # The masses of an MJCF file may follow from geoms. A URDF file's links have their inertials:
+    # compiling it would refuse it for a link or a mesh that nobody asked for.
+    check_loads(path, "compiled" if kind == "body" else "parsed")
+    with named(path):
+        return (_of_mjcf if kind == "body" else _of_urdf)(path, name)
+
+
+def _of_mjcf(path: Path, name: str) -> Solid:
+    model = opened_spec(path)[0].compile()
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    if number < 0:
+        raise unknown("body", name, [model.body(i).name for i in range(1, model.nbody)])
+    below = [number]
+    for i in range(number + 1, model.nbody):  # a body has a higher number than its parent
+        if model.body_parentid[i] in below:
+            if model.body_weldid[i] != model.body_weldid[number]:
+                raise _moves("body", name, model.body(i).name)
+            below.append(i)
+    if not model.body_mass[below].any():
+        raise InputError(f"body {name!r} has no mass")
+    # The pose of all bodies at the model's reference, to bring what is fixed into one body's axes.
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    solid, to_body = _solid_of(model, data, below), data.xmat[number].reshape(3, 3).T
+    centre = to_body @ (solid.centre - data.xpos[number])
+    return Solid(solid.mass, centre, to_body @ solid.inertia @ to_body.T)
+
+
+def _moves(kind: str, name: str, other: str) -> InputError:
+    return InputError(
+        f"{kind} {name!r} carries {other!r}, which moves on it; take each as a body of its own"
+    )
+
+
+def _of_urdf(path: Path, name: str) -> Solid:
+    root = re.search(r"<(\w+)", COMMENT.sub("", path.read_text(errors="replace")))
+    if root and root[1] != "robot":  # MuJoCo would read its own format as well
+        raise InputError(f"no URDF: its root is <{root[1]}>, not <robot>")
+    spec = mujoco.MjSpec.from_file(str(path))
+    link = spec.body(name)
+    if link is None:
+        raise unknown("link", name, [each.name for each in spec.bodies[1:]])
+    solids = list(_inertials(link, name, np.zeros(3), np.eye(3)))
+    if not solids:
+        raise InputError(f"link {name!r} has no inertial")
+    return composed(solids)
+
+
+def _inertials(link: Any, name: str, origin: Array, axes: Array) -> Iterator[Solid]:
+    """Yield the inertials of a link at a place, in axes (3, 3), and of what is fixed to it."""
+    if link.explicitinertial:
+        if not link.mass > 0:
+            raise InputError(f"link {link.name!r}'s inertial has no mass: {link.mass:g} kg")
+        turned = axes @ rotation_matrix(link.iquat)
+        xx, yy, zz, xy, xz, yz = link.fullinertia
+        inertia = turned @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turned.T
+        yield Solid(link.mass, origin + axes @ link.ipos, inertia)
+    for child in link.bodies:
+        if child.joints:
+            raise _moves("link", name, child.name)
+        turned = axes @ rotation_matrix(child.quat)
+        yield from _inertials(child, name, origin + axes @ child.pos, turned)

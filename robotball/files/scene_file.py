@@ -19,26 +19,9 @@ import numpy as np
 from robotball import scene as starts
 from robotball.drives import Rate
 from robotball.errors import InputError, check_positive, check_size, unknown, warn
-from robotball.files import contents
-from robotball.files.scene_tables import (
-    DRIVES,
-    Axial,
-    FrameTable,
-    HingeTable,
-    MjcfTable,
-    NumbersTable,
-    Part,
-    PendulumTable,
-    RotorTable,
-    Rows,
-    SceneTable,
-    ShellInertia,
-    ShellTable,
-    StartTable,
-    Triple,
-    UrdfTable,
-    rate_of,
-)
+from robotball.files import contents, named
+from robotball.files import scene_tables as tables
+from robotball.files.scene_tables import DRIVES, rate_of
 from robotball.robot import (
     Ball,
     Frame,
@@ -56,10 +39,10 @@ from robotball.rotations import Array, Z, direction, rotation_matrix
 from robotball.scene import Friction, Scene, Start
 
 if TYPE_CHECKING:
-    from robotball.designing import Design
     from robotball.motors import Motor
 
 CATALOG = Path(__file__).parent.parent / "scenes"
+_Body = tables.FrameTable | tables.RotorTable | tables.PendulumTable
 _MODEL_FILES = (".xml", ".mjcf", ".urdf")
 # Relative: as far as a composed body may miss its symmetry by the rounding of its parts' sums.
 _SYMMETRIC = 1e-9
@@ -130,10 +113,10 @@ def read_scene(path: Path, text: bytes | str, controls: Mapping[str, Rate] | Non
     try:
         given = msgspec.toml.decode(text)
         if "robot" in given or controls:
-            from robotball.files.robot_table import scene_of_robot
+            from robotball.files.robot_file import scene_of_robot
 
             return scene_of_robot(path, given, controls or {})
-        table = msgspec.convert(given, SceneTable)
+        table = msgspec.convert(given, tables.SceneTable)
         _check_numbers("", msgspec.to_builtins(table))
         return _scene(path, table)
     except (msgspec.ValidationError, InputError) as error:
@@ -160,7 +143,7 @@ def _check_numbers(key: str, value: object) -> None:
             _check_numbers(f"{key}[{i}]", inner)
 
 
-def _scene(path: Path, table: SceneTable) -> Scene:
+def _scene(path: Path, table: tables.SceneTable) -> Scene:
     ball, hinges = _robot(table, path.parent)
     rotors = 1 + len(ball.rotors)  # hinges: the frame's, then the rotors', then the pendulums'
     commands = [hinge.command for hinge in hinges]
@@ -176,7 +159,7 @@ def _scene(path: Path, table: SceneTable) -> Scene:
         start=replace(_start(table.start, ball), hinge_angles=np.array([h.angle for h in hinges])),
         duration=table.duration,
         gravity=table.gravity,
-        gravity_direction=_down(table.gravity_direction),
+        gravity_direction=tuple(_axis("gravity_direction", table.gravity_direction).tolist()),
         friction=Friction(*msgspec.structs.astuple(table.friction)),
         motors=tuple(h.motor for h in hinges) if any(h.motor for h in hinges) else (),
     )
@@ -200,12 +183,16 @@ class _ReadHinge(NamedTuple):
     rate: float | None = None
 
 
-def _robot(table: SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
+def _robot(table: tables.SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
     """Return the ball and its hinges, as given or designed for given numbers."""
     if table.numbers is not None:
         if table.shell or table.frame or table.rotor or table.pendulum:
             raise InputError("a scene takes bodies or numbers, not both")
-        found = _design_of(table.numbers)
+        from robotball.designing import design  # few scenes have no bodies of their own
+
+        given = table.numbers
+        A = _tensor("numbers.A takes a diagonal of three, or three rows of three", given.A)
+        found = design(A, given.Omega, given.K, given.radius, given.mass)
         return found.ball, [_ReadHinge(rate) for rate in (found.frame_rate, *found.rotor_rates)]
     if table.shell is None or table.frame is None:
         missing = "frame" if table.shell else "shell"
@@ -223,20 +210,12 @@ def _robot(table: SceneTable, folder: Path) -> tuple[Ball, list[_ReadHinge]]:
     return ball, [_hinge(name, each, folder) for name, each in hinged]
 
 
-def _down(v: Triple) -> Triple:
-    x, y, z = direction("gravity_direction", np.array(v)).tolist()
-    return (x, y, z)
+def _axis(name: str, v: tables.Triple) -> Array:
+    """Return the unit vector (3,) along one of any length."""
+    return direction(name, np.array(v))
 
 
-def _design_of(numbers: NumbersTable) -> "Design":
-    """Return the bodies for a [numbers] table. Raises InputError where there are none."""
-    from robotball.designing import design
-
-    A = _tensor("numbers.A takes a diagonal of three, or three rows of three", numbers.A)
-    return design(A, numbers.Omega, numbers.K, numbers.radius, numbers.mass)
-
-
-def _tensor(what: str, rows: Rows) -> Array:
+def _tensor(what: str, rows: tables.Rows) -> Array:
     """Return a tensor (3, 3) of its diagonal or its rows. Raises InputError, with `what`."""
     kinds = {isinstance(row, tuple) for row in rows}
     if len(rows) != 3 or len(kinds) != 1:
@@ -244,40 +223,35 @@ def _tensor(what: str, rows: Rows) -> Array:
     return np.array(rows) if kinds == {True} else np.diag(np.array(rows, dtype=float))
 
 
-def _hinge(name: str, table: HingeTable, folder: Path) -> _ReadHinge:
+def _hinge(name: str, table: tables.HingeTable, folder: Path) -> _ReadHinge:
     """Read the hinge keys of a body's table. Raises InputError for keys that do not combine."""
     _check_keys(name, table)
     kind = DRIVES[table.drive]
     command = None if kind.command is None else getattr(table, kind.command)
     # A command that is not given is 0: a hinge without any keys stands still.
-    try:
+    with named(name):
         rate = rate_of(0.0 if command is None else command, folder)
         motor = None if kind.motor is None else _motor(kind.motor, kind.keys, table)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
     return _ReadHinge(rate, motor, table.initial_angle, table.initial_rate)
 
 
-def _check_keys(name: str, table: HingeTable) -> None:
+def _check_keys(name: str, table: tables.HingeTable) -> None:
     drive = table.drive
     for each in DRIVES[drive].needed:
         if getattr(table, each) is None:
             from robotball.files.scene_keys import unit_of
 
-            unit = unit_of(HingeTable, each)
+            unit = unit_of(tables.HingeTable, each)
             raise InputError(f'{name}: drive = "{drive}" needs the key {each!r} [{unit}]')
     # A key of another drive would do nothing, and its author thinks that it does.
-    owners: dict[str, list[str]] = {}
-    for owner, kind in DRIVES.items():
-        for each in kind.allowed:
-            owners.setdefault(each, []).append(f'"{owner}"')
-    for each in table.given(*owners):
+    for each in table.given(*(key for kind in DRIVES.values() for key in kind.allowed)):
         if each not in DRIVES[drive].allowed:
-            listed = " or ".join(owners[each])
+            owners = (f'"{owner}"' for owner, kind in DRIVES.items() if each in kind.allowed)
+            listed = " or ".join(owners)
             raise InputError(f'{name}: {each} belongs to drive = {listed}, not to "{drive}"')
 
 
-def _motor(name: str, keys: tuple[str, ...], table: HingeTable) -> Any:
+def _motor(name: str, keys: tuple[str, ...], table: tables.HingeTable) -> Any:
     """Return the motor with the keys that are given, and its own defaults for the others."""
     from robotball import motors
 
@@ -295,7 +269,7 @@ _START_FORMS = (
 _MOMENTUM_KEYS = {"momentum", "momentum_world", "angular_velocity", "rest"}
 
 
-def _start(table: StartTable, ball: Ball) -> Start:
+def _start(table: tables.StartTable, ball: Ball) -> Start:
     """Return the one start that the table gives; a section's is in principal axes.
 
     An angular velocity leaves M at 0, which `_turning` sets when the hinges are known.
@@ -314,12 +288,14 @@ def _start(table: StartTable, ball: Ball) -> Start:
         and len(given & _MOMENTUM_KEYS) == 1
     ):
         attitude = _attitude(table)
-        return Start(attitude, _momentum(table, rotation_matrix(attitude)))
+        if table.momentum:
+            return Start(attitude, rotation_matrix(attitude) @ np.array(table.momentum))
+        return Start(attitude, np.array(table.momentum_world or (0.0, 0.0, 0.0)))
     keys = ", ".join(sorted(given)) or "nothing"
     raise InputError(f"start gives {keys}; it takes one form: {_START_FORMS}")
 
 
-def _turning(scene: Scene, omega: Triple) -> Scene:
+def _turning(scene: Scene, omega: tables.Triple) -> Scene:
     """Return the scene with the frame's angular velocity (3,) at its start, frame axes [rad/s].
 
     Raises InputError where the shell would spin on the spot and the rolling model is rubber.
@@ -337,39 +313,28 @@ def _turning(scene: Scene, omega: Triple) -> Scene:
     return replace(scene, start=replace(start, momentum=M))
 
 
-def _attitude(table: StartTable) -> Array:
+def _attitude(table: tables.StartTable) -> Array:
     if table.attitude:
         return starts.unit("attitude", np.array(table.attitude))
     gamma, alpha = np.array(table.gamma), np.array(table.alpha)
     return starts.attitude_of_axes(starts.unit("gamma", gamma), starts.unit("alpha", alpha))
 
 
-def _momentum(table: StartTable, to_world: Array) -> Array:
-    """Return M (3,) in world axes of a table with one of _MOMENTUM_KEYS."""
-    if table.momentum:
-        return to_world @ np.array(table.momentum)
-    if table.momentum_world:
-        return np.array(table.momentum_world)
-    return np.zeros(3)
-
-
-def _one_of(name: str, ways: dict[str, list[str]]) -> str:
-    """Return the alternative whose keys the user gave. Raises InputError for none or several."""
-    used = [way for way, keys in ways.items() if keys]
-    if len(used) != 1:
-        given = " and ".join(", ".join(ways[way]) for way in used) or "nothing"
+def _check_one_way(name: str, what: str, keys: list[str], table: tables.ShellTable | _Body) -> None:
+    """Raise InputError unless a body is given by its numbers, by parts or by a file alone."""
+    ways = {what: keys, **{each: table.given(each) for each in ("part", "mjcf", "urdf")}}
+    if len(used := list(filter(None, ways.values()))) != 1:
+        given = " and ".join(map(", ".join, used)) or "nothing"
         raise InputError(f"{name} gives {given}; it takes {', or '.join(ways)}")
-    return used[0]
 
 
-def _shell(table: ShellTable, folder: Path) -> Shell:
+def _shell(table: tables.ShellTable, folder: Path) -> Shell:
     """Return the shell. Raises InputError for no mass, or no symmetry about its axis."""
     check_positive("the shell's radius", table.outer, "m")
-    radius, axis = table.outer, direction("shell.axis", np.array(table.axis))
+    radius, axis = table.outer, _axis("shell.axis", table.axis)
     wall = table.given("mass", "density", "material", "thickness", "inertia")
     if file := table.mjcf or table.urdf:
-        ways = {each: table.given(each) for each in ("part", "mjcf", "urdf")}
-        _one_of("shell", {"mass and thickness": wall, **ways})
+        _check_one_way("shell", "mass and thickness", wall, table)
         solids = [_of_file(file, folder)]
     else:
         solids = _solids("shell", table.part or [], axis)
@@ -394,10 +359,10 @@ def _shell(table: ShellTable, folder: Path) -> Shell:
     return Shell(radius, solid.mass, *moments, axis, offset, shapes=solid.shapes)
 
 
-def _wall(table: ShellTable) -> tuple[float, float, float]:
+def _wall(table: tables.ShellTable) -> tuple[float, float, float]:
     """Return mass [kg] and moments [kg m²] of the shell's wall, about the axis and across it."""
     given, thickness = table.inertia, table.thickness
-    if isinstance(given, ShellInertia) and given.thickness is not None:
+    if isinstance(given, tables.ShellInertia) and given.thickness is not None:
         if thickness is not None or given.given("axial", "transverse"):
             raise InputError("shell.inertia takes a thickness alone")
         thickness, given = given.thickness, None
@@ -423,42 +388,35 @@ def _wall(table: ShellTable) -> tuple[float, float, float]:
     return table.mass, given.axial, given.transverse
 
 
-def _frame(table: FrameTable, radius: float, folder: Path) -> Frame:
+def _frame(table: tables.FrameTable, radius: float, folder: Path) -> Frame:
     """Return the frame in a shell of this radius [m]."""
     solid = _solid("frame", table, radius, folder)
     return Frame(solid.mass, solid.inertia, solid.centre, shapes=solid.shapes)
 
 
-def _rotor(name: str, table: RotorTable, radius: float, folder: Path) -> Rotor:
+def _rotor(name: str, table: tables.RotorTable, radius: float, folder: Path) -> Rotor:
     """Return a rotor in a shell of this radius [m]. Raises InputError for no symmetry."""
-    axis = direction(f"{name}'s axis", np.array(table.axis))
+    axis = _axis(f"{name}'s axis", table.axis)
     solid = _solid(name, table, radius, folder, axis)
     # As given, where they are: those of the tensor would be rounded.
-    if isinstance(table.inertia, Axial):
+    if isinstance(table.inertia, tables.Axial):
         axial, transverse = table.inertia.axial, table.inertia.transverse
     else:
         axial, transverse = _symmetric(name, solid.inertia, axis)
     return Rotor(solid.mass, axial, transverse, axis, solid.centre, shapes=solid.shapes)
 
 
-def _pendulum(name: str, table: PendulumTable, radius: float, folder: Path) -> Pendulum:
+def _pendulum(name: str, table: tables.PendulumTable, radius: float, folder: Path) -> Pendulum:
     """Return a pendulum in a shell of this radius [m]."""
     solid = _solid(name, table, radius, folder)
-    axis, pivot = direction(f"{name}'s axis", np.array(table.axis)), np.array(table.pivot)
+    axis, pivot = _axis(f"{name}'s axis", table.axis), np.array(table.pivot)
     return Pendulum(solid.mass, solid.inertia, solid.centre, axis, pivot, shapes=solid.shapes)
 
 
-def _solid(
-    name: str,
-    table: FrameTable | RotorTable | PendulumTable,
-    radius: float,
-    folder: Path,
-    axis: Array = Z,
-) -> Solid:
+def _solid(name: str, table: _Body, radius: float, folder: Path, axis: Array = Z) -> Solid:
     """Return a body's mass, centre and inertia; `axis` (3,) is that of its parts."""
     numbers = table.given("mass", "inertia", "centre")
-    ways = {each: table.given(each) for each in ("part", "mjcf", "urdf")}
-    _one_of(name, {"mass and inertia": numbers, **ways})
+    _check_one_way(name, "mass and inertia", numbers, table)
     if file := table.mjcf or table.urdf:
         solid = _of_file(file, folder)
     elif table.part is not None:
@@ -466,7 +424,7 @@ def _solid(
             raise InputError(f"{name}.part is empty")
         solid = composed(_solids(name, table.part, axis))
         if not np.linalg.eigvalsh(solid.inertia)[0] > _SYMMETRIC * np.abs(solid.inertia).max():
-            if isinstance(table, RotorTable):
+            if isinstance(table, tables.RotorTable):
                 raise InputError(f"{name}'s parts lie on its axis, and so do not resist turning")
             # A point or a thin rod: MuJoCo's bodies need moments, and its order is kept with these.
             solid = replace(
@@ -478,7 +436,7 @@ def _solid(
     else:
         tensor = (
             axial_tensor(table.inertia.axial, table.inertia.transverse, axis)
-            if isinstance(table.inertia, Axial)
+            if isinstance(table.inertia, tables.Axial)
             else _tensor(
                 f"{name}.inertia takes three moments, or three rows of three", table.inertia
             )
@@ -488,7 +446,7 @@ def _solid(
     return solid
 
 
-def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
+def _solids(name: str, parts: list[tables.Part], axis: Array) -> list[Solid]:
     """Return a body's parts. Raises InputError, with the part's number, for one that cannot be."""
     if not parts:
         return []
@@ -497,22 +455,18 @@ def _solids(name: str, parts: list[Part], axis: Array) -> list[Solid]:
 
     solids = []
     for number, part in enumerate(parts, start=1):
-        try:
+        with named(f"{name}.part{number}"):
             solids.append(solid_of(part, axis))
-        except InputError as error:
-            raise InputError(f"{name}.part{number}: {error}") from None
     return solids
 
 
-def _of_file(table: MjcfTable | UrdfTable, folder: Path) -> Solid:
+def _of_file(table: tables.MjcfTable | tables.UrdfTable, folder: Path) -> Solid:
     """Return the body of a file, laid where its table says."""
     # Loaded late: few scenes have such a body, and its reader starts a process.
-    from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
+    from robotball.files.robot_file import solid_of_file
 
-    if isinstance(table, MjcfTable):
-        solid = solid_of_mjcf(folder / table.file, table.body)
-    else:
-        solid = solid_of_urdf(folder / table.file, table.link)
+    wanted = ("link", table.link) if isinstance(table, tables.UrdfTable) else ("body", table.body)
+    solid = solid_of_file(folder / table.file, *wanted)
     R = rotation_matrix(starts.unit("attitude", np.array(table.attitude)))
     return Solid(solid.mass, np.array(table.origin) + R @ solid.centre, R @ solid.inertia @ R.T)
 

@@ -95,22 +95,20 @@ def _known_keys(path: str) -> list[str]:
     return [field.name for table in _tables_at(path) for field in table.fields]
 
 
-def _tables_at(path: str) -> Iterator[inspect.StructType]:
-    """Yield the tables that may stand at a path."""
+def _tables_at(path: str) -> list[inspect.StructType]:
+    """Return the tables that may stand at a path."""
     words = [word for word in re.sub(r"\[.*?\]", "", path).split(".") if word]
     # All tables that may stand there: parts and commands are of several kinds.
     found = [_struct(SceneTable)]
     for word in words:
         fields = [field for table in found for field in table.fields if field.name == word]
         found = [table for field in fields for table in _tables_in(field.type)]
-    yield from found
+    return found
 
 
-def _tables_in(kind: inspect.Type) -> Iterator[inspect.StructType]:
-    """Yield the tables that a value of a type may be, or hold in a list."""
-    for each in _parts_of(kind):
-        if isinstance(each, inspect.StructType):
-            yield each
+def _tables_in(kind: inspect.Type) -> list[inspect.StructType]:
+    """Return the tables that a value of a type may be, or hold in a list."""
+    return [each for each in _parts_of(kind) if isinstance(each, inspect.StructType)]
 
 
 def _values_at(path: str) -> Iterator[str]:
@@ -119,11 +117,10 @@ def _values_at(path: str) -> Iterator[str]:
     for table in _tables_at(above):
         if name == table.tag_field:
             yield str(table.tag)
-        for field in table.fields:
-            if field.name == re.sub(r"\[.*", "", name):
-                for kind in _parts_of(field.type):
-                    if isinstance(kind, inspect.LiteralType):
-                        yield from map(str, kind.values)
+        of_name = (each for each in table.fields if each.name == re.sub(r"\[.*", "", name))
+        for kind in (kind for field in of_name for kind in _parts_of(field.type)):
+            if isinstance(kind, inspect.LiteralType):
+                yield from map(str, kind.values)
 
 
 def _parts_of(kind: inspect.Type) -> Iterator[inspect.Type]:
@@ -223,13 +220,13 @@ def _documented(name: str) -> inspect.StructType:
     if name == "hinge":
         return _struct(HingeTable)
     if name == "robot":
-        from robotball.files.robot_table import RobotTable  # with MuJoCo, which reads robots
+        from robotball.files.robot_file import RobotTable  # with MuJoCo, which reads robots
 
         return _struct(RobotTable)
     # Parts and commands are alike in every body; those of the frame stand for all.
     kinds = [table for path in ("frame.part", "frame.rate") for table in _tables_at(path)]
     at_path = _tables_at("" if name == "scene" else name)
-    return next((table for table in kinds if table.tag == name), None) or next(at_path)
+    return [*(table for table in kinds if table.tag == name), *at_path][0]
 
 
 def _default(field: inspect.Field) -> str:

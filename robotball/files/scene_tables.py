@@ -134,8 +134,7 @@ class HingeTable(Table, frozen=True):
         Command | None, key("share of the nominal voltage, -1 to 1, a command as below", "1")
     ] = None
     drive: Annotated[
-        _DriveName,
-        key("what moves the hinge, see Drives; `prescribed`: it keeps its rate exactly"),
+        _DriveName, key("what moves the hinge, see Drives; `prescribed`: it keeps its rate exactly")
     ] = "prescribed"
     kv: Annotated[float | None, key("gain: torque per rate missed", "N m s/rad")] = None
     kp: Annotated[float | None, key("gain: torque per angle missed", "N m/rad")] = None
@@ -283,8 +282,7 @@ class UrdfTable(_BodyFile, frozen=True, kw_only=True):
 
 Rows = list[float | Triple]  # three moments, or three rows: msgspec knows no list of either
 _Tensor = Annotated[
-    Rows | None,
-    key("about its own centre of mass: three moments, or three rows of three", "kg m²"),
+    Rows | None, key("about its own centre of mass: three moments, or three rows of three", "kg m²")
 ]
 
 
@@ -364,8 +362,7 @@ class FrictionTable(Table, frozen=True):
     ] = None
     # None is as much as needed; 0, a plane of ice, is refused.
     torsional: Annotated[
-        float | None,
-        key("largest torque about the vertical over the normal force; likewise", "m"),
+        float | None, key("largest torque about the vertical over the normal force; likewise", "m")
     ] = None
     rolling: Annotated[float, key("torque against rolling over the normal force", "m")] = 0.0
 

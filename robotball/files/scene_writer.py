@@ -4,6 +4,7 @@ The scene becomes the records of `scene_tables`, and these become text: scalars 
 for each body. Bodies are written by mass, centre and inertia, however they were given.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import asdict, astuple
 from typing import Any
@@ -13,20 +14,8 @@ import numpy as np
 
 from robotball.drives import Ramp, Rate, Samples, Sine, Sum
 from robotball.errors import InputError
-from robotball.files.scene_tables import (
-    DRIVES,
-    Axial,
-    FrameTable,
-    FrictionTable,
-    HingeTable,
-    PendulumTable,
-    RotorTable,
-    SceneTable,
-    ShellInertia,
-    ShellTable,
-    StartTable,
-    Table,
-)
+from robotball.files import scene_tables as tables
+from robotball.files.scene_tables import DRIVES, HingeTable
 from robotball.robot import Frame, Pendulum, Rotor, Shell, thin_shell_inertia
 from robotball.rotations import Array
 from robotball.scene import Scene
@@ -48,48 +37,48 @@ def scene_toml(scene: Scene) -> str:
     return f"{text}\n" if np.any(scene.start.momentum) else f"{text}  # {_AT_REST}\n"
 
 
-def _scene_table(scene: Scene) -> SceneTable:
+def _scene_table(scene: Scene) -> tables.SceneTable:
     ball, hinges = scene.ball, _hinges(scene)
     if ball.general or scene.actuators:
         raise InputError(
             f"{scene.name}: a scene file holds a symmetric shell, a frame, rotors and pendulums, "
             "but no links or actuators; keep the model file, or the Python that made the scene"
         )
-    return SceneTable(
+    return tables.SceneTable(
         title=scene.title,
         source=scene.source,
         rolling=scene.rolling,
         duration=scene.duration,
         gravity=scene.gravity,
         gravity_direction=scene.gravity_direction,
-        friction=FrictionTable(**asdict(scene.friction)),
+        friction=tables.FrictionTable(**asdict(scene.friction)),
         shell=_shell(ball.shell),
-        frame=FrameTable(**_body(ball.frame), **next(hinges)),
+        frame=tables.FrameTable(**_body(ball.frame), **next(hinges)),
         rotor=tuple(
-            RotorTable(axis=_numbers(rotor.axis), **_body(rotor), **next(hinges))
+            tables.RotorTable(axis=_numbers(rotor.axis), **_body(rotor), **next(hinges))
             for rotor in ball.rotors
         ),
         pendulum=tuple(
-            PendulumTable(
+            tables.PendulumTable(
                 axis=_numbers(each.axis), pivot=_numbers(each.pivot), **_body(each), **next(hinges)
             )
             for each in ball.pendulums
         ),
-        start=StartTable(
+        start=tables.StartTable(
             attitude=_numbers(scene.start.attitude), momentum_world=_numbers(scene.start.momentum)
         ),
     )
 
 
-def _shell(shell: Shell) -> ShellTable:
+def _shell(shell: Shell) -> tables.ShellTable:
     # A word where it is exact: so is the reader's formula, and the file says what is meant.
     thin = thin_shell_inertia(shell.radius, shell.mass)
     axial, transverse = shell.axial_inertia, shell.transverse_inertia
     is_thin = (axial, transverse) == (thin, thin)
-    return ShellTable(
+    return tables.ShellTable(
         radius=shell.radius,
         mass=shell.mass,
-        inertia="thin" if is_thin else ShellInertia(axial=axial, transverse=transverse),
+        inertia="thin" if is_thin else tables.ShellInertia(axial=axial, transverse=transverse),
         axis=_numbers(shell.axis),
         offset=shell.offset,
     )
@@ -104,7 +93,7 @@ def _body(body: Frame | Rotor | Pendulum) -> dict[str, Any]:
     """Return the keys of a body's mass, inertia and centre."""
     if isinstance(body, Rotor):
         # Its moments, not its tensor, which would come back rounded.
-        inertia: Any = Axial(axial=body.axial_inertia, transverse=body.transverse_inertia)
+        inertia: Any = tables.Axial(axial=body.axial_inertia, transverse=body.transverse_inertia)
     else:
         inertia = [_numbers(row) for row in body.inertia]
     centre = _numbers(body.centre) if np.any(body.centre) else None
@@ -150,7 +139,7 @@ def _command(rate: Rate) -> Any:
     raise InputError("a rate given by a function of time cannot be written to a scene file")
 
 
-def _lines(table: Table) -> Iterator[str]:
+def _lines(table: tables.Table) -> Iterator[str]:
     """Yield the lines of a table: its keys, then the tables in it, each below its name."""
     # A body's own keys before those of its hinge, which the records inherit.
     info = sorted(
@@ -161,11 +150,11 @@ def _lines(table: Table) -> Iterator[str]:
         if value is None or (value == field.default and name not in _ALWAYS):
             continue
         if name == "source":
-            lines = _escaped(value, keep="\n")
+            lines = "\n".join(map(_escaped, value.split("\n")))
             yield f'source = """\n{lines}"""'
-        elif isinstance(table, SceneTable) and isinstance(value, Table):
+        elif isinstance(table, tables.SceneTable) and isinstance(value, tables.Table):
             yield from ("", f"[{name}]", *_lines(value))
-        elif isinstance(table, SceneTable) and name in ("rotor", "pendulum"):
+        elif isinstance(table, tables.SceneTable) and name in ("rotor", "pendulum"):
             for each in value:
                 yield from ("", f"[[{name}]]", *_lines(each))
         else:
@@ -189,13 +178,6 @@ def _value(value: Any) -> str:
     return repr(float(value))
 
 
-def _escaped(text: str, keep: str = "") -> str:
-    """Return a text with TOML's escapes for quotes, backslashes and controls not in `keep`."""
-
-    def escaped(character: str) -> str:
-        if character in '"\\':
-            return "\\" + character
-        control = ord(character) < 0x20 or ord(character) == 0x7F
-        return f"\\u{ord(character):04x}" if control and character not in keep else character
-
-    return "".join(map(escaped, text))
+def _escaped(text: str) -> str:
+    """Return a text with TOML's escapes, which are JSON's and one for DEL."""
+    return json.dumps(text, ensure_ascii=False)[1:-1].replace("\x7f", "\\u007f")

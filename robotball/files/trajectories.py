@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from robotball.errors import InputError
+from robotball.files import named
 from robotball.files.columns import Table, read_table, write_table
 from robotball.files.scene_writer import scene_toml
 from robotball.rotations import Array
@@ -84,41 +85,33 @@ def arrays_of(table: Table, scene: Scene) -> dict[_Place, Array]:
     return arrays
 
 
-# Column names without units, brackets, capitals and separators → what they hold. An array (n, k)
-# of an NPZ has its columns as name.0, name.1, …
+# What columns are called, without units, brackets, capitals and separators: * is their letter.
+# Then the names of arrays (n, k), of which an NPZ has the columns as name.0, name.1, …
 _NAMES = {
-    "t": ("t", "time", "times", "timestamp", "stamp", "sec", "seconds", "simtime"),
-    "x": ("x", "px", "posx", "xpos", "positionx", "contactx", "posepositionx"),
-    "y": ("y", "py", "posy", "ypos", "positiony", "contacty", "posepositiony"),
-    "z": ("z", "pz", "posz", "zpos", "positionz", "height", "posepositionz"),
-    "qw": ("qw", "quatw", "quaternionw", "orientationw", "rotw", "poseorientationw"),
-    "qx": ("qx", "quatx", "quaternionx", "orientationx", "rotx", "poseorientationx"),
-    "qy": ("qy", "quaty", "quaterniony", "orientationy", "roty", "poseorientationy"),
-    "qz": ("qz", "quatz", "quaternionz", "orientationz", "rotz", "poseorientationz"),
-    "wx": ("wx", "omegax", "angvelx", "angularvelocityx", "gyrox", "ωx", "twistangularx"),
-    "wy": ("wy", "omegay", "angvely", "angularvelocityy", "gyroy", "ωy", "twistangulary"),
-    "wz": ("wz", "omegaz", "angvelz", "angularvelocityz", "gyroz", "ωz", "twistangularz"),
-    "Mx": ("mx", "momentumx"),
-    "My": ("my", "momentumy"),
-    "Mz": ("mz", "momentumz"),
-}
-_ARRAYS = {
-    ("x", "y", "z"): ("position", "positions", "pos", "xyz", "contactpoint"),
-    ("qw", "qx", "qy", "qz"): ("attitude", "quaternion", "quat", "q", "orientation"),
-    ("wx", "wy", "wz"): ("angularvelocity", "omega", "w", "angvel"),
-    ("Mx", "My", "Mz"): ("momentum", "m"),
-}
+    ("x", "y", "z"): (
+        "* p* pos* *pos position* poseposition*", "position positions pos xyz contactpoint"
+    ),
+    ("qw", "qx", "qy", "qz"): (
+        "q* quat* quaternion* orientation* rot* poseorientation*",
+        "attitude quaternion quat q orientation",
+    ),
+    ("wx", "wy", "wz"): (
+        "w* omega* angvel* angularvelocity* gyro* ω* twistangular*",
+        "angularvelocity omega w angvel",
+    ),
+    ("Mx", "My", "Mz"): ("m* momentum*", "momentum m"),
+}  # fmt: skip
 _KNOWN = {
-    **{alias: name for name, aliases in _NAMES.items() for alias in aliases},
+    **dict.fromkeys(["t", "time", "times", "timestamp", "stamp", "sec", "seconds", "simtime"], "t"),
+    **{"contactx": "x", "contacty": "y", "height": "z"},
     **{
-        f"{alias}{i}": name
-        for names, aliases in _ARRAYS.items()
-        for alias in aliases
+        alias: name
+        for names, (columns, arrays) in _NAMES.items()
         for i, name in enumerate(names)
+        for alias in (*columns.replace("*", name[-1]).split(), *(f"{a}{i}" for a in arrays.split()))
     },
 }
 _NEEDED = ("t", "x", "y", "qw", "qx", "qy", "qz")
-_WRITTEN = ",".join(_NEEDED)
 LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 _TURN = 2 * np.pi
@@ -162,24 +155,22 @@ def read_trajectory(path: Path) -> Trajectory:
     finite, times that do not increase, and quaternions that are none.
     """
     table = read_table(path)
-    try:
+    with named(path):
         return _trajectory_of(table, path.name)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _trajectory_of(table: Table, name: str) -> Trajectory:
     """Return the trajectory of a table. Raises InputError as `read_trajectory` does."""
-    columns, units, others = _named(table)
+    columns, units, others = _recognized(table)
     missing = [each for each in _NEEDED if each not in columns]
     if missing:
-        there = ", ".join(table.columns) or "none"
+        there, needed = ", ".join(table.columns) or "none", ",".join(_NEEDED)
         raise InputError(
-            f"the columns {','.join(missing)} are missing; there are {there}, and needed {_WRITTEN}"
+            f"the columns {','.join(missing)} are missing; there are {there}, and needed {needed}"
         )
     notes = list(table.notes)
     # A quaternion has no unit, and momentum is taken in kg m²/s alone.
-    for group in ("t", "xyz", ("wx", "wy", "wz")):
+    for group in (("t",), ("x", "y", "z"), ("wx", "wy", "wz")):
         notes += _made_si(columns, units, group)
     for each, column in columns.items():
         _check_finite(each, column, columns["t"])
@@ -201,7 +192,7 @@ def _trajectory_of(table: Table, name: str) -> Trajectory:
     )
 
 
-def _named(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Array]]:
+def _recognized(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Array]]:
     """Return the known columns and their units, by our names; the others by their own."""
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
@@ -215,9 +206,7 @@ def _named(table: Table) -> tuple[dict[str, Array], dict[str, str], dict[str, Ar
         if name in columns:
             raise InputError(f"{came_as[name]!r} and {title!r} are both the column {name}")
         columns[name], came_as[name] = column, title
-        unit = unit or table.units.get(title)
-        if unit:
-            units[name] = unit
+        units[name] = unit or table.units.get(title, "")
     return columns, units, others
 
 
@@ -244,10 +233,10 @@ def _unit_name(unit: str) -> str:
     return _AS_WRITTEN.get(unit.strip(), unit.strip())
 
 
-def _made_si(columns: dict[str, Array], units: Mapping[str, str], group: object) -> list[str]:
+def _made_si(columns: dict[str, Array], units: Mapping[str, str], group: _Place) -> list[str]:
     """Turn columns of a group into SI units, in place. Returns a note for each other unit."""
     changed: dict[str, list[str]] = {}
-    for name in group if isinstance(group, tuple) else str(group):
+    for name in group:
         unit, known = _unit_name(units.get(name, "")), _UNITS[name]
         # Without a unit it is SI's.
         if name not in columns or unit in _NO_UNIT:

@@ -17,10 +17,7 @@ _OFF = ("disable", "disabled", "off", "false", "0")
 _ANY = ("", "enable", "enabled", "on", "true", "1")
 # Modules whose import loads the OpenGL that MUJOCO_GL names.
 _LOADING = {"mujoco", "dm_control._render"}
-_FIX = {
-    "Linux": "sudo apt-get install libosmesa6",
-    "Darwin": "a session with a window server",
-}
+_FIX = {"Linux": "sudo apt-get install libosmesa6", "Darwin": "a session with a window server"}
 
 # MuJoCo takes its backend from MUJOCO_GL when it is first imported, as it is in the child.
 _PROBE = """
@@ -39,14 +36,12 @@ def find_backend() -> str | None:
     return next(filter(_works, _candidates()), None)
 
 
-def context(width: int, height: int, backend: str | None) -> Any:
+def context(width: int, height: int, backend: str) -> Any:
     """Return a MuJoCo GLContext, made current, for pictures up to this size in pixels.
 
     backend: as `find_backend()` returned, here or in another process. It is independent of the
-    backend that `import mujoco` chose. Raises OSError if it is None.
+    backend that `import mujoco` chose.
     """
-    if backend is None:
-        raise OSError(advice())
     made = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
     made.make_current()
     return made

@@ -265,11 +265,5 @@ def add_materials(
     """Add the materials of shapes; own: "r g b" for those that have another colour here."""
     for name, (red, green, blue, solid) in materials_of(looks).items():
         rgb = (own or {}).get(name, f"{red:g} {green:g} {blue:g}")
-        SubElement(
-            assets,
-            "material",
-            name=f"{prefix}{name}",
-            rgba=f"{rgb} {solid * opacity:g}",
-            specular="0.4",
-            shininess="0.6",
-        )
+        look = {"rgba": f"{rgb} {solid * opacity:g}", "specular": "0.4", "shininess": "0.6"}
+        SubElement(assets, "material", {"name": f"{prefix}{name}", **look})

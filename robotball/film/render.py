@@ -1,22 +1,26 @@
 """Draw two motions frame by frame: two balls under one camera, and the error below them.
 
 Each ball has its engine's colour. A sheet has the title, the names, the time, and the distance of
-the contact points with a moving cursor; all that does not change is drawn once.
+the contact points with a moving cursor; all that does not change is drawn once. Frames are encoded
+one by one, so that memory does not grow with a film's length.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
+import imageio_ffmpeg
 import matplotlib
+import mediapy
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import gaussian_filter1d
 
 from robotball.errors import InputError, check_positive
+from robotball.files.replacing import replacing
 from robotball.film import gl
 from robotball.film import looks as palette
 from robotball.film.looks import GHOST, MARKS, Looks, looks_of
@@ -24,7 +28,7 @@ from robotball.film.stage import LENS, NEAR, Arrow, Camera, Pixels, Stage
 from robotball.film.tracks import Moments, Track, heading_of, track_of
 from robotball.motion import ContactMotion, Motion
 from robotball.processes import in_processes
-from robotball.rotations import Array, rotation_matrix
+from robotball.rotations import Array, Z, rotation_matrix
 
 _FONTS = Path(matplotlib.get_data_path(), "fonts", "ttf")
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -35,34 +39,17 @@ _LEAST_DISTANCE = 1e-17  # m; smaller ones are drawn there, as a logarithm has n
 _FINE = 3  # the curve is drawn so many times larger, as Pillow does not smooth lines
 
 
-@dataclass(frozen=True)
-class _Name:
-    """A heading of a pane, or the name of an arrow; at: its place from the left, 0 to 1."""
-
-    text: str
-    colour: str
-    at: float = 0.5
-
-
 class _Sheet:
     """The frame around the pictures: what is fixed is drawn once, the rest in each frame.
 
-    size: (height, width) in pixels; panes: the number of pictures side by side; times (m,) [s] and
-    apart (m,) [m]: the error's curve. Its `pane` is the (height, width) of one picture.
+    motions: left and right, or the second as a ghost; times (m,) [s] and apart (m,) [m]: the
+    error's curve. Its `pane` is the (height, width) in pixels of one picture.
     """
 
     def __init__(
-        self,
-        size: tuple[int, int],
-        panes: int,
-        title: str,
-        names: Sequence[_Name],
-        arrows: Sequence[_Name],
-        note: str,
-        times: Array,
-        apart: Array,
+        self, motions: Sequence[Motion], film: "Film", looks: Looks, times: Array, apart: Array
     ) -> None:
-        height, width = size
+        (height, width), panes = film.size, 1 if film.ghost else 2
         self._line = height / _LINES
         self._end = float(times[-1])
         self.top = round(_HEADER * self._line)
@@ -74,22 +61,21 @@ class _Sheet:
         self._bold = ImageFont.truetype(str(_FONTS / "DejaVuSans-Bold.ttf"), 0.72 * self._line)
         self._plain = ImageFont.truetype(str(_FONTS / "DejaVuSans.ttf"), 0.66 * self._line)
         line, edge = self._line, 0.6 * self._line
-        pen.text((edge, 0.75 * line), " ".join(title.split()), palette.INK, self._bold, "lm")
-        for name in names:
-            at = (name.at * width, 1.95 * line)
-            pen.text(at, name.text, name.colour, self._bold, "mm")
-        lengths = [self._bold.getlength(name.text) + line for name in arrows]
-        begin = (width - sum(lengths) + line) / 2
-        for name, length in zip(arrows, lengths, strict=True):
-            pen.text((begin, 1.95 * line), name.text, name.colour, self._bold, "lm")
+        title = " ".join(motions[1].scene.title.split())
+        pen.text((edge, 0.75 * line), title, palette.INK, self._bold, "lm")
+        for motion, name, at in zip(motions, _names(motions, film), (0.25, 0.75), strict=True):
+            pen.text((at * width, 1.95 * line), name, motion.engine.colour, self._bold, "mm")
+        arrows = {name: self._bold.getlength(name) + line for name in _ARROWS if film.arrows}
+        begin = (width - sum(arrows.values()) + line) / 2
+        for name, length in arrows.items():
+            pen.text((begin, 1.95 * line), name, _ARROWS[name][0], self._bold, "lm")
             begin += length
         # The curve has room for its numbers on the left, and for the value on the right.
         self._box = (5.6 * line, self.bottom + 1.8 * line, width - 8.6 * line, height - 1.6 * line)
         left, _, right, low = self._box
-        pen.text(
-            (edge, self.bottom + 0.8 * line), "contact points apart", palette.INK, self._plain, "lm"
-        )
-        pen.text((width - edge, self.bottom + 0.8 * line), note, palette.INK, self._plain, "rm")
+        note, below = "; ".join(_notes(motions[1], film, looks)), self.bottom + 0.8 * line
+        pen.text((edge, below), "contact points apart", palette.INK, self._plain, "lm")
+        pen.text((width - edge, below), note, palette.INK, self._plain, "rm")
         self._scale(apart)
         for value in (self._least, self._most):
             y = float(self._height(np.array([value]))[0])
@@ -154,10 +140,8 @@ class _Sheet:
         large = area.resize((area.width * _FINE, area.height * _FINE), Image.Resampling.NEAREST)
         x = left + (right - left) * times / self._end
         points = (np.column_stack([x, self._height(apart)]) - corner) * _FINE
-        pen = ImageDraw.Draw(large)
-        pen.line(
-            list(map(tuple, points.tolist())), palette.INK, max(3, round(self._line / 4)), "curve"
-        )
+        corners, wide = list(map(tuple, points.tolist())), max(3, round(self._line / 4))
+        ImageDraw.Draw(large).line(corners, palette.INK, wide, "curve")
         image.paste(large.resize(area.size, Image.Resampling.BOX), corner)
 
 
@@ -251,16 +235,13 @@ def frames(motion: Motion, theory: Motion, film: Film | None = None) -> Iterator
     # No generator itself, so that what cannot be drawn is refused here, not at the first picture.
     return _painted(
         _Painter(
-            film,
-            times,
-            tracks,
-            looks,
-            (motion.engine.colour, theory.engine.colour),
-            _sheet(motions, film, looks, times, apart),
-            _lengths(tracks[1].sampled, theory.scene.momentum_scale) if film.arrows else {},
-            backend,
+            film, times, tracks, looks,
+            colours=(motion.engine.colour, theory.engine.colour),
+            sheet=_Sheet(motions, film, looks, times, apart),
+            lengths=_lengths(tracks[1], theory) if film.arrows else {},
+            backend=backend,
         )
-    )
+    )  # fmt: skip
 
 
 def _painted(painter: "_Painter") -> Iterator[Pixels]:
@@ -298,7 +279,7 @@ class _Painter:
                 opacities[1] = GHOST
             trails = [1.0 if i in pane else _OTHER for i in (0, 1)]
             first = pane[0]
-            arrows = _arrows(then[first], self.lengths, self.tracks[first].radius)
+            arrows = _arrows(then[first], self.lengths, self.tracks[first].robot.radius)
             pictures.append(self._stage.draw(camera(k), opacities, trails, k, arrows))
         off = np.linalg.norm(then[0].contact_point - then[1].contact_point)
         return self.sheet.frame(np.hstack(pictures), float(self.times[k]), float(off))
@@ -331,37 +312,26 @@ class _Painter:
             self._stage.close()
 
 
-def _sheet(
-    motions: Sequence[Motion], film: Film, looks: Looks, times: Array, apart: Array
-) -> _Sheet:
-    names = []
-    for motion, at in zip(motions, (0.25, 0.75), strict=True):
-        text = f"{motion.engine.name} {motion.engine.version}"
+def _names(motions: Sequence[Motion], film: Film) -> Iterator[str]:
+    """Yield the headings of both motions."""
+    for motion, ghost in zip(motions, (False, film.ghost), strict=True):
+        name = motion.engine.name
         if isinstance(motion, ContactMotion):
-            text += f", {motion.report.settings.name}"
-        elif motion is motions[1]:
-            text = motion.engine.name
-        names.append(_Name(text + (" (ghost)" if film.ghost and at > 0.5 else ""),
-                          motion.engine.colour, at))  # fmt: skip
-    arrows = [_Name(name, colour) for name, (colour, _) in _ARROWS.items() if film.arrows]
-    notes = []
+            name += f" {motion.engine.version}, {motion.report.settings.name}"
+        elif motion is not motions[1]:
+            name += f" {motion.engine.version}"
+        yield f"{name} (ghost)" if ghost else name
+
+
+def _notes(theory: Motion, film: Film, looks: Looks) -> Iterator[str]:
+    """Yield what a film shows otherwise than it is."""
     if film.slow != 1:
-        notes.append(f"{film.slow:g} times slower than life" if film.slow > 1 else
-                     f"{1 / film.slow:g} times faster than life")  # fmt: skip
+        slow, way = (film.slow, "slower") if film.slow > 1 else (1 / film.slow, "faster")
+        yield f"{slow:g} times {way} than life"
     marked = [any(each.material == MARKS for each in shapes) for shapes in looks.values()]
-    rates = np.abs(motions[1].hinge_rates[:, marked[1:]])
+    rates = np.abs(theory.hinge_rates[:, marked[1:]])
     if rates.size and rates.max() / (film.fps * film.slow) > _BLUR_FROM:
-        notes.append("a rotor too fast for the film has no marks")
-    return _Sheet(
-        film.size,
-        1 if film.ghost else 2,
-        motions[1].scene.title,
-        names,
-        arrows,
-        "; ".join(notes),
-        times,
-        apart,
-    )
+        yield "a rotor too fast for the film has no marks"
 
 
 def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int], Camera]:
@@ -378,10 +348,8 @@ def _camera(film: Film, points: Sequence[Array], aspect: float) -> Callable[[int
         every = np.concatenate(points)
         low, high = every.min(axis=0), every.max(axis=0)
         half = float(np.linalg.norm(high - low)) / 2 + 1.5 * room
-        fixed = Camera(
-            np.array([*(low + high) / 2, 0.5]), LENS * half / min(1.0, aspect), azimuth, up
-        )
-        return lambda k: fixed
+        middle, away = np.array([*(low + high) / 2, 0.5]), LENS * half / min(1.0, aspect)
+        return lambda k: Camera(middle, away, azimuth, up)
     middle = np.mean(points, axis=0)
     smooth = gaussian_filter1d(middle, _SMOOTH * film.fps, axis=0, mode="nearest")
     # Farther away where a ghost leaves the ball by more than the picture shows.
@@ -396,14 +364,15 @@ def _vectors(then: Moments) -> dict[str, Array]:
     return dict(zip(_ARROWS, (then.momentum, omega, then.contact_force), strict=True))
 
 
-def _lengths(reference: Moments, momentum_scale: float) -> dict[str, float]:
+def _lengths(track: Track, theory: Motion) -> dict[str, float]:
     """Return the size of the vector that an arrow of one radius shows, for each kind of arrow."""
-    least = {"M": _LEAST * momentum_scale}  # a ball at M = 0 has rounding alone
-    return {
-        name: max(float(np.linalg.norm(vectors, axis=1).max()), least.get(name, 0.0))
-        / _ARROWS[name][1]
-        for name, vectors in _vectors(reference).items()
+    most = {
+        name: float(np.linalg.norm(vectors, axis=1).max())
+        for name, vectors in _vectors(track.sampled).items()
     }
+    # A ball at M = 0 has rounding alone.
+    most["M"] = max(most["M"], _LEAST * theory.scene.momentum_scale)
+    return {name: size / _ARROWS[name][1] for name, size in most.items()}
 
 
 def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arrow]:
@@ -416,9 +385,70 @@ def _arrows(then: Moments, lengths: dict[str, float], radius: float) -> list[Arr
         size = float(np.linalg.norm(vector))
         if size > _LEAST * length:
             along = vector / size
-            start = _CLEAR * along + np.array([0.0, 0.0, 1.0])
+            begin = place + _CLEAR * along + Z
             if name == "contact force":
-                start = (2 * along[2] + _CLEAR - 1) * along
-            begin = place + start
-            found.append(Arrow(begin, begin + vector / length, _ARROWS[name][0]))
+                begin = place + (2 * along[2] + _CLEAR - 1) * along
+            found.append((begin, begin + vector / length, _ARROWS[name][0]))
     return found
+
+
+# By the file's suffix: the codec, its rate factor, and ffmpeg's own options.
+_FORMATS: dict[str, tuple[str, int | None, str]] = {
+    ".mp4": ("h264", 20, "-preset veryfast"),
+    ".webm": ("vp9", 32, "-deadline realtime -cpu-used 7 -row-mt 1"),
+    # A palette for each frame: a common one would make ffmpeg hold all frames until the last.
+    ".gif": (
+        "gif",
+        None,
+        "-vf split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:dither=bayer"
+        " -loop 0",
+    ),
+}
+
+
+def write_video(
+    path: Path | str,
+    motion: Motion,
+    theory: Motion,
+    film: Film | None = None,
+    *,
+    progress: Progress | None = None,
+) -> None:
+    """Write `frames` as mp4, webm or gif, by the suffix of the path.
+
+    An existing file is replaced once the new one is complete. progress is called with the
+    fraction that is done. Raises InputError as `frames` does, and for a path that has no such
+    suffix or folder.
+    """
+    path, film = Path(path), film or Film()
+    if path.suffix not in _FORMATS or not path.parent.is_dir():
+        kinds = ", ".join(_FORMATS)
+        raise InputError(f"a video must be a file ({kinds}) in a folder that exists, not {path}")
+    codec, rate, options = _FORMATS[path.suffix]
+    # Before the file is opened: what cannot be drawn must not leave one.
+    pictures, number = frames(motion, theory, film), len(film.times(motion, theory))
+    # mediapy looks for an ffmpeg on the PATH; imageio-ffmpeg brings one.
+    mediapy.set_ffmpeg(imageio_ffmpeg.get_ffmpeg_exe())
+    with (
+        replacing(path) as unfinished,
+        _refused_by_the_encoder(path),
+        mediapy.VideoWriter(
+            unfinished, film.size, codec=codec, fps=film.fps, crf=rate, ffmpeg_args=options
+        ) as video,
+    ):
+        for i, picture in enumerate(pictures, start=1):
+            video.add_image(picture)
+            if progress is not None:
+                progress(i / number)
+
+
+@contextmanager
+def _refused_by_the_encoder(path: Path) -> Iterator[None]:
+    """Turn mediapy's error, where the encoder ends before the film, into an InputError."""
+    try:
+        yield
+    except RuntimeError as error:
+        if not str(error).startswith("Error writing"):
+            raise
+        why = (str(error).splitlines() or [""])[-1]
+        raise InputError(f"{path} cannot be written: the encoder says {why!r}") from None

@@ -34,6 +34,7 @@ from robotball.rotations import Array
 from robotball.shapes import add_geoms
 
 Pixels = NDArray[np.uint8]
+Arrow = tuple[Array, Array, str]  # from a point (3,) to another, and its colour
 _Stands = Mapping[str, tuple[Array, Array]]
 
 _HIDDEN = "3"  # the group of what is hidden until a picture asks for it
@@ -86,15 +87,6 @@ class Camera:
         return self.look + self.distance * np.array(back)
 
 
-@dataclass(frozen=True)
-class Arrow:
-    """An arrow from a point (3,) to another."""
-
-    begin: Array
-    end: Array
-    colour: str
-
-
 LENS = 3.1  # a lens of 36 degrees: the distance at which the picture's shorter side is 2
 NEAR = 7.2  # the distance from which widths and lifts are as given below; they grow with it
 _TRAIL = 0.035  # half of a path's width
@@ -123,8 +115,7 @@ class Stage:
 
     size: (height, width) of a picture in pixels; colours: of each ball; paths: the contact points
     (n, 2) of each; distance: the camera's, at which the paths have their usual width and the fog
-    begins; backend: as `gl.find_backend` returned. Raises OSError if there is no off-screen GL.
-    Call `close` when done.
+    begins; backend: as `gl.find_backend` returned. Call `close` when done.
     """
 
     def __init__(
@@ -134,7 +125,7 @@ class Stage:
         colours: Sequence[str],
         paths: Sequence[Array],
         distance: float,
-        backend: str | None,
+        backend: str,
     ) -> None:
         self._size, self._bodies, self._colours = size, list(looks), colours
         self._paths, self._step = paths, -(-len(paths[0]) // POINTS)
@@ -207,18 +198,16 @@ class Stage:
         """
         self._update(camera, opacities)
         for i, opacity in enumerate(trails):
-            self._add_path(
-                i, last, opacity, _LIFT_PATH if opacities[i] == 1 else _LIFT_OTHER, camera
-            )
+            lift = _LIFT_PATH if opacities[i] == 1 else _LIFT_OTHER
+            self._add_path(i, last, opacity, lift, camera)
         for i, opacity in enumerate(opacities):
             if opacity > 0:
                 self._add_shadow(i, opacity, camera)
                 self._add_rim(i, opacity, camera)
-        for arrow in arrows:
-            geom = self._add(mujoco.mjtGeom.mjGEOM_ARROW, arrow.colour, 1.0)
+        for begin, end, colour in arrows:
+            geom = self._add(mujoco.mjtGeom.mjGEOM_ARROW, colour, 1.0)
             # MuJoCo's arrows end half way.
-            tip = 2 * arrow.end - arrow.begin
-            mujoco.mjv_connector(geom, geom.type, _THICK, arrow.begin, tip)
+            mujoco.mjv_connector(geom, geom.type, _THICK, begin, 2 * end - begin)
         return self._render(self._drawing, self._size, fog=True)
 
     def close(self) -> None:
@@ -242,9 +231,8 @@ class Stage:
         away = (camera.look - camera.eye) / camera.distance
         stand = data.geom_xpos.copy()
         data.geom_xpos[self._mine] += _BEHIND * np.outer(balls, away)
-        mujoco.mjv_updateScene(
-            model, data, self._option, None, view, mujoco.mjtCatBit.mjCAT_ALL, self._scene
-        )
+        every = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(model, data, self._option, None, view, every, self._scene)
         data.geom_xpos[:] = stand
 
     def _buffer(self, height: int, width: int, samples: int) -> mujoco.MjrContext:
@@ -283,7 +271,7 @@ class Stage:
         centre, sun = self._centres[i], SUN / np.linalg.norm(SUN)
         self._update(Camera(centre, NEAR, 0.0, 1.0), np.eye(len(self._centres))[i].tolist())
         for camera in self._scene.camera:  # two, for stereo: MuJoCo takes the mean of both
-            camera.pos, camera.forward, camera.up = centre - NEAR * sun, sun, _sun_axes()[1]
+            camera.pos, camera.forward, camera.up = centre - NEAR * sun, sun, _facing(-SUN)[1]
             camera.orthographic, camera.frustum_center, camera.frustum_width = 1, 0.0, _REACH
             camera.frustum_bottom, camera.frustum_top = -_REACH, _REACH
         for geom in self._scene.geoms[: self._scene.ngeom]:
@@ -304,7 +292,7 @@ class Stage:
         shadow.pos = self._centres[i] - SUN * (height / SUN[2])
         shadow.pos[2] = _LIFT_SHADOW * camera.distance / NEAR
         # The plane's sides are those vectors on the floor that the sun sees as its right and up.
-        shadow.mat[:2, :2] = np.linalg.inv(_sun_axes()[:, :2])
+        shadow.mat[:2, :2] = np.linalg.inv(_facing(-SUN)[:2, :2])
         shadow.size, shadow.specular = np.array([_REACH, _REACH, 1.0]), 0.0
 
     def _add_rim(self, i: int, opacity: float, camera: Camera) -> None:
@@ -348,11 +336,6 @@ def _facing(back: Array) -> Array:
     right = np.cross([0.0, 0.0, 1.0], back)
     axes = np.stack([right, np.cross(back, right), back])
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
-
-
-def _sun_axes() -> Array:
-    """Return the sun's right and up (2, 3)."""
-    return _facing(-SUN)[:2]
 
 
 def _rim() -> Array:

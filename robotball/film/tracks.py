@@ -44,13 +44,9 @@ class Track:
     robot: Robot
 
     @property
-    def radius(self) -> float:
-        return self.robot.radius
-
-    @property
     def points(self) -> Array:
         """The sampled contact points (n, 2) in radii."""
-        return self.sampled.contact_point / self.radius
+        return self.sampled.contact_point / self.robot.radius
 
     def at(self, times: Array) -> Moments:
         """Return the motion at ascending times (m,) [s]."""
@@ -78,26 +74,21 @@ class Track:
 
     def stands(self, then: Moments) -> dict[str, tuple[Array, Array]]:
         """Return each body's rotation (m, 3, 3) and shift (m, 3) in radii."""
-        to_world = rotation_matrix(then.attitude)
-        ones = np.ones((len(then.attitude), 1))
-        centre = np.concatenate([then.contact_point / self.radius, ones], axis=1)
+        to_world, radius = rotation_matrix(then.attitude), self.robot.radius
+        centre = np.column_stack([then.contact_point / radius, np.ones(len(then.attitude))])
         turned, shifted = self.robot.moved(then.hinge_angles)
-        shifts = centre + np.einsum("nij,bnj->bni", to_world, shifted / self.radius)
+        shifts = centre + np.einsum("nij,bnj->bni", to_world, shifted / radius)
         return dict(zip(self.names, zip(to_world @ turned, shifts, strict=True), strict=True))
 
 
 def track_of(motion: Any) -> Track:
     """Return the track of a `Motion` of at least two times."""
     own = {each.name for each in fields(Moments)} - {"contact_force"}
-    return Track(
-        motion.times,
-        Moments(
-            **{name: getattr(motion, name) for name in own},
-            contact_force=motion.loads.contact_force,
-        ),
-        tuple(link.name for link in motion.scene.ball.tree),
-        motion.scene.robot,
+    sampled = Moments(
+        **{name: getattr(motion, name) for name in own}, contact_force=motion.loads.contact_force
     )
+    names = tuple(link.name for link in motion.scene.ball.tree)
+    return Track(motion.times, sampled, names, motion.scene.robot)
 
 
 def heading_of(points: Array) -> float:

@@ -101,13 +101,7 @@ def view(motion: Motion, theory: Motion, seconds: float | None = None) -> None:
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_camlight(model, data)
                 window.cam.lookat[:] = np.mean([each["shell"][1][0] for each in stands], axis=0)
-            window.set_texts(
-                (
-                    mujoco.mjtFontScale.mjFONTSCALE_150,
-                    mujoco.mjtGridPos.mjGRID_TOPLEFT,
-                    f"t = {clock.t:.2f} s   {clock.speed:g} x",
-                    "",
-                )
-            )
+            place = mujoco.mjtFontScale.mjFONTSCALE_150, mujoco.mjtGridPos.mjGRID_TOPLEFT
+            window.set_texts((*place, f"t = {clock.t:.2f} s   {clock.speed:g} x", ""))
             window.sync()
             time.sleep(max(0.0, _FRAME - (time.monotonic() - now)))

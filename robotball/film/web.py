@@ -15,7 +15,6 @@ from robotball.film import looks as palette
 from robotball.film.looks import MARKS, Looks, looks_of, materials_of
 from robotball.film.tracks import heading_of, track_of
 from robotball.robot import Ball
-from robotball.rotations import Array
 from robotball.shapes import Shape
 
 _HERE = Path(__file__).parent
@@ -121,9 +120,7 @@ def view_data(motions: Sequence[Any]) -> dict[str, Any]:
                 "colour": palette.rgb(motion.engine.colour),
                 "count": len(part.attitude),
                 "rows": _packed(
-                    np.column_stack(
-                        [part.contact_point / ball.radius, part.attitude, part.hinge_angles]
-                    )
+                    np.hstack([part.contact_point / ball.radius, part.attitude, part.hinge_angles])
                 ),
             }
             for motion, part in zip(motions, parts, strict=True)
@@ -161,14 +158,10 @@ def _plain(shape: Shape, meshes: int) -> dict[str, Any]:
     thin = shape.thinned(MESHES // max(meshes, 1))
     return {
         "kind": shape.kind,
-        **{name: _rounded(getattr(shape, name)) for name in ("size", "pos", "turn")},
+        **{name: getattr(shape, name).round(6).tolist() for name in ("size", "pos", "turn")},
         "material": shape.material,
         "mesh": [_packed(thin.vertices), _packed(thin.faces)],
     }
-
-
-def _rounded(numbers: Array) -> list[float]:
-    return [round(float(number), 6) for number in numbers]
 
 
 def _packed(numbers: NDArray[Any]) -> str:

@@ -15,31 +15,15 @@ PENDULUM = "[[pendulum]]\naxis = [1, 0, 0]\npivot = [0, 0, -0.02]\n"
 BOB = "mass = 1.5\ninertia = [0.0009, 0.0009, 0.0009]\ncentre = [0, 0, -0.11]\n"
 START = "[start]\nattitude = [1, 0, 0, 0]\nangular_velocity = [0, 0, 0]\n"
 
-URDF = """
-<robot name="r">
-  <link name="base"/>
-  <link name="arm">
-    <inertial>
-      <origin xyz="0.01 0.02 -0.03" rpy="0.3 -0.2 0.5"/>
-      <mass value="0.8"/>
-      <inertia ixx="0.002" ixy="0.0001" ixz="0" iyy="0.003" iyz="-0.0002" izz="0.0025"/>
-    </inertial>
-  </link>
-  <link name="bob">
-    <inertial>
-      <mass value="0.5"/>
-      <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/>
-    </inertial>
-  </link>
-  <joint name="hinge" type="revolute">
-    <parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
-    <limit lower="-1" upper="1" effort="1" velocity="1"/>
-  </joint>
-  <joint name="weld" type="fixed">
-    <parent link="arm"/><child link="bob"/><origin xyz="0 0 -0.1" rpy="0 0.4 0.1"/>
-  </joint>
-</robot>
-"""
+URDF = """<robot name="r"><link name="base"/>
+<link name="arm"><inertial><origin xyz="0.01 0.02 -0.03" rpy="0.3 -0.2 0.5"/><mass value="0.8"/>
+ <inertia ixx="0.002" ixy="0.0001" ixz="0" iyy="0.003" iyz="-0.0002" izz="0.0025"/></inertial>
+</link><link name="bob"><inertial><mass value="0.5"/>
+ <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+ <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+<joint name="weld" type="fixed"><parent link="arm"/><child link="bob"/>
+ <origin xyz="0 0 -0.1" rpy="0 0.4 0.1"/></joint></robot>"""
 
 # The free joint is the shell's; a plate on an axle with a geared motor, a wheel with a servo.
 PLATE = """<mujoco><worldbody><geom type="plane" size="5 5 .1"/>

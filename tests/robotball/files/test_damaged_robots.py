@@ -1,7 +1,6 @@
 """Damaged and hostile robot files are refused in a line or roll, in a process that outlives them.
 
-Two hundred of them, by a generator with a seed; a batch runs in one process of its own, which
-reports each file's outcome.
+They come from a generator with a seed, and run in one process, which reports each file's outcome.
 """
 
 import json
@@ -15,14 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 import robotball as rb
 from tests.robotball.files.scene_texts import PLATE
 from tests.robotball.files.test_robot_file import GIMBAL, HULL
 
-BATCHES, SIZE = 3, 20
-SECONDS, MEMORY = 600.0, 1e9  # s, of a batch that hangs; byte
+SIZE = 20  # more than there are kinds of damage
+SECONDS, MEMORY = 600.0, 1e9  # s, of a process that hangs; byte
 
 # With an included part, classes of defaults and a mesh.
 DRESSED = """<mujoco><compiler angle="radian" meshdir="."/><include file="part.xml"/>
@@ -47,11 +45,8 @@ HUGE = [
     '<asset><texture type="2d" builtin="flat" width="200000" height="200000"/></asset>',
     '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/></asset>',
     '<worldbody><replicate count="100000000"><geom size=".1"/></replicate></worldbody>',
-    '<worldbody><replicate count="20000" offset="1 0 0"><body><freejoint/><geom size=".1"/>'
-    "</body></replicate></worldbody>",
     '<worldbody><composite prefix="p" type="grid" count="3000 3000 1" spacing="1"/></worldbody>',
     '<option timestep="-1" iterations="2000000000"/><size nkey="2000000000"/>',
-    '<size memory="99999G"/>',
     '<custom><numeric name="n" size="2000000000"/></custom>',
 ]
 
@@ -74,7 +69,7 @@ def _swapped(rng: random.Random, text: str) -> str:
 
 
 def _nested(rng: random.Random, text: str) -> str:
-    deep = rng.choice([100, 3000, 100_000])
+    deep = rng.choice([100, 3000, 30_000])
     hung = '<body pos="0 0 .1"><joint axis="1 0 0"/><geom size=".1" contype="0"/>' * deep
     return text.replace("</worldbody>", hung + "</body>" * deep + "</worldbody>")
 
@@ -126,15 +121,14 @@ def damaged(seed: int, folder: Path) -> Path:
 def _largest_memory() -> int:
     """Return the most memory in bytes that this process or a child of it has held."""
     # This process's own ru_maxrss begins at its parent's size, which is a test worker's.
-    own = re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text())
-    assert own is not None
-    return 1024 * max(int(own[1]), resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+    (own,) = re.findall(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text())
+    return 1024 * max(int(own), resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
 
 
-def _report(seeds: range, folder: Path) -> None:
+def _report(folder: Path) -> None:
     """Print a line of JSON for each seed: its number, its damage, the outcome and the memory."""
     warnings.simplefilter("ignore")
-    for seed in seeds:
+    for seed in range(SIZE):
         outcome = "rolls"
         try:
             rb.integrate(rb.load_scene(str(damaged(seed, folder))), np.linspace(0.0, 0.1, 3))
@@ -145,21 +139,16 @@ def _report(seeds: range, folder: Path) -> None:
         print(json.dumps([seed, KINDS[seed % len(KINDS)], outcome, _largest_memory()]), flush=True)
 
 
-@pytest.mark.parametrize(
-    "batch",
-    [0, *(pytest.param(batch, marks=pytest.mark.slow) for batch in range(1, BATCHES))],
-)
-def test_damaged_files_are_refused_in_a_line_or_roll(batch: int, tmp_path: Path) -> None:
+def test_damaged_files_are_refused_in_a_line_or_roll(tmp_path: Path) -> None:
     """No traceback, no end of the process, no hang, and less than 1 GB; measured 0.25 GB."""
-    seeds = [str(batch * SIZE), str(batch * SIZE + SIZE)]
-    command = [sys.executable, "-m", __name__, str(tmp_path), *seeds]
+    command = [sys.executable, "-m", __name__, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS)
     lines = [json.loads(line) for line in done.stdout.splitlines()]
-    assert len(lines) == SIZE, done.stderr[-500:]
+    assert (len(lines), {line[1] for line in lines}) == (SIZE, set(KINDS)), done.stderr[-500:]
     sound = re.compile(r"rolls|refused: [^\n]+")
     assert [line for line in lines if not sound.fullmatch(line[2])] == []
     assert max(line[3] for line in lines) < MEMORY
 
 
 if __name__ == "__main__":
-    _report(range(*map(int, sys.argv[2:])), Path(sys.argv[1]))
+    _report(Path(sys.argv[1]))

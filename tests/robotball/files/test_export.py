@@ -36,9 +36,7 @@ def read(folder: Path) -> Any:
     return json.loads((folder / "scene.json").read_text())
 
 
-def test_the_start_of_all_bodies_makes_the_scenes_momentum(
-    exported: Exported,
-) -> None:
+def test_the_start_of_all_bodies_makes_the_scenes_momentum(exported: Exported) -> None:
     """M from the JSON alone: Σ r×mv + Jω about the contact point (measured 4.4e-15 kg m²/s).
 
     Inertias about the centre, by Steiner's theorem, sum to the ball's.

@@ -14,15 +14,16 @@ from robotball.engines.mujoco import fault_window
 from robotball.files import columns as table_file
 from robotball.files import contents
 from robotball.files.columns import read_samples, read_table
-from robotball.files.foreign_bodies import solid_of_mjcf, solid_of_urdf
 from robotball.files.replacing import replacing
+from robotball.files.robot_file import solid_of_file
 from validation.output import writable_file
 from validation.report.study_report import study_report
 
 READERS: dict[str, Callable[[Path], object]] = {
     "scene.toml": rb.load_scene,
-    "robot.xml": lambda path: solid_of_mjcf(path, "b"),
-    "robot.urdf": lambda path: solid_of_urdf(path, "b"),
+    "whole.xml": rb.load_scene,
+    "robot.xml": lambda path: solid_of_file(path, "body", "b"),
+    "robot.urdf": lambda path: solid_of_file(path, "link", "b"),
     "samples.csv": read_samples,
     "run.csv": rb.read_trajectory,
     "run.npz": rb.read_trajectory,

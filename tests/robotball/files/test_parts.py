@@ -8,16 +8,7 @@ import numpy as np
 import pytest
 
 from robotball.files.parts import DENSITIES, solid_of
-from robotball.files.scene_tables import (
-    Box,
-    Cylinder,
-    Disc,
-    Part,
-    Point,
-    Ring,
-    Rod,
-    Sphere,
-)
+from robotball.files.scene_tables import Box, Cylinder, Disc, Part, Point, Ring, Rod, Sphere
 from robotball.robot import Solid, composed
 from robotball.rotations import z_along
 

@@ -14,7 +14,6 @@ from robotball.files.scene_keys import asked_back
 from tests.imports import PROJECT
 from tests.robotball.files.scene_texts import (
     BOB,
-    FIG12,
     FRAME,
     PENDULUM,
     SECTION,
@@ -261,9 +260,7 @@ def test_a_number_that_seems_to_be_in_another_unit_is_asked_back(
     assert words in line
 
 
-def test_no_scene_of_ours_is_asked_about_and_a_robots_own_file_for_its_shell(
-    tmp_path: Path,
-) -> None:
+def test_ours_are_not_asked_about_and_a_robots_own_file_is_for_its_shell(tmp_path: Path) -> None:
     """It is a warning, of a file alone: the library takes any radius."""
     ours = [PROJECT / "examples" / "my_robot.toml", *CATALOG.glob("*.toml")]
     assert [line for path in ours for line in asked_back(path, 150.0)] == []
@@ -275,30 +272,14 @@ def test_no_scene_of_ours_is_asked_about_and_a_robots_own_file_for_its_shell(
 
 
 # Scenes of many kinds of tables, without the texts about them.
+NAMES = ("fig12", "steered_pendulum_robot", "inclined_plane", "swinging_frame")
 BARE = [
     re.sub(r'source = """[^"]*"""', "", text)
     for text in (
-        FIG12,
-        *(
-            (CATALOG / f"{name}.toml").read_text()
-            for name in ("steered_pendulum_robot", "inclined_plane", "swinging_frame")
-        ),
+        *((CATALOG / f"{name}.toml").read_text() for name in NAMES),
         rb.scene_toml(rb.load_scene("steered_pendulum_robot")),
     )
 ]
-
-
-@pytest.mark.parametrize("bad", ["nan", "1e+300"])
-def test_a_number_that_is_not_finite_is_refused_wherever_it_stands(bad: str) -> None:
-    """The key is named. Not a number that an error of its size would refuse as well."""
-    text = BARE[0]
-    numbers = list(re.finditer(r"(?<=[ \[])-?\d+\.\d+(?=[,\s\]])", text))
-    assert len(numbers) == 25
-    for number in numbers:
-        key = re.findall(r"(\w+) = ", text[: number.start()])[-1]
-        words = rf"\b{key}[\[\d\]]* {re.escape(FINITE)} {re.escape(bad)}"
-        with pytest.raises(rb.InputError, match=words):
-            scene_of(text[: number.start()] + bad + text[number.end() :])
 
 
 VALUES = (
@@ -333,7 +314,7 @@ def mutated_scenes(draw: st.DrawFn) -> bytes:
 
 
 @pytest.mark.filterwarnings("error")
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(content=mutated_scenes() | st.binary(max_size=40))
 def test_any_file_is_a_scene_or_one_line(content: bytes) -> None:
     """Whatever a file holds, it loads or gives one InputError: no traceback, no warning."""

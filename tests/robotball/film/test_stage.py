@@ -77,7 +77,7 @@ CENTRE = STANDS["shell"][1][0]
 def drawn(points: Array, opacity: float, trail: float) -> Array:
     """A picture of fig12's ball from above with a path."""
     looks = looks_of(FIG12.ball)
-    shown = Stage((SIDE, SIDE), looks, ["#0072B2"], [points], 7.2, gl.find_backend())
+    shown = Stage((SIDE, SIDE), looks, ["#0072B2"], [points], 7.2, str(gl.find_backend()))
     shown.place([STANDS], [{}])
     camera = Camera(np.array([*CENTRE[:2], 0.0]), HIGH, 0.0, np.pi / 2 - 1e-4)
     picture = shown.draw(camera, [opacity], [trail], len(points) - 1)

@@ -25,17 +25,15 @@ if TYPE_CHECKING:
 
 def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["_Compared"]:
     """Return what is kept of every scene, in their order; many scenes on all cores."""
-    found: list[_Compared] = []
     each = len(comparing.requests)
     with progress_bar(len(scenes) * each) as show:
         if len(scenes) < MANY or allowed() == 1:
-            for scene in scenes:
-                found.append(comparing(scene, shifted(show, len(found) * each)))
-        else:
-            for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
-                found.append(compared)
-                show(len(found) * each, scene.name)
-    return found
+            return [comparing(scene, shifted(show, i * each)) for i, scene in enumerate(scenes)]
+        found = []
+        for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
+            found.append(compared)
+            show(len(found) * each, scene.name)
+        return found
 
 
 def shifted(show: Show, begin: int) -> Show:
@@ -117,18 +115,21 @@ def agreements_of(
 
 
 def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
-    """Film both motions of an agreement at `path`, by default as `Film()` says."""
+    """Film both motions of an agreement at `path`, by default as `Film()` says.
+
+    Raises InputError where there is nothing to see, as of a run that broke in its first step.
+    """
+    motion, name = agreement.motion, agreement.scene.name
+    if len(motion.times) < 2:
+        end = f"its motion ended at t = {motion.times[-1]:g} s"
+        raise InputError(f"{name} has no video, as {end}: {agreement.verdict}")
     from robotball.film.write import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar(1) as show:
         write_video(
-            path,
-            agreement.motion,
-            agreement.theory,
-            how,
-            progress=lambda part: show(part, f"{agreement.scene.name}: video"),
+            path, motion, agreement.theory, how, progress=lambda part: show(part, f"{name}: video")
         )
 
 

@@ -189,11 +189,7 @@ def coefficients(records: Sequence[_Record]) -> dict[str, tuple[float, float]]:
 def _orders(record: _Record) -> list[float]:
     """Return the orders of the error, from the longest step of RK4 to each shorter one."""
     first, *others = record["rk4"]
-    return [
-        float(np.log(first["error"] / each["error"]) / np.log(first["size"] / each["size"]))
-        for each in others
-        if each["error"] > _ROUNDING
-    ]
+    return [_order(first, each) for each in others if each["error"] > _ROUNDING]
 
 
 def _rtol_orders(record: _Record) -> list[float]:
@@ -201,10 +197,14 @@ def _rtol_orders(record: _Record) -> list[float]:
     runs = record["adaptive"]
     apart = round(np.log(LOOSER) / np.log(runs[0]["size"] / runs[1]["size"]))
     return [
-        float(np.log(loose["error"] / tight["error"]) / np.log(loose["size"] / tight["size"]))
+        _order(loose, tight)
         for loose, tight in zip(runs, runs[apart:], strict=False)
         if tight["error"] > _ROUNDING and loose["sound"]
     ]
+
+
+def _order(coarse: _Record, fine: _Record) -> float:
+    return float(np.log(coarse["error"] / fine["error"]) / np.log(coarse["size"] / fine["size"]))
 
 
 def _stiffness(record: _Record) -> float:

@@ -117,20 +117,24 @@ def agreements_of(
 def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
     """Film both motions of an agreement at `path`, by default as `Film()` says.
 
-    Raises InputError where there is nothing to see, as of a run that broke in its first step.
+    Raises InputError as `check_moving` does, and as `write_video` does.
     """
-    motion, name = agreement.motion, agreement.scene.name
-    if len(motion.times) < 2:
-        end = f"its motion ended at t = {motion.times[-1]:g} s"
-        raise InputError(f"{name} has no video, as {end}: {agreement.verdict}")
+    check_moving(agreement, "video")
     from robotball.film.write import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar(1) as show:
-        write_video(
-            path, motion, agreement.theory, how, progress=lambda part: show(part, f"{name}: video")
-        )
+        words = f"{agreement.scene.name}: video"
+        motions = agreement.motion, agreement.theory
+        write_video(path, *motions, how, progress=lambda part: show(part, words))
+
+
+def check_moving(agreement: Agreement, kind: str) -> None:
+    """Raise InputError where a run broke in its first step, so that there is nothing to see."""
+    if len(agreement.motion.times) < 2:
+        why = f"its motion ended at t = {agreement.end:g} s: {agreement.verdict}"
+        raise InputError(f"{agreement.scene.name} has no {kind}, as {why}")
 
 
 def windows(agreements: Sequence[Agreement], folder: Path) -> list[Path]:

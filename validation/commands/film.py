@@ -92,11 +92,13 @@ class View:
         from robotball.film.web import view_page
         from validation.output import write_text
         from validation.results import controlled, file_stem
+        from validation.runs import check_moving
 
         scene = controlled(self.scene, self.control)
         if not self.web:
             check_display()
         agreement, out = _agreement_of(scene, self)
+        check_moving(agreement, "view")
         if self.web:
             path = out / f"{file_stem([agreement])}-view.html"
             write_text(path, view_page([agreement.motion, agreement.theory]))

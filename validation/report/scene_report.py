@@ -91,7 +91,7 @@ def sentence(agreement: Agreement) -> str:
     engine, name = agreement.motion.engine.name, agreement.settings.name
     start = f"{engine}, {name}: {agreement.verdict}."
     if not agreement.finished:
-        return f"{start} The run ended at {agreement.motion.times[-1]:.4g} s."
+        return f"{start} The run ended at {agreement.end:.4g} s."
     apart, error = float(agreement.path_errors.max()), agreement.path_error
     return (
         f"{start} The two contact points are at most {apart:.2g} m apart, which is "

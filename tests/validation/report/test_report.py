@@ -31,27 +31,21 @@ def page(agreements: list[Agreement]) -> str:
     return report(agreements, COMMAND)
 
 
-def test_a_report_asks_for_nothing_outside_itself(page: str) -> None:
-    assert re.findall(r'(?:src|href)="(?!data:)', page) == []
-    assert re.findall(r"url\(|@import|fetch\(|https?://(?!www\.w3\.org/2000/svg)", page) == []
-    assert len(page) < 1e6  # measured 0.2 MB
-
-
 def test_a_report_has_what_was_run_and_how_to_repeat_it(
     page: str, agreements: list[Agreement]
 ) -> None:
-    """The settings' values, the versions, the scene's file and the command."""
+    """The settings' values, the versions, the scene's file and the command.
+
+    It asks for nothing outside itself, and is equal to the byte however fast the run was.
+    """
     for words in (COMMAND, "fig12", "mujoco", rb.scene_toml(agreements[0].scene).splitlines()[1]):
         assert words in page.replace("&quot;", '"')
     for name, value in agreements[1].settings.plain().items():
         assert f"<td>{name}</td>" in page
         assert f">{value}<" in page or isinstance(value, dict | list)
-
-
-def test_a_report_is_the_same_however_fast_the_run_was(
-    page: str, agreements: list[Agreement]
-) -> None:
-    """The speed is in the JSON of a comparison; the page is equal to the byte."""
+    outside = r"(?:src|href)=\"(?!data:)|url\(|@import|fetch\(|https?://(?!www\.w3\.org/2000/svg)"
+    assert re.findall(outside, page) == []
+    assert len(page) < 1e6  # measured 0.2 MB
     slower = [
         replace(each, motion=replace(each.motion, report=replace(each.report, seconds=77.0)))
         for each in agreements
@@ -63,7 +57,10 @@ def test_a_report_is_the_same_however_fast_the_run_was(
 def test_a_sentence_has_the_error_and_its_bound_or_where_the_run_ended(
     agreements: list[Agreement],
 ) -> None:
-    """A sound run, a faulty one, and one that broke off, whose plots go as far as it went."""
+    """A sound run, a faulty one, and one that broke off, whose plots go as far as it went.
+
+    A user's title is text and no markup.
+    """
     naive, fast = agreements
     error = fast.path_error
     assert error is not None
@@ -75,6 +72,9 @@ def test_a_sentence_has_the_error_and_its_bound_or_where_the_run_ended(
     assert not broken.finished
     assert sentence(broken).endswith(f"The run ended at {stopped.times[-1]:.4g} s.")
     assert "mine" in report([broken], COMMAND)
+    scene = replace(fast.scene, title="<img src=x onerror=alert(1)>")
+    odd = Agreement(replace(fast.theory, scene=scene), replace(fast.motion, scene=scene))
+    assert "<img src=x" not in report([odd], COMMAND)
 
 
 def test_friction_needed_stands_beside_what_is_given() -> None:
@@ -83,13 +83,6 @@ def test_friction_needed_stands_beside_what_is_given() -> None:
     assert "needs a coefficient of sliding friction of 1.32." in words
     assert "torsional one of 1.87 m" in words
     assert "the plane gives 20, and the run uses at most 9.58 %" in words
-
-
-def test_a_users_title_is_text_and_no_markup(agreements: list[Agreement]) -> None:
-    first = agreements[1]
-    scene = replace(first.scene, title="<img src=x onerror=alert(1)>")
-    odd = Agreement(replace(first.theory, scene=scene), replace(first.motion, scene=scene))
-    assert "<img src=x" not in report([odd], COMMAND)
 
 
 @pytest.mark.slow
@@ -205,36 +198,26 @@ def test_ticks_are_round(low: float, high: float, expected: list[float]) -> None
     assert ticks(low, high) == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_chart_stands_a_line_that_goes_nowhere() -> None:
+@pytest.mark.parametrize("log", [False, True])
+@pytest.mark.parametrize("y", [[0.0] * 5, [7.0] * 5, [0.0, 1e-3, float("nan"), 1e-9, 1.0]])
+def test_a_chart_stands_a_line_that_goes_nowhere(y: list[float], log: bool) -> None:
     """A constant, a zero on a logarithmic axis, a hole: as of M(0) = 0."""
-    t = np.linspace(0.0, 1.0, 5)
-    for y, log in (
-        (np.zeros(5), False),
-        (np.zeros(5), True),
-        (np.full(5, 7.0), False),
-        (np.array([0.0, 1e-3, np.nan, 1e-9, 1.0]), True),
-    ):
-        svg = chart([Line("a & b", "#000000", t, y)], "t < 1", "y", log=log)
-        words = " ".join(each.text or "" for each in ElementTree.fromstring(svg).iter("text"))
-        assert "t < 1" in words
-        assert "nan" not in svg
+    line = Line("a & b", "#000000", np.linspace(0.0, 1.0, 5), np.array(y))
+    svg = chart([line], "t < 1", "y", log=log)
+    assert "t < 1" in [each.text for each in ElementTree.fromstring(svg).iter("text")]
+    assert "nan" not in svg
     assert np.finfo(float).eps > LEAST_LOG
 
 
 def test_a_flat_path_makes_a_low_picture_to_one_scale() -> None:
-    """The pixels of a metre are the same on both axes."""
+    """The pixels of a metre are the same on both axes; a legend has the dashes of its line."""
     x = np.linspace(0.0, 30.0, 900)
-    svg = ElementTree.fromstring(chart([Line("a", "#000000", x, np.sin(x))], "X", "Y", equal=True))
+    line = Line("a", "#000000", x, np.sin(x), dash="2 3")
+    assert 'stroke-dasharray="2 3"' in legend([line])
+    svg = ElementTree.fromstring(chart([line], "X", "Y", equal=True))
     assert float((svg.get("viewBox") or "").split()[3]) == 180.0
-    (line,) = svg.iter("polyline")
-    points = np.array([p.split(",") for p in (line.get("points") or "").split()], dtype=float)
+    (drawn,) = svg.iter("polyline")
+    points = np.array([p.split(",") for p in (drawn.get("points") or "").split()], dtype=float)
     assert len(points) == 400
     across, up = np.ptp(points, axis=0)
     assert across / up == pytest.approx(30 / 2, rel=0.01)  # measured 15.02
-
-
-def test_a_legend_has_the_dashes_that_tell_lines_apart_without_colour() -> None:
-    t = np.linspace(0.0, 1.0, 3)
-    made = legend([Line("a", "#0072B2", t, t), Line("b", "#0072B2", t, t, dash="2 3")])
-    assert made.count("stroke-dasharray") == 1
-    assert made.index("dasharray") > made.index("> a<")

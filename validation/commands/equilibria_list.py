@@ -91,29 +91,27 @@ def _record(
         "fixed_points": [
             {
                 "name": name,
-                "gamma": p.gamma.tolist(),
-                "eigenvalues": _pairs(p.eigenvalues),
-                "kind": p.kind,
+                **_plain(point, "gamma", "eigenvalues", "kind"),
                 "contact_speed": path.speed,
                 "contact_turning": path.turning,
             }
-            for name, p, path in points
+            for name, point, path in points
         ],
-        "fixed_circle": circle and {"axes": circle.axes.tolist(), "index": circle.index},
-        "limit_cycles": [
-            {"gamma": c.gamma.tolist(), "period": c.period, "multipliers": _pairs(c.multipliers)}
-            for c in cycles
-        ],
-        "straight_motions": [
-            {"gamma": s.gamma.tolist(), "eigenvalues": _pairs(s.eigenvalues), "speed": s.speed}
-            for s in lines
-        ],
+        "fixed_circle": circle and _plain(circle, "axes", "index"),
+        "limit_cycles": [_plain(cycle, "gamma", "period", "multipliers") for cycle in cycles],
+        "straight_motions": [_plain(line, "gamma", "eigenvalues", "speed") for line in lines],
     }
 
 
-def _pairs(values: Array) -> list[list[float]]:
-    """Return complex numbers as [real, imaginary]."""
-    return [[float(z.real), float(z.imag)] for z in values]
+def _plain(found: object, *names: str) -> dict[str, Any]:
+    """Return fields as plain data: arrays as lists, complex numbers as [real, imaginary]."""
+    plain = {name: getattr(found, name) for name in names}
+    for name, value in plain.items():
+        if name in ("eigenvalues", "multipliers"):
+            plain[name] = [[float(z.real), float(z.imag)] for z in value]
+        elif isinstance(value, np.ndarray):
+            plain[name] = value.tolist()
+    return plain
 
 
 @dataclass(frozen=True)

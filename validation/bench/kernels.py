@@ -228,7 +228,7 @@ def _one_orbit(attitude: Array, momentum: Array) -> None:
         f"one orbit with path, {DURATION:g} s, {_OUTPUTS} outputs",
         1e-4,
         _Contender("this", ours, error, _OURS),
-        _Contender("scipy DOP853, Python", scipys, error, (1e-8, 1e-9), rounds=2),
+        _Contender("scipy DOP853, Python", scipys, error, (1e-9, 1e-10), rounds=2),
         _Contender("heyoka", heyokas, error, _HEYOKAS),
     )
 

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 import robotball as rb
 from robotball.engines.mujoco import LABEL
+from robotball.files.replacing import replacing
 from validation import compare
 from validation.cli import parse
 from validation.output import progress_bar, title, write_rows, write_text
@@ -115,20 +116,14 @@ def test_a_name_in_a_table_is_no_formula(tmp_path: Path) -> None:
     assert rows == [[name if name == "a=1" else f"'{name}", "-1.5"] for name in names]
 
 
-def test_an_old_file_stays_whole_when_writing_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_old_file_stays_whole_when_writing_fails(tmp_path: Path) -> None:
     """A disk that fills up leaves the file that was there, and no fragment beside it."""
     old = tmp_path / "a.json"
-    old.write_text("old")
-
-    def full_disk(path: Path, text: str, **_: str) -> int:
-        path.touch()
+    write_text(old, "old")
+    full = pytest.raises(rb.InputError, match=r"a\.json cannot be written: No space left on device")
+    with full, replacing(old) as temporary:
+        temporary.write_text("half of")
         raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_text", full_disk)
-    with pytest.raises(rb.InputError, match=r"a\.json cannot be written: No space left on device"):
-        write_text(old, "new")
     assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
 
 

@@ -104,14 +104,13 @@ def test_unusable_input_is_refused(
         sweep(square, [{"x": x} for x in numbers], file, **options)
 
 
-def test_time_left_has_a_unit_that_suits_it() -> None:
-    """Seconds, minutes, hours."""
+def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
+    """Cells' columns, then records', failure last; what has no number is empty.
+
+    A time left is shown in seconds, minutes or hours.
+    """
     shown = [duration(s) for s in (4.4, 89, 90, 720, 5399, 5400, 9000)]
     assert shown == ["4 s", "89 s", "2 min", "12 min", "90 min", "1.5 h", "2.5 h"]
-
-
-def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
-    """Cells' columns, then records', failure last; what has no number is empty."""
     results = [
         Result({"x": 1, "y": [1, 2]}, {"z": 0.1, "x": 9}, None),
         Result({"x": 2, "y": None}, None, "ValueError: a, b"),
@@ -257,9 +256,8 @@ def test_killed_workers_cost_nothing(tmp_path: Path, file: Path) -> None:
                 os.kill(moments.choice((one, two)), signal.SIGKILL)
 
     results = sweep(square, cells, file, workers=WORKERS, show=kill)
-    assert [result.record and result.record["square"] for result in results] == [
-        x**2 for x in range(24)
-    ]
+    squares = [result.record and result.record["square"] for result in results]
+    assert squares == [x**2 for x in range(24)]
     assert 24 < runs(tmp_path).total() <= 24 + 4
 
 

@@ -60,12 +60,8 @@ REFUSED = {
     "judge fig12 right.csv --timestep 0.1,0.2": "each file needs its timestep: 1, not 2",
     "judge fig12 right.csv --tolerance -1": "tolerance must be positive",
     "steer three_rotors --through '1,0 1'": "points are pairs like \"1,0 1,1\", not '1,0 1'",
-    "steer three_rotors --path circle --turns 0": "turns must not be 0",
-    "steer three_rotors --size 0": "the line's length must be",
     # scenes that a command is not for, each answered by a command that is
     "design fig12 --rotor-speed 0.01": r"rotor speed: at most 0\.01 rad/s is allowed",
-    "design wobbling_drive": "wobbling_drive: the drives change in time",
-    "steer chaplygin_ball": "to roll anywhere takes two",
     "section fig12 --preset naive --count 2": "MuJoCo's run is no result",
     **{f"{each} wobbling_drive": LATER for each in ("equilibria", "section", "lyapunov", "basins")},
     **{f"{each} fig06": AT_REST for each in ("section", "lyapunov", "basins")},

@@ -54,14 +54,29 @@ docs: setup
 gallery: setup gl
 	$(BIN)/python -m validation.bench.gallery
 
-# The wheel, in an environment of its own and an empty folder.
+# The wheel, in an environment of its own and an empty folder: it must have every file that the
+# program needs. Dependencies are this environment's, so that nothing is fetched; but not this
+# checkout, which is known by a .pth file alone, and PYTHONPATH reads none.
+WHEEL := $(CURDIR)/out/wheel
+ALONE = env -i PATH=/usr/bin:/bin HOME=$(WHEEL)/empty \
+  PYTHONPATH=$$($(CURDIR)/$(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+
 wheel: setup
-	$(BIN)/python -m validation.bench.wheel
+	rm -rf $(WHEEL) && mkdir -p $(WHEEL)/empty
+	$(BIN)/python -m hatchling build -t wheel -d $(WHEEL)
+	$(BIN)/python -m venv $(WHEEL)/env
+	$(WHEEL)/env/bin/python -m pip install --quiet --no-deps --no-index $(WHEEL)/*.whl
+	cd $(WHEEL)/empty && for each in --version scenes 'model fig12 --out fig12.xml' \
+	  'compare fig12 --preset fast --duration 0.5' 'report fig12 --preset fast --duration 0.5'; \
+	  do $(ALONE) ../env/bin/robotball $$each || exit 1; done
+	cd $(WHEEL)/empty && $(ALONE) ../env/bin/python -c 'import robotball, sys, validation; \
+	  files = robotball.__file__, validation.__file__; \
+	  sys.exit(any(sys.prefix not in file for file in files))'
+	@echo "the wheel runs by itself"
 
 bench: setup
-	$(BIN)/python -m validation.bench.steps
+	$(BIN)/python -m validation.bench.speed
 	$(BIN)/python -m validation.bench.kernels
-	$(BIN)/python -m validation.bench.threads
 
 # The constants of COST_MODEL in robotball/engines/mujoco/limits.py, measured again; half an hour.
 cost-model: setup

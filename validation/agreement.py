@@ -70,6 +70,11 @@ class Agreement(Value):
         return self.report.faults
 
     @property
+    def end(self) -> float:
+        """The time [s] of the engine's last sample; 0 where it broke off before its first one."""
+        return float(self.motion.times[-1:].sum())
+
+    @property
     def finished(self) -> bool:
         return len(self.motion.times) == len(self.theory.times)
 
@@ -109,7 +114,7 @@ class Agreement(Value):
     @property
     def realtime_factor(self) -> float:
         """Simulated seconds per second of stepping the engine, set-up excluded."""
-        return float(self.motion.times[-1:].sum() / self.report.seconds)
+        return self.end / self.report.seconds
 
     @property
     def tolerance(self) -> float:

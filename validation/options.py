@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from tyro.conf import DisallowNone, OmitArgPrefixes, Positional, UseAppendAction, arg
 
@@ -77,16 +77,10 @@ class Sweep:
         from validation.output import progress_bar
         from validation.sweeps import sweep
 
+        place: Any = {"workers": self.workers, "cluster": self.cluster}
         with progress_bar(len(cells)) as show:
-            kept = self.out / f"{journal}.jsonl"
             return sweep(
-                work,
-                cells,
-                kept,
-                workers=self.workers,
-                cluster=self.cluster,
-                limit=limit,
-                show=show,
+                work, cells, self.out / f"{journal}.jsonl", limit=limit, show=show, **place
             )
 
     def present(self, study: Study, *words: str) -> int:

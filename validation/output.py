@@ -47,10 +47,9 @@ def versions() -> dict[str, str]:
 
 def write_record(path: Path | None, record: Mapping[str, Any]) -> None:
     """Write a record with the versions that it depends on as JSON, if a path is given."""
-    if path is None:
-        return
-    text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
-    write_text(writable_file(path), text + "\n")
+    if path is not None:
+        text = json.dumps({**record, "versions": versions()}, indent=1, allow_nan=False)
+        write_text(writable_file(path), text + "\n")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -74,13 +74,8 @@ class _Line:
     momentum: _Array
 
 
-@dataclass(frozen=True)
-class _Errors:
-    """Errors of a motion: values (n,) at times (n,) s, without the zero that they start from."""
-
-    times: _Array
-    values: _Array
-    largest: float
+# The times (n,) s of errors and their values (n,), without the zero that they start from.
+_Errors = tuple[_Array, _Array]
 
 
 @dataclass(frozen=True)
@@ -145,7 +140,7 @@ def _line(motion: "Motion", label: str) -> _Line:
 
 def _errors(motion: "Motion", values: _Array) -> _Errors:
     which = 1 + extremes(values[1:])
-    return _Errors(motion.times[which], values[which], float(values.max(initial=0.0)))
+    return motion.times[which], values[which]
 
 
 def extremes(values: _Array) -> _Integers:
@@ -239,9 +234,9 @@ def _styled(sheet: Sheet) -> list[tuple[_Run, Any]]:
 
 def _log_line(axes: "Axes", run: _Run, errors: _Errors, style: Any) -> None:
     """Draw a line on a log axis, and name it at its end."""
-    axes.plot(errors.times, errors.values, linestyle=style, color=run.line.colour)
+    axes.plot(*errors, linestyle=style, color=run.line.colour)
     if run.finished:
-        beside(axes, in_picture(run.settings), errors.largest)
+        beside(axes, in_picture(run.settings), errors[1].max(initial=0.0))
 
 
 def note(

@@ -17,7 +17,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from robotball import Fault, InputError, Motion, Scene, catalog, load_scene
+from robotball import InputError, Motion, Scene, catalog, load_scene
 from robotball.drives import Rate
 from robotball.files.columns import read_samples
 from robotball.motion import Label
@@ -69,16 +69,17 @@ def scenes_of(names: Sequence[str], controls: Sequence[str] = ()) -> dict[str, S
     distinct = {name if name in catalog() else Path(name).absolute(): name for name in names}
     scenes = [controlled(name, controls) for name in distinct.values()]
     often = Counter(scene.name for scene in scenes)
-    named: list[Scene] = []
-    for path, scene in zip(distinct, scenes, strict=True):
+    named: dict[str, Scene] = {}
+    taken: set[str] = set()
+    for (path, given), scene in zip(distinct.items(), scenes, strict=True):
         name = scene.name
         if often[name] > 1 and isinstance(path, Path):
             name = f"{path.parent.name}-{name}"
-        taken = {each.name for each in named}
         others = (f"{name}-{number}" for number in count(2))
         free = next(each for each in chain((name,), others) if each not in taken)
-        named.append(replace(scene, name=free))
-    return dict(zip(distinct.values(), named, strict=True))
+        taken.add(free)
+        named[given] = replace(scene, name=free)
+    return named
 
 
 def file_stem(agreements: Sequence[Agreement]) -> str:
@@ -156,19 +157,16 @@ def record(agreement: Agreement) -> Record:
         "steps": report.steps,
         "realtime_factor": agreement.realtime_factor,
         "agrees": agreement.agrees,
-        "faults": [_fault(fault) for fault in agreement.faults],
+        "faults": [
+            {"kind": each.kind.name, "time": each.time, "cause": each.text, "fatal": each.fatal}
+            for each in agreement.faults
+        ],
         "verdict": agreement.verdict,
         # What the motion makes of small errors; None unless that explains something.
         "sensitivity": None if sensitivity is None else _plain(sensitivity),
         "seed": None,  # nothing in a comparison is random
         "versions": versions() | {agreement.motion.engine.name: agreement.motion.engine.version},
     }
-
-
-def _fault(fault: Fault) -> dict[str, Any]:
-    return {
-        "kind": fault.kind.name, "time": fault.time, "cause": fault.text, "fatal": fault.fatal,
-    }  # fmt: skip
 
 
 def _plain(sensitivity: Sensitivity) -> dict[str, Any]:
@@ -206,11 +204,9 @@ def write_markdown(path: Path, records: Sequence[Record]) -> None:
         "|---|---|---:|---:|---:|---:|---:|---|",
     ]
     for each in records:
-        errors = (each[name] for name in ("path_error", "gamma_error", "momentum_error"))
-        cells = [each["scene"], each["preset"], f"{each['timestep'] * 1e3:.3g} ms"]
-        cells += map(scientific, errors)
-        cells += [f"{each['realtime_factor']:.0f}"]
-        lines.append(f"| {' | '.join(cells)} | {each['verdict']} |")
+        step, *numbers = _numbers(each)
+        cells = (each["scene"], each["preset"], f"{step} ms", *numbers, each["verdict"])
+        lines.append(f"| {' | '.join(cells)} |")
     write_text(path, "\n".join(lines) + "\n")
 
 
@@ -219,24 +215,23 @@ def show(records: Sequence[Record], console: Console) -> None:
     # Eighty columns hold it.
     numbers = ("step\n\\[ms]", "path\nerror", "γ error\n\\[rad]", "M error", "× real\ntime")
     headings = ("scene", "rolling", "preset", *numbers, "verdict")
-    table = plain_table(headings, left=(0, 1, 2, 8))
+    table, below = plain_table(headings, left=(0, 1, 2, 8)), []
     for each in records:
-        table.add_row(
-            escape(each["scene"]),
-            each["rolling"],
-            escape(each["preset"]),
-            f"{each['timestep'] * 1e3:.3g}",
-            *(scientific(each[name]) for name in ("path_error", "gamma_error", "momentum_error")),
-            f"{each['realtime_factor']:.0f}",
-            _word(each),
-            style="" if each["agrees"] else "yellow",
-        )
-    print_whole(table, console)
-    for each in records:
+        style = "" if each["agrees"] else "yellow"
+        names = (escape(each["scene"]), each["rolling"], escape(each["preset"]))
+        table.add_row(*names, *_numbers(each), _word(each), style=style)
         if each["verdict"] != "agrees":
-            style = "" if each["agrees"] else "yellow"
-            line = f"{each['scene']}, {each['preset']}: {each['verdict']}"
-            console.print(escape(line), style=style)
+            below.append((f"{each['scene']}, {each['preset']}: {each['verdict']}", style))
+    print_whole(table, console)
+    for line, style in below:
+        console.print(escape(line), style=style)
+
+
+def _numbers(record: Record) -> list[str]:
+    """Return the timestep [ms], the three errors and the speed as both tables show them."""
+    errors = (record[name] for name in ("path_error", "gamma_error", "momentum_error"))
+    step, speed = f"{record['timestep'] * 1e3:.3g}", f"{record['realtime_factor']:.0f}"
+    return [step, *map(scientific, errors), speed]
 
 
 def _word(record: Record) -> str:

@@ -25,17 +25,15 @@ if TYPE_CHECKING:
 
 def compare_all(scenes: Sequence[Scene], comparing: "Comparing") -> list["_Compared"]:
     """Return what is kept of every scene, in their order; many scenes on all cores."""
-    found: list[_Compared] = []
     each = len(comparing.requests)
     with progress_bar(len(scenes) * each) as show:
         if len(scenes) < MANY or allowed() == 1:
-            for scene in scenes:
-                found.append(comparing(scene, shifted(show, len(found) * each)))
-        else:
-            for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
-                found.append(compared)
-                show(len(found) * each, scene.name)
-    return found
+            return [comparing(scene, shifted(show, i * each)) for i, scene in enumerate(scenes)]
+        found = []
+        for scene, compared in zip(scenes, in_processes(comparing, scenes), strict=True):
+            found.append(compared)
+            show(len(found) * each, scene.name)
+        return found
 
 
 def shifted(show: Show, begin: int) -> Show:
@@ -117,19 +115,26 @@ def agreements_of(
 
 
 def film(path: Path, agreement: Agreement, how: "Film | None" = None) -> None:
-    """Film both motions of an agreement at `path`, by default as `Film()` says."""
+    """Film both motions of an agreement at `path`, by default as `Film()` says.
+
+    Raises InputError as `check_moving` does, and as `write_video` does.
+    """
+    check_moving(agreement, "video")
     from robotball.film.render import write_video  # an encoder and a GL, which only a film needs
 
     with refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with progress_bar(1) as show:
-        write_video(
-            path,
-            agreement.motion,
-            agreement.theory,
-            how,
-            progress=lambda part: show(part, f"{agreement.scene.name}: video"),
-        )
+        words = f"{agreement.scene.name}: video"
+        motions = agreement.motion, agreement.theory
+        write_video(path, *motions, how, progress=lambda part: show(part, words))
+
+
+def check_moving(agreement: Agreement, kind: str) -> None:
+    """Raise InputError where a run broke in its first step, so that there is nothing to see."""
+    if len(agreement.motion.times) < 2:
+        why = f"its motion ended at t = {agreement.end:g} s: {agreement.verdict}"
+        raise InputError(f"{agreement.scene.name} has no {kind}, as {why}")
 
 
 def windows(agreements: Sequence[Agreement], folder: Path) -> list[Path]:

@@ -85,17 +85,14 @@ def sensitivity(engine: Engine, motion: ContactMotion, theory: Motion) -> Sensit
         return None
     duration = float(theory.times[-1])
     right = _stretches_of(theory)
-    count = len(right.times) - 1
     defects = _defects(engine.prepare(scene, settings), right)
     if defects is None:
         return None
     expected = max(math.hypot(*error[-2:]) for error in _carried(right, defects))
-    growth = _growth(right)
-    half = count // 2
-    doubling = float(growth[-1] - growth[half - 1])
+    doubling = _doubling(right)
     passed = errors > settings.error_tolerance * path_scale
     return Sensitivity(
-        exponent=doubling / (duration - float(right.times[half])),
+        exponent=doubling / (duration - float(right.times[(len(right.times) - 1) // 2])),
         doubling=math.exp(min(doubling, 700.0)),  # finite
         defect=_total(defects, path_scale),
         expected=expected / path_scale,
@@ -133,8 +130,7 @@ def chaotic(scene: Scene, duration: float = LONG) -> bool:
     if not scene.steady:
         return False
     right = integrate(scene, np.linspace(0.0, duration, int(duration / _STRETCH) + 1))
-    growth = _growth(right)
-    return bool(growth[-1] - growth[len(growth) // 2 - 1] > math.log(_EXPONENTIAL))
+    return _doubling(right) > math.log(_EXPONENTIAL)
 
 
 def _defects(run: Runner, right: Motion) -> Array | None:
@@ -215,8 +211,8 @@ def _carried(right: Motion, defects: Array) -> list[Array]:
     return errors
 
 
-def _growth(right: Motion) -> Array:
-    """Return the logarithm (k,) of the growth of a small turn of the start, by each stretch."""
+def _doubling(right: Motion) -> float:
+    """Return the logarithm of the growth of a small turn of the start over the second half."""
     error, total, growth = np.zeros(8 + 2 * len(_moving(right.scene))), 0.0, []
     error[:3] = (0.6, 0.48, 0.64)
     for i in range(len(right.times) - 1):
@@ -226,4 +222,4 @@ def _growth(right: Motion) -> Array:
         error = error / size
         error[-2:] = 0.0
         growth.append(total)
-    return np.array(growth)
+    return growth[-1] - growth[len(growth) // 2 - 1]

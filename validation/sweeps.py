@@ -63,7 +63,7 @@ def sweep(
     workers: int | None = None,
     cluster: str | None = None,
     limit: float | None = None,
-    show: Show | None = None,
+    show: Show = lambda *_: None,
 ) -> list[Result]:
     """Return the results of `work` on every cell, in the order of `cells`.
 
@@ -120,9 +120,7 @@ def _distinct(cells: Sequence[Cell]) -> dict[str, Cell]:
     return distinct
 
 
-def _reporter(
-    show: Show | None, before: Sequence[Result], total: int
-) -> Callable[[Result | None], None]:
+def _reporter(show: Show, before: Sequence[Result], total: int) -> Callable[[Result | None], None]:
     """Return what shows a sweep's progress when it is called with one more result.
 
     The results there before say nothing about the speed.
@@ -134,8 +132,6 @@ def _reporter(
         nonlocal done, failed
         if result is not None:
             done, failed = done + 1, failed + (result.failure is not None)
-        if show is None:
-            return
         words = [f"{done} of {total} cells"]
         if failed:
             words.append(f"{failed} failed")

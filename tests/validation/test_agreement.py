@@ -25,17 +25,17 @@ def agreement_with(**changes: Any) -> Agreement:
 
 
 def test_a_motion_agrees_with_itself_exactly() -> None:
-    """No difference is no error; M of the equations is constant to rounding."""
+    """No difference is no error; M of the equations is constant to rounding.
+
+    A turn of 1e-6 rad about X is an error of its angle: 2.3e-16 off, as a cross product loses
+    nothing when small.
+    """
     agreement = agreement_with()
     assert (agreement.path_error, agreement.attitude_error, agreement.gamma_error) == (0, 0, 0)
     assert agreement.momentum_error is not None
     assert agreement.momentum_error < 5e-15  # measured 1.4e-15: rounding of two changes of axes
     assert agreement.verdict == "agrees, limited by the reference"
     assert agreement.realtime_factor == pytest.approx(SCENE.duration / SOUND.seconds)
-
-
-def test_a_small_turn_is_an_error_of_its_angle() -> None:
-    """1e-6 rad about X; measured 2.3e-16 off, as a cross product loses nothing when small."""
     turn = np.array([np.cos(5e-7), np.sin(5e-7), 0.0, 0.0])
     agreement = agreement_with(attitude=multiply(turn, THEORY.attitude))
     assert agreement.gamma_error == pytest.approx(1e-6, abs=3e-15)

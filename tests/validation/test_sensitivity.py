@@ -18,9 +18,13 @@ from validation.sensitivity import Sensitivity, _transfer, chaotic, sensitivity
 EULER = replace(rb.preset("balanced"), name="Euler", integrator="Euler", error_tolerance=2.0)
 
 
+CHAOTIC = ("classical_chaotic", "balanced", 45.0)
+
+
 @cache
 def agreement_of(name: str, settings: rb.Settings | str, seconds: float) -> Agreement:
-    return compare(rb.load_scene(name), settings, rb.sample_times(seconds))
+    scene = worked(name) if name.startswith("W") else rb.load_scene(name)
+    return compare(scene, settings, rb.sample_times(seconds))
 
 
 @cache
@@ -31,70 +35,60 @@ def measured(name: str, settings: rb.Settings | str, seconds: float) -> Sensitiv
     return found
 
 
-@pytest.mark.parametrize(
-    ("name", "preset", "seconds", "exponent", "until"),
-    [
-        pytest.param("fig14", "fast", 80.0, 0.129, 70.2, marks=pytest.mark.slow),
-        ("classical_chaotic", "balanced", 45.0, 0.320, 37.6),
-    ],
-)
-def test_a_chaotic_motion_is_called_sensitive(
-    name: str, preset: str, seconds: float, exponent: float, until: float
-) -> None:
+def test_a_chaotic_motion_is_called_sensitive() -> None:
     """The engine keeps its tolerance stretch by stretch, and the motion carries it away.
 
-    It does not agree for that. The exponents are those of half of one motion; over long times they
-    are 0.116/s and 0.34/s. In the JSON all of it is an object.
+    It does not agree for that. The exponent is that of half of one motion; over long times it is
+    0.34/s. In the JSON all of it is an object. But M is constant however chaotic the motion: an
+    error of it beyond the tolerance is the engine's.
     """
-    agreement = agreement_of(name, preset, seconds)
+    agreement = agreement_of(*CHAOTIC)
     assert not agreement.agrees
     assert agreement.sensitive
     found = agreement.sensitivity
     assert found is not None
     assert found.defect < agreement.settings.error_tolerance / 100
-    assert found.exponent == pytest.approx(exponent, abs=0.005)
-    assert found.agrees_until == pytest.approx(until, abs=1.0)
+    assert found.exponent == pytest.approx(0.320, abs=0.005)
+    assert found.agrees_until == pytest.approx(37.6, abs=1.0)
     assert agreement.verdict.startswith(f"sensitive: agrees until t = {found.agrees_until:.3g} s")
     kept = json.loads(json.dumps(record(agreement), allow_nan=False))
     assert kept["agrees"] is False
     assert kept["sensitivity"]["explains"] is True
     assert kept["sensitivity"]["agrees_until"] == found.agrees_until
+    momentum = agreement.motion.momentum * np.linspace(1, 1 + 1e-3, 2251)[:, None]
+    lost = replace(agreement, motion=replace(agreement.motion, momentum=momentum))
+    assert lost.sensitivity is None
+    assert lost.verdict == "off by more than 5e-06"
 
 
 @pytest.mark.parametrize(
-    ("name", "preset", "seconds", "ratio"),
+    ("name", "settings", "seconds", "ratio"),
     [
-        ("fig14", "balanced", 40.0, 1.10),
-        ("fig12", "fast", 40.0, 1.12),
-        ("fig12", EULER, 10.0, 1.04),
+        ("fig14", "balanced", 40.0, pytest.approx(1.10, abs=0.03)),
+        ("fig12", "fast", 40.0, pytest.approx(1.12, abs=0.03)),
+        ("fig12", EULER, 10.0, pytest.approx(1.04, abs=0.03)),
+        # Off balance, with free hinges.
+        ("W1", "fast", 20.0, pytest.approx(1.32, rel=0.5)),
+        ("W5", "fast", 20.0, pytest.approx(1.27, rel=0.5)),
     ],
 )
 def test_defects_and_growth_make_the_error(
-    name: str, preset: rb.Settings | str, seconds: float, ratio: float
+    name: str, settings: rb.Settings | str, seconds: float, ratio: object
 ) -> None:
     """Carried on by the equations, the defects add up to the error that was measured.
 
     To first order, in chaotic and regular motions, of a good integrator and of a bad one.
     """
-    found, agreement = measured(name, preset, seconds), agreement_of(name, preset, seconds)
-    assert found.measured / found.expected == pytest.approx(ratio, abs=0.03)
+    found, agreement = measured(name, settings, seconds), agreement_of(name, settings, seconds)
+    assert found.measured / found.expected == ratio
     assert found.measured == agreement.path_error
     assert agreement.sensitivity is None  # as they agree
+    assert found.doubling < 10 or name == "fig14"
 
 
-@pytest.mark.parametrize(("name", "share"), [("W1", 1.32), ("W5", 1.27)])
-def test_defects_make_the_error_of_any_robot(name: str, share: float) -> None:
-    """Off balance, with free hinges: the error is what the motion makes of the engine's defects."""
-    agreement = compare(replace(worked(name), duration=20.0), "fast")
-    found = sensitivity(MUJOCO, agreement.motion, agreement.theory)
-    assert found is not None
-    assert found.measured / found.expected == pytest.approx(share, rel=0.5)
-    assert found.doubling < 10
-
-
-@pytest.mark.parametrize(("name", "seconds"), [("fig12", 10.0), ("classical_chaotic", 30.0)])
+@pytest.mark.parametrize(("name", "seconds"), [("fig12", 10.0), ("classical_chaotic", 20.0)])
 def test_a_bad_integrator_is_not_excused_by_chaos(name: str, seconds: float) -> None:
-    """Euler at 5 ms misses 0.7 % and 1.2 % of the path in single stretches: an error, not chaos."""
+    """Euler at 5 ms misses 0.7 % and 9.5 % of the path in single stretches: an error, not chaos."""
     tolerance = rb.preset("balanced").error_tolerance
     found = replace(measured(name, EULER, seconds), tolerance=tolerance)
     assert found.defect > 1000 * tolerance
@@ -139,9 +133,12 @@ def test_an_error_that_growth_does_not_make_stays_the_engines(
 
 
 def test_chaos_is_known_by_the_growth_of_a_turn() -> None:
-    """fig14 is chaotic, fig12 is regular; where drives change no engine can start anew."""
-    assert chaotic(rb.load_scene("fig14"))
-    assert not chaotic(rb.load_scene("fig12"), 20.0)
+    """Twice the time makes 74 times of it in a chaotic motion and 1.4 in a regular one.
+
+    Where drives change no engine can start anew.
+    """
+    assert chaotic(rb.load_scene("classical_chaotic"), 20.0)
+    assert not chaotic(rb.load_scene("fig12"), 10.0)
     assert not chaotic(rb.load_scene("wobbling_drive"))
     agreement = agreement_of("wobbling_drive", "fast", 0.1)
     assert sensitivity(MUJOCO, agreement.motion, agreement.theory) is None
@@ -162,12 +159,3 @@ def test_an_error_about_the_vertical_turns_the_motion(size: float) -> None:
         [size * right.gamma[2], turned[2], size * np.array([-way[1], way[0]])]
     )
     assert np.abs(_transfer(right, 1, error) - expected).max() < 2e-6 * size
-
-
-def test_a_lost_momentum_is_no_sensitivity() -> None:
-    """M is constant however chaotic the motion: an error beyond the tolerance is the engine's."""
-    agreement = agreement_of("classical_chaotic", "balanced", 45.0)
-    momentum = agreement.motion.momentum * np.linspace(1, 1 + 1e-3, 2251)[:, None]
-    lost = replace(agreement, motion=replace(agreement.motion, momentum=momentum))
-    assert lost.sensitivity is None
-    assert lost.verdict == "off by more than 5e-06"

@@ -24,7 +24,7 @@ import pytest
 from robotball import InputError
 from tests.validation.work import WORKERS, cells_of, failures, lines_of, runs, square
 from validation.output import write_rows
-from validation.sweeps import Cell, Result, duration, rows_of, sweep
+from validation.sweeps import Result, duration, rows_of, sweep
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="rests on Linux' signals and /proc")
 
@@ -44,21 +44,22 @@ def table(path: Path, results: list[Result]) -> bytes:
 # Cells -----------------------------------------------------------------------------------------
 
 
+TROUBLES = ("raises", "ends", "nan", "list", "spins", "hangs")
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers: int) -> None:
     """Whatever a cell does, its reason is one line, and the innocent beside it have records.
 
-    Every result is told of, those that were there before at once. Failures are kept, and the file
+    Every result is shown, those that were there before at once. Failures are kept, and the file
     may hold more than is asked for.
     """
-    cells, file = cells_of(tmp_path, 10), tmp_path / "deep" / "sweep.jsonl"
+    cells = cells_of(tmp_path, 10, dict(enumerate(TROUBLES, start=2)))
+    file = tmp_path / "deep" / "sweep.jsonl"
+    shown: list[tuple[float, str]] = []
+    options: dict[str, Any] = {"workers": workers, "show": lambda *words: shown.append(words)}
     sweep(square, cells[:2], file, workers=workers)
-    for x, trouble in enumerate(("raises", "ends", "nan", "list", "spins", "hangs"), start=2):
-        cells[x]["trouble"] = trouble
-    told: list[tuple[float, str]] = []
-    results = sweep(
-        square, cells, file, workers=workers, limit=0.2, show=lambda *words: told.append(words)
-    )
+    results = sweep(square, cells, file, limit=0.2, **options)
     assert [result.cell for result in results] == cells
     reasons = failures(results)
     reasons[4] = reasons[4].removesuffix(": nan")  # which Python 3.12 adds
@@ -73,46 +74,43 @@ def test_a_cell_that_fails_is_recorded_and_stops_nothing(tmp_path: Path, workers
     assert {result.cell["x"] for result in results if result.outlasted} == {6, 7}
     squares = [result.record and result.record["square"] for result in results]
     assert squares == [0, 1, *[None] * 6, 64, 81]
-    assert [done for done, _ in told] == [*range(2, 11)]
-    assert told[0][1] == "2 of 10 cells"
-    assert told[-1][1] == "10 of 10 cells, 6 failed"
-    assert all(words.endswith((" s left", " min left")) for _, words in told[1:-1])
+    assert [done for done, _ in shown] == [*range(2, 11)]
+    assert shown[0][1] == "2 of 10 cells"
+    assert shown[-1][1] == "10 of 10 cells, 6 failed"
+    assert all(words.endswith((" s left", " min left")) for _, words in shown[1:-1])
     ran = runs(tmp_path)
-    assert (
-        sweep(square, cells[:4:-1], file, show=lambda *words: told.append(words)) == results[:4:-1]
-    )
-    assert told[-1] == (5, "5 of 5 cells, 3 failed")
+    assert sweep(square, cells[:4:-1], file, **options) == results[:4:-1]
+    assert shown[-1] == (5, "5 of 5 cells, 3 failed")
     assert runs(tmp_path) == ran
     assert all(ran[x] == 1 for x in range(10) if x != 3)  # whose process died: run once more
 
 
 @pytest.mark.parametrize(
-    ("cells", "options", "message"),
+    ("numbers", "options", "message"),
     [
-        ([{"x": 1}, {"x": 1}], {}, r'cells must be distinct, and {"x": 1} is there twice'),
-        ([{"x": float("nan")}], {}, "a cell must be plain data, as JSON has it"),
-        ([{"x": {1}}], {}, "a cell must be plain data, as JSON has it"),
-        ([{"x": 1}], {"workers": 0}, "workers must be at least 1, not 0"),
-        ([{"x": 1}], {"limit": 0.0}, "limit must be positive and finite, not 0 s"),
-        ([{"x": 1}], {"workers": 2, "cluster": "tcp://a:1"}, "give one of workers and cluster"),
+        ((1, 1), {}, r'cells must be distinct, and {"x": 1} is there twice'),
+        ((float("nan"),), {}, "a cell must be plain data, as JSON has it"),
+        (({1},), {}, "a cell must be plain data, as JSON has it"),
+        ((1,), {"workers": 0}, "workers must be at least 1, not 0"),
+        ((1,), {"limit": 0.0}, "limit must be positive and finite, not 0 s"),
+        ((1,), {"workers": 2, "cluster": "tcp://a:1"}, "give one of workers and cluster"),
     ],
 )
 def test_unusable_input_is_refused(
-    file: Path, cells: list[Cell], options: dict[str, Any], message: str
+    file: Path, numbers: tuple[Any, ...], options: dict[str, Any], message: str
 ) -> None:
     """One line that says what is wrong."""
     with pytest.raises(InputError, match=message):
-        sweep(square, cells, file, **options)
-
-
-def test_time_left_has_a_unit_that_suits_it() -> None:
-    """Seconds, minutes, hours."""
-    shown = [duration(s) for s in (4.4, 89, 90, 720, 5399, 5400, 9000)]
-    assert shown == ["4 s", "89 s", "2 min", "12 min", "90 min", "1.5 h", "2.5 h"]
+        sweep(square, [{"x": x} for x in numbers], file, **options)
 
 
 def test_a_table_has_a_row_a_cell(tmp_path: Path) -> None:
-    """Cells' columns, then records', failure last; what has no number is empty."""
+    """Cells' columns, then records', failure last; what has no number is empty.
+
+    A time left is shown in seconds, minutes or hours.
+    """
+    shown = [duration(s) for s in (4.4, 89, 90, 720, 5399, 5400, 9000)]
+    assert shown == ["4 s", "89 s", "2 min", "12 min", "90 min", "1.5 h", "2.5 h"]
     results = [
         Result({"x": 1, "y": [1, 2]}, {"z": 0.1, "x": 9}, None),
         Result({"x": 2, "y": None}, None, "ValueError: a, b"),
@@ -157,14 +155,18 @@ def test_a_file_of_something_else_is_refused_and_left_alone(
     assert file.read_text() == text
 
 
-def test_a_file_that_is_being_written_is_refused(file: Path) -> None:
-    """Two sweeps never write one file."""
+def test_a_file_that_another_sweep_writes_and_a_device_are_refused(file: Path) -> None:
+    """Two sweeps never write one file, and a device would never end."""
 
     def meanwhile(done: float, what: str) -> None:
         with pytest.raises(InputError, match="is being written by another sweep: wait for it, or"):
             sweep(square, [], file)
 
     sweep(square, [], file, show=meanwhile)
+    file.unlink()
+    file.symlink_to(os.devnull)
+    with pytest.raises(InputError, match=r"sweep\.jsonl is no regular file, as a sweep's record"):
+        sweep(square, [], file)
 
 
 def test_a_disk_that_fills_up_ends_the_sweep_in_one_line(tmp_path: Path, file: Path) -> None:
@@ -180,18 +182,10 @@ def test_a_disk_that_fills_up_ends_the_sweep_in_one_line(tmp_path: Path, file: P
             sweep(square, cells, file)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert lines_of(file)[:2] == written
     assert not file.read_text().endswith("\n")
     sweep(square, cells, file)
     assert lines_of(file)[:2] == written
     assert len(lines_of(file)) == 3
-
-
-def test_a_file_that_is_a_device_is_refused(file: Path) -> None:
-    """It would never end; a folder and a name that no file can have are refused as ever."""
-    file.symlink_to(os.devnull)
-    with pytest.raises(InputError, match=r"sweep\.jsonl is no regular file, as a sweep's record"):
-        sweep(square, [], file)
 
 
 # Processes -------------------------------------------------------------------------------------
@@ -199,22 +193,16 @@ def test_a_file_that_is_a_device_is_refused(file: Path) -> None:
 FORKSERVER = multiprocessing.get_context("forkserver")
 
 
-def sweeping(folder: Path, cells: list[dict[str, Any]], limit: float | None = None) -> None:
-    sweep(square, cells, folder / "sweep.jsonl", workers=WORKERS, limit=limit)
+def sweeping(file: Path, cells: list[dict[str, Any]], limit: float | None) -> None:
+    sweep(square, cells, file, workers=WORKERS, limit=limit)
 
 
-@pytest.fixture
-def started(tmp_path: Path) -> Callable[..., Any]:
-    """Starts a sweep in a process, by the server that starts a sweep's own."""
-    sweep(square, cells_of(tmp_path, 1), tmp_path / "first.jsonl")
-    (tmp_path / "ran").unlink()
-
-    def start(*options: Any) -> Any:
-        process = FORKSERVER.Process(target=sweeping, args=(tmp_path, *options))
-        process.start()
-        return process
-
-    return start
+def started(file: Path, cells: list[dict[str, Any]], limit: float | None = None) -> Any:
+    """A sweep in a process, by the server that starts a sweep's own."""
+    sweep(dict, [{}], file.with_name("first.jsonl"))  # the server is there then
+    process = FORKSERVER.Process(target=sweeping, args=(file, cells, limit))
+    process.start()
+    return process
 
 
 def within(seconds: float, done: Callable[[], bool]) -> bool:
@@ -227,13 +215,13 @@ def within(seconds: float, done: Callable[[], bool]) -> bool:
 
 @pytest.mark.slow
 def test_a_killed_sweep_goes_on_and_ends_with_the_identical_table(
-    tmp_path: Path, file: Path, started: Callable[..., Any]
+    tmp_path: Path, file: Path
 ) -> None:
     """SIGKILL at any moment costs the cells that were running, and no result is made twice."""
     cells, moments = cells_of(tmp_path, 60, seconds=0.02), random.Random(4)
     before: dict[int, int] = {}
     for enough in (1, 25):
-        process = started(cells)
+        process = started(file, cells)
         assert within(60, lambda least=enough: len(lines_of(file)) >= least)  # type: ignore[misc]
         time.sleep(moments.uniform(0.0, 0.05))
         process.kill()
@@ -268,9 +256,8 @@ def test_killed_workers_cost_nothing(tmp_path: Path, file: Path) -> None:
                 os.kill(moments.choice((one, two)), signal.SIGKILL)
 
     results = sweep(square, cells, file, workers=WORKERS, show=kill)
-    assert [result.record and result.record["square"] for result in results] == [
-        x**2 for x in range(24)
-    ]
+    squares = [result.record and result.record["square"] for result in results]
+    assert squares == [x**2 for x in range(24)]
     assert 24 < runs(tmp_path).total() <= 24 + 4
 
 
@@ -293,7 +280,7 @@ def test_ctrl_c_ends_what_runs_and_leaves_the_file_whole(tmp_path: Path, file: P
 
 
 @linux
-def test_a_killed_sweep_leaves_no_process(tmp_path: Path, started: Callable[..., Any]) -> None:
+def test_a_killed_sweep_leaves_no_process(tmp_path: Path, file: Path) -> None:
     """Not even one in compiled code that keeps the interpreter's lock."""
 
     def is_free() -> bool:
@@ -302,7 +289,7 @@ def test_a_killed_sweep_leaves_no_process(tmp_path: Path, started: Callable[...,
             return True
         return False
 
-    process = started(cells_of(tmp_path, 1, trouble="hangs"))
+    process = started(file, cells_of(tmp_path, 1, trouble="hangs"))
     assert within(60, (tmp_path / "hangs").exists)
     assert not is_free()
     process.kill()
@@ -311,11 +298,9 @@ def test_a_killed_sweep_leaves_no_process(tmp_path: Path, started: Callable[...,
 
 
 @linux
-def test_a_time_in_which_all_is_stopped_does_not_count(
-    tmp_path: Path, file: Path, started: Callable[..., Any]
-) -> None:
+def test_a_time_in_which_all_is_stopped_does_not_count(tmp_path: Path, file: Path) -> None:
     """Stopped for longer than its limit, as when the machine sleeps, a cell has its record."""
-    started(cells_of(tmp_path, 1, trouble="pauses"), 1.0).join(60)
+    started(file, cells_of(tmp_path, 1, trouble="pauses"), 1.0).join(60)
     (line,) = lines_of(file)
     assert json.loads(line)["failure"] is None
 
@@ -342,6 +327,9 @@ def test_a_work_that_no_process_can_load_is_refused(
 # A dask cluster --------------------------------------------------------------------------------
 
 
+NOWHERE = "tcp://127.0.0.1:1"
+
+
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     """Two workers under a nanny each, as `dask worker` starts them."""
@@ -355,9 +343,7 @@ def cluster() -> Iterator[Any]:
 @pytest.mark.slow
 def test_a_cluster_gives_the_same_results(tmp_path: Path, file: Path, cluster: Any) -> None:
     """Records and failures by dask are those by the local cores, resumed ones too."""
-    cells = cells_of(tmp_path, 8)
-    for x, trouble in {2: "raises", 5: "ends", 7: "hangs"}.items():
-        cells[x]["trouble"] = trouble
+    cells = cells_of(tmp_path, 8, {2: "raises", 5: "ends", 7: "hangs"})
     local = sweep(square, cells, tmp_path / "local.jsonl", workers=WORKERS, limit=0.5)
     assert failures(local).keys() == {2, 5, 7}
     sweep(square, cells[:3], file, cluster=cluster.scheduler_address)
@@ -377,28 +363,23 @@ def test_a_cluster_whose_workers_have_gone_is_not_waited_for(
         if done == 3:
             cluster.scale(0)
 
+    cells = cells_of(tmp_path, 50, seconds=0.5)
     with pytest.raises(InputError, match=f"all workers of {address} have gone: start some, and"):
-        sweep(square, cells_of(tmp_path, 50, seconds=0.5), file, cluster=address, show=leave)
+        sweep(square, cells, file, cluster=address, show=leave)
     assert len(lines_of(file)) >= 3
     with pytest.raises(InputError, match=f"{address} has no workers: start some with `dask worker"):
-        sweep(square, cells_of(tmp_path, 50, seconds=0.5), file, cluster=address)
-    cluster.scale(2)
+        sweep(square, cells, file, cluster=address)
 
 
-@pytest.mark.parametrize(
-    ("installed", "message"),
-    [
-        (True, r"no dask scheduler answers at tcp://127\.0\.0\.1:1: "),
-        (False, r"pip install 'robotball\[cluster\]'"),
-    ],
-)
 def test_a_cluster_that_does_not_answer_is_refused(
-    tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch, installed: bool, message: str
+    tmp_path: Path, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In one line within seconds; where dask is not installed it says how to install the extra."""
-    if installed:
-        pytest.importorskip("distributed")
-    else:
-        monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=message):
-        sweep(square, cells_of(tmp_path, 1), file, cluster="tcp://127.0.0.1:1")
+    """In one line; where dask is not installed it says how to install the extra."""
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, "distributed", None)
+        with pytest.raises(InputError, match=r"pip install 'robotball\[cluster\]'"):
+            sweep(square, cells_of(tmp_path, 1), file, cluster=NOWHERE)
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("validation.sweeps._ANSWER", 0.5)
+    with pytest.raises(InputError, match=f"no dask scheduler answers at {NOWHERE}: "):
+        sweep(square, cells_of(tmp_path, 1), file, cluster=NOWHERE)

@@ -63,9 +63,12 @@ def pause(seconds: float) -> None:
         os.kill(process, signal.SIGSTOP)
 
 
-def cells_of(folder: Path, count: int, **more: Any) -> list[dict[str, Any]]:
-    """Cells for `square`, which writes down what it runs in this folder."""
-    return [{"x": x, "ran": str(folder / "ran"), **more} for x in range(count)]
+def cells_of(
+    folder: Path, count: int, troubles: Mapping[int, str] | None = None, **more: Any
+) -> list[dict[str, Any]]:
+    """Cells for `square`, which writes down what it runs in this folder; troubles: by their x."""
+    ran, of_each = str(folder / "ran"), troubles or {}
+    return [{"x": x, "ran": ran, "trouble": of_each.get(x), **more} for x in range(count)]
 
 
 def runs(folder: Path) -> Counter[int]:

@@ -128,10 +128,7 @@ def _outcomes_of(summary: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, in
 def outcomes_table(outcomes: Mapping[str, Mapping[str, int]]) -> str:
     """Return the outcomes as a Markdown table: a row for each outcome that some run had."""
     runs = max(sum(counts.values()) for counts in outcomes.values())
-    lines = [
-        f"| of {runs} runs each | {' | '.join(outcomes)} |",
-        "|---|" + "---:|" * len(outcomes),
-    ]
+    lines = [f"| of {runs} runs each | {' | '.join(outcomes)} |", "|---|" + "---:|" * len(outcomes)]
     for kind in Outcome:
         counts = [each.get(kind.name, 0) for each in outcomes.values()]
         if any(counts):

@@ -15,7 +15,7 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
@@ -38,7 +38,7 @@ from robotball.engines.ensembles.steppers import (
     System,
     ball_of,
 )
-from robotball.equations import Parameters, Vector
+from robotball.equations import Parameters
 from robotball.processes import at_most
 from robotball.qualitative.sections import section, section_starts
 from robotball.rotations import Array, rotation_matrix
@@ -68,8 +68,7 @@ def equations_of(system: System, parameters: Parameters) -> _Equations:
 
 def level_equations(parameters: Parameters) -> _Equations:
     """Return dγ/dt = γ×ω, dM/dt = M×ω in frame axes, with the numbers of the ball put in."""
-    gamma = _vector(hy.make_vars("gamma1", "gamma2", "gamma3"))
-    M = _vector(hy.make_vars("M1", "M2", "M3"))
+    gamma, M = (hy.make_vars(*(f"{name}{i}" for i in "123")) for name in ("gamma", "M"))
     omega = parameters.angular_velocity(M, gamma)
     rates = (*eq.cross(gamma, omega), *eq.cross(M, omega))
     return list(zip((*gamma, *M), rates, strict=True))
@@ -90,13 +89,8 @@ def batch(
     return hy.taylor_adaptive_batch(equations, states.T.copy(), tol=tolerance, **more)
 
 
-def _vector(items: Sequence[Any]) -> Vector:
-    """Return three items as a vector."""
-    x, y, z = items
-    return (x, y, z)
-
-
 _Run = Callable[[], Any]
+_Prepare = Callable[[float], _Run]
 
 
 @dataclass
@@ -108,7 +102,7 @@ class _Contender:
     """
 
     name: str
-    prepare: Callable[[float], _Run]
+    prepare: _Prepare
     error: Callable[[Any], float]
     tolerances: tuple[float, ...]
     work: float = 1.0
@@ -118,8 +112,8 @@ class _Contender:
 
     def at(self, error: float) -> float:
         """Return the time at an error [s], by a power law between the two nearest tolerances."""
-        order = sorted(self.tolerances, key=self.errors.__getitem__)
-        errors, seconds = ([values[t] for t in order] for values in (self.errors, self.seconds))
+        found = sorted((self.errors[t], self.seconds[t]) for t in self.tolerances)
+        errors, seconds = np.array(found).T
         if not errors[0] <= error <= errors[-1]:
             raise ValueError(f"{self.name} was not measured at an error of {error:g}: {errors}")
         return float(np.exp(np.interp(np.log(error), np.log(errors), np.log(seconds))))
@@ -149,13 +143,20 @@ def compare(title: str, error: float, *contenders: _Contender) -> None:
 
 
 _FIG11B = load_scene("fig14").parameters
-_A, _OMEGA, _K = map(np.array, (_FIG11B.A, _FIG11B.Omega, _FIG11B.K))
 _FEATURES = "NUMBA_CPU_FEATURES"
 DURATION, _OUTPUTS, POINTS, _MANY, _LANES = 100.0, 1000, 25, 256, 8
 _OURS, _HEYOKAS = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11), (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
 
 
-def _in_batches(form: _Equations, begin: Array, pars: Array | None, ends: tuple[float, ...]) -> Any:
+def _ours(system: System, starts: Starts, begin: Array, ends: tuple[float, ...]) -> _Prepare:
+    """Return our `prepare` of all starts, as `_in_batches` does; begin (n, k) beside attitudes."""
+    times = np.array(ends)
+    return lambda tolerance: lambda: starts.march(system, begin, times, tolerance)[0][:_LANES, 0]
+
+
+def _in_batches(
+    form: _Equations, begin: Array, pars: Array | None, ends: tuple[float, ...]
+) -> _Prepare:
     """Return a heyoka contender's `prepare`, which runs all starts in batches.
 
     begin (n, size), pars (n, k); ends: times to stop at [s]. The run returns the states of the
@@ -187,35 +188,26 @@ def _median_error(reference: Array) -> Callable[[Array], float]:
     return lambda rows: float(np.median(np.abs(rows - reference).max(axis=1)))
 
 
-def _numpy_rate(_: float, state: Array, momentum: Array) -> Array:
-    """Return d/dt of (q, X, Y) by (3.2) in plain NumPy, as one writes it first."""
-    q = state[:4] / np.linalg.norm(state[:4])
-    alpha, beta, gamma = rotation_matrix(q)
-    M = momentum[0] * alpha + momentum[1] * beta
-    weight = np.dot(_A * gamma, gamma)
-    Z = np.dot(_OMEGA + _A * _K, gamma) / weight
-    omega = _A * (np.cross(M, _A * gamma) / weight - _K + Z * gamma)
-    rate = 0.5 * (q[0] * omega + np.cross(q[1:], omega))
-    shell = omega - _OMEGA
-    path = np.dot(beta, shell), -np.dot(alpha, shell)
-    return np.array([-0.5 * np.dot(q[1:], omega), *rate, *path])
-
-
 def _one_orbit(attitude: Array, momentum: Array) -> None:
     """Compare one orbit, closely sampled; the error is the path's largest."""
     times = np.linspace(0.0, DURATION, _OUTPUTS + 1)
     reference = orbit(_FIG11B, attitude, momentum, times, 1e-15)[1]
     starts = Starts(_FIG11B, attitude, momentum)
-    begin = np.array([*attitude, 0.0, 0.0])
+    begin = np.array([*starts.attitudes[0], 0.0, 0.0])
+    level = Level(float(starts.rows[0, _BALL_SIZE]), 0.0)
 
     def ours(tolerance: float) -> _Run:
         return lambda: orbit(_FIG11B, attitude, momentum, times, tolerance)[1]
 
+    def rate(_: float, state: Array) -> Array:
+        q = state[:4] / np.linalg.norm(state[:4])
+        return np.array(PATH.rate((*q.tolist(), 0.0, 0.0), _FIG11B, level))
+
     def scipys(tolerance: float) -> _Run:
         def run() -> Array:
-            keep: dict[str, Any] = {"rtol": tolerance, "atol": tolerance, "args": (momentum,)}
-            solved = solve_ivp(_numpy_rate, (0.0, DURATION), begin, "DOP853", times, **keep)
-            return solved.y[4:].T
+            keep: dict[str, Any] = {"rtol": tolerance, "atol": tolerance}
+            solved = solve_ivp(rate, (0.0, DURATION), begin, "DOP853", times, **keep)
+            return starts.turned_back(solved.y.T[None, :, 4:])[0]
 
         return run
 
@@ -224,7 +216,7 @@ def _one_orbit(attitude: Array, momentum: Array) -> None:
         ta = hy.taylor_adaptive(form, np.zeros(6), pars=pars, tol=tolerance)
 
         def run() -> Array:
-            ta.time, ta.state[:] = 0.0, [*starts.attitudes[0], 0.0, 0.0]
+            ta.time, ta.state[:] = 0.0, begin
             return starts.turned_back(ta.propagate_grid(times)[5][None, :, 4:])[0]
 
         return run
@@ -236,59 +228,45 @@ def _one_orbit(attitude: Array, momentum: Array) -> None:
         f"one orbit with path, {DURATION:g} s, {_OUTPUTS} outputs",
         1e-4,
         _Contender("this", ours, error, _OURS),
-        _Contender("scipy DOP853, NumPy", scipys, error, (1e-9, 1e-10), rounds=2),
+        _Contender("scipy DOP853, Python", scipys, error, (1e-9, 1e-10), rounds=2),
         _Contender("heyoka", heyokas, error, _HEYOKAS),
     )
 
 
 def _ensembles(attitudes: Array, momenta: Array) -> None:
     """Compare many orbits with their paths, and without, each in the form that suits it best."""
-    starts, times = Starts(_FIG11B, attitudes, momenta), np.array([0.0, DURATION])
-    best = orbits(_FIG11B, attitudes[:_LANES], momenta[:_LANES], times, 1e-15)
-    turned = np.concatenate([starts.attitudes, np.zeros((_MANY, 2))], axis=1)
-
-    def with_paths(tolerance: float) -> _Run:
-        def run() -> Array:
-            states = starts.march(PATH, np.zeros((_MANY, 2)), times[1:], tolerance)[0]
-            return states[:_LANES, 0]
-
-        return run
+    starts, first = Starts(_FIG11B, attitudes, momenta), (attitudes[:_LANES], momenta[:_LANES])
+    best = orbits(_FIG11B, *first, np.array([0.0, DURATION]), 1e-15)
+    begin, ends = np.zeros((_MANY, 2)), (DURATION,)
+    turned = np.concatenate([starts.attitudes, begin], axis=1)
+    with_paths = _in_batches(equations_of(PATH, _FIG11B), turned, pars_of(starts), ends)
 
     def path_error(end: Array) -> float:
-        points = Starts(_FIG11B, attitudes[:_LANES], momenta[:_LANES]).turned_back(end[:, None, 4:])
+        points = Starts(_FIG11B, *first).turned_back(end[:, None, 4:])
         return _median_error(best.contact_points[:, 1])(points[:, 0])
 
     compare(
         f"{_MANY} orbits with paths, {DURATION:g} s, each",
         2e-5,
-        _Contender("this, q X Y", with_paths, path_error, _OURS, _MANY),
-        _Contender(
-            "heyoka, q X Y",
-            _in_batches(equations_of(PATH, _FIG11B), turned, pars_of(starts), (DURATION,)),
-            path_error,
-            _HEYOKAS,
-            _MANY,
-        ),
+        _Contender("this, q X Y", _ours(PATH, starts, begin, ends), path_error, _OURS, _MANY),
+        _Contender("heyoka, q X Y", with_paths, path_error, _HEYOKAS, _MANY),
     )
 
     gamma_error = _median_error(rotation_matrix(best.attitudes[:, 1])[:, 2])
 
-    def attitudes_only(tolerance: float) -> _Run:
-        def run() -> Array:
-            states = starts.march(RETURN, np.zeros((_MANY, 0)), times[1:], tolerance)[0]
-            return rotation_matrix(states[:_LANES, 0])[:, 2]
-
-        return run
-
     compare(
         f"{_MANY} orbits without paths, {DURATION:g} s, each",
         2e-5,
-        _Contender("this, q", attitudes_only, gamma_error, _OURS, _MANY),
+        _Contender(
+            "this, q",
+            _ours(RETURN, starts, begin[:, :0], ends),
+            lambda end: gamma_error(rotation_matrix(end)[:, 2]),
+            _OURS,
+            _MANY,
+        ),
         _Contender(
             "heyoka, γ M",
-            _in_batches(
-                level_equations(_FIG11B), _level_states(attitudes, momenta), None, (DURATION,)
-            ),
+            _in_batches(level_equations(_FIG11B), _level_states(attitudes, momenta), None, ends),
             lambda end: gamma_error(end[:, :3]),
             _HEYOKAS,
             _MANY,
@@ -361,37 +339,21 @@ def exponents(attitudes: Array, momenta: Array) -> None:
     def error(states: Array) -> float:
         return logs(states[:, 7:])
 
-    def ours(tolerance: float) -> _Run:
-        def run() -> Array:
-            return starts.march(DEVIATION, rest, np.array(ends), tolerance)[0][:_LANES, 0]
-
-        return run
-
     form, begin = equations_of(DEVIATION, _FIG11B), np.concatenate([starts.attitudes, rest], axis=1)
     work = _MANY * ends[-1] / 1e4
     heyokas = _in_batches(form, begin, pars_of(starts), ends)
     compare(
         "exponents, per 1e4 time units",
         3e-7,
-        _Contender("this", ours, error, _OURS[:3], work),
+        _Contender("this", _ours(DEVIATION, starts, rest, ends), error, _OURS[:3], work),
         _Contender("heyoka, the same form", heyokas, error, _HEYOKAS[:3], work, rounds=3),
     )
 
 
 def _main() -> None:
-    """Print all tables; where the processor has 512-bit lanes, with them and without."""
+    """Print all tables, on one thread; with 512-bit lanes and without, where there are any."""
     print(platform.processor() or platform.machine(), platform.platform())
     print(", ".join(f"{name} {version(name)}" for name in ("numpy", "numba", "scipy", "heyoka")))
-    _tables()
-    features = get_host_cpu_features()
-    if "+avx512f" in features and _FEATURES not in os.environ:
-        print("\nThe same without 512-bit lanes", flush=True)
-        narrow = {**os.environ, _FEATURES: f"{features},+prefer-256-bit"}
-        subprocess.run([sys.executable, "-m", "validation.bench.kernels"], env=narrow, check=True)
-
-
-def _tables() -> None:
-    """Print all tables, on one thread."""
     rng = np.random.default_rng(1)
     starts = section_starts(rng.uniform(-4, 4, _MANY), rng.uniform(0, 6, _MANY), 25.0)
     with at_most(1):
@@ -399,6 +361,11 @@ def _tables() -> None:
         _ensembles(*starts)
         _section_points(*starts)
         exponents(*starts)
+    features = get_host_cpu_features()
+    if "+avx512f" in features and _FEATURES not in os.environ:
+        print("\nThe same without 512-bit lanes", flush=True)
+        narrow = {**os.environ, _FEATURES: f"{features},+prefer-256-bit"}
+        subprocess.run([sys.executable, "-m", "validation.bench.kernels"], env=narrow, check=True)
 
 
 if __name__ == "__main__":

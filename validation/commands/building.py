@@ -45,13 +45,10 @@ class Design:
 
     def run(self) -> int:
         scene = load_scene(self.scene)
-        limits = Limits(
-            rotor_speed=self.rotor_speed,
-            frame_radius=self.frame_radius,
-            shell_thickness=self.shell_thickness,
-        )
+        limited = ("rotor_speed", "frame_radius", "shell_thickness")
+        limits = Limits(**{name: getattr(self, name) for name in limited})
         found, designed = redesign(scene, self.mass, limits)
-        words = changed(self, "mass", "rotor_speed", "frame_radius", "shell_thickness")
+        words = changed(self, "mass", *limited)
         name = file_name(designed.name, None, words)
         path = writable_folder(self.out) / f"{name}.toml"
         write_text(path, scene_toml(replace(designed, name=name)))
@@ -101,9 +98,10 @@ class Steer:
         print(f"{path.name} of {path.length:.4g} m in {self.duration:g} s")
         print(f"{theory.engine.name}: at most {off:.2g} m off the path")
         print(f"{agreement.motion.engine.name}: {agreement.verdict}")
-        for i, hinge in enumerate(robot.hinges):
-            rate = float(np.abs(theory.hinge_rates[:, i]).max())
-            torque = float(np.abs(theory.loads.motor_torques[:, i]).max())
+        most = (
+            np.abs(each).max(axis=0) for each in (theory.hinge_rates, theory.loads.motor_torques)
+        )
+        for hinge, rate, torque in zip(robot.hinges, *most, strict=True):
             print(f"{hinge.name}: up to {rate:.3g} rad/s and {torque:.3g} N m")
         friction, torsion = theory.loads.sliding_friction, theory.loads.torsional_friction
         print(f"friction: up to {friction.max():.3g}, torsional {torsion.max():.3g} m")
@@ -126,9 +124,9 @@ class Steer:
 def _points_of(text: str) -> list[tuple[float, float]]:
     """Return the pairs X,Y of a text. Raises InputError where it holds anything else."""
     try:
-        pairs = [tuple(float(part) for part in pair.split(",")) for pair in text.split()]
+        points = [(float(x), float(y)) for x, y in (pair.split(",") for pair in text.split())]
     except ValueError:
-        pairs = [()]
-    if not pairs or any(len(pair) != 2 for pair in pairs):
+        points = []
+    if not points:
         raise InputError(f'points are pairs like "1,0 1,1", not {text!r}')
-    return [(pair[0], pair[1]) for pair in pairs]
+    return points

@@ -15,15 +15,7 @@ from validation.options import AGREES, DISAGREES, OUT, Controls, Duration, File,
 from validation.output import progress_bar, versions, writable_folder, write_text
 from validation.report import embedded, folded, page, paragraph, plain, table, text
 from validation.results import controls_of
-from validation.studies.check import (
-    COLUMNS,
-    Checked,
-    Own,
-    check_model,
-    difference,
-    moved,
-    study_of,
-)
+from validation.studies.check import COLUMNS, Checked, Own, check_model, difference, moved, study_of
 from validation.study import Study, present
 
 
@@ -58,12 +50,10 @@ class Check:
         writable_folder(self.out)
         robot = open_robot(self.file, self.shell)
         duration = 10.0 if self.duration is None else self.duration
-        controls = {
-            name: as_drive(value, duration) for name, value in controls_of(self.control).items()
-        }
-        own = Own(robot, controls, self.keyframe)
-        own, given = moved(own)
-        notes = [*robot.notes, *starts_off(robot, own.begin()), *given]
+        given = controls_of(self.control)
+        controls = {name: as_drive(value, duration) for name, value in given.items()}
+        own, moves = moved(Own(robot, controls, self.keyframe))
+        notes = [*robot.notes, *starts_off(robot, own.begin()), *moves]
         with progress_bar(1) as show:
             checked = check_model(own, self.rolling, duration, self.accuracy, show)
         study = study_of(own, checked, self.accuracy, notes)
@@ -80,12 +70,12 @@ class Check:
 
 def _page_of(study: Study, checked: Checked, picture: Path) -> str:
     """Return the HTML page of a check, with its picture."""
-    first, *lines = study.record["lines"] if study.record else [""]
+    lines = study.record["lines"] if study.record else [""]
     image = embedded(picture.read_bytes(), "image/png")
     cells = [[column.text(row) for column in COLUMNS] for row in study.rows]
     body = [
         f"<h1>{text(study.scene)}</h1>",
-        *map(paragraph, [first, *lines]),
+        *map(paragraph, lines),
         f'<figure><img alt="paths and errors" src="{image}"></figure>',
         "<h2>What each change is worth</h2>",
         table([column.header for column in COLUMNS], cells, "words"),

@@ -87,10 +87,9 @@ class Compare:
         ]
         if not records:
             raise InputError("; ".join(refused))
-        if self.json:
-            write_json(self.json, records)
-        if self.csv:
-            write_csv(self.csv, records)
+        for path, write in ((self.json, write_json), (self.csv, write_csv)):
+            if path:
+                write(path, records)
         show(records, Console())
         tell_fault_windows(window for each in found for window in each.windows)
         pictures = [picture for each in found for picture in each.pictures]
@@ -127,34 +126,30 @@ class Demo:
 
         from robotball import PRESETS, InputError, load_scene
         from robotball.engine import request_of
+        from validation import results
         from validation.output import progress_bar, writable_folder
         from validation.plots import draw
-        from validation.results import (
-            file_stem,
-            record,
-            show,
-            write_csv,
-            write_json,
-            write_markdown,
-        )
         from validation.runs import agreements_of, film
 
         out, console = writable_folder(self.out), Console()
         requests = [request_of(settings=name) for name in PRESETS]
-        written, records, filmed = [], [], []
+        written: list[Path] = []
+        records: list[results.Record] = []
+        filmed = []
         with progress_bar(len(_DEMO_SCENES)) as progress:
             for i, name in enumerate(_DEMO_SCENES):
                 progress(i, name)
                 agreements = agreements_of(load_scene(name), requests)
                 written += draw(agreements, out)
-                records += [record(each) for each in agreements]
+                records += map(results.record, agreements)
                 filmed += [each for each in agreements if (name, each.settings.name) == _FILMED]
-        show(records, console)
-        for suffix, write in (("json", write_json), ("csv", write_csv), ("md", write_markdown)):
-            written.append(out / f"demo.{suffix}")
-            write(written[-1], records)
+        results.show(records, console)
+        results.write_json(out / "demo.json", records)
+        results.write_csv(out / "demo.csv", records)
+        results.write_markdown(out / "demo.md", records)
+        written += [out / f"demo.{suffix}" for suffix in ("json", "csv", "md")]
         for agreement in filmed:
-            path = out / f"{file_stem([agreement])}.mp4"
+            path = out / f"{results.file_stem([agreement])}.mp4"
             try:
                 film(path, agreement)
                 written.append(path)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from robotball import InputError, Scene
@@ -32,89 +31,44 @@ from robotball.qualitative.straight_motions import (
 from robotball.rotations import Array, rotation_matrix
 from validation.figures.sphere import portrait
 from validation.options import AGREES, OUT, File, SceneName, Threads
-from validation.output import (
-    print_whole,
-    progress_bar,
-    writable_folder,
-    write_picture,
-    write_record,
-)
+from validation.output import progress_bar, writable_folder, write_picture, write_record
 from validation.results import changed, file_name
 from validation.studies.contact_sections import level_starts, steady_scene
+from validation.study import show
 
 _NEARLY_STRAIGHT = 1e9  # radii of the ball: beyond, what bends a path is rounding
+_Point = tuple[str, FixedPoint, ContactPath]
+_Cells = tuple[str, str, str, str]
 
 
-def _circle_rows(circle: FixedCircle) -> list[tuple[str, str, str, str]]:
-    """Return the two halves of the circle of fixed points as rows of the table."""
-    rows = []
-    for name, angles, word in (
-        ("Σ_s", (0.0, np.pi / 2), "attracts"),
-        ("Σ_u", (np.pi / 2, np.pi), "repels"),
-    ):
-        ends = circle.at(np.array(angles))
-        rates = circle.rate(circle.at(np.linspace(*angles, 400)))
-        fastest = rates[np.argmax(np.abs(rates))]
-        span = f"± from {_row(ends[0])}\nto {_row(ends[1])}"
-        rows.append((name, span, f"0, and 0 to {fastest:.4g}", f"{word},\nstraight line"))
-    return rows
+def _point_cells(point: _Point, a: float) -> _Cells:
+    """Return a fixed point of a ball of radius a [m] as a row of the table."""
+    name, fixed, path = point
+    if path.speed < a * max(abs(path.turning), 1.0) / _NEARLY_STRAIGHT:
+        words = "spins on the spot" if path.turning else "at rest"
+    else:
+        straight = path.radius > _NEARLY_STRAIGHT * a
+        words = "straight line" if straight else f"circle of {path.radius:.4g} m"
+    return name or "fixed", _row(fixed.gamma), _row(fixed.eigenvalues), f"{fixed.kind},\n{words}"
 
 
-def _straight_row(line: StraightMotion) -> tuple[str, str, str, str]:
-    """Return a straight-line motion as a row of the table."""
+def _half_circle_cells(circle: FixedCircle, name: str, first: float, word: str) -> _Cells:
+    """Return half of the circle of fixed points, from an angle [rad] on, as a row of the table."""
+    last = first + np.pi / 2
+    ends = circle.at(np.array([first, last]))
+    rates = circle.rate(circle.at(np.linspace(first, last, 400)))
+    fastest = rates[np.argmax(np.abs(rates))]
+    span = f"± from {_row(ends[0])}\nto {_row(ends[1])}"
+    return name, span, f"0, and 0 to {fastest:.4g}", f"{word},\nstraight line"
+
+
+def _cycle_cells(cycle: Cycle) -> _Cells:
+    return "cycle", _row(cycle.gamma), _row(cycle.multipliers), f"period {cycle.period:.7f} s"
+
+
+def _straight_cells(line: StraightMotion) -> _Cells:
     kind = "stable" if line.is_stable else "unstable"
     return "straight", _row(line.gamma), _row(line.eigenvalues), kind
-
-
-def _path_words(path: ContactPath, a: float) -> str:
-    """Describe the contact point's path at a fixed point of a ball of radius a [m]."""
-    if path.speed < a * max(abs(path.turning), 1.0) / _NEARLY_STRAIGHT:
-        return "spins on the spot" if path.turning else "at rest"
-    straight = path.radius > _NEARLY_STRAIGHT * a
-    return "straight line" if straight else f"circle of {path.radius:.4g} m"
-
-
-def _record(
-    points: Sequence[FixedPoint],
-    paths: Sequence[ContactPath],
-    circle: FixedCircle | None,
-    cycles: Sequence[Cycle],
-    lines: Sequence[StraightMotion],
-    more: dict[str, Any],
-    names: Sequence[str] = (),
-) -> dict[str, Any]:
-    """Return all that was found as plain data."""
-    return {
-        "fixed_points": [
-            {
-                "name": name,
-                "gamma": p.gamma.tolist(),
-                "eigenvalues": _pairs(p.eigenvalues),
-                "kind": p.kind,
-                "contact_speed": c.speed,
-                "contact_turning": c.turning,
-            }
-            for name, p, c in zip(names, points, paths, strict=True)
-        ],
-        "fixed_circle": circle and {"axes": circle.axes.tolist(), "index": circle.index},
-        "limit_cycles": [
-            {
-                "gamma": c.gamma.tolist(),
-                "period": c.period,
-                "multipliers": _pairs(c.multipliers),
-            }
-            for c in cycles
-        ],
-        "straight_motions": [
-            {
-                "gamma": s.gamma.tolist(),
-                "eigenvalues": _pairs(s.eigenvalues),
-                "speed": s.speed,
-            }
-            for s in lines
-        ],
-        **more,
-    }
 
 
 def _row(values: Array) -> str:
@@ -126,9 +80,38 @@ def _row(values: Array) -> str:
     return ", ".join(f"{z.real:.4g} ± {z.imag:.4g}i" if z.imag else f"{z.real:.4g}" for z in above)
 
 
-def _pairs(values: Array) -> list[list[float]]:
-    """Return complex numbers as [real, imaginary]."""
-    return [[float(z.real), float(z.imag)] for z in values]
+def _record(
+    points: Sequence[_Point],
+    circle: FixedCircle | None,
+    cycles: Sequence[Cycle],
+    lines: Sequence[StraightMotion],
+) -> dict[str, Any]:
+    """Return all that was found as plain data."""
+    return {
+        "fixed_points": [
+            {
+                "name": name,
+                **_plain(point, "gamma", "eigenvalues", "kind"),
+                "contact_speed": path.speed,
+                "contact_turning": path.turning,
+            }
+            for name, point, path in points
+        ],
+        "fixed_circle": circle and _plain(circle, "axes", "index"),
+        "limit_cycles": [_plain(cycle, "gamma", "period", "multipliers") for cycle in cycles],
+        "straight_motions": [_plain(line, "gamma", "eigenvalues", "speed") for line in lines],
+    }
+
+
+def _plain(found: object, *names: str) -> dict[str, Any]:
+    """Return fields as plain data: arrays as lists, complex numbers as [real, imaginary]."""
+    plain = {name: getattr(found, name) for name in names}
+    for name, value in plain.items():
+        if name in ("eigenvalues", "multipliers"):
+            plain[name] = [[float(z.real), float(z.imag)] for z in value]
+        elif isinstance(value, np.ndarray):
+            plain[name] = value.tolist()
+    return plain
 
 
 @dataclass(frozen=True)
@@ -164,64 +147,48 @@ class Equilibria:
         gamma = rotation_matrix(level_starts(scene, 1, 0)[0])[0, 2]
         line = straight_motion(scene.parameters, gamma)
         table = Table("", "γ", "eigenvalues [1/s]", "", box=box.SIMPLE_HEAD)
-        table.add_row(*_straight_row(line))
-        console = Console()
-        console.print("A classical ball can roll straight on at any γ; at the scene's own, with")
-        console.print(f"M = ({_row(line.momentum)}) kg m²/s; γ in principal axes:")
-        print_whole(table, console)
-        write_record(self.json, {"scene": scene.name, **_record((), (), None, (), (line,), {})})
+        table.add_row(*_straight_cells(line))
+        momentum = f"M = ({_row(line.momentum)}) kg m²/s; γ in principal axes:"
+        above = "A classical ball can roll straight on at any γ; at the scene's own, with"
+        show([above, momentum, table])
+        write_record(self.json, {"scene": scene.name, **_record((), None, (), (line,))})
         return AGREES
 
     def _rubber(self, scene: Scene) -> int:
         ball, f = scene.parameters, float(scene.start.momentum @ scene.start.momentum)
         name = file_name(scene.name, None, ["equilibria", *changed(self, "longest")])
         picture = writable_folder(self.out) / f"{name}.png"
-        with progress_bar(3) as show:
-            show(0, f"{scene.name}: fixed points")
+        with progress_bar(3) as progress:
+            progress(0, f"{scene.name}: fixed points")
             points, circle = fixed_points(ball), fixed_circle(ball)
             points.sort(key=lambda point: name_of(ball, point.gamma))
             lines = straight_motions(ball, f) if f > 0 and np.any(ball.Omega) else []
-            show(1, f"{scene.name}: limit cycles")
+            progress(1, f"{scene.name}: limit cycles")
             cycles = limit_cycles(ball, self.longest) if self.longest > 0 else []
-            show(2, f"{scene.name}: picture")
+            progress(2, f"{scene.name}: picture")
             write_picture(picture, portrait(scene.title, ball, points, circle, cycles))
-        paths = [contact_path(ball, point.gamma) for point in points]
-        names = [name_of(ball, point.gamma) for point in points]
+        known = [(name_of(ball, p.gamma), p, contact_path(ball, p.gamma)) for p in points]
         table = Table("", "γ", "eigenvalues [1/s] or multiplier", "", box=box.SIMPLE_HEAD)
-        for name, point, path in zip(names, points, paths, strict=True):
-            words = f"{point.kind},\n{_path_words(path, ball.a)}"
-            table.add_row(name or "fixed", _row(point.gamma), _row(point.eigenvalues), words)
+        rows = [_point_cells(point, ball.a) for point in known]
         if circle is not None:
-            for cells in _circle_rows(circle):
-                table.add_row(*cells)
-        for cycle in cycles:
-            words = f"period {cycle.period:.7f} s"
-            table.add_row("cycle", _row(cycle.gamma), _row(cycle.multipliers), words)
-        for line in lines:
-            table.add_row(*_straight_row(line))
-        console = Console()
-        console.print(
-            "Fixed points and cycles of the motion from rest (M = 0); γ in principal axes."
-        )
+            rows.append(_half_circle_cells(circle, "Σ_s", 0.0, "attracts"))
+            rows.append(_half_circle_cells(circle, "Σ_u", np.pi / 2, "repels"))
+        rows += [*map(_cycle_cells, cycles), *map(_straight_cells, lines)]
+        for cells in rows:
+            table.add_row(*cells)
+        shown = ["Fixed points and cycles of the motion from rest (M = 0); γ in principal axes."]
         if lines:
-            console.print(
-                f"Straight-line motions are those with the scene's M² = {f:g} (kg m²/s)²."
-            )
-        print_whole(table, console)
+            shown.append(f"Straight-line motions are those with the scene's M² = {f:g} (kg m²/s)².")
         indices = f"The indices of the points add up to {index_sum(points)}"
         if circle is not None:
             indices += f", with the {circle.index} of the circle (Ω, γ) = 0 to 2"
-        console.print(f"{indices}, as they must on a sphere.")
+        below = [f"{indices}, as they must on a sphere."]
         if limit := stability_limit(ball):
-            console.print(
-                f"Two straight-line motions are stable where M² < {limit:.6g} (kg m²/s)²."
-            )
+            below.append(f"Two straight-line motions are stable where M² < {limit:.6g} (kg m²/s)².")
         if not np.any(ball.Omega):
-            console.print("Ω = 0: every motion from rest is closed, and none attracts.")
+            below.append("Ω = 0: every motion from rest is closed, and none attracts.")
+        show([*shown, table, *below])
         print(picture)
-        kept = {"picture": str(picture)}
-        write_record(
-            self.json,
-            {"scene": scene.name, **_record(points, paths, circle, cycles, lines, kept, names)},
-        )
+        found = _record(known, circle, cycles, lines)
+        write_record(self.json, {"scene": scene.name, **found, "picture": str(picture)})
         return AGREES

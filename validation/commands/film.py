@@ -63,9 +63,7 @@ class Video:
         from validation.runs import film
 
         how = Film(self.fps, _size(self.size), self.slow, self.camera, self.ghost, self.arrows)
-        agreement, out = _agreement_of(
-            controlled(self.scene, self.control), self.preset, self.run_options
-        )
+        agreement, out = _agreement_of(controlled(self.scene, self.control), self)
         words = changed(self, "fps", "size", "slow", "camera", "ghost", "arrows")
         path = out / f"{file_name(file_stem([agreement]), None, words)}.{self.format}"
         film(path, agreement, how)
@@ -94,11 +92,13 @@ class View:
         from robotball.film.web import view_page
         from validation.output import write_text
         from validation.results import controlled, file_stem
+        from validation.runs import check_moving
 
         scene = controlled(self.scene, self.control)
         if not self.web:
             check_display()
-        agreement, out = _agreement_of(scene, self.preset, self.run_options)
+        agreement, out = _agreement_of(scene, self)
+        check_moving(agreement, "view")
         if self.web:
             path = out / f"{file_stem([agreement])}-view.html"
             write_text(path, view_page([agreement.motion, agreement.theory]))
@@ -109,12 +109,13 @@ class View:
         return AGREES if agreement.agrees else DISAGREES
 
 
-def _agreement_of(scene: "Scene", preset: str | None, options: Run) -> "tuple[Agreement, Path]":
+def _agreement_of(scene: "Scene", command: Video | View) -> "tuple[Agreement, Path]":
     """Compare a scene's motions with progress shown; return the agreement and the output folder."""
     from validation.output import progress_bar, writable_folder
     from validation.runs import agreements_of, tell_fault_windows, windows
 
-    request, out = options.request(preset), writable_folder(options.out)
+    options = command.run_options
+    request, out = options.request(command.preset), writable_folder(options.out)
     times = times_of(options.duration)
     with progress_bar(1) as show:
         agreements = agreements_of(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from validation.options import AGREES, OUT, File, Threads
+from validation.options import AGREES, OUT, File, Threads, check_files
 
 
 @dataclass(frozen=True)
@@ -27,12 +27,10 @@ class Paper:
     def run(self) -> int:
         from rich.console import Console
 
-        from validation.output import writable_file
         from validation.paper import SECTIONS
         from validation.paper.claim import examine_all, show_findings, write_findings
 
-        if self.json:
-            writable_file(self.json)
+        check_files(self.json)
         parts = examine_all(SECTIONS)
         if self.json:
             write_findings(self.json, parts)

@@ -64,19 +64,19 @@ class Model:
             print(*(f"  {line}" for line in left_out(scene, settings)), sep="\n")
             print(f"What it would cost: robotball tradeoff {self.scene} --parts")
             return AGREES
-        out = None if self.out is None else writable_file(self.out)
-        in_file = out is not None and out != STANDARD_OUTPUT
-        stem = out.stem if out is not None and in_file else scene.name
+        out = self.out and writable_file(self.out)
+        file = None if out == STANDARD_OUTPUT else out
+        stem = file.stem if file else scene.name
         files = write_model(scene, settings, dressed=not self.bare, stem=stem)
-        if out is None:
-            print(files.xml, end="")
-        else:
+        if out:
             write_text(out, files.xml)
+        else:
+            print(files.xml, end="")
         if files.needs is not None:
             print(f"robotball: {files.needs}", file=sys.stderr)
-            if out is not None and in_file:
-                write_text(out.with_name(f"{stem}-play.py"), files.player)
-                write_text(out.with_name(f"{stem}-controls.csv"), files.controls)
+            if file:
+                write_text(file.with_name(f"{stem}-play.py"), files.player)
+                write_text(file.with_name(f"{stem}-controls.csv"), files.controls)
             else:
                 print("robotball: --out FILE writes it beside the model", file=sys.stderr)
         return AGREES

@@ -17,13 +17,13 @@ _NUMBER = set("0123456789.e+- ")
 def page(title: str, body: Iterable[str], head: str = "") -> str:
     """Return a whole HTML page, self-contained."""
     style, script = ((_HERE / f"page.{kind}").read_text(encoding="utf-8") for kind in ("css", "js"))
+    inside = "\n".join(body)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<link rel="icon" href="data:,">\n<title>{text(title)}</title>\n'
-        f"{head}\n<style>{style}</style>\n</head>\n<body>\n"
-        + "\n".join(body)
-        + f"\n<script>{script}</script>\n</body>\n</html>\n"
+        f'<link rel="icon" href="data:,">\n<title>{text(title)}</title>\n{head}\n'
+        f"<style>{style}</style>\n</head>\n<body>\n{inside}\n<script>{script}</script>\n"
+        "</body>\n</html>\n"
     )
 
 
@@ -76,7 +76,7 @@ def plot(
 ) -> str:
     """Return a plot with its names above, and below it values under the pointer and in a table."""
     drawn = chart(lines, x_label, y_label, log=log, equal=equal, size=(560, 330))
-    words = f'<p class="faint">{text(note)}</p>' if note else ""
+    words = paragraph(note, "faint") if note else ""
     return (
         f"<figure><figcaption>{text(caption)}</figcaption><div>{legend(lines)}</div>{drawn}"
         f'<div class="told" aria-live="polite">{_HINT}</div>{words}'
@@ -88,21 +88,17 @@ def _values(lines: Sequence[Line], x_label: str, y_label: str) -> str:
     """Return a table of each line at a few places."""
     first, path = lines[0], lines[0].times is not None
     count = len(first.x)
-    places = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
-    headings = ["t [s]" if path else x_label]
+    at = first.x if first.times is None else first.times
+    columns = [("t [s]" if path else x_label, at, ".4g")]
     for line in lines:
-        axes = (f"{x_label}, {line.name}", f"{y_label}, {line.name}")
-        headings += axes if path else axes[1:]
-    rows = []
-    for i in places:
-        at = first.x[i] if first.times is None else first.times[i]
-        row = [f"{at:.4g}"]
-        for line in lines:
-            known = i < len(line.x)
-            row += [f"{line.x[i]:.5g}" if known else "-"] if path else []
-            row.append(f"{line.y[i]:.5g}" if known else "-")
-        rows.append(row)
-    return table(headings, rows)
+        axes = ((x_label, line.x), (y_label, line.y))
+        columns += [(f"{name}, {line.name}", x, ".5g") for name, x in axes[not path :]]
+    places = sorted({round(i * (count - 1) / (_ROWS - 1)) for i in range(_ROWS)})
+    rows = [
+        [f"{values[i]:{form}}" if i < len(values) else "-" for _, values, form in columns]
+        for i in places
+    ]
+    return table([name for name, _, _ in columns], rows)
 
 
 def embedded(data: bytes, kind: str) -> str:

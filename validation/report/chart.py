@@ -7,7 +7,7 @@ and names as well as by their colours.
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
@@ -54,8 +54,7 @@ def chart(
     """
     thin = [_thinned(line) for line in lines]
     x0, x1 = _range(np.concatenate([line.x for line in thin]))
-    y = np.concatenate([line.y for line in thin])
-    y0, y1 = _log_range(y) if log else _range(y)
+    y0, y1 = (_log_range if log else _range)(np.concatenate([line.y for line in thin]))
     width = size[0] - _LEFT - _RIGHT
     if equal:
         flat = width * (y1 - y0) / (x1 - x0) + _TOP + _BOTTOM
@@ -71,14 +70,23 @@ def chart(
         shown = np.log10(np.maximum(y, LEAST_LOG)) if log else np.asarray(y)
         return _TOP + (y1 - np.maximum(shown, y0)) / (y1 - y0) * height
 
-    parts = [_frame(width, height)]
+    parts = [
+        f'<rect x="{_LEFT}" y="{_TOP}" width="{width}" height="{height}" fill="none" '
+        'stroke="currentColor" stroke-opacity=".45"/>'
+    ]
+    right, low = _LEFT + width, _TOP + height
     for tick in ticks(x0, x1):
-        parts.append(_x_tick(float(px(np.array(tick))), height, f"{tick:g}"))
+        x = float(px(np.array(tick)))
+        parts += [_grid(x, _TOP, x, low), _text(f'x="{x:.1f}" y="{low + 16:.0f}"', f"{tick:g}")]
     for tick in _log_ticks(y0, y1) if log else ticks(y0, y1, 5):
-        at = float(py(np.array(10.0**tick if log else tick)))
-        parts.append(_y_tick(at, width, f"1e{tick:.0f}" if log else f"{tick:g}"))
+        y = float(py(np.array(10.0**tick if log else tick)))
+        words = f"1e{tick:.0f}" if log else f"{tick:g}"
+        place = f'x="{_LEFT - 6}" y="{y + 4:.1f}"'
+        parts += [_grid(_LEFT, y, right, y), _text(place, words, "end")]
     parts += [_polyline(line, px(line.x), py(line.y)) for line in thin]
-    parts.append(_labels(x_label, y_label, width, height))
+    parts.append(_text(f'x="{_LEFT + width / 2:.0f}" y="{low + 36:.0f}"', escape(x_label)))
+    turned = f'transform="translate(14 {_TOP + height / 2:.0f}) rotate(-90)"'
+    parts.append(_text(turned, escape(y_label)))
     data = [_data(line, px(line.x), py(line.y)) for line in thin]
     names = ", ".join(line.name for line in lines)
     return (
@@ -117,7 +125,7 @@ def _thinned(line: Line) -> Line:
         return line
     kept = np.unique(np.linspace(0, count - 1, POINTS).round().astype(int))
     times = None if line.times is None else line.times[kept]
-    return Line(line.name, line.colour, line.x[kept], line.y[kept], line.dash, line.width, times)
+    return replace(line, x=line.x[kept], y=line.y[kept], times=times)
 
 
 def _range(values: Array) -> tuple[float, float]:
@@ -153,13 +161,6 @@ def _equal_ranges(
     return x - across / 2, x + across / 2, y - up / 2, y + up / 2
 
 
-def _frame(width: float, height: float) -> str:
-    return (
-        f'<rect x="{_LEFT}" y="{_TOP}" width="{width}" height="{height}" fill="none" '
-        'stroke="currentColor" stroke-opacity=".45"/>'
-    )
-
-
 def _grid(x1: float, y1: float, x2: float, y2: float) -> str:
     return (
         f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" '
@@ -167,27 +168,8 @@ def _grid(x1: float, y1: float, x2: float, y2: float) -> str:
     )
 
 
-def _x_tick(x: float, height: float, text: str) -> str:
-    below = _TOP + height
-    return _grid(x, _TOP, x, below) + (
-        f'<text x="{x:.1f}" y="{below + 16:.0f}" text-anchor="middle">{text}</text>'
-    )
-
-
-def _y_tick(y: float, width: float, text: str) -> str:
-    return _grid(_LEFT, y, _LEFT + width, y) + (
-        f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
-    )
-
-
-def _labels(x_label: str, y_label: str, width: float, height: float) -> str:
-    middle = _TOP + height / 2
-    return (
-        f'<text x="{_LEFT + width / 2:.0f}" y="{_TOP + height + 36:.0f}" '
-        f'text-anchor="middle">{escape(x_label)}</text>'
-        f'<text transform="translate(14 {middle:.0f}) rotate(-90)" '
-        f'text-anchor="middle">{escape(y_label)}</text>'
-    )
+def _text(place: str, words: str, anchor: str = "middle") -> str:
+    return f'<text {place} text-anchor="{anchor}">{words}</text>'
 
 
 def _stroke(line: Line) -> str:
@@ -205,7 +187,7 @@ def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
     data: dict[str, object] = {
         "name": line.name,
         "colour": line.colour,
-        "at": [[round(float(a), 1), round(float(b), 1)] for a, b in zip(x, y, strict=True)],
+        "at": [[round(a, 1), round(b, 1)] for a, b in zip(x.tolist(), y.tolist(), strict=True)],
         "x": _digits(line.x),
         "y": _digits(line.y),
     }
@@ -213,6 +195,4 @@ def _data(line: Line, x: Array, y: Array) -> dict[str, object]:
 
 
 def _digits(values: Array) -> list[float | None]:
-    return [
-        float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None for value in values.tolist()
-    ]
+    return [float(f"{x:.{_DIGITS}g}") if math.isfinite(x) else None for x in values.tolist()]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotball import Scene, scene_toml
+from robotball import scene_toml
 from robotball.film.web import view_fragment, view_head
 from robotball.notebook import counted
 from robotball.rotations import Array
@@ -32,31 +32,35 @@ def report(agreements: Sequence[Agreement], command: str, film: Path | None = No
     command: what makes it again; film: the mp4 of the first agreement, in place of its 3-D view.
     """
     groups = [list(group) for _, group in groupby(agreements, key=lambda each: each.scene.name)]
-    names = [group[0].scene.name for group in groups]
-    body = [f"<h1>{escape('Rolling balls: ' + ', '.join(names))}</h1>", _summary(agreements)]
-    for group in groups:
-        body += _scene(group, film if group is groups[0] else None)
-    body += ["<h2>How to repeat it</h2>", f"<pre>{escape(command)}</pre>"]
-    engines = {each.motion.engine.name: each.motion.engine.version for each in agreements}
-    body.append(folded("Versions", plain(versions() | engines), short=True))
-    return page("robotball: " + ", ".join(names), body, "" if film else view_head())
-
-
-def _summary(agreements: Sequence[Agreement]) -> str:
-    scenes = len({each.scene.name for each in agreements})
+    names = ", ".join(group[0].scene.name for group in groups)
     good = sum(each.agrees for each in agreements)
-    theory, engine = agreements[0].theory.engine.name, agreements[0].motion.engine.name
-    words = (
-        f"{counted(scenes, 'scene')}, run by {engine} and by the {theory}. "
-        f"{counted(len(agreements), 'comparison')}: {good} within the tolerance."
-    )
-    return paragraph(words)
+    theory, engine = agreements[0].theory.engine, agreements[0].motion.engine
+    engines = {each.motion.engine.name: each.motion.engine.version for each in agreements}
+    body = [
+        f"<h1>{escape(f'Rolling balls: {names}')}</h1>",
+        paragraph(
+            f"{counted(len(groups), 'scene')}, run by {engine.name} and by the {theory.name}. "
+            f"{counted(len(agreements), 'comparison')}: {good} within the tolerance."
+        ),
+        *(part for i, group in enumerate(groups) for part in _scene(group, None if i else film)),
+        "<h2>How to repeat it</h2>",
+        f"<pre>{escape(command)}</pre>",
+        folded("Versions", plain(versions() | engines), short=True),
+    ]
+    return page(f"robotball: {names}", body, "" if film else view_head())
 
 
 def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
     first = group[0]
     scene, theory = first.scene, first.theory
-    head = [
+    shown = ""
+    if film:
+        source = embedded(film.read_bytes(), "video/mp4")
+        shown = f'<video controls muted playsinline src="{source}"></video>'
+    elif len(first.motion.times) > 1:
+        shown = view_fragment([first.motion, theory])
+    file = f"<pre>{escape(scene_toml(scene))}</pre>" if not scene.ball.general else ""
+    return [
         f"<h2>{escape(scene.name)}</h2>",
         paragraph(scene.title),
         paragraph(
@@ -65,40 +69,21 @@ def _scene(group: Sequence[Agreement], film: Path | None) -> list[str]:
             "faint",
         ),
         "<h3>Agreement</h3>",
-    ]
-    verdicts = [
-        paragraph(sentence(each), f"verdict {'good' if each.agrees else 'bad'}") for each in group
-    ]
-    shown = (
-        '<video controls muted playsinline src="'
-        f'{embedded(film.read_bytes(), "video/mp4")}"></video>'
-        if film
-        else view_fragment([first.motion, theory])
-        if len(first.motion.times) > 1
-        else ""
-    )
-    settings = [
-        folded(f"Settings of {each.settings.name}", plain(each.settings.plain()), short=True)
-        for each in group
-    ]
-    return [
-        *head,
-        *verdicts,
+        *(paragraph(sentence(e), f"verdict {'good' if e.agrees else 'bad'}") for e in group),
         _numbers(group),
         "<h3>To be looked at</h3>",
         shown,
         "<h3>Plots</h3>",
         f'<div class="charts">{"".join(_plots(group))}</div>',
         "<h3>Friction</h3>",
-        *(paragraph(words) for words in friction_words(group)),
+        *map(paragraph, friction_words(group)),
         "<h3>What was run</h3>",
-        *settings,
-        *([] if scene.ball.general else [_file(scene)]),
+        *(
+            folded(f"Settings of {each.settings.name}", plain(each.settings.plain()), short=True)
+            for each in group
+        ),
+        *([folded("The scene's file", file)] if file else []),
     ]
-
-
-def _file(scene: Scene) -> str:
-    return folded("The scene's file", f"<pre>{escape(scene_toml(scene))}</pre>")
 
 
 def sentence(agreement: Agreement) -> str:
@@ -106,7 +91,7 @@ def sentence(agreement: Agreement) -> str:
     engine, name = agreement.motion.engine.name, agreement.settings.name
     start = f"{engine}, {name}: {agreement.verdict}."
     if not agreement.finished:
-        return f"{start} The run ended at {agreement.motion.times[-1]:.4g} s."
+        return f"{start} The run ended at {agreement.end:.4g} s."
     apart, error = float(agreement.path_errors.max()), agreement.path_error
     return (
         f"{start} The two contact points are at most {apart:.2g} m apart, which is "
@@ -115,18 +100,11 @@ def sentence(agreement: Agreement) -> str:
 
 
 def _numbers(group: Sequence[Agreement]) -> str:
-    rows = [
-        (
-            each.settings.name,
-            f"{each.report.timestep * 1e3:.3g}",
-            *map(
-                scientific,
-                (each.path_error, each.gamma_error, each.attitude_error, each.momentum_error),
-            ),
-            f"{each.tolerance:g}",
-        )
-        for each in group
-    ]
+    rows = []
+    for each in group:
+        errors = each.path_error, each.gamma_error, each.attitude_error, each.momentum_error
+        step = f"{each.report.timestep * 1e3:.3g}"
+        rows.append((each.settings.name, step, *map(scientific, errors), f"{each.tolerance:g}"))
     headings = ("preset", "step [ms]", *_ERRORS, "tolerance")
     words = "; ".join(f"{name}: {meaning}" for name, meaning in _ERRORS.items())
     own = group[0].reference_error
@@ -136,8 +114,8 @@ def _numbers(group: Sequence[Agreement]) -> str:
 
 
 def _plots(group: Sequence[Agreement]) -> list[str]:
-    theory, names = group[0].theory, [f"{e.motion.engine.name}, {e.settings.name}" for e in group]
-    named = zip([theory.engine.name, *names], [theory, *(e.motion for e in group)], strict=True)
+    theory = group[0].theory
+    names = [theory.engine.name, *(f"{e.motion.engine.name}, {e.settings.name}" for e in group)]
     paths = [
         Line(
             name,
@@ -148,14 +126,12 @@ def _plots(group: Sequence[Agreement]) -> list[str]:
             width=1.8 if i else 4,  # the equations' path is wide below the others
             times=each.times,
         )
-        for i, (name, each) in enumerate(named)
-    ]
-    drawn = [
-        plot(
-            "Path of the contact point", paths, "X [m]", "Y [m]", equal=True,
-            note="A metre is as long on both axes.",
+        for i, (name, each) in enumerate(
+            zip(names, [theory, *(e.motion for e in group)], strict=True)
         )
-    ]  # fmt: skip
+    ]
+    note = "A metre is as long on both axes."
+    drawn = [plot("Path of the contact point", paths, "X [m]", "Y [m]", equal=True, note=note)]
     series = (
         ("Distance of the two contact points", "distance [m]", [e.path_errors for e in group]),
         ("Error of the momentum M", "error of M, relative", [e.momentum_errors for e in group]),

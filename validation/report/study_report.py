@@ -25,7 +25,9 @@ def study_report(source: Path) -> str:
     except (ValueError, RecursionError) as error:
         raise InputError(f"{source} is no JSON: {error}") from None
     parts = record if isinstance(record, list) else [record]
-    if not parts or not all(_is_record(part) for part in parts):
+    if not parts or not all(
+        isinstance(part, dict) and isinstance(part.get("versions"), dict) for part in parts
+    ):
         raise InputError(f"{source} is no record of a study: it names no versions")
     body = [f"<h1>{text(source.stem)}</h1>", paragraph(f"A study's record, {source.name}.")]
     own = source.with_suffix(".png")
@@ -35,22 +37,15 @@ def study_report(source: Path) -> str:
         body.append(
             f'<figure><img alt="{name}" src="{image}"><figcaption>{name}</figcaption></figure>'
         )
-    if isinstance(record, list):
-        body += _rows("runs", record)
-    else:
-        body += _parts(record)
+    body += _rows("runs", record) if isinstance(record, list) else _parts(record)
     body.append(folded("Versions", plain(parts[0]["versions"]), short=True))
     return page(f"robotball: {source.stem}", body)
 
 
-def _is_record(part: object) -> bool:
-    return isinstance(part, dict) and isinstance(part.get("versions"), dict)
-
-
 def _parts(record: Mapping[str, Any]) -> list[str]:
     """Return a record's plain values as one table, and each list of records as another."""
-    single = {name: value for name, value in record.items() if _is_plain(value)}
-    body = [plain({name: _cell(value) for name, value in single.items()})] if single else []
+    single = {name: _cell(value) for name, value in record.items() if _is_plain(value)}
+    body = [plain(single)] if single else []
     for name, value in record.items():
         if isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
             body += _rows(name, value)

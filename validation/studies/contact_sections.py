@@ -60,12 +60,6 @@ class _ContactCycle:
     multipliers: Array
 
 
-def _start_at(model: Model, L: float, l: float, f: float) -> Start:
-    """Return the start of the model's ball at (L, l) of g = 0, in its frame's own axes."""
-    attitudes, momenta = section_starts(np.array([L]), np.array([l]), f)
-    return own_start(model.scene, attitudes[0], momenta[0])
-
-
 def own_start(scene: Scene, attitude: Array, momentum: Array) -> Start:
     """Return a start in the frame's own axes, given in principal axes, which the equations have."""
     return Start(multiply(attitude, conjugate(scene.principal_quaternion)), momentum)
@@ -115,9 +109,9 @@ def contact_cycle(
     """
 
     def mapped(point: Array) -> tuple[Array, float]:
-        motion = sound_run(
-            model, _start_at(model, point[0], point[1], f), _each_step(model, 1.2 * period)
-        )
+        attitudes, momenta = section_starts(point[:1], point[1:], f)
+        start = own_start(model.scene, attitudes[0], momenta[0])
+        motion = sound_run(model, start, _each_step(model, 1.2 * period))
         next_one = crossings_of_motion(motion, model.scene).only(direction)
         if len(next_one.times) == 0:
             raise InputError(f"{LABEL.name}'s ball does not come back within {1.2 * period:g} s")

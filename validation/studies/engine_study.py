@@ -16,10 +16,7 @@ from subprocess import PIPE
 from typing import Annotated, Any
 
 from matplotlib.figure import Figure
-from rich import box
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 from tyro.conf import Positional, arg
 
 from robotball import InputError, Scene, engine_named, engine_names, load_scene
@@ -34,7 +31,7 @@ from validation.options import (
     listed,
     seconds_of,
 )
-from validation.output import in_picture, print_whole, writable_folder
+from validation.output import in_picture, writable_folder
 from validation.results import changed
 from validation.sensitivity import chaotic
 from validation.studies import engine_runs as process
@@ -48,6 +45,7 @@ from validation.study import (
     cost_axes,
     pareto_front,
     scene_cell,
+    show,
     table_of,
 )
 from validation.sweeps import Cell, Result, rows_of
@@ -351,19 +349,19 @@ class Engines:
 
 
 def _list(chosen: Sequence[Contestant], environments: Path) -> None:
-    table = Table("engine", "name", "version", "presets", "runs in", box=box.SIMPLE_HEAD)
-    there = {each.engine for each in chosen}
+    names = ("engine", "name", "version", "presets", "runs in")
+    rows = []
     for each in chosen:
         engine, python = engine_named(each.engine), python_of(each, environments)
         place = "nowhere: not installed" if python is None else str(python.parents[1])
         here = each.name == each.engine and python == Path(sys.executable)
         version = engine.label.version if here else "-"
-        presets = ", ".join(engine.presets)
-        table.add_row(*map(escape, (each.name, engine.label.name, version, presets, place)))
-    for key in engine_names():
-        if key not in there:
-            try:
-                engine_named(key)
-            except InputError as error:
-                table.add_row(escape(key), "-", "-", escape(str(error)), "-")
-    print_whole(table, Console())
+        cells = (each.name, engine.label.name, version, ", ".join(engine.presets), place)
+        rows.append(dict(zip(names, cells, strict=True)))
+    there = {each.engine for each in chosen}
+    for key in (each for each in engine_names() if each not in there):
+        try:
+            engine_named(key)
+        except InputError as error:
+            rows.append({"engine": key, "presets": str(error)})
+    show([table_of([Column(name, name, words=True) for name in names], rows)])

@@ -6,7 +6,7 @@ try, and another scene has to be integrated. A shift in time is reported, and un
 """
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -72,12 +72,20 @@ def lag_of(times: Array, numbers: Numbers, reference: Motion) -> Lag:
 
     most = min(LONGEST * end, end - float(times[0]))
     step = max(2 * most / _SHIFTS, min(most, float(np.median(np.diff(times)))) / 4)
-    tried = np.arange(-most, most + step / 2, step)
+    shift = _least(error, np.arange(-most, most + step / 2, step), step, 1e-9)
+    return Lag(shift, error(0.0), error(shift))
+
+
+def _least(error: Callable[[float], float], tried: Array, step: float, to: float) -> float:
+    """Return where an error is least, up to `to`: near the best of the values that are tried.
+
+    tried: (n,), a step apart.
+    """
     best = float(min(tried, key=error))
     found = minimize_scalar(
-        error, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-9}
+        error, bounds=(best - step, best + step), method="bounded", options={"xatol": to}
     )
-    return Lag(float(found.x), error(0.0), float(found.fun))
+    return float(found.x)
 
 
 def _stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
@@ -96,11 +104,7 @@ def _stretch_of(numbers: Numbers, truth: Truth, reference: Motion) -> float:
         return float(typical(errors_at(replace(numbers, rate=None), other), truth.times).sum())
 
     tried = np.linspace(1 - LONGEST, 1 + LONGEST, _SHIFTS + 1)
-    best, step = float(min(tried, key=error)), float(tried[1] - tried[0])
-    found = minimize_scalar(
-        error, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-7}
-    )
-    return float(found.x)
+    return _least(error, tried, float(tried[1] - tried[0]), 1e-7)
 
 
 def _between(reference: Motion) -> tuple[CubicHermiteSpline, CubicHermiteSpline]:

@@ -45,8 +45,7 @@ from validation.plots import note
 from validation.results import changed
 from validation.studies.friction import friction_cells, friction_run, friction_study
 from validation.studies.orders import fit_order
-from validation.studies.parts_cost import measure_parts
-from validation.studies.timing import measure_costs, simulated_second
+from validation.studies.timing import measure_costs, measure_parts, simulated_second
 from validation.study import (
     CANCELLED,
     Column,

@@ -14,6 +14,7 @@ import robotball as rb
 from robotball.engines.mujoco.model import build
 from robotball.qualitative.sections import crossings_of_motion, section
 from robotball.rotations import Array, multiply
+from validation.studies.attractors import contact_exponent, growth_by_equations
 from validation.studies.contact_sections import (
     COARSE,
     Recipe,
@@ -24,7 +25,6 @@ from validation.studies.contact_sections import (
     distance_to_curve,
     rank_probability,
 )
-from validation.studies.lyapunov import contact_exponent, growth_by_equations
 
 F = 25.0  # (kg m²/s)²
 BALANCED = rb.preset("balanced")

@@ -169,7 +169,7 @@ def test_a_limit_is_measured_between_the_last_sound_and_the_first_broken_cell() 
         for limit, other, error in ((0.5, 0, 1e-9), (0.9, 0, 1e-9), (1.2, 0, 0.5), (0.1, 0.2, 0.5))
     ]
     (limit,) = measured_limits(cells)
-    assert (limit.name, limit.kept, limit.broken, limit.cells) == ("limit", 0.9, 1.2, 1)
+    assert limit == {"name": "limit", "kept": 0.9, "broken": 1.2, "cells": 1}
 
 
 @pytest.mark.parametrize(

@@ -27,8 +27,7 @@ from tests.validation.examples import example
 from validation.bench.gallery import numbers_of_tradeoff
 from validation.studies import timing
 from validation.studies.friction import HARD, ROLLING, SOFT, TORSIONAL, friction_cells, friction_run
-from validation.studies.parts_cost import parts_of, split
-from validation.studies.timing import Cost, measure_costs, simulated_second
+from validation.studies.timing import Cost, measure_costs, parts_of, simulated_second, split
 from validation.studies.tradeoff import (
     TARGET,
     Configuration,

@@ -27,7 +27,6 @@ from robotball.errors import check_count
 from robotball.processes import allowed
 from robotball.qualitative.basins import CHAOS, LINE, LOST, basins
 from robotball.qualitative.basins import TORUS as ON_TORUS
-from robotball.qualitative.cycles import Cycle
 from robotball.qualitative.long_run import Exponents, exponents, standard_error
 from robotball.qualitative.sections import fixed_point, section
 from robotball.rotations import Array, conjugate, multiply
@@ -79,11 +78,6 @@ class _ContactExponent:
         """Return the standard error of `mean`, from the scatter of the pairs [1/s]."""
         return standard_error(self.growth.mean(axis=1) / self.interval)
 
-    @property
-    def duration(self) -> float:
-        """Return the time of all pairs together [s]."""
-        return self.growth.size * self.interval
-
 
 def contact_exponent(
     model: Model,
@@ -92,7 +86,7 @@ def contact_exponent(
     duration: float,
     transient: float = 100.0,
     interval: float = 5.0,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], object] = lambda part: None,
 ) -> _ContactExponent:
     """Measure λ₁ of the motions from n starts, each over `duration` after a `transient` [s].
 
@@ -113,8 +107,7 @@ def contact_exponent(
             turn = Rotation.from_quat(apart, scalar_first=True).as_rotvec()
             distance = float(np.linalg.norm(turn))
             growth[i, k], turn = np.log(distance / _SEPARATION), turn / distance
-            if progress is not None:
-                progress((i * growth.shape[1] + k + 1) / growth.size)
+            progress((i * growth.shape[1] + k + 1) / growth.size)
     late = slice(skipped, None)
     return _ContactExponent(growth[:, late], interval, origins[:, late], turns[:, late], momenta)
 
@@ -174,7 +167,9 @@ def _measure_cycle(show: Show) -> Iterator[Row]:
     show(0, "Fig. 11a: periodic orbit")
     scene = load_scene("fig12")
     cycle = fixed_point(scene.parameters, 3.6, 0.6, _F)
-    L, l = _crossing_of(cycle, scene.parameters)
+    attitudes, momenta = cycle.attitude[None], cycle.momentum[None]
+    crossing = section(scene.parameters, attitudes, momenta, 1, direction=-1)
+    L, l = float(crossing.L[0, 0]), float(crossing.l[0, 0])
     model = build(scene, preset("balanced"))
     contact = contact_cycle(model, L, l + 0.01, _F, cycle.period, direction=-1)
     for claim, a, b in (
@@ -187,12 +182,6 @@ def _measure_cycle(show: Show) -> Iterator[Row]:
     start = own_start(scene, cycle.attitude, cycle.momentum)
     moved = run(model, sample_times(cycle.period, 5e-3), start=start).contact_point[-1]
     yield _measure_drift("fig12", -float(moved @ cycle.momentum[:2]) / 5 / cycle.period, 0.0, 1e-5)
-
-
-def _crossing_of(cycle: Cycle, parameters: Parameters) -> tuple[float, float]:
-    """Return (L, l) where a periodic orbit crosses g = 0 with g falling."""
-    found = section(parameters, cycle.attitude[None], cycle.momentum[None], 1, direction=-1)
-    return float(found.L[0, 0]), float(found.l[0, 0])
 
 
 def _measure_torus(show: Show) -> Iterator[Row]:
@@ -307,9 +296,8 @@ class Basins:
             progress(0, f"{scene.name}: {self.starts} starts")
             found = basins(scene.parameters, attitudes, momenta, self.transient)
         names = {ON_TORUS: "torus", CHAOS: "chaos", LINE: "straight line"}
-        names[LOST] = "stops crossing g = 0"
-        for i, cycle in enumerate(found.cycles):
-            names[i] = f"cycle of period {cycle.period:.6f} s"
+        names |= {LOST: "stops crossing g = 0"}
+        names |= {i: f"cycle of period {of.period:.6f} s" for i, of in enumerate(found.cycles)}
         rows = [
             {"name": name, "share": share}
             for label, name in sorted(names.items(), reverse=True)
@@ -363,7 +351,6 @@ class Lyapunov:
         scene = moving_scene(self.scene, "an exponent")
         settings = None if self.preset is None else preset(self.preset)
         attitudes, momenta = level_starts(scene, self.starts, self.seed)
-        record: dict[str, object] = {"scene": scene.name, "starts": self.starts, "seed": self.seed}
         with progress_bar(self.starts * (1 if settings is None else 2)) as progress:
             parts, together = [], _BATCH * allowed()
             for i in range(0, self.starts, together):
@@ -381,7 +368,10 @@ class Lyapunov:
                 ("sum [1/s]", float(found.divergence.mean()), None),
                 ("dimension of the section", found.dimension, found.dimension_error),
             ]
-            record |= {
+            record: dict[str, object] = {
+                "scene": scene.name,
+                "starts": self.starts,
+                "seed": self.seed,
                 "duration": self.duration,
                 "largest": found.largest.tolist(),
                 "smallest": found.smallest.tolist(),

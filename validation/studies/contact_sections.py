@@ -285,7 +285,10 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> _Cl
 
 
 def cloud_by_contact(
-    model: Model, recipe: Recipe, seed: int, progress: Callable[[float], None] | None = None
+    model: Model,
+    recipe: Recipe,
+    seed: int,
+    progress: Callable[[float], object] = lambda part: None,
 ) -> _Cloud:
     """Return the recipe's cloud by MuJoCo. Raises InputError where a run has a fault."""
     parts, velocities = [], []
@@ -296,8 +299,7 @@ def cloud_by_contact(
         )
         parts.append(found[recipe.skipped :])
         velocities.append(moved / duration)
-        if progress is not None:
-            progress((i + 1) / recipe.starts)
+        progress((i + 1) / recipe.starts)
     points = joined(parts)
     return _Cloud(
         states(points.gamma, points.momenta), points.L, points.l, points.directions,

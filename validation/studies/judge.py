@@ -33,7 +33,14 @@ from robotball.errors import check_positive
 from robotball.motion import attitude_error, gamma_error, momentum_error, path_error
 from robotball.rotations import Array
 from validation.options import AGREES, DISAGREES, File, SceneName, check_files, listed
-from validation.output import known, plain_table, print_whole, progress_bar, write_record
+from validation.output import (
+    known,
+    plain_table,
+    print_whole,
+    progress_bar,
+    scientific,
+    write_record,
+)
 from validation.studies.judge_search import Explanation, Lag, Mistake, explain, lag_of, reference_of
 from validation.studies.mistakes import Errors, numbers_of, some_of
 from validation.studies.orders import LEAST, fit_order
@@ -226,10 +233,10 @@ def judge(
         _check_end(scene, each)
     steps = timesteps or [_timestep_of(each) for each in trajectories]
     judged = []
-    for i, (trajectory, timestep) in enumerate(zip(trajectories, steps, strict=True)):
+    for i, (trajectory, timestep) in enumerate(zip(trajectories, steps, strict=True), start=1):
         judged.append(_judged(scene, _thinned(trajectory), timestep, tolerance))
         if progress is not None:
-            progress((i + 1) / len(trajectories))
+            progress(i / len(trajectories))
     judged.sort(key=lambda each: -each.timestep)
     return Judgement(scene, tuple(judged), tuple(_orders(judged)))
 
@@ -276,8 +283,8 @@ def _judged(
     if found.mistakes:
         corrected = _Beside(recorded(found.scene, found.trajectory), found.theory)
     at = some_of(len(trajectory.times))
-    best = (corrected or plain).theory
-    lag = lag_of(found.trajectory.times[at], numbers_of(found.trajectory, at), best)
+    numbers = numbers_of(found.trajectory, at)
+    lag = lag_of(found.trajectory.times[at], numbers, (corrected or plain).theory)
     return FileJudgement(trajectory, plain, found, corrected, lag, timestep, tolerance)
 
 
@@ -426,31 +433,25 @@ def _verdict(judged: FileJudgement) -> str:
 
 def _table(judged: FileJudgement, every: bool) -> Table:
     table = plain_table(("if", "path", "attitude [rad]", "ω"))
-    trials = judged.explanation.trials
-    plain = judged.explanation.plain
+    trials, plain = judged.explanation.trials, judged.explanation.plain
     rows = [("all is as it should be", plain, "bold")]
     rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
     named = {each.name for each in judged.mistakes}
     for family in dict.fromkeys(each.family for each in trials):
         # The best of each name; those that change nothing say nothing of the file.
         own = [each for each in trials if each.family == family and each.name not in named]
-        own = [each for each in own if not _same(each.errors, plain)]
-        own.sort(key=lambda each: float(np.log(np.maximum(each.errors.given, _ROUNDING)).sum()))
+        own = [each for each in own if not _same(each.after, plain)]
+        own.sort(key=lambda each: float(np.log(np.maximum(each.after.given, _ROUNDING)).sum()))
         unique = list({each.name: each for each in reversed(own)}.values())[::-1]
-        unique = unique if every else unique[:SHOWN]
-        rows += [(each.name, each.errors, "") for each in unique]
+        rows += [(each.name, each.after, "") for each in unique[: None if every else SHOWN]]
     for name, errors, style in rows:
-        table.add_row(escape(name), *_cells(errors), style=style)
+        cells = map(scientific, (errors.path, errors.attitude, errors.rate))
+        table.add_row(escape(name), *cells, style=style)
     return table
 
 
 def _same(errors: Errors, others: Errors) -> bool:
     return np.allclose(errors.given, others.given, rtol=1e-9, atol=1e-12)
-
-
-def _cells(errors: Errors) -> tuple[str, ...]:
-    rate = "-" if errors.rate is None else f"{errors.rate:.1e}"
-    return f"{errors.path:.1e}", f"{errors.attitude:.1e}", rate
 
 
 def _record(judgement: Judgement) -> dict[str, Any]:
@@ -489,17 +490,13 @@ _ERRORS = ("path_error", "attitude_error", "gamma_error", "momentum_error")
 
 
 def _measures(beside: _Beside) -> dict[str, Any]:
-    unknown = (None, None)
-    slip, slip_error = beside.slip or unknown
-    spin, spin_error = beside.spin or unknown
+    slip, spin = beside.slip or (None, None), beside.spin or (None, None)
     numbers: dict[str, float | None] = {
         **{name: getattr(beside, name) for name in _ERRORS},
         **{f"{name}_rate_error": error for name, (error, _) in beside.hinge_rates.items()},
         "momentum_known_to": beside.momentum_known_to,
-        "slip": slip,
-        "slip_known_to": slip_error,
-        "spin": spin,
-        "spin_known_to": spin_error,
+        **dict(zip(("slip", "slip_known_to"), slip, strict=True)),
+        **dict(zip(("spin", "spin_known_to"), spin, strict=True)),
         "rolling_radius": beside.motion.rolling_radius,
     }
     return {name: known(value) for name, value in numbers.items()}

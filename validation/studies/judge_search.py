@@ -6,7 +6,7 @@ try, and another scene has to be integrated. A shift in time is reported, and un
 """
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -134,17 +134,8 @@ _FINE = 4000  # samples of a motion that is asked between them
 
 
 @dataclass(frozen=True)
-class _Trial:
-    """A mistake that was tried on a file, and the errors if it was made."""
-
-    family: str
-    name: str
-    errors: Errors
-
-
-@dataclass(frozen=True)
 class Mistake:
-    """A mistake that explains an error, the errors with and without it, and others as good."""
+    """A mistake that was tried, the errors with and without it, and others that are as good."""
 
     family: str
     name: str
@@ -164,7 +155,7 @@ class Explanation:
 
     plain: Errors
     mistakes: tuple[Mistake, ...]
-    trials: tuple[_Trial, ...]
+    trials: tuple[Mistake, ...]
     scene: Scene
     trajectory: Trajectory
     theory: Motion
@@ -206,9 +197,13 @@ class _Option:
     def errors(self) -> tuple[Array, ...]:
         return errors_at(self.numbers, self.truth, self.base)
 
-    @property
+    @cached_property
     def typical(self) -> Array:
         return typical(self.errors, self.truth.times)
+
+    def mistake(self, before: tuple[Array, ...], as_well: Iterable["_Option"] = ()) -> Mistake:
+        names = tuple(each.name for each in as_well)
+        return Mistake(self.family, self.name, largest(before), largest(self.errors), names)
 
 
 class _Search:
@@ -218,7 +213,7 @@ class _Search:
         self.theory = theory
         self.scene, self.truth = theory.scene, self._truth(theory, self.at.step)
         self.numbers = numbers_of(trajectory, self.at)
-        self.trials: list[_Trial] = []
+        self.trials: list[Mistake] = []
         self.found: list[_Option] = []
         self._others: list[tuple[str, Scene, Truth]] | None = None
 
@@ -258,14 +253,13 @@ class _Search:
                     best = own
             if not self.found:
                 single = (each for each in options if each.parts == 1)
-                self.trials = [_Trial(o.family, o.name, largest(o.errors)) for o in single]
+                self.trials = [each.mistake(before) for each in single]
             if best is None:
                 return
             chosen, as_well = best
             self.found.append(chosen)
             self.numbers, self.truth, self.scene = chosen.numbers, chosen.truth, chosen.scene
-            errors = largest(before), largest(chosen.errors)
-            yield Mistake(chosen.family, chosen.name, *errors, tuple(each.name for each in as_well))
+            yield chosen.mistake(before, as_well)
 
     def corrected(self) -> Trajectory:
         """Return the whole trajectory without the mistakes found in its conventions.

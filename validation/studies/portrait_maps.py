@@ -53,10 +53,11 @@ class _Plane:
 
     def axes(self, count: int) -> tuple[list[float], list[float]]:
         """Return the values of K₃ and of y; with an even count none is on a line of symmetry."""
-        return tuple(
-            [float(f"{value:.6g}") for value in np.linspace(low, high, count)]
-            for low, high in ((-self.K3, self.K3), (self.low, self.high))
-        )  # type: ignore[return-value]
+
+        def values(low: float, high: float) -> list[float]:
+            return [float(f"{value:.6g}") for value in np.linspace(low, high, count)]
+
+        return values(-self.K3, self.K3), values(self.low, self.high)
 
 
 def _turned(degrees: float) -> Vector:
@@ -136,16 +137,6 @@ _HATCHES = {"largest basin: δ₃,₄": "..", "largest basin: θ₁,₂": "//", 
 _OTHER, _NONE = "#F5C9C9", "no result"  # also of a result of a kind not foreseen
 
 
-def _number_of_points(record: Mapping[str, Any]) -> str:
-    """Return how many fixed points there are, those of index 1 counted with the saddles."""
-    return f"{len(record['points'])} fixed points"
-
-
-def _type_of_poles(record: Mapping[str, Any]) -> str:
-    """Return the type of Γ₅ and Γ₆, which have the same."""
-    return f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}"
-
-
 def _kind_of_cycles(record: Mapping[str, Any]) -> str:
     """Return how many limit cycles there are, C and -C as one."""
     stable = sum(abs(cycle["multiplier"]) < 1 for cycle in record["cycles"])
@@ -162,9 +153,11 @@ def _largest_basin(record: Mapping[str, Any]) -> str:
     return f"largest basin: {'a cycle' if name.startswith('cycle') else name}"
 
 
+# By the record of a cell. Fixed points of index 1 are counted with the saddles; Γ₅ and Γ₆ have the
+# same type.
 _PANELS: dict[str, Callable[[Mapping[str, Any]], str]] = {
-    "how many fixed points": _number_of_points,
-    "the type of Γ₅ and Γ₆": _type_of_poles,
+    "how many fixed points": lambda record: f"{len(record['points'])} fixed points",
+    "the type of Γ₅ and Γ₆": lambda record: f"Γ₅,₆: {record['points'].get('Γ₅', 'none')}",
     "limit cycles": _kind_of_cycles,
     "whose basin is the largest": _largest_basin,
 }

@@ -15,7 +15,7 @@ from typing import Any
 
 import mujoco
 
-from robotball import PRESETS, Scene, Settings, load_scene, preset
+from robotball import PRESETS, Scene, Settings, load_scene
 from robotball.engines.mujoco import LABEL
 from robotball.engines.mujoco.mjcf_export import DEFAULT_ITERATIONS, dress
 from robotball.engines.mujoco.model import Model, build, hinges_of
@@ -29,7 +29,7 @@ from validation.studies.extreme_maps import scaled_body
 from validation.studies.friction import LEAST_FRICTION
 from validation.study import Column, Row, Study, table_of
 
-_BASELINE = ("fig12", "accurate")  # the scene and preset of the bare loop
+_MINIMAL = PRESETS["accurate"]  # the model of the bare loop, on fig12
 _STEPS = 250  # of it, at every turn
 
 _Work = Callable[[], float]
@@ -76,8 +76,7 @@ def bare_loop() -> float:
 
 @cache
 def _baseline_model() -> Model:
-    scene, settings = _BASELINE
-    return build(load_scene(scene), preset(settings))
+    return build(load_scene("fig12"), _MINIMAL)
 
 
 def one_step(compiled: mujoco.MjModel, steps: int = _STEPS) -> float:
@@ -96,7 +95,6 @@ def simulated_second(model: Model, times: Array) -> _Work:
     def work() -> float:
         motion = run(model, times)
         done = motion.report
-        assert done is not None
         # A run that breaks off has stepped on to where it was looked at next.
         broken = len(motion.times) < len(times)
         return done.seconds / (done.steps * done.timestep if broken else float(times[-1]))
@@ -105,7 +103,7 @@ def simulated_second(model: Model, times: Array) -> _Work:
 
 
 def measure_costs(
-    works: Sequence[_Work], rounds: int = 5, show: Callable[[int], None] | None = None
+    works: Sequence[_Work], rounds: int = 5, show: Callable[[int], object] = lambda done: None
 ) -> list[Cost]:
     """Measure every work, all in turn, each between two bare loops; one round more warms up.
 
@@ -121,13 +119,11 @@ def measure_costs(
                 loops.append(after)
                 ratios[i].append(2 * seconds / (before + after))
             before = after
-            if show is not None:
-                show(turn * len(works) + i + 1)
+            show(turn * len(works) + i + 1)
     baseline = statistics.median(loops)
     return [Cost(tuple(each), baseline) for each in ratios]
 
 
-_MINIMAL = PRESETS["accurate"]
 _SPLIT = 3  # rotors for each of the scene's
 _SENSORS = ("framepos", "framequat", "framelinvel", "frameangvel", "framelinacc", "frameangacc")
 
@@ -195,16 +191,10 @@ def split(scene: Scene) -> Scene:
     """Return the scene with every rotor made of three about its axis: inertia and K are equal."""
     ball = scene.ball
     rotors = tuple(scaled_body(rotor, 1 / _SPLIT) for rotor in ball.rotors for _ in range(_SPLIT))
-    motors = scene.motors
-    if motors:
-        own = [motor and _weaker(motor) for motor in motors[1:] for _ in range(_SPLIT)]
-        motors = (motors[0], *own)
-    return replace(
-        scene,
-        ball=replace(ball, rotors=rotors),
-        rotor_rates=tuple(rate for rate in scene.rotor_rates for _ in range(_SPLIT)),
-        motors=motors,
-    )
+    rates = tuple(rate for rate in scene.rotor_rates for _ in range(_SPLIT))
+    own = [motor and _weaker(motor) for motor in scene.motors[1:] for _ in range(_SPLIT)]
+    motors = (*scene.motors[:1], *own)
+    return replace(scene, ball=replace(ball, rotors=rotors), rotor_rates=rates, motors=motors)
 
 
 def _weaker(motor: Motor) -> Servo:

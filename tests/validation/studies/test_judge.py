@@ -1,6 +1,7 @@
 """Judge names the mistake that is planted, in a file or in the scene, and plants none itself."""
 
-from collections.abc import Callable, Sequence
+import pickle
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from robotball.rotations import Array, conjugate, from_matrix, multiply, rotatio
 from tests.euler_engine import euler
 from tests.random_robots import random_scene as random_robot_scene
 from validation import judge
+from validation.studies import judge_search
 from validation.studies.judge import FileJudgement, lines
 from validation.studies.mistakes import scaled
 from validation.studies.random_runs import random_scene
@@ -28,6 +30,22 @@ SCENES = (*map(rb.load_scene, NAMES), *map(random_scene, range(1, 6)))
 FIG12 = SCENES[0]
 STEPS = (0.02, 0.005)  # s: first-order errors of the attitude of up to 1, and of 0.3 rad
 END, INTERVAL = 2.0, 0.04  # s
+
+
+@pytest.fixture(autouse=True, scope="module")
+def integrated_once() -> Iterator[None]:
+    """The search integrates each scene that may have been simulated once for all of these tests."""
+    known: dict[bytes, rb.Motion] = {}
+
+    def integrate(scene: rb.Scene, times: Array, **options: Any) -> rb.Motion:
+        key = pickle.dumps((scene.ball, scene.rolling, scene.start, scene.drives, times, options))
+        if key not in known:
+            known[key] = rb.integrate(scene, times, **options)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(judge_search, "integrate", integrate)
+        yield
 
 
 def judged(scene: rb.Scene, trajectory: rb.Trajectory | Path) -> FileJudgement:
@@ -190,22 +208,20 @@ def test_two_mistakes_of_different_kinds_are_both_named(names: Sequence[str]) ->
     assert found.best.path_error < 0.02  # measured 9e-3, of the engine
 
 
-@pytest.mark.parametrize("shift", [0.02, -0.0003])
-def test_a_shift_in_time_is_found(shift: float) -> None:
+@pytest.mark.parametrize(("shift", "words"), [(0.02, "0.02 s late"), (-3e-4, "0.0003 s early")])
+def test_a_shift_in_time_is_found(shift: float, words: str) -> None:
     """To a millionth of a second where the engine is exact, and it is no mistake.
 
     Measured: 3e-9 s off; the errors fall 1e4 times and more.
     """
     right = exact(FIG12)
-    times = right.times + shift
-    keep = times >= 0
-    late = rb.Trajectory("run.csv", times[keep], right.position[keep], right.attitude[keep])
-    found = judged(FIG12, late)
+    keep = right.times + shift >= 0
+    times, position = (right.times + shift)[keep], right.position[keep]
+    found = judged(FIG12, rb.Trajectory("run.csv", times, position, right.attitude[keep]))
     assert found.mistakes == ()
     assert found.lag.explains
     assert found.lag.shift == pytest.approx(shift, abs=1e-6)
-    way = "late" if shift > 0 else "early"
-    assert any(f"{abs(shift):.4g} s {way}" in line for line in lines(found))
+    assert any(words in line for line in lines(found))
 
 
 def with_rate(hinge: int, factor: float) -> InScene:
@@ -221,12 +237,9 @@ def with_rate(hinge: int, factor: float) -> InScene:
 
 def start_at(change: Callable[[Array], Array]) -> InScene:
     """The frame's angular velocity along its own axes stays."""
-
-    def planted(scene: rb.Scene) -> rb.Scene:
-        attitude = change(scene.start.attitude)
-        return started(scene, attitude, scene.angular_velocity_at(scene.start))
-
-    return planted
+    return lambda scene: started(
+        scene, change(scene.start.attitude), scene.angular_velocity_at(scene.start)
+    )
 
 
 def started(scene: rb.Scene, attitude: Array, omega: Array) -> rb.Scene:
@@ -298,8 +311,6 @@ IN_SCENES: list[tuple[str, int | str, InScene]] = [
     ("the ball may spin (classical)", 5, other_rolling),
     ("the start's attitude is conjugate", 2, start_at(conjugate)),
     ("attitude is read in the order x, y, z, w", 9, start_at(lambda q: q[[3, 0, 1, 2]])),
-]
-WRONG_INERTIAS: list[tuple[str, int | str, InScene]] = [
     (
         "the shell's axial and transverse inertia are exchanged",
         7,
@@ -323,7 +334,7 @@ WRONG_INERTIAS: list[tuple[str, int | str, InScene]] = [
 ]
 
 
-@pytest.mark.parametrize(("words", "name", "plant"), [*IN_SCENES, *WRONG_INERTIAS])
+@pytest.mark.parametrize(("words", "name", "plant"), IN_SCENES)
 def test_a_mistake_in_setting_up_the_scene_is_named(
     words: str, name: int | str, plant: InScene
 ) -> None:
@@ -351,8 +362,7 @@ def test_a_mistake_that_is_not_known_has_no_name(what: str) -> None:
         noisy = file.attitude + rng.normal(0, 0.1, file.attitude.shape)
         file = replace(file, attitude=noisy / np.linalg.norm(noisy, axis=1, keepdims=True))
     found = judged(scene, file)
-    assert found.mistakes == ()
-    assert not found.agrees
+    assert (found.mistakes, found.agrees) == ((), False)
     if what == "inertia":  # the path is within the tolerance, and the attitude is not
         assert found.plain.path_error < found.tolerance < found.plain.attitude_error
 
@@ -401,14 +411,12 @@ def test_a_contact_engines_file_has_no_mistake(name: str, preset: str, tmp_path:
 def test_slip_is_measured_and_not_taken_for_the_numerical_error() -> None:
     """A path that is longer by a hundredth slips; the radius at which it rolls says so."""
     motion = rb.integrate(FIG12, rb.sample_times(END))
-    plain = judged(
-        FIG12, bare(replace(motion, contact_point=1.01 * motion.contact_point), 1.0)
-    ).plain
+    longer = bare(replace(motion, contact_point=1.01 * motion.contact_point), 1.0)
+    plain = judged(FIG12, longer).plain
     assert plain.slip is not None
     assert plain.spin is not None
-    (slip, error), (spin, spin_error) = plain.slip, plain.spin
-    assert slip > 50 * error  # measured 5e-2 m/s and 5e-4
-    assert abs(spin) < spin_error
+    assert plain.slip[0] > 50 * plain.slip[1]  # measured 5e-2 m/s and 5e-4
+    assert abs(plain.spin[0]) < plain.spin[1]
     assert plain.motion.rolling_radius == pytest.approx(1.01, abs=1e-5)
 
 
@@ -442,10 +450,8 @@ def test_the_rate_of_a_hinge_is_held_against_the_references() -> None:
     assert judged(scene, bare(motion, pendulum1_rate=rates)).agrees
     wrong = judged(scene, bare(motion, pendulum1_rate=-rates))
     assert not wrong.agrees
-    assert (
-        "the pendulum1's rate is off by 2.0e+00 of it, and about -1 times what it should be"
-        in lines(wrong)
-    )
+    words = "pendulum1's rate is off by 2.0e+00 of it, and about -1 times what it should be"
+    assert f"the {words}" in lines(wrong)
 
 
 BOUND = "within 0.01 in path and momentum, and 0.01 rad in attitude, over"

@@ -280,8 +280,7 @@ def cloud_by_equations(parameters: Parameters, recipe: Recipe, seed: int) -> _Cl
     late = slice(recipe.skipped, None)
     points = level_points(found.attitudes[:, late], momenta).reshape(-1, 6)
     L, l = found.L[:, late].ravel(), found.l[:, late].ravel()
-    directions = found.directions[:, late].ravel()
-    return _Cloud(points, L, l, directions, np.empty((0, 2)))
+    return _Cloud(points, L, l, found.directions[:, late].ravel(), np.empty((0, 2)))
 
 
 def cloud_by_contact(
@@ -444,9 +443,6 @@ class Section:
         write_record(
             self.json,
             {"scene": scene.name, "g": self.g, "starts": self.starts, "seed": self.seed}
-            | {
-                name: {field: values.tolist() for field, values in each.items()}
-                for name, each in drawn.items()
-            },
+            | {by: {name: of.tolist() for name, of in each.items()} for by, each in drawn.items()},
         )
         return AGREES

@@ -213,7 +213,6 @@ def _outcome_of(result: Result) -> Outcome:
     """Return the outcome of a cell, also of one that the sweep had to give up."""
     if result.record is not None:
         return Outcome[result.record["outcome"]]
-    assert result.failure is not None
     return Outcome.UNFINISHED if result.outlasted else Outcome.FAILED
 
 
@@ -312,11 +311,9 @@ def totals(results: Sequence[Result]) -> dict[str, int]:
     those of them that ended in a state which is no number; alarms: accurate, but warned of or
     noticed.
     """
-    ran = [each for each in results if _outcome_of(each) is not Outcome.REFUSED]
-    wrong = [each for each in ran if (error := _error_of(each)) is None or error > WRONG]
-    accurate = [
-        each for each in ran if (error := _error_of(each)) is not None and error <= ACCURATE
-    ]
+    ran = [(each, _error_of(each)) for each in results if _outcome_of(each) is not Outcome.REFUSED]
+    wrong = [each for each, error in ran if error is None or error > WRONG]
+    accurate = [each for each, error in ran if error is not None and error <= ACCURATE]
     return {
         "runs": len(results),
         "wrong": len(wrong),

@@ -41,7 +41,7 @@ from validation.output import (
     scientific,
     write_record,
 )
-from validation.studies.judge_search import Explanation, Lag, Mistake, explain, lag_of, reference_of
+from validation.studies.judge_search import Lag, Mistake, Search, lag_of, reference_of
 from validation.studies.mistakes import Errors, numbers_of, some_of
 from validation.studies.orders import LEAST, fit_order
 
@@ -134,7 +134,7 @@ class FileJudgement:
 
     trajectory: Trajectory
     plain: _Beside
-    explanation: Explanation
+    search: Search
     corrected: _Beside | None
     lag: Lag
     timestep: float
@@ -156,7 +156,7 @@ class FileJudgement:
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
-        return self.explanation.mistakes
+        return self.search.mistakes
 
     @property
     def best(self) -> _Beside:
@@ -230,7 +230,11 @@ def judge(
         each if isinstance(each, Trajectory) else read_trajectory(Path(each)) for each in given
     ]
     for each in trajectories:
-        _check_end(scene, each)
+        if (end := float(each.times[-1])) > LONGEST * scene.duration:
+            raise InputError(
+                f"{each.name}: t goes to {end:g} s, and {scene.name} lasts {scene.duration:g} s; "
+                "if t is in another unit, call the column t [ms], t [us] or t [ns]"
+            )
     steps = timesteps or [_timestep_of(each) for each in trajectories]
     judged = []
     for i, (trajectory, timestep) in enumerate(zip(trajectories, steps, strict=True), start=1):
@@ -265,26 +269,17 @@ def _timestep_of(trajectory: Trajectory) -> float:
         return float(np.median(np.diff(trajectory.times)))
 
 
-def _check_end(scene: Scene, trajectory: Trajectory) -> None:
-    end = float(trajectory.times[-1])
-    if end > LONGEST * scene.duration:
-        raise InputError(
-            f"{trajectory.name}: t goes to {end:g} s, and {scene.name} lasts {scene.duration:g} s; "
-            "if t is in another unit, call the column t [ms], t [us] or t [ns]"
-        )
-
-
 def _judged(
     scene: Scene, trajectory: Trajectory, timestep: float, tolerance: float
 ) -> FileJudgement:
     plain = _Beside(recorded(scene, trajectory), reference_of(scene, trajectory.times))
-    found = explain(trajectory, plain.theory, plain.motion.rolling_radius)
+    found = Search(trajectory, plain.theory, plain.motion.rolling_radius)
     corrected = None
     if found.mistakes:
-        corrected = _Beside(recorded(found.scene, found.trajectory), found.theory)
+        corrected = _Beside(recorded(found.scene, found.corrected), found.theory)
     at = some_of(len(trajectory.times))
-    numbers = numbers_of(found.trajectory, at)
-    lag = lag_of(found.trajectory.times[at], numbers, (corrected or plain).theory)
+    numbers = numbers_of(found.corrected, at)
+    lag = lag_of(found.corrected.times[at], numbers, (corrected or plain).theory)
     return FileJudgement(trajectory, plain, found, corrected, lag, timestep, tolerance)
 
 
@@ -293,11 +288,8 @@ def _orders(judged: Sequence[FileJudgement]) -> Iterator[_Order]:
     steps = [each.timestep for each in judged]
     if len(set(steps)) < 2:
         return
-    measures = {
-        "path error": [each.best.path_error for each in judged],
-        "attitude error": [each.best.attitude_error for each in judged],
-    }
-    for name, errors in measures.items():
+    for measure in ("path_error", "attitude_error"):
+        name, errors = measure.replace("_", " "), [getattr(each.best, measure) for each in judged]
         if len(set(steps)) < LEAST:
             fall = np.log(errors[0] / errors[-1]) / np.log(steps[0] / steps[-1])
             yield _Order(name, float(fall))
@@ -433,7 +425,7 @@ def _verdict(judged: FileJudgement) -> str:
 
 def _table(judged: FileJudgement, every: bool) -> Table:
     table = plain_table(("if", "path", "attitude [rad]", "ω"))
-    trials, plain = judged.explanation.trials, judged.explanation.plain
+    trials, plain = judged.search.trials, judged.search.plain
     rows = [("all is as it should be", plain, "bold")]
     rows += [(each.name, each.after, "yellow") for each in judged.mistakes]
     named = {each.name for each in judged.mistakes}
@@ -466,22 +458,18 @@ def _record(judgement: Judgement) -> dict[str, Any]:
 
 
 def _file(judged: FileJudgement) -> dict[str, Any]:
+    own = ("timestep", "tolerance", "agrees", "covers", "too_short", "other_scene")
     return {
         "file": judged.name,
         "engine": judged.plain.motion.engine.name,
         "samples": len(judged.trajectory.times),
         "duration": float(judged.trajectory.times[-1]),
-        "timestep": judged.timestep,
+        **{name: getattr(judged, name) for name in own},
         **_measures(judged.plain),
-        "tolerance": judged.tolerance,
-        "agrees": judged.agrees,
-        "covers": judged.covers,
-        "too_short": judged.too_short,
         "mistakes": [asdict(each) for each in judged.mistakes],
         "without_mistakes": None if judged.corrected is None else _measures(judged.corrected),
         "lag": asdict(judged.lag) | {"explains": judged.lag.explains},
-        "trials": [asdict(each) for each in judged.explanation.trials],
-        "other_scene": judged.other_scene,
+        "trials": [asdict(each) for each in judged.search.trials],
         "notes": list(judged.trajectory.notes),
     }
 

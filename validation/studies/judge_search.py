@@ -144,40 +144,9 @@ class Mistake:
     as_well: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Explanation:
-    """The mistakes in a file, the one that explains most first, and all that were tried.
-
-    plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
-    mistakes show; trajectory: the file's, in the right conventions; theory: the motion of that
-    scene at the trajectory's times.
-    """
-
-    plain: Errors
-    mistakes: tuple[Mistake, ...]
-    trials: tuple[Mistake, ...]
-    scene: Scene
-    trajectory: Trajectory
-    theory: Motion
-
-
 def reference_of(scene: Scene, times: Array) -> Motion:
     """Integrate the scene at 0 and at the times (n,) of a trajectory."""
     return integrate(scene, _from_zero(times))
-
-
-def explain(trajectory: Trajectory, theory: Motion, rolling_radius: float) -> Explanation:
-    """Search for what is wrong with a trajectory, of which the theory is the reference.
-
-    rolling_radius: by the file's own path and rotation [m].
-    """
-    search = _Search(trajectory, theory, rolling_radius)
-    plain = largest(errors_at(search.numbers, search.truth))
-    mistakes = tuple(search.mistakes())
-    corrected = search.corrected()
-    return Explanation(
-        plain, mistakes, tuple(search.trials), search.scene, corrected, search.theory
-    )
 
 
 @dataclass(frozen=True)
@@ -206,8 +175,19 @@ class _Option:
         return Mistake(self.family, self.name, largest(before), largest(self.errors), names)
 
 
-class _Search:
+class Search:
+    """The mistakes in a file, the one that explains most first, and all that were tried.
+
+    plain: the errors of the file as it stands. scene: the one that was simulated, as far as the
+    mistakes show; corrected: the file's trajectory in the right conventions; theory: the motion of
+    that scene at its times.
+    """
+
     def __init__(self, trajectory: Trajectory, theory: Motion, rolling_radius: float) -> None:
+        """Search a trajectory of which the theory is the reference.
+
+        rolling_radius: by the file's own path and rotation [m].
+        """
         self.trajectory, self.rolling_radius = trajectory, rolling_radius
         self.at = some_of(len(trajectory.times))
         self.theory = theory
@@ -216,8 +196,11 @@ class _Search:
         self.trials: list[Mistake] = []
         self.found: list[_Option] = []
         self._others: list[tuple[str, Scene, Truth]] | None = None
+        self.plain = largest(errors_at(self.numbers, self.truth))
+        self.mistakes = tuple(self._mistakes())
+        self.corrected = self._corrected()
 
-    def mistakes(self) -> list[Mistake]:
+    def _mistakes(self) -> list[Mistake]:
         """Return the mistakes that explain the errors.
 
         Each, with those after it, removes most of the error that it met. Where the mistake is one
@@ -261,7 +244,7 @@ class _Search:
             self.numbers, self.truth, self.scene = chosen.numbers, chosen.truth, chosen.scene
             yield chosen.mistake(before, as_well)
 
-    def corrected(self) -> Trajectory:
+    def _corrected(self) -> Trajectory:
         """Return the whole trajectory without the mistakes found in its conventions.
 
         `theory` is the motion of the scene as found then, at the trajectory's times.
@@ -335,7 +318,7 @@ class _Search:
             yield _Option(_TIME, name, 1, self.numbers, truth, self.scene, base, stretch)
 
     def _rate_of_attitude(self, base: Base) -> _Option:
-        file = self.corrected()
+        file = self._corrected()
         rate = _with_own_rate(file.times, numbers_of(file, slice(None))).rate
         numbers = replace(self.numbers, rate=None if rate is None else rate[self.at])
         return _Option(_RATE, _NOT_THE_RATE, 1, numbers, self.truth, self.scene, base)

@@ -37,21 +37,18 @@ class Numbers:
 
 @dataclass(frozen=True)
 class Truth:
-    """The right numbers, at the same samples.
+    """The right numbers, at the same samples `at` of a motion.
 
-    times (n,) s; contact_point (n, 2) m; attitude (n, 4); rate (n, 3) rad/s; frame_angle,
-    frame_rate (n,) of the frame in the shell; places: of each body's centre of mass from the
-    sphere's centre, horizontal (n, 2) m; path_scale m.
+    times (n,) s; contact_point (n, 2) m; attitude (n, 4); rate (n, 3) rad/s; path_scale m, the
+    motion's, which is a sum over all of its samples.
     """
 
     motion: Motion
+    at: slice
     times: Array
     contact_point: Array
     attitude: Array
     rate: Array
-    frame_angle: Array
-    frame_rate: Array
-    places: dict[str, Array]
     path_scale: float
 
 
@@ -82,18 +79,9 @@ def numbers_of(trajectory: Trajectory, at: slice) -> Numbers:
 
 def truth_of(motion: Motion, at: slice) -> Truth:
     """Return the numbers of a reference motion that has the trajectory's times."""
-    centre = motion.contact_point
-    return Truth(
-        motion=motion,
-        times=motion.times[at],
-        contact_point=centre[at],
-        attitude=motion.attitude[at],
-        rate=motion.angular_velocity[at],
-        frame_angle=motion.hinge_angles[at, 0],
-        frame_rate=motion.hinge_rates[at, 0],
-        places={name: (each.position[:, :2] - centre)[at] for name, each in poses(motion).items()},
-        path_scale=motion.path_scale,
-    )
+    times, rate = motion.times[at], motion.angular_velocity[at]
+    place, attitude = motion.contact_point[at], motion.attitude[at]
+    return Truth(motion, at, times, place, attitude, rate, motion.path_scale)
 
 
 def some_of(count: int) -> slice:
@@ -226,7 +214,8 @@ def _attitudes(truth: Truth) -> list[_Parts]:
 
 def _in_shell(truth: Truth, sense: int) -> Array:
     """Return the frame's attitude in the shell (n, 4), or for the sense -1 its inverse."""
-    half, axis = sense * truth.frame_angle[:, None] / 2, truth.motion.scene.ball.shell.axis
+    angle, axis = truth.motion.hinge_angles[truth.at, :1], truth.motion.scene.ball.shell.axis
+    half = sense * angle / 2
     return np.concatenate([np.cos(half), np.sin(half) * axis], axis=1)
 
 
@@ -268,11 +257,11 @@ def _positions(truth: Truth) -> list[_Parts]:
         "x, y are the scene's -y, x": _moved(lambda p: p[:, ::-1] * [1, -1]),
         "x, y are the scene's -y, -x": _moved(lambda p: -p[:, ::-1]),
     }
-    places = {
-        f"x, y are of the {name}'s centre of mass": _moved(partial(np.add, -place))
-        for name, place in truth.places.items()
-        if np.abs(place).max() > 1e-6 * a
-    }
+    centre, places = truth.motion.contact_point, {}
+    for name, each in poses(truth.motion).items():
+        place = (each.position[:, :2] - centre)[truth.at]
+        if np.abs(place).max() > 1e-6 * a:
+            places[f"x, y are of the {name}'s centre of mass"] = _moved(partial(np.add, -place))
     return [origins, lengths, planes, places]
 
 
@@ -291,7 +280,7 @@ def _rated(change: Callable[[Array, Numbers], Array]) -> _Change:
 def _rates(truth: Truth) -> list[_Parts]:
     """Return units, signs and axes of ω, and the bodies of which it may be."""
     scene, to_frame = truth.motion.scene, _in_shell(truth, -1)
-    more = np.outer(truth.frame_rate, scene.ball.shell.axis)
+    more = np.outer(truth.motion.hinge_rates[truth.at, 0], scene.ball.shell.axis)
     of = "the angular velocity"
     sizes = {"deg/s": np.pi / 180, "revolutions per second": 2 * np.pi, "rpm": 2 * np.pi / 60}
     units = {f"{of} is in {unit}": _scaled(size) for unit, size in sizes.items()}

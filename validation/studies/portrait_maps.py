@@ -223,31 +223,20 @@ def _curves_of(plane: _Plane) -> list[tuple[Array, Array, Array]]:
     ]
 
 
-def summary(
-    planes: Sequence[_Plane], found: Mapping[str, Sequence[Result]]
-) -> list[dict[str, Any]]:
-    """Return a record for each map: how many cells have which portrait, where formulas fail."""
-    records = []
-    for plane in planes:
-        results = found[plane.name]
-        sound = [(each.cell, each.record) for each in results if each.record is not None]
-        counts = {
+def summary(plane: _Plane, results: Sequence[Result]) -> dict[str, Any]:
+    """Return the record of a map: how many cells have which portrait, where formulas fail."""
+    sound = [(each.cell, each.record) for each in results if each.record is not None]
+    right = [as_predicted(plane.ball(cell["K3"], cell["y"]), record) for cell, record in sound]
+    return {
+        "map": plane.name,
+        "cells": len(results),
+        "failed": len(results) - len(sound),
+        "against_the_formulas": right.count(False),
+        "counts": {
             title: dict(Counter(property_of(record) for _, record in sound).most_common())
             for title, property_of in _PANELS.items()
-        }
-        wrong = sum(
-            not as_predicted(plane.ball(cell["K3"], cell["y"]), record) for cell, record in sound
-        )
-        records.append(
-            {
-                "map": plane.name,
-                "cells": len(results),
-                "failed": len(results) - len(sound),
-                "against_the_formulas": wrong,
-                "counts": counts,
-            }
-        )
-    return records
+        },
+    }
 
 
 def as_predicted(ball: Parameters, record: Mapping[str, Any]) -> bool:
@@ -299,7 +288,7 @@ class Portraits:
             each.name: self.sweep.results(measure, cells_of(each, count), "portraits", _LIMIT)
             for each in planes
         }
-        records = summary(planes, found)
+        records = [summary(each, found[each.name]) for each in planes]
         show(shown(records))
         for each, results in zip(planes, found.values(), strict=True):
             rows, drawn = rows_of(results), _picture(each, results)

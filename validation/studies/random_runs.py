@@ -106,7 +106,7 @@ class _RandomRun:
 def ordinary(seed: int, number: int) -> _RandomRun:
     """Return a catalog ball with rates, momentum and attitude varied, at a preset of the recipe."""
     random = np.random.default_rng([seed, number, 0])
-    scene = _varied(_any_scene(random), random)
+    scene = _varied_scene(random)
     duration = float(random.uniform(1.0, 10.0))
     settings = preset(str(random.choice(_RECIPES)))
     return _RandomRun(scene, settings, np.linspace(0.0, duration, _SAMPLES + 1))
@@ -115,7 +115,7 @@ def ordinary(seed: int, number: int) -> _RandomRun:
 def extreme(seed: int, number: int) -> _RandomRun:
     """Return the naive or the recipe's settings on a varied ball, one to three axes far out."""
     random = np.random.default_rng([seed, number, 1])
-    scene = _varied(_any_scene(random), random)
+    scene = _varied_scene(random)
     settings = random.choice(np.array([preset("naive"), recipe("recipe", 1e-2, timestep=5e-3)]))
     settings = replace(settings, stop_at_fault=False, max_steps=_MOST_STEPS)
     chosen = random.choice(list(_AXES), random.integers(1, _EXTREME_AXES + 1), replace=False)
@@ -135,10 +135,6 @@ def _short_times(scene: Scene, settings: Settings, random: np.random.Generator) 
     return np.linspace(0.0, duration, _SAMPLES + 1)
 
 
-def _any_scene(random: np.random.Generator) -> Scene:
-    return balanced()[int(random.integers(len(balanced())))]
-
-
 @cache
 def balanced() -> list[Scene]:
     """Return the catalog's balls that the small equations describe: changes keep them so."""
@@ -147,7 +143,9 @@ def balanced() -> list[Scene]:
         return [scene for scene in scenes if scene.not_reduced is None]
 
 
-def _varied(scene: Scene, random: np.random.Generator) -> Scene:
+def _varied_scene(random: np.random.Generator) -> Scene:
+    """Return a ball of the catalog with another start and other rates."""
+    scene = balanced()[int(random.integers(len(balanced())))]
     attitude = Rotation.random(random_state=random).as_quat(scalar_first=True)
     momentum = scene.start.momentum * random.uniform(0.3, 1.5)
     frame, rotors = random.uniform(0.3, 1.3, 2).tolist()

@@ -36,7 +36,6 @@ from robotball.engines.mujoco.settings import (
 )
 from robotball.film.looks import ACCENT, FAINT, INK
 from robotball.motors import Servo
-from robotball.rotations import Array
 from validation.agreement import Agreement
 from validation.options import Duration, SceneName, Sweep, SweepOptions, seconds_of
 from validation.output import in_picture, known, progress_bar, scientific, writable_folder
@@ -225,7 +224,8 @@ def measure(cell: Cell) -> dict[str, Any]:
     model = build(scene, settings_with(cell))
     logging.getLogger("absl").setLevel(logging.ERROR)  # a process of its own says it again
     agreement = Agreement(theory, run(model, theory.times), MUJOCO)
-    timed = _worth(_TIMED, agreement.report.seconds, theory.times)
+    part = min(1.0, _TIMED / agreement.report.seconds)
+    timed = theory.times[: max(2, math.ceil(len(theory.times) * part))]
     (cost,) = measure_costs([simulated_second(model, timed)], cell["rounds"])
     least, most = cost.spread
     return {
@@ -240,11 +240,6 @@ def measure(cell: Cell) -> dict[str, Any]:
         "ratio_most": most,
         "baseline": cost.baseline,
     }
-
-
-def _worth(seconds: float, whole: float, times: Array) -> Array:
-    """Return as many of the times as cost these seconds, where all of them cost `whole`."""
-    return times[: max(2, math.ceil(len(times) * min(1.0, seconds / whole)))]
 
 
 _PRESETS = {repr(sorted(options_of(s).items())): name for name, s in PRESETS.items()}
@@ -283,31 +278,15 @@ def _configuration(result: Result, baseline: float) -> Row:
     }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Line:
-    """Configurations that differ in the timestep alone, and the order of their error in it."""
+def first_order_lines(configurations: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return the lines of first-order integrators: sound, and no steeper than their order.
 
-    configurations: list[Row]
-    order: float
-
-    @property
-    def nearest(self) -> Row:
-        """Return the configuration whose error is nearest to the target."""
-        return min(self.configurations, key=lambda p: abs(math.log(p["error"] / TARGET)))
-
-    @property
-    def at_target(self) -> float:
-        """Return the cost of the target [s per simulated s], from the nearest's cost a step."""
-        near = self.nearest
-        return float(near["cost"] * (near["error"] / TARGET) ** (1 / self.order))
-
-    @property
-    def extrapolated(self) -> bool:
-        return all(p["error"] > TARGET for p in self.configurations)
-
-
-def first_order_lines(configurations: Sequence[Row]) -> list[_Line]:
-    """Return the lines of first-order integrators: sound, and no steeper than their order."""
+    configurations  those of the line, which differ in the timestep alone
+    order           of their error in it
+    nearest         the configuration whose error is nearest to the target
+    cost_at_target  of the target [s per simulated s], from the nearest's cost a step
+    extrapolated    whether no configuration reaches the target
+    """
     groups: dict[str, list[Row]] = {}
     for each in configurations:
         if each["sound"] and each["integrator"] in FIRST_ORDER:
@@ -315,36 +294,28 @@ def first_order_lines(configurations: Sequence[Row]) -> list[_Line]:
             groups.setdefault(repr(sorted(rest.items())), []).append(each)
     lines = []
     for group in groups.values():
+        group.sort(key=itemgetter("timestep"))
         fit = fit_order([p["timestep"] for p in group], [p["error"] for p in group])
         if fit is not None and fit.order <= _ORDER:
-            lines.append(_Line(sorted(group, key=itemgetter("timestep")), fit.order))
+            nearest = min(group, key=lambda p: abs(math.log(p["error"] / TARGET)))
+            cost = nearest["cost"] * (nearest["error"] / TARGET) ** (1 / fit.order)
+            extrapolated = all(p["error"] > TARGET for p in group)
+            lines.append(
+                {
+                    "order": fit.order, "extrapolated": extrapolated, "cost_at_target": cost,
+                    "nearest": nearest, "configurations": group,
+                }
+            )  # fmt: skip
     return lines
 
 
-@dataclass(frozen=True)
-class _Comparison:
-    """The study of one scene: all configurations, their Pareto front, and first order beside it.
+def tradeoff_of(scene: Scene, results: Sequence[Result]) -> dict[str, Any]:
+    """Return the comparison that the results of `measure` make, as plain data.
 
     baseline: processor time of the bare loop's simulated second [s], by which costs are seconds;
     best: the front's cheapest that reaches the target; first_order: the cheapest line there;
     ratio: its cost at the target over that of the best, None where one of them is not there.
     """
-
-    scene: Scene
-    configurations: list[Row]
-    baseline: float
-    pareto_front: list[Row]
-    best: Row | None
-    first_order: _Line | None
-    ratio: float | None
-
-    @property
-    def presets(self) -> dict[str, Row]:
-        return {each["preset"]: each for each in self.configurations if each["preset"]}
-
-
-def tradeoff_of(scene: Scene, results: Sequence[Result]) -> _Comparison:
-    """Return the comparison that the results of `measure` make."""
     baselines = [result.record["baseline"] for result in results if result.record is not None]
     baseline = float(np.median(baselines)) if baselines else math.nan
     configurations = [_configuration(result, baseline) for result in results]
@@ -352,10 +323,17 @@ def tradeoff_of(scene: Scene, results: Sequence[Result]) -> _Comparison:
     errors = [each["error"] for each in sound]
     front = [sound[i] for i in pareto_front(errors, [each["cost"] for each in sound])]
     best = next((each for each in front if each["error"] <= TARGET), None)
-    lines = first_order_lines(configurations)
-    line = min(lines, key=lambda line: line.at_target, default=None)
-    ratio = line.at_target / best["cost"] if best and line else None
-    return _Comparison(scene, configurations, baseline, front, best, line, ratio)
+    line = min(first_order_lines(sound), key=itemgetter("cost_at_target"), default=None)
+    return {
+        "scene": scene.name,
+        "target": TARGET,
+        "ratio": line["cost_at_target"] / best["cost"] if best and line else None,
+        "baseline": known(baseline),
+        "best": best,
+        "first_order": line,
+        "pareto_front": front,
+        "configurations": configurations,
+    }
 
 
 _NOTE = (
@@ -369,15 +347,16 @@ _ABOVE = ("adaptive",)  # its place is the left end of the front
 def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
     """Return the study of the results of `measure`: the front, the presets, and the ratio."""
     study = tradeoff_of(scene, results)
-    failed = sum(not each["sound"] for each in study.configurations)
-    presets = sorted(study.presets.values(), key=itemgetter("title"))
-    counts = f"{scene.name}: {len(study.configurations)} configurations, {failed} no result"
+    every = study["configurations"]
+    failed = sum(not each["sound"] for each in every)
+    presets = sorted((each for each in every if each["preset"]), key=itemgetter("title"))
+    counts = f"{scene.name}: {len(every)} configurations, {failed} no result"
     return Study(
-        scene.name, LABEL, ["tradeoff"], rows_of(results), record(study),
+        scene.name, LABEL, ["tradeoff"], rows_of(results), study,
         shown=(
             f"[bold]{escape(counts)}[/]",
             "The Pareto front: nothing is both cheaper and better.",
-            table_of(COLUMNS, study.pareto_front, itemgetter("trouble")),
+            table_of(COLUMNS, study["pareto_front"], itemgetter("trouble")),
             "The presets.",
             table_of(COLUMNS, presets, itemgetter("trouble")),
             _NOTE,
@@ -387,28 +366,27 @@ def _tradeoff_study(scene: Scene, results: Sequence[Result]) -> Study:
     )  # fmt: skip
 
 
-def verdict(study: _Comparison) -> str:
+def verdict(study: Row) -> str:
     """Compare the cost of first order at the target with the front's, in words."""
-    if study.best is None:
+    best, line = study["best"], study["first_order"]
+    if best is None:
         return f"No configuration reaches a path error of {TARGET:g}."
-    best = f"At a path error of {TARGET:g}: {study.best['title']} takes {study.best['cost']:.2g} s"
-    if study.first_order is None or study.ratio is None:
-        return f"{best}; no first-order integrator has a line to compare it with."
-    line = study.first_order
-    how = (
-        f"extrapolated from {scientific(line.nearest['error'])} at order {line.order:.2f}"
-        if line.extrapolated
-        else "measured"
-    )
+    words = f"At a path error of {TARGET:g}: {best['title']} takes {best['cost']:.2g} s"
+    if line is None:
+        return f"{words}; no first-order integrator has a line to compare it with."
+    nearest, how = line["nearest"], "measured"
+    if line["extrapolated"]:
+        how = f"extrapolated from {scientific(nearest['error'])} at order {line['order']:.2f}"
     return (
-        f"{best};\nthe best of first order ({line.nearest['title']}) "
-        f"{line.at_target:.2g} s, {study.ratio:.2g} times as much ({how})."
+        f"{words};\nthe best of first order ({nearest['title']}) "
+        f"{line['cost_at_target']:.2g} s, {study['ratio']:.2g} times as much ({how})."
     )
 
 
 def _times_bare(row: Row) -> str:
-    least, most = row["spread"]
-    return f"{row['ratio']:.3f} ({least:.3f}-{most:.3f})"
+    if row["ratio"] is None:
+        return "-"
+    return "{:.3f} ({:.3f}-{:.3f})".format(row["ratio"], *row["spread"])
 
 
 COLUMNS = (
@@ -421,21 +399,22 @@ COLUMNS = (
 )
 
 
-def _tradeoff_picture(study: _Comparison) -> Figure:
+def _tradeoff_picture(study: Row) -> Figure:
     """Draw all configurations with an error, the front, the presets, and first order prolonged."""
-    name, count = in_picture(study.scene.name), len(study.configurations)
+    name, every = in_picture(study["scene"]), study["configurations"]
     figure, axes = cost_axes(
-        f"{name}: what accuracy costs, {count} configurations",
+        f"{name}: what accuracy costs, {len(every)} configurations",
         "path error, relative to the path's length",
     )
-    _scatter(axes, study.configurations)
-    _plot(axes, study.pareto_front, "-", color=INK, linewidth=1.6, zorder=3, label="Pareto front")
-    if study.first_order is not None:
-        _prolong(axes, study.first_order)
+    _scatter(axes, every)
+    front: dict[str, Any] = {"color": INK, "linewidth": 1.6, "zorder": 3, "label": "Pareto front"}
+    _plot(axes, study["pareto_front"], "-", **front)
+    if study["first_order"] is not None:
+        _prolong(axes, study["first_order"])
     _compare(axes, study)
-    for name, each in study.presets.items():
-        if each["error"] is not None:
-            _name(axes, name, (each["error"], each["cost"]))
+    for each in every:
+        if each["preset"] and each["error"] is not None:
+            _name(axes, each["preset"], (each["error"], each["cost"]))
     low, high = axes.get_xlim()
     axes.set_xlim(low / 3, high * 3)
     axes.set_ylim(axes.get_ylim()[0] / 2.5)
@@ -459,24 +438,25 @@ def _plot(axes: Axes, some: Sequence[Row], mark: str, **style: Any) -> None:
     axes.plot([p["error"] for p in some], [p["cost"] for p in some], mark, **style)
 
 
-def _prolong(axes: Axes, line: _Line) -> None:
+def _prolong(axes: Axes, line: Row) -> None:
     """Draw the best line of first order, on to the target."""
     style: dict[str, Any] = {"color": ACCENT, "linewidth": 1.4}
-    _plot(axes, line.configurations, "-", **style, label="first order, best")
-    if line.extrapolated:
-        way = [line.nearest["error"], TARGET], [line.nearest["cost"], line.at_target]
-        axes.plot(*way, "--", **style, label=f"extrapolated, order {line.order:.2f}")
+    _plot(axes, line["configurations"], "-", **style, label="first order, best")
+    if line["extrapolated"]:
+        near, words = line["nearest"], f"extrapolated, order {line['order']:.2f}"
+        way = [near["error"], TARGET], [near["cost"], line["cost_at_target"]]
+        axes.plot(*way, "--", **style, label=words)
 
 
-def _compare(axes: Axes, study: _Comparison) -> None:
+def _compare(axes: Axes, study: Row) -> None:
     """Draw the two costs at the target, and their ratio."""
     axes.axvline(TARGET, color=INK, linewidth=0.8, linestyle=":")
-    if study.best is None or study.first_order is None or study.ratio is None:
+    if study["ratio"] is None:
         return
-    low, high = study.best["cost"], study.first_order.at_target
+    low, high = study["best"]["cost"], study["first_order"]["cost_at_target"]
     arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (TARGET, high), xytext=(TARGET, low), arrowprops=arrow)
-    times = float(f"{study.ratio:.2g}")
+    times = float(f"{study['ratio']:.2g}")
     words = f"{times:,.0f}".replace(",", "\u2009") + f" times\nat {TARGET:g}"
     note(axes, words, (TARGET, high / 4), (-8, 0), ha="right", va="center", color=INK)
 
@@ -488,27 +468,6 @@ def _name(axes: Axes, name: str, place: tuple[float, float]) -> None:
     box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
     by, va = (0, 10 if above else -12), "bottom" if above else "top"
     note(axes, name, place, by, ha="center", va=va, color=INK, zorder=5, bbox=box)
-
-
-def record(study: _Comparison) -> dict[str, Any]:
-    """Return the study as plain data; what has no number is None."""
-    line = study.first_order
-    return {
-        "scene": study.scene.name,
-        "target": TARGET,
-        "ratio": study.ratio,
-        "baseline": study.baseline,
-        "best": study.best,
-        "first_order": line
-        and {
-            "order": line.order,
-            "extrapolated": line.extrapolated,
-            "cost_at_target": line.at_target,
-            "nearest": line.nearest,
-        },
-        "pareto_front": study.pareto_front,
-        "configurations": study.configurations,
-    }
 
 
 @dataclass(frozen=True)
